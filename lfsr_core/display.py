@@ -1,0 +1,182 @@
+"""Display profiles: the panel, its lens array and where the viewer stands."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.errors import LfsrError
+
+PROFILE_FOLDER = Path(__file__).parent / "displays"
+EI_ORDERS = ("flipped", "direct")
+MAX_PIXEL_ASPECT_ERROR = 0.01
+
+
+@dataclasses.dataclass(frozen=True)
+class DisplayProfile:
+    """One integral-imaging display; pairs are (horizontal, vertical).
+
+    ``ei_order`` is "flipped" where the pixel left of a lens centre is seen from
+    the right (a physical lens array), "direct" where the display driver flips.
+    ``background`` is scene-linear RGB in [0, 1].
+    """
+
+    name: str
+    panel_pixels: tuple[int, int]
+    panel_mm: tuple[float, float]
+    lenses: tuple[int, int]
+    views: tuple[int, int]
+    viewing_distance_mm: float
+    viewing_angle_deg: float
+    ei_order: str = "flipped"
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        for check in (_check_counts, _check_lengths, _check_pixels, _check_look):
+            check(self)
+
+    @property
+    def lens_pitch_mm(self) -> tuple[float, float]:
+        """Distance between neighbouring lens centres in millimetres."""
+        return self.panel_mm[0] / self.lenses[0], self.panel_mm[1] / self.lenses[1]
+
+    @property
+    def camera_spacing_mm(self) -> float:
+        """Distance between neighbouring view positions at the viewing distance.
+
+        The views fill the viewing angle: px · CamDis = 2 · D · tan(angle / 2).
+        """
+        span = 2 * self.viewing_distance_mm * math.tan(math.radians(self.viewing_angle_deg) / 2)
+        return span / self.views[0]
+
+    def depth_range_mm(self, scale: int = 1) -> tuple[float, float]:
+        """Usable depth (in front of, behind) the display plane in millimetres.
+
+        A point is usable while neighbouring views move it by at most one lens
+        pitch on the display plane (display bandwidth; Zwicker et al. 2006).
+        ``scale`` widens the view spacing to that of the low-resolution array.
+        """
+        distance, pitch = self.viewing_distance_mm, min(self.lens_pitch_mm)
+        spacing = self.camera_spacing_mm * scale
+        behind = pitch * distance / (spacing - pitch) if spacing > pitch else math.inf
+        return pitch * distance / (spacing + pitch), behind
+
+    def low_views(self, scale: int) -> tuple[int, int]:
+        """Views per lens of the low-resolution EIA; LfsrError if s does not divide them."""
+        if scale < 1 or any(count % scale for count in self.views):
+            raise LfsrError(
+                f"scale is {scale}, but display {self.name!r} has {self.views[0]}×{self.views[1]} views per "
+                f"lens: choose a scale that divides both, one of {self.scales()}"
+            )
+        return self.views[0] // scale, self.views[1] // scale
+
+    def scales(self) -> list[int]:
+        """Scale factors above 1 that divide both view counts, up to 10."""
+        return [s for s in range(2, 11) if not any(count % s for count in self.views)]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The profile as JSON-ready data; ``from_dict`` reads it back."""
+        return {key: list(value) if isinstance(value, tuple) else value
+                for key, value in dataclasses.asdict(self).items()}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], source: str = "display profile") -> DisplayProfile:
+        """Validated profile from TOML or JSON data; LfsrError names field, value and rule."""
+        known = {field.name: field for field in dataclasses.fields(cls)}
+        for key in data:
+            if key not in known:
+                hint = difflib.get_close_matches(key, known, n=1)
+                raise LfsrError(f"{source}: unknown field {key!r}; " + (
+                    f"did you mean {hint[0]!r}?" if hint else f"the fields are {', '.join(known)}"))
+        missing = [name for name, field in known.items()
+                   if field.default is dataclasses.MISSING and name not in data]
+        if missing:
+            raise LfsrError(f"{source}: field {missing[0]!r} is missing; every profile needs it")
+        values = {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}
+        try:
+            return cls(**values)
+        except LfsrError as error:
+            raise LfsrError(f"{source}: {error}") from None
+
+
+def _fail(field: str, value: Any, rule: str) -> None:
+    raise LfsrError(f"{field} is {value!r}, but {rule}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _check_counts(profile: DisplayProfile) -> None:
+    if not isinstance(profile.name, str) or not profile.name:
+        _fail("name", profile.name, "it must be a non-empty text")
+    for field in ("panel_pixels", "lenses", "views"):
+        value = getattr(profile, field)
+        whole = isinstance(value, tuple) and len(value) == 2 and all(type(n) is int and n >= 1 for n in value)
+        if not whole:
+            _fail(field, value, "it must be two whole numbers of at least 1, [horizontal, vertical]")
+
+
+def _check_lengths(profile: DisplayProfile) -> None:
+    size = profile.panel_mm
+    if not (isinstance(size, tuple) and len(size) == 2 and all(_is_number(n) and n > 0 for n in size)):
+        _fail("panel_mm", size, "it must be two lengths above 0 in millimetres, [width, height]")
+    if not (_is_number(profile.viewing_distance_mm) and profile.viewing_distance_mm > 0):
+        _fail("viewing_distance_mm", profile.viewing_distance_mm, "it must be a length above 0 in millimetres")
+    if not (_is_number(profile.viewing_angle_deg) and 1 <= profile.viewing_angle_deg <= 120):
+        _fail("viewing_angle_deg", profile.viewing_angle_deg, "it must be between 1 and 120 degrees")
+
+
+def _check_pixels(profile: DisplayProfile) -> None:
+    for axis, name in enumerate(("width", "height")):
+        product = profile.lenses[axis] * profile.views[axis]
+        if profile.panel_pixels[axis] != product:
+            _fail("panel_pixels", list(profile.panel_pixels),
+                  f"its {name} must be lenses × views = {profile.lenses[axis]} × {profile.views[axis]} = {product}")
+    pitch_x, pitch_y = (mm / px for mm, px in zip(profile.panel_mm, profile.panel_pixels, strict=True))
+    if abs(pitch_x / pitch_y - 1) > MAX_PIXEL_ASPECT_ERROR:
+        _fail("panel_mm", list(profile.panel_mm),
+              f"pixels must be square within 1 %, and these are {pitch_x:.4f} × {pitch_y:.4f} mm")
+
+
+def _check_look(profile: DisplayProfile) -> None:
+    if profile.ei_order not in EI_ORDERS:
+        _fail("ei_order", profile.ei_order, f"it must be one of {', '.join(EI_ORDERS)}")
+    color = profile.background
+    if not (isinstance(color, tuple) and len(color) == 3 and all(_is_number(c) and 0 <= c <= 1 for c in color)):
+        _fail("background", color, "it must be three scene-linear values from 0 to 1, [red, green, blue]")
+
+
+def builtin_names() -> list[str]:
+    """Names of the profiles that ship with the package, sorted."""
+    return sorted(path.stem for path in PROFILE_FOLDER.glob("*.toml"))
+
+
+def load_display(name_or_file: str | Path) -> DisplayProfile:
+    """Built-in profile by name, or one from a TOML file; LfsrError if neither."""
+    path = Path(name_or_file)
+    if path.suffix != ".toml":
+        names = builtin_names()
+        if str(name_or_file) not in names:
+            close = difflib.get_close_matches(str(name_or_file), names, n=1)
+            hint = f"did you mean {close[0]!r}? " if close else ""
+            raise LfsrError(f"unknown display {str(name_or_file)!r}: {hint}"
+                            f"Give a .toml file or one of {', '.join(names)}")
+        path = PROFILE_FOLDER / f"{name_or_file}.toml"
+    return _read_profile(path)
+
+
+def _read_profile(path: Path) -> DisplayProfile:
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise LfsrError(f"display profile {path} cannot be read ({error.strerror}): check the path") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise LfsrError(f"display profile {path} is not valid TOML ({error}): correct that line") from None
+    return DisplayProfile.from_dict(data, source=str(path.name))
