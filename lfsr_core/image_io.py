@@ -1,0 +1,172 @@
+"""Images in and out: EXR layers through OpenImageIO, PNG.
+
+Arrays are (H, W, C), rows from the top. EXR pixels are scene-linear float32;
+PNG pixels are display-referred uint8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import cv2
+import numpy as np
+import OpenImageIO as oiio
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import atomic_path
+from lfsr_core.png import encode_png
+
+# Names that Blender 4.5 and 5.x and this program give the same pass, in lower case.
+PASS_LAYERS = {
+    "combined": "color", "color": "color", "": "color",
+    "denoising albedo": "albedo", "albedo": "albedo",
+    "denoising normal": "normal", "normal": "normal",
+    "position": "position",
+    "indexob": "index", "object index": "index", "index": "index",
+    "env": "environment", "environment": "environment",
+}
+LAYER_CHANNELS = {"color": "RGBA", "albedo": "RGB", "normal": "XYZ", "position": "XYZ", "index": "X",
+                  "environment": "RGB"}
+HALF_MAX = 65504.0
+
+
+def read_layers(path: str | Path) -> dict[str, np.ndarray]:
+    """Layers of a multi-layer EXR as float32 (H, W, C), by name.
+
+    Always "color" (RGBA, premultiplied, scene-linear; alpha 1 where the file has
+    none); "albedo" (3), "normal" (3, world space, zero where nothing was hit),
+    "position" (3, world space, scene units), "index" (1) and "environment" (3)
+    where the file has them. Reads Blender's files (4.5: one part, 5.x: one part
+    per pass) and those of ``write_layers``; other passes are left out.
+    LfsrError where the file is missing, truncated or has no colour.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise LfsrError(f"{path} does not exist, expected an EXR image: render the frame first")
+    channels: dict[str, dict[str, np.ndarray]] = {}
+    for name, plane in _read_planes(path):
+        layer, component = _layer_of(name)
+        if layer:
+            channels.setdefault(layer, {}).setdefault(component, plane)
+    if "color" not in channels:
+        raise LfsrError(f"{path} has no colour layer, expected channels R, G, B: render the frame again")
+    return {layer: _stack(planes, LAYER_CHANNELS[layer]) for layer, planes in channels.items()}
+
+
+def write_layers(path: str | Path, layers: Mapping[str, np.ndarray], half: bool = False) -> None:
+    """Write layers, (H, W, C) each, as one EXR part: R, G, B, A, albedo.R, ...
+
+    ``half`` stores 16-bit floats, clipped to their range. "color" may have three
+    or four channels. LfsrError where the file cannot be written; then none is left.
+    """
+    names = [name for layer, pixels in layers.items() for name in _channel_names(layer, pixels.shape[2])]
+    pixels = np.concatenate([np.asarray(layer, np.float32) for layer in layers.values()], axis=2)
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], "half" if half else "float")
+    spec.channelnames = names
+    spec.attribute("compression", "zip")
+    if half:
+        pixels = np.clip(pixels, -HALF_MAX, HALF_MAX)
+    with atomic_path(path) as temporary:
+        output = oiio.ImageOutput.create(str(temporary))
+        if not (output.open(str(temporary), spec) and output.write_image(pixels) and output.close()):
+            raise LfsrError(f"{path} cannot be written ({output.geterror().strip()}): free some space or "
+                            "choose another folder")
+
+
+def clean(layers: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], int]:
+    """The layers with every NaN and infinity set to 0, and how many pixels had one."""
+    cleaned, broken = dict(layers), None
+    for name, pixels in layers.items():
+        # A sum is finite unless a pixel is not: one pass over healthy layers, no temporary.
+        if np.isfinite(np.sum(pixels, dtype=np.float64)):
+            continue
+        bad = ~np.isfinite(pixels)
+        cleaned[name] = np.where(bad, np.float32(0), pixels)
+        broken = bad.any(-1) if broken is None else broken | bad.any(-1)
+    return cleaned, 0 if broken is None else int(broken.sum())
+
+
+def write_png(path: str | Path, pixels: np.ndarray) -> None:
+    """Write uint8 (H, W, 3) RGB or (H, W) grey, whole or not at all; LfsrError where that fails."""
+    encoded = encode_png(pixels)
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        for part in encoded:
+            file.write(part)
+
+
+def read_png(path: str | Path) -> np.ndarray:
+    """8-bit image as uint8 (H, W, 3) RGB; LfsrError where it cannot be read."""
+    pixels = _decode(path, cv2.IMREAD_COLOR)
+    return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
+
+
+def write_mask(path: str | Path, mask: np.ndarray) -> None:
+    """Write a boolean (rows, columns) mask as a black-and-white PNG, one pixel per entry."""
+    write_png(path, np.where(mask, np.uint8(255), np.uint8(0)))
+
+
+def read_mask(path: str | Path) -> np.ndarray:
+    """Boolean (rows, columns) mask of a PNG that ``write_mask`` wrote."""
+    return _decode(path, cv2.IMREAD_GRAYSCALE) >= 128
+
+
+def _decode(path: str | Path, mode: int) -> np.ndarray:
+    try:
+        data = np.frombuffer(Path(path).read_bytes(), np.uint8)
+    except OSError as error:
+        raise LfsrError(f"{path} cannot be read ({error.strerror}): check the path") from None
+    pixels = cv2.imdecode(data, mode) if data.size else None
+    if pixels is None:
+        raise LfsrError(f"{path} is not a readable 8-bit image: write it again")
+    return pixels
+
+
+def _read_planes(path: Path) -> list[tuple[str, np.ndarray]]:
+    """(channel name, (H, W) float32) of every part of the file."""
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise _unreadable(path, oiio.geterror())
+    planes, part = [], 0
+    while source.seek_subimage(part, 0):
+        names = source.spec().channelnames
+        pixels = source.read_image(part, 0, 0, len(names), "float") if _wanted(names) else None
+        if source.has_error:
+            raise _unreadable(path, source.geterror())
+        if pixels is not None:
+            planes += [(name, pixels[..., index]) for index, name in enumerate(names)]
+        part += 1
+    source.close()
+    return planes
+
+
+def _wanted(names: tuple[str, ...]) -> bool:
+    return any(_layer_of(name)[0] for name in names)
+
+
+def _unreadable(path: Path, reason: str) -> LfsrError:
+    first_line = reason.strip().splitlines()[0] if reason.strip() else "unknown format"
+    return LfsrError(f"{path} cannot be read ({first_line}): the file is damaged or no EXR, render it again")
+
+
+def _layer_of(channel: str) -> tuple[str | None, str]:
+    """Our layer and the component of a channel such as ``ViewLayer.Denoising Albedo.R``."""
+    *parents, component = channel.split(".")
+    return PASS_LAYERS.get(parents[-1].lower() if parents else ""), component.upper()
+
+
+def _stack(planes: Mapping[str, np.ndarray], components: str) -> np.ndarray:
+    if components == "X":
+        return next(iter(planes.values()))[..., None].copy()
+    wanted = components if components[0] in planes else "RGB"
+    first = next(iter(planes.values()))
+    if "A" in wanted and "A" not in planes:
+        planes = {**planes, "A": np.ones_like(first)}
+    return np.stack([planes.get(component, np.zeros_like(first)) for component in wanted], axis=-1)
+
+
+def _channel_names(layer: str, count: int) -> list[str]:
+    if layer not in LAYER_CHANNELS:
+        raise LfsrError(f"layer is {layer!r}, but it must be one of {', '.join(LAYER_CHANNELS)}")
+    prefix = "" if layer == "color" else f"{layer}."
+    return [prefix + component for component in LAYER_CHANNELS[layer][:count]]
