@@ -1,0 +1,116 @@
+"""Cycles renders of a camera array into a frame folder; every setting restored after."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import bpy
+import mathutils
+
+from blender_addon import compat, passes
+from blender_addon.osl_camera import set_ray_layout
+from blender_addon.overrides import overridden
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import atomic_path
+from lfsr_core.rays import RayLayout
+
+Matrix = Sequence[Sequence[float]]
+
+
+@dataclasses.dataclass(frozen=True)
+class RenderSettings:
+    """How Cycles renders, whatever the camera. ``clamp_indirect`` None keeps Cycles' default of 10."""
+
+    samples: int = 16
+    seed: int = 0
+    layers: tuple[str, ...] = ()
+    device: str = "CPU"
+    clamp_indirect: float | None = None
+    world_visible: bool = False
+
+    def __post_init__(self) -> None:
+        if self.samples < 1:
+            raise LfsrError(f"samples per pixel is {self.samples}, but it must be at least 1")
+        passes.check_layers(self.layers)
+
+
+def render_encoded(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix, settings: RenderSettings,
+                   path: str | Path, progress: Callable[[float], None] | None = None) -> float:
+    """Render ``layout`` in one pass into the multi-layer EXR ``path``; seconds it took."""
+    with ExitStack() as stack:
+        camera = stack.enter_context(temporary_camera(scene, matrix_world, layout.array.distance))
+        set_ray_layout(camera.data, layout)
+        stack.enter_context(cycles_settings(scene, settings))
+        stack.enter_context(overridden(scene.render, {"resolution_x": layout.size[0], "resolution_y": layout.size[1]}))
+        return render_to(scene, path)
+
+
+def render_to(scene: bpy.types.Scene, path: str | Path) -> float:
+    """Render the scene as it is set up now into ``path``, whole or not at all; seconds."""
+    started = time.perf_counter()
+    with atomic_path(path) as temporary, overridden(scene.render, {"filepath": str(temporary)}):
+        temporary.unlink()
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+        if not temporary.is_file():
+            raise LfsrError(f"Blender wrote no image for {path}: see its messages above")
+    return time.perf_counter() - started
+
+
+@contextmanager
+def temporary_camera(scene: bpy.types.Scene, matrix_world: Matrix, distance: float) -> Iterator[bpy.types.Object]:
+    """Camera at the array's origin, made the scene's camera inside the block and removed after it."""
+    data = bpy.data.cameras.new("LFSR array")
+    camera = bpy.data.objects.new("LFSR array", data)
+    try:
+        camera.matrix_world = to_blender(matrix_world)
+        data.clip_start, data.clip_end = distance * 1e-4, distance * 1e4
+        scene.collection.objects.link(camera)
+        with overridden(scene, {"camera": camera}):
+            yield camera
+    finally:
+        bpy.data.objects.remove(camera)
+        bpy.data.cameras.remove(data)
+
+
+def to_blender(matrix_world: Matrix) -> mathutils.Matrix:
+    """World matrix of a Blender camera, which looks along -Z, for one of camera-array space, +Z forward."""
+    return mathutils.Matrix(matrix_world) @ mathutils.Matrix.Diagonal((1, 1, -1, 1))
+
+
+def from_blender(matrix_world: mathutils.Matrix) -> tuple[tuple[float, ...], ...]:
+    """Inverse of ``to_blender``, as plain rows; scale is removed, as Cycles does."""
+    place, turn, _ = matrix_world.decompose()
+    rigid = mathutils.Matrix.LocRotScale(place, turn, None)
+    return tuple(tuple(row) for row in rigid @ mathutils.Matrix.Diagonal((1, 1, -1, 1)))
+
+
+@contextmanager
+def cycles_settings(scene: bpy.types.Scene, settings: RenderSettings) -> Iterator[None]:
+    """Scene settings for an unfiltered, undenoised Cycles render, restored after the block."""
+    with ExitStack() as stack:
+        stack.enter_context(overridden(scene.render, _render_values()))
+        stack.enter_context(overridden(scene.render.image_settings, compat.multilayer_exr()))
+        stack.enter_context(overridden(scene.cycles, _cycles_values(settings)))
+        stack.enter_context(passes.enabled(scene, settings.layers, settings.world_visible))
+        yield
+
+
+def _render_values() -> dict[str, object]:
+    return {"engine": "CYCLES", "film_transparent": True, "resolution_percentage": 100, "pixel_aspect_x": 1.0,
+            "pixel_aspect_y": 1.0, "use_border": False, "use_crop_to_border": False, "use_multiview": False,
+            "use_motion_blur": False, "use_compositing": False, "use_sequencer": False, "use_stamp": False,
+            "use_single_layer": False, "use_freestyle": False, "use_file_extension": False, "use_overwrite": True,
+            "use_placeholder": False}
+
+
+def _cycles_values(settings: RenderSettings) -> dict[str, object]:
+    clamp = 10.0 if settings.clamp_indirect is None else float(settings.clamp_indirect)
+    return {"device": "CPU" if settings.device == "CPU" else "GPU",
+            "samples": settings.samples, "seed": settings.seed, "use_animated_seed": False,
+            "use_adaptive_sampling": False, "use_denoising": False, "time_limit": 0.0,
+            "use_layer_samples": "IGNORE", "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0,
+            "sample_clamp_indirect": clamp}
