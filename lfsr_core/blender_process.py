@@ -1,0 +1,181 @@
+"""Blender as a separate process: find it, run one job, pass its progress on."""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+import importlib.util
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from lfsr_core import frame
+from lfsr_core.errors import LfsrError
+from lfsr_core.render_job import RenderJob
+
+OLDEST_BLENDER = (4, 5)
+ENTRY_SCRIPT = Path(__file__).parent.parent / "scripts" / "blender_entry.py"
+LOG_FILE = "blender.log"
+PROGRESS_PREFIX = "LFSR "
+EXIT_BAD_INPUT = 2
+SECONDS_TO_STOP = 5
+LINES_IN_MESSAGE = 3
+RENDERED_FILES = {"render": (frame.LOW_RES_FILE,), "reference": frame.REFERENCE_FILES}
+# Made from an older render of the same folder, so they would no longer match it.
+DERIVED_FILES = (frame.EIA_FILE, frame.EIA_LINEAR_FILE, frame.MASK_FILE, frame.REPORT_FILE, LOG_FILE)
+
+Progress = Callable[[str, float, str], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Blender:
+    """How to start Blender; ``executable`` None means the bpy wheel of this Python."""
+
+    executable: str | None = None
+
+    def command(self, job_file: Path) -> list[str]:
+        """Command line that runs the entry script on ``job_file``."""
+        if self.executable is None:
+            return [sys.executable, str(ENTRY_SCRIPT), str(job_file)]
+        return [self.executable, "--background", "--factory-startup", "--python-exit-code", "1",
+                "--python", str(ENTRY_SCRIPT), "--", str(job_file)]
+
+
+def find_blender(executable: str | None = None) -> Blender:
+    """The Blender asked for, else the bpy wheel, else ``blender`` on PATH; LfsrError if none will do."""
+    if executable is None and importlib.util.find_spec("bpy") is not None:
+        return Blender()
+    path = shutil.which(executable or "blender")
+    if path is None:
+        raise LfsrError(
+            f"blender executable {executable!r} was not found: give the path of Blender 4.5 or newer" if executable
+            else "Blender was not found, neither the bpy package nor `blender` on PATH: "
+                 "install the 'blender' extra or give --blender PATH")
+    version = _version(path)
+    if version < OLDEST_BLENDER:
+        raise LfsrError(f"{path} is Blender {'.'.join(map(str, version))}, but 4.5 or newer is needed: "
+                        "give another with --blender PATH")
+    return Blender(path)
+
+
+def _version(path: str) -> tuple[int, ...]:
+    try:
+        answer = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=60, check=False).stdout
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise LfsrError(f"{path} cannot be started ({error}): give another with --blender PATH") from None
+    found = re.search(r"Blender (\d+)\.(\d+)", answer)
+    if found is None:
+        raise LfsrError(f"{path} does not say that it is Blender: give the executable with --blender PATH")
+    return int(found[1]), int(found[2])
+
+
+def run_job(job: RenderJob, folder: str | Path, blender: Blender, progress: Progress | None = None) -> None:
+    """Render ``job`` and put what it wrote into ``folder``, all of it or nothing.
+
+    LfsrError with Blender's own sentence after bad input, or with the last lines
+    of its log (kept in ``folder``) after a crash. On KeyboardInterrupt Blender is
+    stopped before the exception goes on.
+    """
+    folder = Path(folder)
+    check_folder(folder, job.kind)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        staging = tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent)
+    except OSError as error:
+        raise LfsrError(f"{folder} cannot be made ({error.strerror}): choose another folder") from None
+    with staging as name:
+        staged = Path(name) / "frame"
+        staged.mkdir()
+        job_file, log_file = Path(name) / "job.json", Path(name) / LOG_FILE
+        job_file.write_text(json.dumps(job.to_dict(staged)), encoding="utf-8")
+        _run(blender.command(job_file), log_file, folder, progress)
+        _publish(staged, folder)
+
+
+def check_folder(folder: Path, kind: str) -> None:
+    """LfsrError if ``folder`` is a file or holds another kind of render, which must not be lost."""
+    if folder.exists() and not folder.is_dir():
+        raise LfsrError(f"{folder} is a file, but the output must be a folder: choose another name")
+    for other, files in RENDERED_FILES.items():
+        if other != kind and any((folder / name).exists() for name in files):
+            raise LfsrError(f"{folder} already holds a {other}, but a {kind} was asked for: choose another folder")
+
+
+def _run(command: list[str], log_file: Path, folder: Path, progress: Progress | None) -> None:
+    # Its own process group: Ctrl-C reaches this program only, which then stops Blender.
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+                             env=os.environ | {"PYTHONUNBUFFERED": "1"}, start_new_session=True)
+    with child, log_file.open("w", encoding="utf-8") as log:
+        try:
+            last = _follow(child.stdout or (), log.write, progress)
+            code = child.wait()
+        except BaseException:
+            _stop(child)
+            raise
+    if code == EXIT_BAD_INPUT and last.get("stage") == "error":
+        raise LfsrError(str(last.get("message")))
+    if code != 0 or last.get("stage") != "done":
+        raise _crash(code, log_file, folder)
+
+
+def _follow(lines: Iterable[str], log: Callable[[str], Any], progress: Progress | None) -> dict[str, Any]:
+    """Log every line, pass progress on; returns the last LFSR record."""
+    record: dict[str, Any] = {}
+    for line in lines:
+        log(line)
+        found = parse_progress(line)
+        if found is None:
+            continue
+        record = found
+        if progress and record["stage"] not in ("done", "error"):
+            progress(record["stage"], float(record.get("fraction", 0)), str(record.get("message", "")))
+    return record
+
+
+def parse_progress(line: str) -> dict[str, Any] | None:
+    """The record of one ``LFSR {json}`` line, None for any other line of Blender's output."""
+    if not line.startswith(PROGRESS_PREFIX):
+        return None
+    try:
+        record = json.loads(line[len(PROGRESS_PREFIX):])
+    except json.JSONDecodeError:
+        return None
+    return record if isinstance(record, dict) and "stage" in record else None
+
+
+def _stop(child: subprocess.Popen[str]) -> None:
+    if child.poll() is not None:
+        return
+    os.killpg(child.pid, signal.SIGTERM)
+    try:
+        child.wait(SECONDS_TO_STOP)
+    except subprocess.TimeoutExpired:
+        os.killpg(child.pid, signal.SIGKILL)
+
+
+def _crash(code: int, log_file: Path, folder: Path) -> LfsrError:
+    kept = folder / LOG_FILE
+    folder.mkdir(exist_ok=True)
+    shutil.copy(log_file, kept)
+    with kept.open(encoding="utf-8") as log:
+        lines = collections.deque((line.strip() for line in log if line.strip()), maxlen=LINES_IN_MESSAGE)
+    reason = f"signal {-code}" if code < 0 else f"exit code {code}"
+    return LfsrError(f"Blender stopped with {reason} before the render was done, last saying "
+                     f"{' / '.join(lines) or 'nothing'!r}: the whole log is {kept}")
+
+
+def _publish(staged: Path, folder: Path) -> None:
+    """Move a finished render into its folder."""
+    folder.mkdir(exist_ok=True)
+    for stale in DERIVED_FILES:
+        (folder / stale).unlink(missing_ok=True)
+    for path in staged.iterdir():
+        os.replace(path, folder / path.name)

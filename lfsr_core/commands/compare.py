@@ -1,0 +1,45 @@
+"""``lfsr compare DIR REFDIR``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.comparison import compare_folders
+
+NAME = "compare"
+HELP = "measure a finished frame against a reference; into report.json and as a table"
+
+MEANING = {
+    "p": "share of lenses that see the foreground",
+    "ssim_eia": "SSIM over the whole EIA (split: the reference's noise cancels)",
+    "ssim_eia_fg": "the same over foreground elemental images",
+    "psnr_fg": "PSNR in dB over foreground elemental images (split)",
+    "ssim_views_fg": "SSIM of the decoded views, foreground (split)",
+    "ssim_eia_plain": "ordinary SSIM against the mean of the halves, as in the paper",
+    "ssim_ceiling": "ordinary SSIM of one half of the reference against the other",
+    "flip": "mean FLIP difference, 0 is identical",
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this verb."""
+    parser.add_argument("folder", type=Path, metavar="DIR", help="finished frame folder")
+    parser.add_argument("reference", type=Path, metavar="REFDIR", help="folder of `lfsr reference`")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Compare and print."""
+    print("\n".join(table(compare_folders(arguments.folder, arguments.reference))))
+
+
+def table(metrics: dict[str, Any]) -> list[str]:
+    """One line per metric: value, 95 % interval where the reference is a sample of lenses, meaning."""
+    intervals = metrics.get("ci95", {})
+    lines = []
+    for name, meaning in MEANING.items():
+        if isinstance(metrics.get(name), (int, float)):
+            spread = f" ± {intervals[name]:.4f}" if name in intervals else ""
+            lines.append(f"{name:15} {metrics[name]:8.4f}{spread:10}  {meaning}")
+    return lines

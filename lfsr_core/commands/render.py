@@ -1,0 +1,38 @@
+"""``lfsr render SCENE -o DIR``: from a scene to the finished EIA."""
+
+from __future__ import annotations
+
+import argparse
+
+from lfsr_core.commands import _scene, upscale
+from lfsr_core.render_job import DEFAULT_LAYERS, DEFAULT_SAMPLES, LAYERS
+
+NAME = "render"
+HELP = "render a scene's low-resolution EIA with Blender and upscale it to eia.png"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this verb."""
+    _scene.add_scene_arguments(parser, DEFAULT_SAMPLES)
+    parser.add_argument("--scale", type=int, default=4, metavar="2|3|4|5|8",
+                        help="views are divided by it for the render, default: %(default)s; "
+                             "1 renders every view (with --method oidn or none)")
+    parser.add_argument("--layers", type=_layers, default=DEFAULT_LAYERS, metavar="NAME,NAME",
+                        help=f"auxiliary layers from the same render, of {', '.join(LAYERS)}, "
+                             f"or `none`; default: {','.join(DEFAULT_LAYERS)}")
+    upscale.add_method_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Render, then upscale; a bad method is refused before any time is spent on rendering."""
+    method = upscale.chosen_method(arguments.method, arguments.scale)
+    job = _scene.make_job(arguments, scale=arguments.scale, layers=arguments.layers)
+    _scene.render(arguments, job, arguments.output)
+    upscale.upscale(arguments.output, method, arguments)
+
+
+def _layers(text: str) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    return () if names == ("none",) else names
+
+

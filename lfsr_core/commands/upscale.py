@@ -1,0 +1,56 @@
+"""``lfsr upscale DIR --method NAME``: the second stage alone."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from lfsr_core.frame import EIA_FILE, read_frame
+from lfsr_core.progress import ProgressBar
+
+NAME = "upscale"
+HELP = "redo only the second stage of a rendered frame folder"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this verb."""
+    parser.add_argument("folder", type=Path, metavar="DIR", help="frame folder of `lfsr render`")
+    add_method_arguments(parser)
+
+
+def add_method_arguments(parser: argparse.ArgumentParser) -> None:
+    """How to get from the low-resolution EIA to the finished one."""
+    parser.add_argument("--method", metavar="NAME", help="joined by +, as in oidn+bicubic; default: the best there is")
+    parser.add_argument("--dilate", type=int, default=0, metavar="N",
+                        help="grow the foreground mask by N lenses, for parts too thin for sparse views")
+    parser.add_argument("--step", type=int, metavar="N", help="elemental images per call of the method")
+    parser.add_argument("--linear-exr", action="store_true", help="also write the scene-linear eia.exr")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Upscale the folder and say where the picture is."""
+    frame = read_frame(arguments.folder)
+    upscale(arguments.folder, chosen_method(arguments.method, frame.scale), arguments)
+
+
+def chosen_method(name: str | None, scale: int) -> str:
+    """``name`` or the default for ``scale``; LfsrError if no such method exists."""
+    from lfsr_core.upscale import default_method, method
+
+    name = name or default_method(scale)
+    method(name)
+    return name
+
+
+def upscale(folder: Path, method: str, arguments: argparse.Namespace) -> None:
+    """Run the second stage with a progress bar and print its times."""
+    from lfsr_core.pipeline import upscale_frame
+
+    progress = ProgressBar()
+    try:
+        report = upscale_frame(folder, method, step=arguments.step, dilate=arguments.dilate,
+                               linear_exr=arguments.linear_exr, progress=progress)
+    finally:
+        progress.close()
+    times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report["seconds"].items())
+    print(f"{folder / EIA_FILE}: {method}, {report['foreground_share']:.0%} of the lenses are foreground ({times})")

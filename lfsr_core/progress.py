@@ -1,0 +1,44 @@
+"""Progress on standard error: one moving bar on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import TextIO
+
+BAR_WIDTH = 30
+SECONDS_BETWEEN_LINES = 5.0
+
+
+class ProgressBar:
+    """Callable ``(stage, fraction, message)``; ``fraction`` in [0, 1]."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stderr
+        self._moving = self._stream.isatty()
+        self._stage, self._shown_at = "", 0.0
+
+    def __call__(self, stage: str, fraction: float = 0.0, message: str = "") -> None:
+        """Show one state; a new stage, the end, or time since the last line prints a plain line."""
+        if self._moving:
+            self._draw(stage, fraction, message)
+        elif self._worth_a_line(stage, fraction):
+            print(f"{stage:10} {fraction:4.0%}  {message}".rstrip(), file=self._stream, flush=True)
+            self._shown_at = time.monotonic()
+        self._stage = stage
+
+    def _worth_a_line(self, stage: str, fraction: float) -> bool:
+        return stage != self._stage or fraction >= 1 or time.monotonic() - self._shown_at >= SECONDS_BETWEEN_LINES
+
+    def _draw(self, stage: str, fraction: float, message: str) -> None:
+        filled = round(BAR_WIDTH * min(max(fraction, 0.0), 1.0))
+        start = "\n" if self._stage not in ("", stage) else "\r"
+        bar = "█" * filled + "░" * (BAR_WIDTH - filled)
+        self._stream.write(f"{start}{stage:10} {bar} {fraction:4.0%}  {message[:60]}\x1b[K")
+        self._stream.flush()
+
+    def close(self) -> None:
+        """End the moving line, so that what is printed next starts on its own."""
+        if self._moving and self._stage:
+            print(file=self._stream)
+        self._stage = ""

@@ -1,0 +1,7 @@
+#!/usr/bin/env bash
+# Make the environment, then run ruff and every test; arguments go to pytest.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+venv=$(./scripts/setup.sh blender,training,dev)
+"$venv/bin/ruff" check .
+exec "$venv/bin/python" -m pytest "$@"
