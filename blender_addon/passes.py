@@ -32,7 +32,7 @@ def enabled(scene: bpy.types.Scene, layers: Sequence[str], environment: bool) ->
               *(["use_pass_object_index"] if "index" in layers else []),
               *(["use_pass_environment"] if environment else [])}
     chosen = view_layers[0]
-    switches = {name: name in wanted for name in chosen.bl_rna.properties.keys() if name.startswith("use_pass_")}
+    switches = {name: name in wanted for name in _names(chosen) if name.startswith("use_pass_")}
     with ExitStack() as stack:
         for layer in view_layers[1:]:
             stack.enter_context(overridden(layer, {"use": False}))
@@ -41,11 +41,15 @@ def enabled(scene: bpy.types.Scene, layers: Sequence[str], environment: bool) ->
         yield
 
 
+def _names(owner: bpy.types.bpy_struct) -> list[str]:
+    return [item.identifier for item in owner.bl_rna.properties]
+
+
 def _cycles_switches(view_layer: bpy.types.ViewLayer, layers: Sequence[str]) -> dict[str, bool]:
     """Cycles' own passes. Its denoising albedo and normal look through mirrors and glass, as OIDN wants them."""
-    own = (name for name in view_layer.cycles.bl_rna.properties.keys() if name.startswith(("use_pass_", "pass_")))
+    own = [name for name in _names(view_layer.cycles) if name.startswith(("use_pass_", "pass_"))]
     features = "albedo" in layers or "normal" in layers
-    return {name: False for name in own} | {"use_denoising": False, "denoising_store_passes": features}
+    return dict.fromkeys(own, False) | {"use_denoising": False, "denoising_store_passes": features}
 
 
 @contextmanager

@@ -1,0 +1,60 @@
+"""Runs one job file inside Blender and talks on standard output."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+
+from blender_addon import scene_io
+from blender_addon.frame_folder import render_job
+from blender_addon.job import Job, read_job
+from lfsr_core.errors import LfsrError
+
+BAD_INPUT, CANCELLED = 2, 130
+
+
+def say(**message: object) -> None:
+    """One line of the progress protocol: ``LFSR {json}``."""
+    print("LFSR " + json.dumps(message), flush=True)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the job file named in ``arguments``; the process's exit code."""
+    try:
+        if len(arguments) != 1:
+            raise LfsrError(f"expected one argument, the job file, and got {len(arguments)}")
+        folder = run(read_job(arguments[0]))
+    except LfsrError as error:
+        say(stage="error", message=str(error))
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        say(stage="cancelled")
+        return CANCELLED
+    say(stage="done", folder=str(folder))
+    return 0
+
+
+def run(job: Job) -> Path:
+    """Open the job's scene if it names one, render it, and return the frame folder."""
+    started = time.perf_counter()
+    say(stage="open", fraction=0.0, message=job.scene or "the open scene")
+    scene = scene_io.open_scene(job.scene) if job.scene else bpy.context.scene
+    missing = scene_io.missing_images()
+    if missing:
+        say(stage="open", fraction=1.0, message=f"{len(missing)} image files are missing, first {missing[0]}",
+            warning=True)
+    return render_job(scene, job, opened=time.perf_counter() - started, progress=_progress)
+
+
+def _progress(fraction: float, message: str = "") -> None:
+    say(stage="render", fraction=round(fraction, 4), message=message)
+
+
+def script_arguments() -> list[str]:
+    """Arguments meant for the script: those after ``--`` under Blender, else all."""
+    return sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else sys.argv[1:]
