@@ -1,0 +1,127 @@
+"""Networks behind the contract of ``upscale.py``: one dict of names, everything else imported when used.
+
+Importing this module imports no torch.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lfsr_core.errors import LfsrError
+
+if TYPE_CHECKING:
+    from torch import nn
+
+WEIGHTS_FOLDER = Path(__file__).parent / "weights"
+PHOTOGRAPH_UPSCALER = "lfsr_core.networks.adapter:PhotographUpscaler"
+
+
+@dataclass(frozen=True)
+class NetworkSpec:
+    """One network that can be named on the command line.
+
+    ``architecture``: "module:class"; the class takes ``scale`` and ``options``.
+    ``layers``: auxiliary layers it needs; without them ``fallback`` (another
+    name) is used. ``upscaler``: "module:class" taking (name, spec, scale, weights)
+    and obeying the contract of ``upscale.py``. ``weights``: file stem if not the name.
+    """
+
+    description: str
+    architecture: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    scales: tuple[int, ...] = (2, 3, 4, 8)
+    layers: tuple[str, ...] = ()
+    fallback: str | None = None
+    upscaler: str = PHOTOGRAPH_UPSCALER
+    weights: str | None = None
+
+
+def _paper(convolutions: int, description: str) -> NetworkSpec:
+    return NetworkSpec(description, "lfsr_core.networks.paper:PaperGenerator", {"convolutions": convolutions})
+
+
+NETWORKS: dict[str, NetworkSpec] = {
+    "paper": _paper(2, "the paper's generator per EI, trained with MSE only"),
+    "paper-gan": _paper(2, "the paper's generator per EI, trained with its discriminator"),
+    **{f"paper-{n}": _paper(n, f"the paper's generator with {n} convolutions, MSE only") for n in (3, 4, 5, 6)},
+    "espcn": NetworkSpec("ESPCN per EI", "lfsr_core.networks.espcn:ESPCN"),
+    "fsrcnn": NetworkSpec("FSRCNN(56, 12, 4) per EI", "lfsr_core.networks.fsrcnn:FSRCNN"),
+    "fsrcnn-eia": NetworkSpec("FSRCNN over the whole EIA: crosstalk between EIs", "lfsr_core.networks.fsrcnn:FSRCNN",
+                              upscaler="lfsr_core.networks.adapter:WholeEIAUpscaler", weights="fsrcnn"),
+    "paper-eia": NetworkSpec("the paper's generator over the whole EIA: crosstalk between EIs",
+                             "lfsr_core.networks.paper:PaperGenerator", {"convolutions": 2},
+                             upscaler="lfsr_core.networks.adapter:WholeEIAUpscaler", weights="paper"),
+}
+
+NAMES: dict[str, str] = {name: spec.description for name, spec in NETWORKS.items()}
+"""Network names and one line on each, for menus."""
+
+
+def spec(name: str) -> NetworkSpec:
+    """Entry of NETWORKS; LfsrError with the nearest name if there is none."""
+    if name not in NETWORKS:
+        near = difflib.get_close_matches(name, NETWORKS, n=1, cutoff=0)[0]
+        raise LfsrError(f"there is no network {name!r}: did you mean {near!r}?")
+    return NETWORKS[name]
+
+
+def build(name: str, scale: int) -> nn.Module:
+    """Untrained network; LfsrError if it does not come at that scale or torch is missing."""
+    entry = spec(name)
+    if scale not in entry.scales:
+        scales = ", ".join(map(str, entry.scales))
+        raise LfsrError(f"network {name!r} has no scale {scale}: choose one of {scales} or another method")
+    return resolve(entry.architecture)(scale=scale, **entry.options)
+
+
+def weights_path(name: str, scale: int, folder: str | Path = WEIGHTS_FOLDER) -> Path:
+    """Where the weights of a network at a scale lie, whether they exist or not."""
+    return Path(folder) / f"{spec(name).weights or name}-x{scale}.safetensors"
+
+
+def trained_scales(name: str) -> list[int]:
+    """Scales for which weights ship."""
+    return [scale for scale in spec(name).scales if weights_path(name, scale).exists()]
+
+
+def load(name: str, scale: int, weights: str | Path | None = None) -> nn.Module:
+    """Network with its weights, in evaluation mode, on the CPU; LfsrError if they do not fit."""
+    network = build(name, scale)
+    path = Path(weights) if weights else weights_path(name, scale)
+    if weights is None and not path.exists():
+        scales = ", ".join(map(str, trained_scales(name))) or "no scale"
+        raise LfsrError(f"network {name!r} has no weights for scale {scale} (there are some for {scales}): "
+                        f"choose another scale or method, or train them with 'lfsr train'")
+    return resolve("lfsr_core.networks.weights:load_into")(network, path, scale).eval()
+
+
+def upscaler(name: str, scale: int, weights: str | Path | None = None) -> Any:
+    """Upscaler of the contract in ``upscale.py``; LfsrError for a scale, weights or torch that do not fit."""
+    entry = spec(name)
+    made = resolve(entry.upscaler)(name, entry, scale, weights)
+    if not entry.layers or entry.fallback is None:
+        return made
+    spare = upscaler(entry.fallback, scale)
+    return resolve("lfsr_core.networks.adapter:WithFallback")(made, spare, entry.layers)
+
+
+def export_onnx(name: str, scale: int, path: str | Path, weights: str | Path | None = None) -> None:
+    """Write an ONNX model, input "low" (N, 3, h, w), output "high" (N, 3, s·h, s·w), N, h, w free."""
+    resolve("lfsr_core.networks.onnx_file:write")(load(name, scale, weights), path)
+
+
+def resolve(reference: str) -> Any:
+    """Object named "module:attribute"; LfsrError if torch is not installed."""
+    module, attribute = reference.split(":")
+    try:
+        return getattr(importlib.import_module(module), attribute)
+    except ModuleNotFoundError as error:
+        if (error.name or "").startswith("lfsr_core"):
+            raise
+        raise LfsrError(f"networks need the Python package {error.name!r}, which is not installed: "
+                        f"install lfsr[training] or choose a method without a network") from None
