@@ -47,7 +47,7 @@ stamp=$venv/.lfsr-$(cat "$root/pyproject.toml" "$root/scripts/constraints.txt" <
 if [ ! -e "$stamp" ]; then
     echo "Making the environment in $venv (once; the Blender wheel is about 350 MB)" >&2
     [ -x "$venv/bin/python" ] || "$python" -m venv "$venv" >&2
-    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
+    "$venv/bin/python" -m pip install -qq --disable-pip-version-check \
         --constraint "$root/scripts/constraints.txt" --editable "$root[$extras]" >&2
     touch "$stamp"
 fi

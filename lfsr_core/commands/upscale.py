@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 from pathlib import Path
 
 from lfsr_core.frame import EIA_FILE, read_frame
@@ -10,6 +11,7 @@ from lfsr_core.progress import ProgressBar
 
 NAME = "upscale"
 HELP = "redo only the second stage of a rendered frame folder"
+METHOD_WITHOUT_DENOISER, METHOD_AT_FULL_RESOLUTION = "bicubic", "oidn"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,10 +36,12 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def chosen_method(name: str | None, scale: int) -> str:
-    """``name`` or the default for ``scale``; LfsrError if no such method exists."""
-    from lfsr_core.upscale import default_method, method
+    """``name``, or the default for ``scale``; LfsrError if no such method exists."""
+    from lfsr_core.upscale import DEFAULT_METHOD, method
 
-    name = name or default_method(scale)
+    if name is None:
+        name = DEFAULT_METHOD if importlib.util.find_spec("pyoidn") else METHOD_WITHOUT_DENOISER
+        name = name if scale > 1 else METHOD_AT_FULL_RESOLUTION
     method(name)
     return name
 

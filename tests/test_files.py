@@ -1,0 +1,124 @@
+"""Files appear whole or not at all, also on a disk that is really full."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import atomic_path, read_json, write_json
+
+AS_ROOT = os.geteuid() == 0
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_written_file_is_whole_readable_and_alone(tmp_path):
+    target = tmp_path / "deep" / "er" / "data.bin"
+    with atomic_path(target) as temporary:
+        assert temporary.parent == target.parent
+        assert temporary.suffix == ".bin"
+        temporary.write_bytes(b"whole")
+        assert not target.exists()
+    assert target.read_bytes() == b"whole"
+    assert stat.S_IMODE(target.stat().st_mode) == 0o644
+    assert names(target.parent) == ["data.bin"]
+
+
+@pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt])
+def test_failure_keeps_the_old_file_and_leaves_nothing_else(tmp_path, failure):
+    target = tmp_path / "data.bin"
+    target.write_bytes(b"old")
+    with pytest.raises(failure), atomic_path(target) as temporary:
+        temporary.write_bytes(b"half of the ne")
+        raise failure
+    assert target.read_bytes() == b"old"
+    assert names(tmp_path) == ["data.bin"]
+
+
+def test_folder_that_is_a_file_is_named(tmp_path):
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(LfsrError, match="data.bin cannot be written"), atomic_path(tmp_path / "file" / "data.bin"):
+        pytest.fail("the block must not run")
+
+
+@pytest.mark.skipif(AS_ROOT, reason="root may write everywhere")
+def test_read_only_folder_is_named(tmp_path):
+    tmp_path.chmod(0o555)
+    with pytest.raises(LfsrError, match="choose a folder you may write to"):
+        write_json(tmp_path / "data.json", {})
+
+
+# Writes 100 kB over a small old file, and says what happened; run where that much does not fit.
+OVERWRITE = """
+import sys
+from pathlib import Path
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import write_json
+target = Path(sys.argv[1])
+write_json(target, "old")
+try:
+    write_json(target, "x" * 100_000)
+except LfsrError as error:
+    print(error)
+print([path.name for path in target.parent.iterdir()], target.read_text().strip())
+"""
+
+
+def run_overwrite(target: Path, before: tuple[str, ...] = (), **options) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*before, sys.executable, "-B", "-c", OVERWRITE, str(target)], capture_output=True, text=True,
+                          cwd=Path(__file__).parent.parent, check=False, **options)
+
+
+def test_file_size_limit_is_told_and_keeps_the_old_file(tmp_path):
+    def limit() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+    answer = run_overwrite(tmp_path / "data.json", preexec_fn=limit)
+    assert "data.json cannot be written (File too large): check the folder" in answer.stdout
+    assert answer.stdout.endswith("""['data.json'] "old"\n"""), answer
+
+
+def test_full_disk_is_told_and_keeps_the_old_file(tmp_path):
+    """A real file system of 64 KiB, mounted in a namespace of its own."""
+    mount = ("unshare", "--mount", "--map-root-user", "sh", "-c",
+             f"mount -t tmpfs -o size=64k tmpfs '{tmp_path}' || exit 99; exec \"$@\"", "sh")
+    answer = run_overwrite(tmp_path / "data.json", mount)
+    if answer.returncode == 99 or answer.stderr.startswith("unshare"):
+        pytest.skip("this machine lets nobody mount; the file size limit covers the same code")
+    assert "data.json cannot be written (No space left on device): free some space" in answer.stdout, answer
+    assert answer.stdout.endswith("""['data.json'] "old"\n"""), answer
+
+
+def test_json_round_trip(tmp_path):
+    data = {"a": [1, 2.5, None, "ü"], "b": {"c": True}}
+    write_json(tmp_path / "data.json", data)
+    assert read_json(tmp_path / "data.json", "a test") == data
+
+
+def test_json_refuses_nan_and_leaves_no_file(tmp_path):
+    with pytest.raises(ValueError, match="JSON"):
+        write_json(tmp_path / "data.json", {"a": float("nan")})
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize(("content", "told"), [
+    (None, "does not exist, expected the report"),
+    (b'{"a": 1', "cannot be read as the report"),
+    (b"\xff\xff", "cannot be read as the report"),
+])
+def test_unreadable_json_says_what_was_expected(tmp_path, content, told):
+    if content is not None:
+        (tmp_path / "data.json").write_bytes(content)
+    with pytest.raises(LfsrError, match=told):
+        read_json(tmp_path / "data.json", "the report")
