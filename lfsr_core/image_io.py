@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import cv2
 import numpy as np
 import OpenImageIO as oiio
 
@@ -97,8 +96,7 @@ def write_png(path: str | Path, pixels: np.ndarray) -> None:
 
 def read_png(path: str | Path) -> np.ndarray:
     """8-bit image as uint8 (H, W, 3) RGB; LfsrError where it cannot be read."""
-    pixels = _decode(path, cv2.IMREAD_COLOR)
-    return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
+    return _decode(path, grey=False)
 
 
 def write_mask(path: str | Path, mask: np.ndarray) -> None:
@@ -108,18 +106,20 @@ def write_mask(path: str | Path, mask: np.ndarray) -> None:
 
 def read_mask(path: str | Path) -> np.ndarray:
     """Boolean (rows, columns) mask of a PNG that ``write_mask`` wrote."""
-    return _decode(path, cv2.IMREAD_GRAYSCALE) >= 128
+    return _decode(path, grey=True) >= 128
 
 
-def _decode(path: str | Path, mode: int) -> np.ndarray:
+def _decode(path: str | Path, grey: bool) -> np.ndarray:
+    import cv2  # here, so that EXR layers can be read inside Blender, which has no OpenCV
+
     try:
         data = np.frombuffer(Path(path).read_bytes(), np.uint8)
     except OSError as error:
         raise LfsrError(f"{path} cannot be read ({error.strerror}): check the path") from None
-    pixels = cv2.imdecode(data, mode) if data.size else None
+    pixels = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_COLOR) if data.size else None
     if pixels is None:
         raise LfsrError(f"{path} is not a readable 8-bit image: write it again")
-    return pixels
+    return pixels if grey else cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
 
 
 def _read_planes(path: Path) -> list[tuple[str, np.ndarray]]:
