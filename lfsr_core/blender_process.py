@@ -19,7 +19,8 @@ from typing import Any
 
 from lfsr_core import frame
 from lfsr_core.errors import LfsrError
-from lfsr_core.render_job import RenderJob
+from lfsr_core.files import write_json
+from lfsr_core.render_job import Job
 
 OLDEST_BLENDER = (4, 5)
 ENTRY_SCRIPT = Path(__file__).parent.parent / "scripts" / "blender_entry.py"
@@ -77,14 +78,14 @@ def _version(path: str) -> tuple[int, ...]:
     return int(found[1]), int(found[2])
 
 
-def run_job(job: RenderJob, folder: str | Path, blender: Blender, progress: Progress | None = None) -> None:
-    """Render ``job`` and put what it wrote into ``folder``, all of it or nothing.
+def run_job(job: Job, blender: Blender, progress: Progress | None = None) -> None:
+    """Render ``job`` and put what it wrote into its folder, all of it or nothing.
 
     LfsrError with Blender's own sentence after bad input, or with the last lines
-    of its log (kept in ``folder``) after a crash. On KeyboardInterrupt Blender is
+    of its log (kept in that folder) after a crash. On KeyboardInterrupt Blender is
     stopped before the exception goes on.
     """
-    folder = Path(folder)
+    folder = Path(job.output)
     check_folder(folder, job.kind)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -95,7 +96,7 @@ def run_job(job: RenderJob, folder: str | Path, blender: Blender, progress: Prog
         staged = Path(name) / "frame"
         staged.mkdir()
         job_file, log_file = Path(name) / "job.json", Path(name) / LOG_FILE
-        job_file.write_text(json.dumps(job.to_dict(staged)), encoding="utf-8")
+        write_json(job_file, dataclasses.replace(job, output=str(staged.resolve())).to_dict())
         _run(blender.command(job_file), log_file, folder, progress)
         _publish(staged, folder)
 

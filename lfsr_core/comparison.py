@@ -11,10 +11,6 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.frame import MASK_FILE, REFERENCE_FILES, REPORT_FILE, Frame, read_frame
 
-# What must agree for two renders to show the same picture; the rest may differ.
-SAME = ("display", "array", "matrix_world", "convention", "view_aperture", "frame", "world_visible")
-CAMERA_TOLERANCE = 1e-5
-
 
 def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]:
     """Metrics of ``folder`` against ``reference``, also written into its report.json.
@@ -23,12 +19,12 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
     or the two do not show the same picture.
     """
     from lfsr_core.image_io import read_mask
-    from lfsr_core.metrics import compare
+    from lfsr_core.metrics import check_reference, compare
     from lfsr_core.pipeline import finished_linear
 
     folder, reference = Path(folder), Path(reference)
     frame, truth = read_frame(folder), read_frame(reference)
-    check_match(frame, truth, reference)
+    check_reference(frame, truth)
     report = read_json(folder / REPORT_FILE, "the report of `lfsr render` or `lfsr upscale`")
     image = finished_linear(folder, report["method"])
     half_a, half_b = (_read_half(reference / name, truth) for name in REFERENCE_FILES)
@@ -36,30 +32,6 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
                                 lens_list=truth.lens_list)
     write_json(folder / REPORT_FILE, report)
     return report["metrics"]
-
-
-def check_match(frame: Frame, truth: Frame, reference: Path) -> None:
-    """LfsrError naming the first property in which the two renders differ."""
-    if truth.scale != 1:
-        raise LfsrError(f"{reference} was rendered at scale {truth.scale}, but a reference has scale 1: "
-                        "make one with `lfsr reference`")
-    for name in SAME:
-        mine, other = getattr(frame, name), getattr(truth, name)
-        if not _equal(mine, other):
-            raise LfsrError(f"{reference} does not match: its {name} is {_short(other)}, but the frame's is "
-                            f"{_short(mine)}; render the reference again with the same options")
-
-
-def _equal(mine: Any, other: Any) -> bool:
-    numbers = [np.ravel(list(vars(value).values()) if hasattr(value, "spacing") else value) for value in (mine, other)]
-    if all(values.dtype.kind == "f" for values in numbers):
-        scale = max(np.abs(numbers[0]).max(), 1.0)
-        return bool(np.allclose(*numbers, rtol=CAMERA_TOLERANCE, atol=CAMERA_TOLERANCE * scale))
-    return mine == other
-
-
-def _short(value: Any) -> str:
-    return repr(getattr(value, "name", value))
 
 
 def _read_half(path: Path, truth: Frame) -> np.ndarray:

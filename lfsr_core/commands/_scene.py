@@ -10,7 +10,7 @@ from lfsr_core.blender_process import find_blender, run_job
 from lfsr_core.display import load_display
 from lfsr_core.progress import ProgressBar
 from lfsr_core.rays import CONVENTIONS
-from lfsr_core.render_job import LAYOUTS, RenderJob
+from lfsr_core.render_job import LAYOUTS, Job, check_scene
 
 
 def add_scene_arguments(parser: argparse.ArgumentParser, samples: int) -> None:
@@ -34,18 +34,19 @@ def add_scene_arguments(parser: argparse.ArgumentParser, samples: int) -> None:
     parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")
 
 
-def make_job(arguments: argparse.Namespace, **values: Any) -> RenderJob:
+def make_job(arguments: argparse.Namespace, **values: Any) -> Job:
     """Validated job of the parsed arguments; ``values`` add to them or replace them."""
-    shared = ("scene", "layout", "convention", "view_aperture", "seed", "frame", "subject", "device", "world_visible")
+    shared = ("spp", "layout", "convention", "view_aperture", "seed", "frame", "subject", "device", "world_visible")
     given = {name: getattr(arguments, name) for name in shared}
-    return RenderJob(**given | {"display": load_display(arguments.display), "samples": arguments.spp} | values)
+    given |= {"output": str(arguments.output), "scene": check_scene(arguments.scene)}
+    return Job(**given | {"display": load_display(arguments.display)} | values)
 
 
-def render(arguments: argparse.Namespace, job: RenderJob, folder: Path) -> None:
+def render(arguments: argparse.Namespace, job: Job) -> None:
     """Run ``job`` in Blender with a progress bar."""
     blender = find_blender(arguments.blender)
     progress = ProgressBar()
     try:
-        run_job(job, folder, blender, progress)
+        run_job(job, blender, progress)
     finally:
         progress.close()

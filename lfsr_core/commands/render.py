@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 
 from lfsr_core.commands import _scene, upscale
-from lfsr_core.render_job import DEFAULT_LAYERS, DEFAULT_SAMPLES, LAYERS
+from lfsr_core.render_job import LAYERS
 
 NAME = "render"
 HELP = "render a scene's low-resolution EIA with Blender and upscale it to eia.png"
+DEFAULT_SAMPLES = 16
+DEFAULT_LAYERS = ("albedo", "normal")  # what the denoiser wants to see
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +29,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Render, then upscale; a bad method is refused before any time is spent on rendering."""
     method = upscale.chosen_method(arguments.method, arguments.scale)
     job = _scene.make_job(arguments, scale=arguments.scale, layers=arguments.layers)
-    _scene.render(arguments, job, arguments.output)
+    _scene.render(arguments, job)
     upscale.upscale(arguments.output, method, arguments)
 
 

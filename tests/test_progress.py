@@ -1,0 +1,42 @@
+"""One moving bar on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import io
+
+from lfsr_core.progress import ProgressBar
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_plain_lines_for_new_stages_and_ends_only():
+    stream = io.StringIO()
+    progress = ProgressBar(stream)
+    for step in range(101):
+        progress("render", step / 100, "samples")
+    progress("load", 0.0)
+    progress.close()
+    assert stream.getvalue().splitlines() == ["render       0%  samples", "render     100%  samples", "load         0%"]
+
+
+def test_terminal_line_moves_and_stays_in_place_within_a_stage():
+    stream = Terminal()
+    progress = ProgressBar(stream)
+    progress("render", 0.0)
+    progress("render", 0.5, "half")
+    progress("load", 2.0)
+    progress.close()
+    text = stream.getvalue()
+    assert text.count("\n") == 2, "one before the second stage, one at the end"
+    assert "\rrender     " + "█" * 15 + "░" * 15 + "  50%  half" in text
+    assert "█" * 30 in text
+    assert "█" * 31 not in text
+
+
+def test_closing_an_unused_bar_prints_nothing():
+    stream = Terminal()
+    ProgressBar(stream).close()
+    assert stream.getvalue() == ""
