@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import importlib
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import cv2
 import numpy as np
 
+from lfsr_core import networks
 from lfsr_core.denoise import denoise_low_resolution
 from lfsr_core.errors import LfsrError
-from lfsr_core.networks import NETWORKS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,7 +100,8 @@ CLASSICAL: dict[str, tuple[str, Upscaler]] = {
 PREFILTERS: dict[str, tuple[str, Callable[[LowResEIA], LowResEIA]]] = {
     "oidn": ("Open Image Denoise on the whole array", denoise_low_resolution),
 }
-METHODS: dict[str, str] = {name: entry[0] for name, entry in (CLASSICAL | NETWORKS | PREFILTERS).items()}
+METHODS: dict[str, str] = {**{name: entry[0] for name, entry in (CLASSICAL | PREFILTERS).items()}, **networks.NAMES}
+DEFAULT_METHOD = "oidn+bicubic"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -146,7 +146,7 @@ def _check_known(part: str) -> None:
 def _load(name: str) -> Upscaler:
     if name in CLASSICAL:
         return CLASSICAL[name][1]
-    return importlib.import_module(NETWORKS[name][1]).load(name)
+    return networks.upscaler(name)
 
 
 def encode(linear: np.ndarray) -> np.ndarray:

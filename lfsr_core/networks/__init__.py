@@ -27,8 +27,8 @@ class NetworkSpec:
 
     ``architecture``: "module:class"; the class takes ``scale`` and ``options``.
     ``layers``: auxiliary layers it needs; without them ``fallback`` (another
-    name) is used. ``upscaler``: "module:class" taking (name, spec, scale, weights)
-    and obeying the contract of ``upscale.py``. ``weights``: file stem if not the name.
+    name) is used. ``upscaler``: "module:class" taking (name, **settings) and obeying
+    the contract of ``upscale.py``. ``weights``: file stem if not the name.
     """
 
     description: str
@@ -100,14 +100,17 @@ def load(name: str, scale: int, weights: str | Path | None = None) -> nn.Module:
     return resolve("lfsr_core.networks.weights:load_into")(network, path, scale).eval()
 
 
-def upscaler(name: str, scale: int, weights: str | Path | None = None) -> Any:
-    """Upscaler of the contract in ``upscale.py``; LfsrError for a scale, weights or torch that do not fit."""
+def upscaler(name: str, **settings: Any) -> Any:
+    """Upscaler of the contract in ``upscale.py``; weights load at the first call, when the scale is known.
+
+    ``settings`` go to the upscaler's class (``weights``, ``device``, ``engine``, ``step``).
+    LfsrError for an unknown name or a missing package.
+    """
     entry = spec(name)
-    made = resolve(entry.upscaler)(name, entry, scale, weights)
+    made = resolve(entry.upscaler)(name, **settings)
     if not entry.layers or entry.fallback is None:
         return made
-    spare = upscaler(entry.fallback, scale)
-    return resolve("lfsr_core.networks.adapter:WithFallback")(made, spare, entry.layers)
+    return resolve("lfsr_core.networks.adapter:WithFallback")(made, upscaler(entry.fallback), entry.layers)
 
 
 def export_onnx(name: str, scale: int, path: str | Path, weights: str | Path | None = None) -> None:
