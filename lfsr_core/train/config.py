@@ -1,0 +1,119 @@
+"""What a training run is: a TOML file of known keys."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from lfsr_core.errors import LfsrError
+
+CONFIG_FOLDER = Path(__file__).parent / "configs"
+
+
+@dataclasses.dataclass(frozen=True)
+class TrainConfig:
+    """Training of a comparator on photographs.
+
+    ``photographs``, ``validation``: a folder of images or a cache file of
+    ``--prepare-photographs``. ``crop``: side of a high-resolution crop in pixels.
+    An epoch is ``crops_per_photograph`` random crops of every photograph.
+    ``downsample``: "box" (what a low-resolution render is) or "bicubic", in linear
+    light or on encoded values. ``adversarial``: weight of the adversarial term, 0
+    trains without a discriminator. ``rate``: Adam's; ``schedule``: "constant" or
+    "cosine" to 0. ``validate_every``, ``checkpoint_every``: epochs.
+    """
+
+    network: str
+    photographs: str
+    validation: str = ""
+    scale: int = 4
+    seed: int = 0
+    crop: int = 256
+    crops_per_photograph: int = 16
+    downsample: str = "box"
+    linear_light: bool = True
+    augment: bool = True
+    epochs: int = 100
+    batch: int = 8
+    rate: float = 1e-4
+    schedule: str = "constant"
+    adversarial: float = 0.0
+    validate_every: int = 10
+    checkpoint_every: int = 10
+
+    def __post_init__(self) -> None:
+        problems = (
+            (self.crop % self.scale or self.crop <= 0, f"crop {self.crop} is no multiple of scale {self.scale}",
+             "choose a crop that is"),
+            (self.downsample not in ("box", "bicubic"), f"downsample {self.downsample!r} is unknown",
+             "choose box or bicubic"),
+            (self.schedule not in ("constant", "cosine"), f"schedule {self.schedule!r} is unknown",
+             "choose constant or cosine"),
+            (min(self.epochs, self.batch, self.crops_per_photograph) < 1, "epochs, batch and crops_per_photograph",
+             "must be at least 1"),
+            (not self.rate > 0 or self.adversarial < 0, f"rate {self.rate} or adversarial {self.adversarial}",
+             "must be positive"),
+        )
+        for wrong, what, advice in problems:
+            if wrong:
+                raise LfsrError(f"training: {what}: {advice}")
+
+
+def load_config(name: str, settings: Sequence[str] = ()) -> TrainConfig:
+    """Config of a TOML file or of a built-in name such as "paper"; ``settings`` are "key=value".
+
+    LfsrError for a missing file, an unknown key (with the nearest) or a wrong type.
+    """
+    values = _read_toml(name)
+    for setting in settings:
+        key, separator, text = setting.partition("=")
+        if not separator:
+            raise LfsrError(f"setting {setting!r} is not key=value: write for example epochs=10")
+        values[key.strip()] = _parse(text.strip())
+    return from_values(values, name)
+
+
+def from_values(values: dict[str, Any], origin: str) -> TrainConfig:
+    """Config of plain values; LfsrError names what is unknown, missing or of a wrong type."""
+    hints = get_type_hints(TrainConfig)
+    for key, value in values.items():
+        if key not in hints:
+            near = difflib.get_close_matches(key, hints, n=1, cutoff=0)[0]
+            raise LfsrError(f"{origin} has the unknown key {key!r}: did you mean {near!r}?")
+        if hints[key] is float and type(value) is int:
+            values[key] = float(value)
+        elif type(value) is not hints[key]:
+            raise LfsrError(f"{origin} has {key} = {value!r}, expected a value of type {hints[key].__name__}")
+    for key in ("network", "photographs"):
+        if key not in values:
+            raise LfsrError(f"{origin} has no {key!r}: add it or pass --set {key}=…")
+    return TrainConfig(**values)
+
+
+def builtin_configs() -> list[str]:
+    """Names that ``load_config`` knows without a path."""
+    return sorted(path.stem for path in CONFIG_FOLDER.glob("*.toml"))
+
+
+def _read_toml(name: str) -> dict[str, Any]:
+    path = CONFIG_FOLDER / f"{name}.toml"
+    path = path if path.exists() else Path(name)
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise LfsrError(f"there is no training config {name!r}: give a TOML file or one of "
+                        f"{', '.join(builtin_configs())}") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise LfsrError(f"training config {path} cannot be read ({error}): correct it") from None
+
+
+def _parse(text: str) -> Any:
+    """Value of a command-line setting: TOML where it is TOML, a plain word otherwise."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text

@@ -1,0 +1,70 @@
+"""Training log: one JSON line per epoch, and its curves as a picture."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import atomic_path
+
+LOG_NAME, PICTURE_NAME = "log.jsonl", "loss.png"
+NO_CURVE = {"epoch", "seconds"}
+
+
+class TrainLog:
+    """Log of a run in ``folder``; lines after epoch ``keep_epochs`` are dropped, because they will come again."""
+
+    def __init__(self, folder: str | Path, keep_epochs: int = 0) -> None:
+        self._folder = Path(folder)
+        self._path = self._folder / LOG_NAME
+        kept = [line for line in read_log(self._path) if line["epoch"] <= keep_epochs] if self._path.exists() else []
+        with atomic_path(self._path) as temporary:
+            temporary.write_text("".join(json.dumps(line) + "\n" for line in kept), encoding="utf-8")
+        self.lines: list[dict[str, Any]] = kept
+
+    def add(self, line: dict[str, Any]) -> None:
+        """Append one epoch."""
+        self.lines.append(line)
+        with self._path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(line) + "\n")
+
+    def last_validation(self) -> dict[str, float]:
+        """Figures of the latest validated epoch, without its losses."""
+        validated = [line for line in self.lines if any("." in key for key in line)]
+        return {key: value for key, value in validated[-1].items() if "." in key} if validated else {}
+
+    def draw(self) -> None:
+        """Write loss.png: losses on a logarithmic axis, validation figures below them."""
+        if self.lines:
+            draw_curves(self.lines, self._folder / PICTURE_NAME)
+
+
+def read_log(path: str | Path) -> list[dict[str, Any]]:
+    """Lines of a log; LfsrError if one is no JSON."""
+    try:
+        return [json.loads(line) for line in Path(path).read_text(encoding="utf-8").splitlines()]
+    except (OSError, json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise LfsrError(f"{path} cannot be read as a training log ({error}): choose another --output") from None
+
+
+def draw_curves(lines: list[dict[str, Any]], path: str | Path) -> None:
+    """One curve per loss (upper half, log axis) and per validation figure, named "data.metric" (lower half)."""
+    from matplotlib.figure import Figure
+
+    names = list(dict.fromkeys(key for line in lines for key in line if key not in NO_CURVE))
+    figure = Figure(figsize=(7, 6), layout="constrained")
+    losses, figures = figure.subplots(2, 1, sharex=True)
+    for name in names:
+        axes = figures if "." in name else losses
+        points = [(line["epoch"], line[name]) for line in lines if name in line]
+        axes.plot(*zip(*points, strict=True), marker="." if len(points) < 30 else None, label=name)
+    losses.set(ylabel="loss", yscale="log")
+    figures.set(ylabel="validation", xlabel="epoch")
+    for axes in (losses, figures):
+        if axes.lines:
+            axes.legend(fontsize="small")
+            axes.grid(alpha=0.3)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=100)
