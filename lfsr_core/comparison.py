@@ -35,10 +35,11 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
 
 
 def _read_half(path: Path, truth: Frame) -> np.ndarray:
-    """(H, W, 3) scene-linear; LfsrError where it is missing or of another size."""
+    """(H, W, 3) scene-linear over its background; LfsrError where it is missing or of another size."""
     from lfsr_core.image_io import clean, read_layers
+    from lfsr_core.pipeline import over_background
 
-    pixels = clean(read_layers(path))[0]["color"]
+    pixels = over_background(clean(read_layers(path))[0], truth)
     width, height = truth.rays.size
     if pixels.shape[:2] != (height, width):
         raise LfsrError(f"{path} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but its frame.json says "

@@ -14,7 +14,7 @@ from lfsr_core.frame import EIA_FILE, read_frame
 VIEWS_ACROSS = 5
 GAP_PIXELS = 4
 SHEET_FILE, HORIZONTAL_EPI_FILE, VERTICAL_EPI_FILE, EYE_FILE = "views.png", "epi_x.png", "epi_y.png", "eye.png"
-LEAST_EPI_HEIGHT = 160
+LEAST_EPI_HEIGHT, LEAST_VIEW_WIDTH = 160, 192
 
 
 def view_order(panel: np.ndarray, profile: DisplayProfile) -> np.ndarray:
@@ -27,10 +27,14 @@ def view_order(panel: np.ndarray, profile: DisplayProfile) -> np.ndarray:
 
 
 def contact_sheet(image: np.ndarray, lenses: tuple[int, int], across: int = VIEWS_ACROSS) -> np.ndarray:
-    """Grid of evenly spaced views of an EIA (H, W, C) in view order; topmost, leftmost camera first."""
+    """Grid of evenly spaced views of an EIA (H, W, C) in view order; topmost, leftmost camera first.
+
+    Views of few lenses are enlarged by repeating pixels.
+    """
     views = eia.to_views(image, lenses)
     rows, columns = (_evenly(count, across) for count in views.shape[:2])
-    shown = views[np.ix_(rows, columns)]
+    times = _times(views.shape[3], LEAST_VIEW_WIDTH)
+    shown = views[np.ix_(rows, columns)].repeat(times, axis=2).repeat(times, axis=3)
     padded = np.pad(shown, ((0, 0), (0, 0), (0, GAP_PIXELS), (0, GAP_PIXELS), (0, 0)), constant_values=255)
     return eia.from_elemental_images(padded)[:-GAP_PIXELS, :-GAP_PIXELS]
 
@@ -74,5 +78,10 @@ def _evenly(count: int, wanted: int) -> np.ndarray:
 
 
 def _enlarged(epi: np.ndarray) -> np.ndarray:
-    times = max(1, -(-LEAST_EPI_HEIGHT // epi.shape[0]))
-    return np.repeat(np.repeat(epi, times, axis=0), times, axis=1)
+    times = _times(epi.shape[0], LEAST_EPI_HEIGHT)
+    return epi.repeat(times, axis=0).repeat(times, axis=1)
+
+
+def _times(pixels: int, least: int) -> int:
+    """Whole number by which to repeat ``pixels`` so that they are at least ``least``."""
+    return max(1, -(-least // pixels))
