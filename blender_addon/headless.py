@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -10,21 +11,24 @@ from pathlib import Path
 
 import bpy
 
-from blender_addon import scene_io
+from blender_addon import scene_io, stopping
 from blender_addon.frame_folder import render_job
-from blender_addon.job import Job, read_job
 from lfsr_core.errors import LfsrError
+from lfsr_core.render_job import Job, read_job
 
 BAD_INPUT, CANCELLED = 2, 130
 
 
 def say(**message: object) -> None:
     """One line of the progress protocol: ``LFSR {json}``."""
-    print("LFSR " + json.dumps(message), flush=True)
+    # One write, because Cycles' thread speaks too.
+    sys.stdout.write("LFSR " + json.dumps(message) + "\n")
+    sys.stdout.flush()
 
 
 def main(arguments: Sequence[str]) -> int:
     """Run the job file named in ``arguments``; the process's exit code."""
+    stopping.on_signals(_stop)
     try:
         if len(arguments) != 1:
             raise LfsrError(f"expected one argument, the job file, and got {len(arguments)}")
@@ -32,9 +36,6 @@ def main(arguments: Sequence[str]) -> int:
     except LfsrError as error:
         say(stage="error", message=str(error))
         return BAD_INPUT
-    except KeyboardInterrupt:
-        say(stage="cancelled")
-        return CANCELLED
     say(stage="done", folder=str(folder))
     return 0
 
@@ -46,13 +47,22 @@ def run(job: Job) -> Path:
     scene = scene_io.open_scene(job.scene) if job.scene else bpy.context.scene
     missing = scene_io.missing_images()
     if missing:
-        say(stage="open", fraction=1.0, message=f"{len(missing)} image files are missing, first {missing[0]}",
-            warning=True)
-    return render_job(scene, job, opened=time.perf_counter() - started, progress=_progress)
+        warn(f"{len(missing)} image files are missing, first {missing[0]}: what uses them renders magenta")
+    return render_job(scene, job, opened=time.perf_counter() - started, progress=_progress, warn=warn)
+
+
+def warn(message: str) -> None:
+    """Something the user should know that does not stop the render."""
+    say(stage="render", fraction=0.0, message=message, warning=True)
 
 
 def _progress(fraction: float, message: str = "") -> None:
     say(stage="render", fraction=round(fraction, 4), message=message)
+
+
+def _stop() -> None:
+    say(stage="cancelled", message="stopped by a signal")
+    os._exit(CANCELLED)
 
 
 def script_arguments() -> list[str]:

@@ -10,8 +10,8 @@ import bpy
 
 from blender_addon.overrides import overridden
 from lfsr_core.errors import LfsrError
+from lfsr_core.render_job import LAYERS
 
-LAYERS = ("albedo", "normal", "position", "index")
 FOREGROUND, BACKGROUND = 1, 2
 
 

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.render_job import check_scene
 
 BACKGROUND_COLLECTION = "Background"
 DEFAULT_LIGHT = "studio.exr"
-SUFFIXES = (".blend", ".glb", ".gltf", ".obj")
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "FONT", "META", "VOLUME", "CURVES", "POINTCLOUD"}
 
 
 def open_scene(path: str | Path) -> bpy.types.Scene:
     """Open a .blend, or import .glb, .gltf or .obj into an empty file; LfsrError if that fails."""
-    path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
-        raise LfsrError(f"scene {path} is of an unknown kind: give a {', '.join(SUFFIXES)} file")
-    if not path.is_file():
-        raise LfsrError(f"scene {path} does not exist: check the path")
+    path = check_scene(path)
     try:
-        _readers()[path.suffix.lower()](str(path))
+        _readers()[Path(path).suffix.lower()](path)
     except (RuntimeError, ValueError, KeyError, OSError) as error:
         reason = str(error).strip().splitlines()[-1] if str(error).strip() else type(error).__name__
         raise LfsrError(f"scene {path} cannot be read ({reason}): check that the file is whole") from None
@@ -76,6 +73,11 @@ def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.typ
     return subject
 
 
+def has_background_meshes(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> bool:
+    """True if something that is not the subject would be rendered behind or beside it."""
+    return any(item.type in GEOMETRY and item not in subject and _rendered(scene, item) for item in scene.objects)
+
+
 def _instanced(item: bpy.types.Object) -> set[bpy.types.Object]:
     """Objects that a collection instance shows, which live outside the scene's own collections."""
     if item.instance_type != "COLLECTION" or item.instance_collection is None:
@@ -113,6 +115,24 @@ def _emits(node: bpy.types.Node) -> bool:
     color, strength = node.inputs[color], node.inputs[strength]
     lit = color.is_linked or any(color.default_value[:3])
     return lit and (strength.is_linked or strength.default_value > 0)
+
+
+@contextmanager
+def lit(scene: bpy.types.Scene, name: str = DEFAULT_LIGHT) -> Iterator[bool]:
+    """Inside the block ``scene`` has light, if need be from Blender's own HDRI; True if it is the scene's own."""
+    if has_light(scene):
+        yield True
+        return
+    before, world = scene.world, add_light(scene, name)
+    try:
+        yield False
+    finally:
+        scene.world = before
+        images = [node.image for node in world.node_tree.nodes if node.type == "TEX_ENVIRONMENT"]
+        bpy.data.worlds.remove(world)
+        for image in images:
+            if not image.users:
+                bpy.data.images.remove(image)
 
 
 def add_light(scene: bpy.types.Scene, name: str = DEFAULT_LIGHT) -> bpy.types.World:

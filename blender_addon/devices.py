@@ -1,0 +1,52 @@
+"""Which device Cycles uses, and whether it can run the OSL camera."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+
+from blender_addon.overrides import overridden
+from lfsr_core.errors import LfsrError
+
+WITH_OSL_CAMERA = ("CPU", "OPTIX")
+
+
+def has_osl_camera(device: str) -> bool:
+    """True if Cycles runs OSL cameras on ``device``: the CPU and OptiX do, nothing else does."""
+    return device in WITH_OSL_CAMERA
+
+
+@contextmanager
+def enabled(device: str) -> Iterator[None]:
+    """Inside the block Cycles' GPU device type is ``device`` and all its devices are on."""
+    if device == "CPU":
+        yield
+        return
+    preferences = _preferences()
+    known = [item[0] for item in preferences.get_device_types(bpy.context) if item[0] != "NONE"]
+    if device not in known:
+        raise LfsrError(f"device is {device!r}, but this Blender knows only {', '.join(['CPU', *known])}: "
+                        "choose one of them")
+    with overridden(preferences, {"compute_device_type": device}):
+        preferences.refresh_devices()
+        found = [item for item in preferences.devices if item.type == device]
+        if not found:
+            raise LfsrError(f"device is {device!r}, but this machine has none that Blender can use: "
+                            "render on the CPU or check the driver")
+        before = [(item, item.use) for item in preferences.devices]
+        try:
+            for item, _ in before:
+                item.use = item.type == device
+            yield
+        finally:
+            for item, use in before:
+                item.use = use
+
+
+def _preferences() -> bpy.types.AddonPreferences:
+    addon = bpy.context.preferences.addons.get("cycles")
+    if addon is None:
+        raise LfsrError("Cycles is switched off in Blender's preferences: switch the Cycles add-on on")
+    return addon.preferences
