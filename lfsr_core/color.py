@@ -51,14 +51,14 @@ class ViewTransform:
         self._to_bytes = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, flags)
 
     def __call__(self, linear: np.ndarray) -> np.ndarray:
-        """Display values, float32 (H, W, 3), of scene-linear (H, W, 3); 0 to 1 is what the display can show."""
+        """Display values, float32 (..., W, 3), of scene-linear (..., W, 3); 0 to 1 is what the display can show."""
         source = np.ascontiguousarray(linear, np.float32)
         result = np.empty_like(source)
         self._to_float.apply(_image(source), _image(result))
         return result
 
     def to_uint8(self, linear: np.ndarray) -> np.ndarray:
-        """Display values, uint8 (H, W, 3), of scene-linear (H, W, 3), rounded as Blender rounds."""
+        """Display values, uint8 (..., W, 3), of scene-linear (..., W, 3), rounded as Blender rounds."""
         source = np.ascontiguousarray(linear, np.float32)
         result = np.empty(source.shape, np.uint8)
         self._to_bytes.apply(_image(source), _image(result))
@@ -115,7 +115,8 @@ def _check_known(what: str, name: str, known: Iterable[str]) -> None:
 
 
 def _image(pixels: np.ndarray) -> ocio.PackedImageDesc:
-    height, width, channels = pixels.shape
+    width, channels = pixels.shape[-2:]
+    height = pixels.size // (width * channels)
     depth = ocio.BIT_DEPTH_UINT8 if pixels.dtype == np.uint8 else ocio.BIT_DEPTH_F32
     size = pixels.itemsize
     return ocio.PackedImageDesc(pixels, width, height, channels, depth, size, size * channels,

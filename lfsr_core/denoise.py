@@ -43,7 +43,7 @@ def denoise_low_resolution(low: LowResEIA) -> LowResEIA:
     sy, sx = low.color.shape[:2]
     guides = {name: from_elemental_images(low.aux[name]) for name in ("albedo", "normal") if name in low.aux}
     denoised = denoise_eia(from_elemental_images(low.color), **guides)
-    return dataclasses.replace(low, color=np.ascontiguousarray(to_elemental_images(denoised, (sx, sy))))
+    return dataclasses.replace(low, color=to_elemental_images(denoised, (sx, sy)))
 
 
 def _library() -> ModuleType:

@@ -43,14 +43,15 @@ def read_layers(path: str | Path) -> dict[str, np.ndarray]:
     path = Path(path)
     if not path.is_file():
         raise LfsrError(f"{path} does not exist, expected an EXR image: render the frame first")
-    channels: dict[str, dict[str, np.ndarray]] = {}
-    for name, plane in _read_planes(path):
-        layer, component = _layer_of(name)
-        if layer:
-            channels.setdefault(layer, {}).setdefault(component, plane)
-    if "color" not in channels:
+    layers: dict[str, np.ndarray] = {}
+    for names, pixels in _read_parts(path):
+        for layer, columns in _layer_columns(names).items():
+            layers.setdefault(layer, _columns_of(pixels, columns))
+    if "color" not in layers:
         raise LfsrError(f"{path} has no colour layer, expected channels R, G, B: render the frame again")
-    return {layer: _stack(planes, LAYER_CHANNELS[layer]) for layer, planes in channels.items()}
+    if layers["color"].shape[2] == 3:
+        layers["color"] = np.concatenate([layers["color"], np.ones_like(layers["color"][..., :1])], axis=2)
+    return layers
 
 
 def write_layers(path: str | Path, layers: Mapping[str, np.ndarray], half: bool = False) -> None:
@@ -122,26 +123,22 @@ def _decode(path: str | Path, grey: bool) -> np.ndarray:
     return pixels if grey else cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
 
 
-def _read_planes(path: Path) -> list[tuple[str, np.ndarray]]:
-    """(channel name, (H, W) float32) of every part of the file."""
+def _read_parts(path: Path) -> list[tuple[tuple[str, ...], np.ndarray]]:
+    """(channel names, (H, W, C) float32) of every part of the file that has a layer of ours."""
     source = oiio.ImageInput.open(str(path))
     if source is None:
         raise _unreadable(path, oiio.geterror())
-    planes, part = [], 0
-    while source.seek_subimage(part, 0):
+    parts, index = [], 0
+    while source.seek_subimage(index, 0):
         names = source.spec().channelnames
-        pixels = source.read_image(part, 0, 0, len(names), "float") if _wanted(names) else None
+        pixels = source.read_image(index, 0, 0, len(names), "float") if _layer_columns(names) else None
         if source.has_error:
             raise _unreadable(path, source.geterror())
         if pixels is not None:
-            planes += [(name, pixels[..., index]) for index, name in enumerate(names)]
-        part += 1
+            parts.append((names, pixels.reshape(*pixels.shape[:2], len(names))))
+        index += 1
     source.close()
-    return planes
-
-
-def _wanted(names: tuple[str, ...]) -> bool:
-    return any(_layer_of(name)[0] for name in names)
+    return parts
 
 
 def _unreadable(path: Path, reason: str) -> LfsrError:
@@ -149,20 +146,31 @@ def _unreadable(path: Path, reason: str) -> LfsrError:
     return LfsrError(f"{path} cannot be read ({first_line}): the file is damaged or no EXR, render it again")
 
 
-def _layer_of(channel: str) -> tuple[str | None, str]:
-    """Our layer and the component of a channel such as ``ViewLayer.Denoising Albedo.R``."""
-    *parents, component = channel.split(".")
-    return PASS_LAYERS.get(parents[-1].lower() if parents else ""), component.upper()
+def _layer_columns(names: tuple[str, ...]) -> dict[str, list[int]]:
+    """Columns of each layer of ours among channels such as ``ViewLayer.Denoising Albedo.R``, in our order."""
+    found: dict[str, dict[str, int]] = {}
+    for column, name in enumerate(names):
+        *parents, component = name.split(".")
+        layer = PASS_LAYERS.get(parents[-1].lower() if parents else "")
+        if layer:
+            # A second view layer's pass of the same name does not replace the first's.
+            found.setdefault(layer, {}).setdefault(component.upper(), column)
+    return {layer: _ordered(columns, LAYER_CHANNELS[layer]) for layer, columns in found.items()}
 
 
-def _stack(planes: Mapping[str, np.ndarray], components: str) -> np.ndarray:
-    if components == "X":
-        return next(iter(planes.values()))[..., None].copy()
-    wanted = components if components[0] in planes else "RGB"
-    first = next(iter(planes.values()))
-    if "A" in wanted and "A" not in planes:
-        planes = {**planes, "A": np.ones_like(first)}
-    return np.stack([planes.get(component, np.zeros_like(first)) for component in wanted], axis=-1)
+def _ordered(columns: Mapping[str, int], components: str) -> list[int]:
+    """Columns of a layer's ``components``; colours may be called X, Y, Z and the other way round."""
+    for wanted in (components, components[:3], "RGB", "XYZ"):
+        if all(component in columns for component in wanted):
+            return [columns[component] for component in wanted]
+    return list(columns.values())[:len(components)]
+
+
+def _columns_of(pixels: np.ndarray, columns: list[int]) -> np.ndarray:
+    first = columns[0]
+    if columns == list(range(first, first + len(columns))):
+        return np.ascontiguousarray(pixels[..., first:first + len(columns)])
+    return pixels[..., columns]
 
 
 def _channel_names(layer: str, count: int) -> list[str]:

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from lfsr_core.assembly import Plan, filled, place, upscale_all
 from lfsr_core.color import ViewTransform
-from lfsr_core.eia import flip_order, to_elemental_images
+from lfsr_core.eia import to_elemental_images
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import write_json
 from lfsr_core.foreground import foreground_mask
 from lfsr_core.frame import EIA_FILE, EIA_LINEAR_FILE, LOW_RES_FILE, MASK_FILE, REPORT_FILE, Frame, read_frame
 from lfsr_core.image_io import HALF_MAX, clean, read_layers, write_layers, write_mask, write_png
 from lfsr_core.stages import Progress, StageClock, peak_bytes, silent
-from lfsr_core.strips import Plan, make_strips
 from lfsr_core.upscale import LowResEIA, Method, method
 
 FILL_METHOD = "bilinear"
@@ -35,16 +35,21 @@ def upscale_frame(folder: str | Path, method_name: str, *, step: int | None = No
     chosen, frame = method(method_name), read_frame(folder)
     show = ViewTransform(frame.color)
     plan, replaced = _prepare(folder, frame, chosen, dilate, clock, progress)
-    pixels = np.empty((*plan.size, 3), np.uint8)
-    linear = np.empty((*plan.size, 3), np.float16) if linear_exr else None
+    background = np.asarray(frame.display.background, np.float32)
+    with clock("assemble"):
+        pixels = filled(plan.size, show.to_uint8(background[None])[0])
+        linear = filled(plan.size, background.astype(np.float16)) if linear_exr else None
+    grid, flipped = frame.rays.tiles, frame.display.ei_order == "flipped"
 
-    def finish(rows: slice, strip: np.ndarray) -> None:
+    def finish(lenses: np.ndarray, images: np.ndarray) -> None:
         with clock("color"):
-            pixels[rows] = _panel_order(show.to_uint8(strip), frame)
+            shown = show.to_uint8(images)
+        with clock("assemble"):
+            place(pixels, grid, lenses, shown, flipped)
             if linear is not None:
-                linear[rows] = _panel_order(np.minimum(strip, HALF_MAX), frame)
+                place(linear, grid, lenses, np.minimum(images, HALF_MAX), flipped)
 
-    make_strips(plan, step, finish, clock, progress)
+    upscale_all(plan, step, finish, clock, progress)
     with clock("write"):
         _write(folder, pixels, linear, plan.mask, progress)
     report = _report(method_name, plan, frame, replaced, clock)
@@ -56,13 +61,14 @@ def finished_linear(folder: str | Path, method_name: str, *, step: int | None = 
                     progress: Progress | None = None) -> np.ndarray:
     """The finished EIA, (H, W, 3) float32, scene-linear, in view order: what metrics compare. Writes nothing."""
     folder, clock, progress = Path(folder), StageClock(), progress or silent
-    plan, _ = _prepare(folder, read_frame(folder), method(method_name), dilate, clock, progress)
-    result = np.empty((*plan.size, 3), np.float32)
+    frame = read_frame(folder)
+    plan, _ = _prepare(folder, frame, method(method_name), dilate, clock, progress)
+    result = filled(plan.size, np.asarray(frame.display.background, np.float32))
 
-    def finish(rows: slice, strip: np.ndarray) -> None:
-        result[rows] = strip
+    def finish(lenses: np.ndarray, images: np.ndarray) -> None:
+        place(result, frame.rays.tiles, lenses, images, flipped=False)
 
-    make_strips(plan, step, finish, clock, progress)
+    upscale_all(plan, step, finish, clock, progress)
     return result
 
 
@@ -78,6 +84,8 @@ def over_background(layers: Mapping[str, np.ndarray], frame: Frame) -> np.ndarra
             raise LfsrError("frame.json says that the world is visible, but the EXR has no environment layer: "
                             "render the frame again")
         return np.maximum(color[..., :3] + layers["environment"], 0)
+    if not any(frame.display.background):
+        return np.maximum(color[..., :3], 0)
     background = np.asarray(frame.display.background, np.float32)
     return np.maximum(color[..., :3] + (1 - np.clip(color[..., 3:], 0, 1)) * background, 0)
 
@@ -90,12 +98,10 @@ def low_resolution(layers: Mapping[str, np.ndarray], frame: Frame) -> LowResEIA:
         raise LfsrError(f"{LOW_RES_FILE} has {shape[1]}×{shape[0]} pixels, but frame.json says {width}×{height}: "
                         "render the frame again")
 
-    def split(layer: np.ndarray) -> np.ndarray:
-        return np.ascontiguousarray(to_elemental_images(layer, frame.rays.tiles))
-
-    aux = {name: split(layers[name]) for name in ("albedo", "normal", "position") if name in layers}
-    alpha = np.clip(layers["color"][..., 3:], 0, 1)
-    return LowResEIA(split(over_background(layers, frame)), split(alpha), aux, frame.samples, frame.scale)
+    images = {name: layers[name] for name in ("albedo", "normal", "position") if name in layers}
+    images |= {"color": over_background(layers, frame), "alpha": np.clip(layers["color"][..., 3:], 0, 1)}
+    aux = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
+    return LowResEIA(aux.pop("color"), aux.pop("alpha"), aux, frame.samples, frame.scale)
 
 
 def _prepare(folder: Path, frame: Frame, chosen: Method, dilate: int, clock: StageClock,
@@ -113,15 +119,7 @@ def _prepare(folder: Path, frame: Frame, chosen: Method, dilate: int, clock: Sta
     with clock("upscale"):
         low = chosen.prepare(low)
     filler = chosen.upscaler if frame.scale == 1 else method(FILL_METHOD).upscaler
-    return Plan(low, mask, fill, chosen.upscaler, filler, frame.display.background), replaced
-
-
-def _panel_order(strip: np.ndarray, frame: Frame) -> np.ndarray:
-    """A strip (rows, W, C) in view order as the panel shows it behind its lenses."""
-    if frame.display.ei_order != "flipped":
-        return strip
-    across = frame.rays.tiles[0]
-    return flip_order(strip, (across, strip.shape[0] // frame.display.views[1]))
+    return Plan(low, mask, fill, chosen.upscaler, filler), replaced
 
 
 def _write(folder: Path, pixels: np.ndarray, linear: np.ndarray | None, mask: np.ndarray, progress: Progress) -> None:

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-from collections.abc import Callable, Mapping
+import functools
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 import cv2
@@ -18,6 +19,10 @@ import numpy as np
 from lfsr_core import networks
 from lfsr_core.denoise import denoise_low_resolution
 from lfsr_core.errors import LfsrError
+
+EIS_IN_CACHE = 8  # per step of an interpolation: their result stays in a core's cache
+MAX_EXPONENT = 80  # keeps overshoot beside the brightest floats finite
+CROSSTALK_REACH = 4  # half the widest kernel
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,38 +45,47 @@ class Upscaler(Protocol):
     """``low`` and lenses (N, 2) int (row, column) -> EIs (N, h·s, w·s, 3) float32.
 
     The result is scene-linear RGB >= 0 (float16 allowed). Whatever padding a
-    method needs it makes itself. ``thread_safe``: may run on several lens rows at once.
+    method needs it makes itself. ``thread_safe``: may run on several lens rows at
+    once. ``notes``: what the report should say about the run so far.
     """
 
     name: str
     thread_safe: bool
+    notes: Sequence[str]
 
     def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray: ...
 
 
 @dataclasses.dataclass(frozen=True)
 class Interpolation:
-    """A classical upscaler: OpenCV's kernel ``flag`` that reaches ``reach`` low pixels.
+    """A classical upscaler: OpenCV's kernel ``flag`` in both directions of each EI.
 
     Samples beyond an EI repeat its border, or with ``crosstalk`` come from the
-    neighbouring EIs as if the EIA were one photograph.
+    ``CROSSTALK_REACH`` nearest pixels of the neighbouring EIs, as if the EIA were
+    one photograph.
     """
 
     name: str
     flag: int
-    reach: int
     crosstalk: bool = False
     thread_safe: bool = True
+    notes: tuple[str, ...] = ()
 
     def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
-        padded = encode(_gather_padded(low.color, np.asarray(lenses), self.reach, self.crosstalk))
-        count, rows, columns, _ = padded.shape
-        # One tall image: the padding keeps the stacked EIs out of each other's reach.
-        tall = cv2.resize(padded.reshape(count * rows, columns, 3), None, fx=low.scale, fy=low.scale,
-                          interpolation=self.flag)
-        margin = self.reach * low.scale
-        inside = tall.reshape(count, rows * low.scale, columns * low.scale, 3)
-        return decode(inside[:, margin:rows * low.scale - margin, margin:columns * low.scale - margin])
+        _, _, height, width, channels = low.color.shape
+        lenses, margin = np.asarray(lenses), CROSSTALK_REACH if self.crosstalk else 0
+        down = _kernel_matrix(self.flag, height, low.scale, margin)
+        # Channels stay interleaved: the same weights for each, zero between them.
+        across = np.kron(_kernel_matrix(self.flag, width, low.scale, margin).T, np.eye(channels, dtype=np.float32))
+        result = np.empty((len(lenses), height * low.scale, width * low.scale, channels), np.float32)
+        for start in range(0, len(lenses), EIS_IN_CACHE):
+            part = slice(start, start + EIS_IN_CACHE)
+            images = encode(_gather(low.color, lenses[part], margin))
+            count, rows, columns, _ = images.shape
+            tall = (down @ images.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
+            finished = result[part].reshape(len(tall), -1)
+            decode(np.matmul(tall, across, out=finished), out=finished)
+        return result
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,6 +94,7 @@ class NoUpscaling:
 
     name: str = "none"
     thread_safe: bool = True
+    notes: tuple[str, ...] = ()
 
     def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
         if low.scale != 1:
@@ -89,12 +104,12 @@ class NoUpscaling:
 
 
 CLASSICAL: dict[str, tuple[str, Upscaler]] = {
-    "nearest": ("each view repeated", Interpolation("nearest", cv2.INTER_NEAREST, 0)),
-    "bilinear": ("linear inside each elemental image", Interpolation("bilinear", cv2.INTER_LINEAR, 1)),
-    "bicubic": ("cubic inside each elemental image", Interpolation("bicubic", cv2.INTER_CUBIC, 2)),
-    "lanczos": ("8-tap Lanczos inside each elemental image", Interpolation("lanczos", cv2.INTER_LANCZOS4, 4)),
+    "nearest": ("each view repeated", Interpolation("nearest", cv2.INTER_NEAREST)),
+    "bilinear": ("linear inside each elemental image", Interpolation("bilinear", cv2.INTER_LINEAR)),
+    "bicubic": ("cubic inside each elemental image", Interpolation("bicubic", cv2.INTER_CUBIC)),
+    "lanczos": ("8-tap Lanczos inside each elemental image", Interpolation("lanczos", cv2.INTER_LANCZOS4)),
     "bicubic-eia": ("cubic over the whole array: shows crosstalk",
-                    Interpolation("bicubic-eia", cv2.INTER_CUBIC, 2, crosstalk=True)),
+                    Interpolation("bicubic-eia", cv2.INTER_CUBIC, crosstalk=True)),
     "none": ("no upscaling, for renders at scale 1", NoUpscaling()),
 }
 PREFILTERS: dict[str, tuple[str, Callable[[LowResEIA], LowResEIA]]] = {
@@ -159,29 +174,33 @@ def encode(linear: np.ndarray) -> np.ndarray:
     return np.sqrt(np.minimum(linear, 1)) + bright
 
 
-def decode(encoded: np.ndarray) -> np.ndarray:
-    """Inverse of ``encode``; negative overshoot becomes 0."""
-    dark = np.clip(encoded, 0, 1)
-    linear = np.multiply(dark, dark, out=dark)
-    bright = encoded > 1
-    if bright.any():
-        linear[bright] = np.exp(2 * (encoded[bright] - 1))
+def decode(encoded: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
+    """Inverse of ``encode``, into ``out`` if given; negative overshoot becomes 0."""
+    bright = encoded > 1 if encoded.size and encoded.max() > 1 else None
+    # Highlights are few: only they pay for an exponential.
+    highlights = np.exp(np.minimum(2 * (encoded[bright] - 1), MAX_EXPONENT)) if bright is not None else None
+    linear = np.maximum(encoded, 0, out=out)
+    np.multiply(linear, linear, out=linear)
+    if bright is not None:
+        linear[bright] = highlights
     return linear
 
 
-def _gather_padded(images: np.ndarray, lenses: np.ndarray, pad: int, crosstalk: bool) -> np.ndarray:
-    """EIs of ``lenses`` with ``pad`` more pixels on every side, (N, h + 2 pad, w + 2 pad, C)."""
+@functools.lru_cache(maxsize=64)
+def _kernel_matrix(flag: int, size: int, scale: int, margin: int) -> np.ndarray:
+    """Weights (size·s, size + 2·margin) of OpenCV's kernel; the image's border repeats."""
+    padded = size + 2 * margin
+    # Resizing the identity in one direction shows the weight of every sample.
+    weights = cv2.resize(np.eye(padded, dtype=np.float32), (padded, padded * scale), interpolation=flag)
+    return np.ascontiguousarray(weights[margin * scale:(margin + size) * scale])
+
+
+def _gather(images: np.ndarray, lenses: np.ndarray, margin: int) -> np.ndarray:
+    """EIs of ``lenses`` with ``margin`` pixels of their neighbours around, (N, h + 2·margin, w + 2·margin, C)."""
+    if margin == 0:
+        return images[lenses[:, 0], lenses[:, 1]]
     sy, sx, height, width, _ = images.shape
-    row, y = _padded_index(lenses[:, 0], height, sy, pad, crosstalk)
-    column, x = _padded_index(lenses[:, 1], width, sx, pad, crosstalk)
+    rows = np.clip(lenses[:, :1] * height + np.arange(-margin, height + margin), 0, sy * height - 1)
+    columns = np.clip(lenses[:, 1:] * width + np.arange(-margin, width + margin), 0, sx * width - 1)
+    row, y, column, x = rows // height, rows % height, columns // width, columns % width
     return images[row[:, :, None], column[:, None, :], y[:, :, None], x[:, None, :]]
-
-
-def _padded_index(lens: np.ndarray, size: int, count: int, pad: int,
-                  crosstalk: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Lens and pixel, each (N, size + 2 pad), of the padded pixels of each lens along one axis."""
-    offset = np.arange(-pad, size + pad)
-    if not crosstalk:
-        offset = np.clip(offset, 0, size - 1)
-    pixel = np.clip(lens[:, None] * size + offset, 0, count * size - 1)
-    return pixel // size, pixel % size
