@@ -26,7 +26,7 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
     frame, truth = read_frame(folder), read_frame(reference)
     check_reference(frame, truth)
     report = read_json(folder / REPORT_FILE, "the report of `lfsr render` or `lfsr upscale`")
-    image = finished_linear(folder, report["method"])
+    image = finished_linear(folder, report["method"], dilate=report.get("dilate", 0))
     half_a, half_b = (_read_half(reference / name, truth) for name in REFERENCE_FILES)
     report["metrics"] = compare(image, half_a, half_b, frame.display.lenses, read_mask(folder / MASK_FILE),
                                 lens_list=truth.lens_list)

@@ -57,7 +57,6 @@ def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = 
     the viewer. Returns the written files; LfsrError where the EIA is missing.
     """
     from lfsr_core.image_io import read_png, write_png
-    from lfsr_core.viewer import see
 
     folder, profile = Path(folder), read_frame(folder).display
     panel = read_png(folder / EIA_FILE)
@@ -65,6 +64,8 @@ def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = 
     pictures = dict(zip((HORIZONTAL_EPI_FILE, VERTICAL_EPI_FILE), epi_pair(image, profile.lenses), strict=True))
     pictures[SHEET_FILE] = contact_sheet(image, profile.lenses)
     if eye_mm is not None:
+        from lfsr_core.viewer import see
+
         pictures[EYE_FILE] = see(panel, profile, eye_mm)
     for name, picture in pictures.items():
         write_png(folder / name, picture)
