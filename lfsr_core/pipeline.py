@@ -52,7 +52,7 @@ def upscale_frame(folder: str | Path, method_name: str, *, step: int | None = No
     upscale_all(plan, step, finish, clock, progress)
     with clock("write"):
         _write(folder, pixels, linear, plan.mask, progress)
-    report = _report(method_name, plan, frame, replaced, clock)
+    report = _report(method_name, plan, frame, clock) | {"replaced_pixels": replaced, "dilate": dilate}
     write_json(folder / REPORT_FILE, report)
     return report
 
@@ -134,8 +134,8 @@ def _write(folder: Path, pixels: np.ndarray, linear: np.ndarray | None, mask: np
     progress("write", 1.0, EIA_FILE)
 
 
-def _report(method_name: str, plan: Plan, frame: Frame, replaced: int, clock: StageClock) -> dict[str, Any]:
-    """report.json, see docs/frame-folder.md."""
+def _report(method_name: str, plan: Plan, frame: Frame, clock: StageClock) -> dict[str, Any]:
+    """Entries of report.json, see docs/frame-folder.md."""
     return {
         "method": method_name,
         "display": frame.display.name,
@@ -144,7 +144,6 @@ def _report(method_name: str, plan: Plan, frame: Frame, replaced: int, clock: St
         "seconds": {stage: round(seconds, 4) for stage, seconds in clock.seconds.items()},
         "peak_bytes": peak_bytes(),
         "foreground_share": float(plan.mask.mean()),
-        "replaced_pixels": replaced,
         "notes": list(plan.upscaler.notes),
         "metrics": {},
     }
