@@ -26,6 +26,7 @@ OLDEST_BLENDER = (4, 5)
 ENTRY_SCRIPT = Path(__file__).parent.parent / "scripts" / "blender_entry.py"
 LOG_FILE = "blender.log"
 PROGRESS_PREFIX = "LFSR "
+LAST_STAGES = ("done", "error", "cancelled")
 EXIT_BAD_INPUT = 2
 SECONDS_TO_STOP = 5
 LINES_IN_MESSAGE = 3
@@ -34,6 +35,7 @@ RENDERED_FILES = {"render": (frame.LOW_RES_FILE,), "reference": frame.REFERENCE_
 DERIVED_FILES = (frame.EIA_FILE, frame.EIA_LINEAR_FILE, frame.MASK_FILE, frame.REPORT_FILE, LOG_FILE)
 
 Progress = Callable[[str, float, str], None]
+Warn = Callable[[str], None]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,9 +80,11 @@ def _version(path: str) -> tuple[int, ...]:
     return int(found[1]), int(found[2])
 
 
-def run_job(job: Job, blender: Blender, progress: Progress | None = None) -> None:
+def run_job(job: Job, blender: Blender, progress: Progress | None = None, warn: Warn | None = None) -> None:
     """Render ``job`` and put what it wrote into its folder, all of it or nothing.
 
+    ``progress(stage, fraction, message)`` while it runs, ``warn(sentence)`` for
+    what the user should know although it does not stop the render.
     LfsrError with Blender's own sentence after bad input, or with the last lines
     of its log (kept in that folder) after a crash. On KeyboardInterrupt Blender is
     stopped before the exception goes on.
@@ -97,7 +101,7 @@ def run_job(job: Job, blender: Blender, progress: Progress | None = None) -> Non
         staged.mkdir()
         job_file, log_file = Path(name) / "job.json", Path(name) / LOG_FILE
         write_json(job_file, dataclasses.replace(job, output=str(staged.resolve())).to_dict())
-        _run(blender.command(job_file), log_file, folder, progress)
+        _run(blender.command(job_file), log_file, folder, _listener(progress, warn))
         _publish(staged, folder)
 
 
@@ -110,13 +114,25 @@ def check_folder(folder: Path, kind: str) -> None:
             raise LfsrError(f"{folder} already holds a {other}, but a {kind} was asked for: choose another folder")
 
 
-def _run(command: list[str], log_file: Path, folder: Path, progress: Progress | None) -> None:
+def _listener(progress: Progress | None, warn: Warn | None) -> Callable[[dict[str, Any]], None]:
+    """What to do with one LFSR record."""
+    def listen(record: dict[str, Any]) -> None:
+        stage, message = str(record["stage"]), str(record.get("message", ""))
+        if record.get("warning"):
+            if warn:
+                warn(message)
+        elif progress and stage not in LAST_STAGES:
+            progress(stage, float(record.get("fraction", 0)), message)
+    return listen
+
+
+def _run(command: list[str], log_file: Path, folder: Path, listen: Callable[[dict[str, Any]], None]) -> None:
     # Its own process group: Ctrl-C reaches this program only, which then stops Blender.
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
                              env=os.environ | {"PYTHONUNBUFFERED": "1"}, start_new_session=True)
     with child, log_file.open("w", encoding="utf-8") as log:
         try:
-            last = _follow(child.stdout or (), log.write, progress)
+            last = _follow(child.stdout or (), log.write, listen)
             code = child.wait()
         except BaseException:
             _stop(child)
@@ -127,18 +143,17 @@ def _run(command: list[str], log_file: Path, folder: Path, progress: Progress | 
         raise _crash(code, log_file, folder)
 
 
-def _follow(lines: Iterable[str], log: Callable[[str], Any], progress: Progress | None) -> dict[str, Any]:
-    """Log every line, pass progress on; returns the last LFSR record."""
-    record: dict[str, Any] = {}
+def _follow(lines: Iterable[str], log: Callable[[str], Any],
+            listen: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
+    """Log every line, pass LFSR records on; returns the last one."""
+    last: dict[str, Any] = {}
     for line in lines:
         log(line)
-        found = parse_progress(line)
-        if found is None:
-            continue
-        record = found
-        if progress and record["stage"] not in ("done", "error"):
-            progress(record["stage"], float(record.get("fraction", 0)), str(record.get("message", "")))
-    return record
+        record = parse_progress(line)
+        if record is not None:
+            last = record
+            listen(record)
+    return last
 
 
 def parse_progress(line: str) -> dict[str, Any] | None:

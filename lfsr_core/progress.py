@@ -37,6 +37,11 @@ class ProgressBar:
         self._stream.write(f"{start}{stage:10} {bar} {fraction:4.0%}  {message[:60]}\x1b[K")
         self._stream.flush()
 
+    def note(self, message: str) -> None:
+        """A line that stays."""
+        self.close()
+        print(f"note: {message}", file=self._stream, flush=True)
+
     def close(self) -> None:
         """End the moving line, so that what is printed next starts on its own."""
         if self._moving and self._stage:

@@ -124,6 +124,14 @@ def test_finished_render_is_moved_in_whole(blender, job):
     assert leftovers(job) == ["frame", f"frame/{LOW_RES_FILE}"]
 
 
+def test_warnings_are_passed_on_apart_from_progress(blender, job):
+    body = """print('LFSR {"stage": "render", "fraction": 0, "message": "no wood.png", "warning": true}')""" + GOOD
+    seen, warnings = [], []
+    run_job(job, Blender(blender(body)), lambda *state: seen.append(state), warnings.append)
+    assert seen == [("render", 0.5, "half")]
+    assert warnings == ["no wood.png"]
+
+
 def test_job_file_asks_for_the_job(blender, job, tmp_path):
     body = f"Path({str(tmp_path / 'copy.json')!r}).write_text(json.dumps(job))" + GOOD
     run_job(job, Blender(blender(body)))

@@ -36,6 +36,15 @@ def test_terminal_line_moves_and_stays_in_place_within_a_stage():
     assert "█" * 31 not in text
 
 
+def test_note_has_its_own_line_also_amid_a_bar():
+    stream = Terminal()
+    progress = ProgressBar(stream)
+    progress("render", 0.5)
+    progress.note("no wood.png")
+    progress("render", 1.0)
+    assert "\nnote: no wood.png\n" in stream.getvalue()
+
+
 def test_closing_an_unused_bar_prints_nothing():
     stream = Terminal()
     ProgressBar(stream).close()

@@ -47,6 +47,6 @@ def render(arguments: argparse.Namespace, job: Job) -> None:
     blender = find_blender(arguments.blender)
     progress = ProgressBar()
     try:
-        run_job(job, blender, progress)
+        run_job(job, blender, progress, progress.note)
     finally:
         progress.close()

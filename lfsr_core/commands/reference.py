@@ -49,5 +49,5 @@ def _quick_mask(arguments: argparse.Namespace, reference: Job) -> np.ndarray:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "mask"
         _scene.render(arguments, dataclasses.replace(reference, kind="render", output=str(folder), scale=scale,
-                                                     spp=SAMPLES_FOR_MASK, layers=("index",)))
+                                                     spp=SAMPLES_FOR_MASK))
         return foreground_mask(read_layers(folder / LOW_RES_FILE), display.lenses)
