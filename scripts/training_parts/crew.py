@@ -1,0 +1,90 @@
+"""Several Blender processes that take scene numbers from one list.
+
+A worker reads numbers from its standard input, one a line, and answers each with
+one line ``LFSR {json}``. A worker that dies costs the scene it was at, no more.
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+import subprocess
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Sequence
+
+PREFIX = "LFSR "
+Work = Callable[[int], dict[str, float]]
+
+
+def say(**message: object) -> None:
+    """One line of the progress protocol."""
+    print(PREFIX + json.dumps(message), flush=True)
+
+
+def attempt(work: Work, index: int) -> bool:
+    """Do one scene and say how it went; False where it failed."""
+    try:
+        say(stage="scene", index=index, seconds=work(index))
+    except Exception as error:
+        # One bad scene must not end a run of thousands; it is told and counted.
+        traceback.print_exc(file=sys.stderr)
+        say(stage="failed", index=index, message=f"{type(error).__name__}: {error}")
+        return False
+    return True
+
+
+def serve(work: Work) -> None:
+    """A worker's life: do the scenes whose numbers come in."""
+    for line in iter(sys.stdin.readline, ""):
+        attempt(work, int(line))
+
+
+def share_out(command: Sequence[str], workers: int, indices: Sequence[int]) -> list[int]:
+    """Have ``workers`` processes of ``command`` do the scenes; the numbers that failed, sorted."""
+    waiting: queue.SimpleQueue[int] = queue.SimpleQueue()
+    for index in indices:
+        waiting.put(index)
+    failed: list[int] = []
+    threads = [threading.Thread(target=_lead, args=(command, waiting, failed)) for _ in range(workers)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return sorted(failed)
+
+
+def _lead(command: Sequence[str], waiting: queue.SimpleQueue[int], failed: list[int]) -> None:
+    """Keep one worker busy, and replace it if it dies."""
+    worker = None
+    while True:
+        try:
+            index = waiting.get_nowait()
+        except queue.Empty:
+            break
+        worker = worker or subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        answer = _ask(worker, index)
+        if answer is None:
+            say(stage="failed", index=index, message=f"the worker ended with code {worker.wait()}")
+            worker = None
+        else:
+            say(**answer)
+        if answer is None or answer["stage"] == "failed":
+            failed.append(index)
+    if worker:
+        worker.stdin.close()
+        worker.wait()
+
+
+def _ask(worker: subprocess.Popen, index: int) -> dict | None:
+    """The worker's answer for one scene; None where it died."""
+    try:
+        worker.stdin.write(f"{index}\n")
+        worker.stdin.flush()
+    except BrokenPipeError:
+        return None
+    for line in worker.stdout:
+        if line.startswith(PREFIX):
+            return json.loads(line.removeprefix(PREFIX))
+    return None
