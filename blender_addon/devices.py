@@ -7,8 +7,9 @@ from contextlib import contextmanager
 
 import bpy
 
-from blender_addon.overrides import overridden
 from lfsr_core.errors import LfsrError
+
+from .overrides import overridden
 
 WITH_OSL_CAMERA = ("CPU", "OPTIX")
 

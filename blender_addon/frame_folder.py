@@ -10,12 +10,13 @@ from pathlib import Path
 
 import bpy
 
-from blender_addon import devices, passes, rig, scene_io
-from blender_addon.progress import Progress, part
-from blender_addon.render import RenderSettings, render_encoded
-from blender_addon.views import render_views
 from lfsr_core.frame import LOW_RES_FILE, REFERENCE_FILES, ColorSettings, Frame, write_frame
 from lfsr_core.render_job import Job
+
+from . import devices, passes, rig, scene_io
+from .progress import Progress, part
+from .render import RenderSettings, render_encoded
+from .views import render_views
 
 # Added to a reference half's seed, so that no half shares random numbers with a candidate image.
 HALF_SEED = 1 << 20

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import bpy
 
-from blender_addon import scene_io, stopping
-from blender_addon.frame_folder import render_job
 from lfsr_core.errors import LfsrError
 from lfsr_core.render_job import Job, read_job
+
+from . import scene_io, stopping
+from .frame_folder import render_job
 
 BAD_INPUT, CANCELLED = 2, 130
 

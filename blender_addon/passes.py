@@ -8,9 +8,10 @@ from contextlib import ExitStack, contextmanager
 
 import bpy
 
-from blender_addon.overrides import overridden
 from lfsr_core.errors import LfsrError
 from lfsr_core.render_job import LAYERS
+
+from .overrides import overridden
 
 FOREGROUND, BACKGROUND = 1, 2
 

@@ -11,13 +11,14 @@ from pathlib import Path
 import bpy
 import mathutils
 
-from blender_addon import compat, devices, passes
-from blender_addon.osl_camera import set_ray_layout
-from blender_addon.overrides import overridden
-from blender_addon.progress import Progress, following
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
 from lfsr_core.rays import RayLayout
+
+from . import compat, devices, passes
+from .osl_camera import set_ray_layout
+from .overrides import overridden
+from .progress import Progress, following
 
 Matrix = Sequence[Sequence[float]]
 

@@ -9,10 +9,11 @@ import bpy
 import mathutils
 import numpy as np
 
-from blender_addon.render import from_blender
 from lfsr_core.display import DisplayProfile
 from lfsr_core.errors import LfsrError
 from lfsr_core.rays import CameraArray
+
+from .render import from_blender
 
 FILL = 0.85           # share of the display the subject may fill, seen from the centre
 LEAST_FILL = 0.5      # a deep subject is made smaller to fit the usable depth, but not below this

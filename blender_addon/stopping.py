@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import bpy
 
-from blender_addon.render import UNFINISHED
+from .render import UNFINISHED
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 

@@ -16,11 +16,12 @@ import bpy
 import mathutils
 import numpy as np
 
-from blender_addon.overrides import overridden
-from blender_addon.progress import Progress, part
-from blender_addon.render import Matrix, RenderSettings, cycles_settings, render_to, temporary_camera, to_blender
 from lfsr_core import eia, image_io
 from lfsr_core.rays import RayLayout, view_offset
+
+from .overrides import overridden
+from .progress import Progress, part
+from .render import Matrix, RenderSettings, cycles_settings, render_to, temporary_camera, to_blender
 
 SENSOR_MM = 36.0
 # Blackman-Harris window as wide as this many box widths has the box's variance.
