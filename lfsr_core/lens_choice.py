@@ -14,7 +14,8 @@ def choose_lenses(mask: np.ndarray, count: int, seed: int = 0) -> tuple[tuple[in
     """``count`` different random lenses, (row, column), in reading order.
 
     ``mask`` (sy, sx) bool is the foreground. One lens in eight is background
-    where there is any; the rest are foreground. Every lens of a group is equally
+    where there is any, and at least two of eight or more, since one alone has no
+    spread; the rest are foreground. Every lens of a group is equally
     likely, and each draw is spread over its group: equal steps from a random start
     along a curve that visits neighbours together (systematic sampling, Z-order).
     LfsrError if fewer than ``count`` lenses exist.
@@ -22,7 +23,8 @@ def choose_lenses(mask: np.ndarray, count: int, seed: int = 0) -> tuple[tuple[in
     if not 1 <= count <= mask.size:
         raise LfsrError(f"number of lenses is {count}, but it must be from 1 to the display's {mask.size}")
     foreground, background = np.argwhere(mask), np.argwhere(~mask)
-    wanted = min(count - min(len(background), count // BACKGROUND_SHARE), len(foreground))
+    share = max(2, count // BACKGROUND_SHARE) if count >= BACKGROUND_SHARE else 0
+    wanted = min(count - min(len(background), share), len(foreground))
     random = np.random.default_rng(seed)
     chosen = np.concatenate([_spread(foreground, wanted, random), _spread(background, count - wanted, random)])
     return tuple(sorted((int(row), int(column)) for row, column in chosen))

@@ -237,6 +237,17 @@ def test_compare_writes_and_prints_every_metric(tmp_path, capsys, lenses):
     assert ("±" in printed) == (lenses is not None)
 
 
+@pytest.mark.parametrize("lenses", [((5, 7),), ((0, 0),), ((5, 7), (5, 8))])
+def test_compare_tells_what_it_can_from_very_few_lenses(tmp_path, capsys, lenses):
+    folder, reference = write_render(tmp_path / "frame"), write_reference(tmp_path / "reference", lens_list=lenses)
+    main(["upscale", str(folder), "--method", "bicubic"])
+    capsys.readouterr()
+    assert main(["compare", str(folder), str(reference)]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("p ")
+    assert "None" not in printed
+
+
 def test_compare_scores_the_truth_as_perfect_whatever_the_noise_of_the_reference(tmp_path):
     folder = write_render(tmp_path / "frame", scale=1)
     reference = write_reference(tmp_path / "reference", noise=0.2)

@@ -35,11 +35,11 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def table(metrics: dict[str, Any]) -> list[str]:
-    """One line per metric: value, 95 % interval where the reference is a sample of lenses, meaning."""
-    intervals = metrics.get("ci95", {})
-    lines = []
-    for name, meaning in MEANING.items():
-        if isinstance(metrics.get(name), (int, float)):
-            spread = f" ± {intervals[name]:.4f}" if name in intervals else ""
-            lines.append(f"{name:15} {metrics[name]:8.4f}{spread:10}  {meaning}")
-    return lines
+    """One line per known metric: value, 95 % interval where the reference is a sample of lenses, meaning."""
+    return [f"{name:15} {metrics[name]:8.4f}{_spread(metrics, name):10}  {meaning}"
+            for name, meaning in MEANING.items() if metrics.get(name) is not None]
+
+
+def _spread(metrics: dict[str, Any], name: str) -> str:
+    half_width = metrics.get("ci95", {}).get(name)
+    return "" if half_width is None else f" ± {half_width:.4f}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+import sys
 import tempfile
 from pathlib import Path
 
@@ -44,6 +45,7 @@ def _quick_mask(arguments: argparse.Namespace, reference: Job) -> np.ndarray:
     from lfsr_core.foreground import foreground_mask
     from lfsr_core.image_io import read_layers
 
+    print(f"choosing {arguments.lenses} lenses from a quick render", file=sys.stderr)
     display = reference.display
     scale = min(display.scales(), key=lambda s: abs(s - SCALE_FOR_MASK), default=1)
     with tempfile.TemporaryDirectory() as name:
