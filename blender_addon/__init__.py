@@ -1,17 +1,32 @@
-"""Light-field rendering for integral-imaging displays: the part that runs inside Blender."""
+"""Light-field rendering for integral-imaging displays: the part that runs inside Blender.
+
+Blender loads this package as an extension, under a name of Blender's choice, or
+as a legacy add-on: imports inside it are relative.
+"""
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
+import sys
+from pathlib import Path
 
-# Each of these may list Blender classes to register in CLASSES.
-MODULES = ("properties", "operators", "panels")
+bl_info = {
+    "name": "LFSR Light Field",
+    "description": "Renders 8K elemental image arrays for integral-imaging displays",
+    "author": "The LFSR authors",
+    "version": (0, 1, 0),
+    "blender": (3, 4, 0),
+    "location": "3D View > Sidebar > Light Field",
+    "category": "Render",
+}
 
+# Each of these may list Blender classes to register in CLASSES, and have a register() and unregister() of its own.
+MODULES = ("preferences",)
 
-def _modules() -> list:
-    present = [name for name in MODULES if importlib.util.find_spec(f"{__name__}.{name}")]
-    return [importlib.import_module(f"{__name__}.{name}") for name in present]
+if importlib.util.find_spec("lfsr_core") is None:
+    # As an extension Blender puts lfsr_core's wheel on the path; in a checkout it lies beside this package.
+    sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 
 def register() -> None:
@@ -34,3 +49,7 @@ def unregister() -> None:
             module.unregister()
         for cls in reversed(getattr(module, "CLASSES", ())):
             bpy.utils.unregister_class(cls)
+
+
+def _modules() -> list:
+    return [importlib.import_module(f"{__name__}.{name}") for name in MODULES]
