@@ -12,7 +12,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.render_job import check_scene
 
 BACKGROUND_COLLECTION = "Background"
-DEFAULT_LIGHT = "studio.exr"
+DEFAULT_LIGHT = "city.exr"   # neutral, from all sides: glass and skin both read well
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "FONT", "META", "VOLUME", "CURVES", "POINTCLOUD"}
 
 
