@@ -54,7 +54,7 @@ def expose(capture: Capture, seed: int) -> tuple[float, float]:
     wanted = stage.log_uniform(*BRIGHTNESS)
     color = capture.low(EXPOSURE_SAMPLES, seed)["color"]
     found = lens_brightness(color, stage.profile.lenses)
-    factor = float(np.clip(wanted / max(found, 1e-6), 1e-3, 1e3))
+    factor = float(wanted / max(found, 1e-9))
     for dimmer in stage.dimmers:
         dimmer.scale(factor)
     return factor, occupancy(color, stage.profile.lenses)
@@ -64,7 +64,7 @@ def lens_brightness(color: np.ndarray, lenses: tuple[int, int]) -> float:
     """Median over foreground lenses of mean luminance per covered area; 0 without foreground."""
     sx, sy = lenses
     tiles = np.nan_to_num(color).reshape(sy, color.shape[0] // sy, sx, color.shape[1] // sx, 4).mean((1, 3))
-    covered = tiles[..., 3] > 0.25
+    covered = tiles[..., 3] > 0.02
     return float(np.median(tiles[covered][:, :3] @ LUMINANCE / tiles[covered][:, 3])) if covered.any() else 0.0
 
 

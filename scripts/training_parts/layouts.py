@@ -39,14 +39,15 @@ def _around_plane(stage: Stage, size: float) -> np.ndarray:
 
 def hero(stage: Stage) -> None:
     """One body, as in most of the test renders, sometimes on a plinth or with companions."""
-    size = stage.rng.uniform(0.35, 0.95)
+    alone = stage.chance(0.55)
+    size = stage.rng.uniform(0.2, 0.95)
     at = _around_plane(stage, size)
     thing = random_shape(stage)
     put(stage, thing, at, size, readable(stage) if thing.type == "FONT" else upright(stage, 0.4))
-    if stage.chance(0.35):
+    if not alone and stage.chance(0.6):
         below = surfaces.box(stage.rng.uniform(0.5, 1.5), stage.rng.uniform(0.3, 1), 0.06)
         put(stage, add_surface(below, random_material(stage), "plinth"), at - [0, 0, size], 1.0, np.zeros(3))
-    for _ in range(stage.rng.integers(0, 4)):
+    for _ in range(0 if alone else stage.rng.integers(1, 4)):
         put(stage, random_shape(stage), stage.place(), stage.rng.uniform(0.08, 0.3))
 
 
@@ -54,10 +55,11 @@ def pile(stage: Stage) -> None:
     """Clutter of many bodies of few kinds, on a floor or floating."""
     kinds = [random_shape(stage, stage.pick(SMALL)) for _ in range(stage.rng.integers(3, 7))]
     floor, largest = -stage.array.half_height * stage.rng.uniform(0.5, 0.9), stage.rng.uniform(0.12, 0.35)
+    spread = stage.rng.uniform(0.25, 0.9)
     for index in range(stage.rng.integers(15, 90)):
         thing = kinds[index] if index < len(kinds) else copy_of(kinds[stage.rng.integers(len(kinds))])
         size = largest * stage.rng.uniform(0.3, 1)
-        at = stage.place()
+        at = stage.place(spread)
         at[2] = floor + size * stage.rng.uniform(0.6, 1) + abs(stage.rng.normal(0, 0.3))
         put(stage, thing, at, size)
     if stage.chance(0.7):
@@ -68,10 +70,10 @@ def cloud(stage: Stage) -> None:
     """Particles of one or two kinds all through the depth range."""
     kinds = [random_shape(stage, stage.pick({"ball": 4, "box": 2, "rock": 2, "knot": 1, "blob": 2}))
              for _ in range(stage.rng.integers(1, 4))]
-    size = stage.log_uniform(0.015, 0.12)
+    size, spread = stage.log_uniform(0.015, 0.12), stage.rng.uniform(0.3, 1.1)
     for index in range(stage.rng.integers(60, 400)):
         thing = kinds[index] if index < len(kinds) else copy_of(kinds[stage.rng.integers(len(kinds))])
-        thing.location, thing.rotation_euler = stage.place(1.0), turn(stage)
+        thing.location, thing.rotation_euler = stage.place(spread), turn(stage)
         thing.scale = (size * stage.rng.uniform(0.4, 1.5),) * 3
     stage.note("cloud", size=size)
     if stage.chance(0.4):

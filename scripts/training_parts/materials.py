@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 from training_parts.stage import Dimmer, Stage
 
-KINDS = {"plastic": 15, "photo": 24, "noise": 12, "metal": 12, "glass": 8, "skin": 6, "cloth": 6,
+KINDS = {"plastic": 15, "photo": 24, "noise": 12, "metal": 12, "glass": 11, "skin": 6, "cloth": 6,
          "lacquer": 6, "worn": 7, "glow": 1.5, "film": 2.5}
 VOLUME_SHARE = 0.35  # of the glass
 
@@ -102,7 +102,7 @@ def pattern_value(stage: Stage, graph: Graph, uv: bool) -> bpy.types.NodeSocket:
         return graph.node("ShaderNodeTexWave", {"Vector": vector, "Scale": scale / 3, "Distortion": rng.uniform(0, 8)},
                           wave_type=str(rng.choice(["BANDS", "RINGS"]))).outputs[0]
     if sort == "check":
-        return graph.node("ShaderNodeTexChecker", {"Vector": vector, "Scale": scale}).outputs["Fac"]
+        return graph.node("ShaderNodeTexChecker", {"Vector": vector, "Scale": scale}).outputs[1]
     return graph.node("ShaderNodeTexBrick", {"Vector": vector, "Scale": scale / 2}).outputs[1]
 
 

@@ -102,22 +102,18 @@ def fur(rng: Random, body: Surface) -> Surface:
     roots = body.vertices[rng.integers(len(body.vertices), size=count)]
     share = np.linspace(0, 1, 5)
     wind = rng.normal(0, 0.4, 3) - [0, 0, rng.uniform(0, 0.8)]
-    strands = []
-    for root in roots:
-        out = root / (np.linalg.norm(root) + 1e-9) + rng.normal(0, 0.2, 3)
-        path = root + length * (np.outer(share, out) + np.outer(share ** 2, wind))
-        strands.append(surfaces.tube(path, thickness * (1.05 - share), 3))
-    return surfaces.join(strands)
+    out = _units(roots) + rng.normal(0, 0.2, roots.shape)
+    paths = roots[:, None] + length * (share[:, None] * out[:, None] + (share ** 2)[:, None] * wind)
+    return surfaces.strands(paths, thickness * (1.05 - share))
 
 
 def grass(rng: Random, half_width: float, half_depth: float) -> Surface:
     """A meadow of bent blades standing on z = 0."""
     count, height = int(rng.integers(300, 1500)), rng.uniform(0.1, 0.5)
-    share, blades = np.linspace(0, 1, 4), []
-    width = rng.uniform(0.004, 0.02)
-    for _ in range(count):
-        root = np.array([rng.uniform(-half_width, half_width), rng.uniform(-half_depth, half_depth), 0])
-        bend = rng.normal(0, 0.25, 3) * [1, 1, 0]
-        path = root + height * rng.uniform(0.5, 1) * (np.outer(share, [0, 0, 1]) + np.outer(share ** 2, bend))
-        blades.append(surfaces.tube(path, width * (1.05 - share), 3))
-    return surfaces.join(blades)
+    share, width = np.linspace(0, 1, 4), rng.uniform(0.004, 0.02)
+    root = np.column_stack([rng.uniform(-half_width, half_width, count), rng.uniform(-half_depth, half_depth, count),
+                            np.zeros(count)])
+    bend = rng.normal(0, 0.25, (count, 1, 3)) * [1, 1, 0]
+    blade = share[:, None] * [0, 0, 1] + (share ** 2)[:, None] * bend
+    paths = root[:, None] + height * rng.uniform(0.5, 1, (count, 1, 1)) * blade
+    return surfaces.strands(paths, width * (1.05 - share))

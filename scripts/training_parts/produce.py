@@ -28,7 +28,7 @@ from lfsr_core.denoise import denoise_eia
 from lfsr_core.files import atomic_path
 
 FORMAT = 1
-LEAST_OCCUPANCY, ATTEMPTS = 0.12, 8
+LEAST_OCCUPANCY, EXPOSURES, ATTEMPTS = 0.12, (0.005, 200.0), 8
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,7 +83,7 @@ def produce(recipe: Recipe, index: int) -> dict[str, float]:
 
 
 def _ready_scene(recipe: Recipe, index: int, clock: Clock) -> tuple[Capture, dict[str, Any]]:
-    """A built and exposed scene that fills enough of the display; nearly empty ones are built anew."""
+    """A built and exposed scene that fills enough of the display; nearly empty or unlit ones are built anew."""
     for attempt in range(ATTEMPTS):
         with clock.stage("build"):
             stage = build_scene(recipe.seed, index, attempt, recipe.display, recipe.scale, recipe.textures)
@@ -91,7 +91,7 @@ def _ready_scene(recipe: Recipe, index: int, clock: Clock) -> tuple[Capture, dic
         capture = Capture(stage, recipe.scale, recipe.device)
         with clock.stage("expose"):
             exposure, share = expose(capture, _render_seed(stage.rng))
-        if share >= LEAST_OCCUPANCY:
+        if share >= LEAST_OCCUPANCY and EXPOSURES[0] < exposure < EXPOSURES[1]:
             break
     return capture, {"index": index, "attempt": attempt, "exposure": exposure, "seeds": {}}
 
