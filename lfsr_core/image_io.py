@@ -79,7 +79,9 @@ def clean(layers: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], int]
     cleaned, broken = dict(layers), None
     for name, pixels in layers.items():
         # A sum is finite unless a pixel is not: one pass over healthy layers, no temporary.
-        if np.isfinite(np.sum(pixels, dtype=np.float64)):
+        with np.errstate(invalid="ignore"):
+            healthy = np.isfinite(np.sum(pixels, dtype=np.float64))
+        if healthy:
             continue
         bad = ~np.isfinite(pixels)
         cleaned[name] = np.where(bad, np.float32(0), pixels)
