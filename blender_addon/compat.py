@@ -1,4 +1,4 @@
-"""What differs between Blender 4.5, 5.0 and 5.2; nothing else asks for the version."""
+"""What differs between Blender 3.4, 4.5, 5.0 and 5.2; nothing else asks for the version."""
 
 from __future__ import annotations
 
@@ -14,3 +14,14 @@ def multilayer_exr(half: bool = False) -> dict[str, Any]:
     if "media_type" in bpy.types.ImageFormatSettings.bl_rna.properties:
         return {"media_type": "MULTI_LAYER_IMAGE"} | common
     return common
+
+
+def use_nodes(owner: bpy.types.Material | bpy.types.World) -> None:
+    """Give a new material or world its node tree; since 5.0 it has one from the start."""
+    if owner.node_tree is None:
+        owner.use_nodes = True
+
+
+def has_custom_camera() -> bool:
+    """True if Cycles can send rays by an OSL shader: Blender 4.5 and newer."""
+    return "CUSTOM" in bpy.types.Camera.bl_rna.properties["type"].enum_items

@@ -13,6 +13,7 @@ from lfsr_core.display import DisplayProfile
 from lfsr_core.errors import LfsrError
 from lfsr_core.rays import CameraArray
 
+from . import array_rig
 from .render import from_blender
 
 FILL = 0.85           # share of the display the subject may fill, seen from the centre
@@ -25,7 +26,10 @@ Placement = tuple[CameraArray, tuple[tuple[float, ...], ...]]
 
 
 def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: Iterable[bpy.types.Object]) -> Placement:
-    """Array and its world matrix for ``profile``: at the scene's camera, else fitted to the subject."""
+    """Array and its world matrix for ``profile``: the scene's own, else at its camera, else fitted to the subject."""
+    own = array_rig.placement(scene, profile)
+    if own is not None:
+        return own
     subject = set(subject)
     if scene.camera is not None and scene.camera.type == "CAMERA":
         return array_of_camera(scene, profile, subject)
@@ -73,13 +77,14 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
 
 def bounds(subject: Iterable[bpy.types.Object]) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest world corner (3,) of the subject's render geometry, instances included."""
-    corners = [corner for points in _world_points(set(subject)) for corner in (points.min(0), points.max(0))]
+    corners = [corner for points in world_points(set(subject)) for corner in (points.min(0), points.max(0))]
     if not corners:
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
     return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
-def _world_points(subject: set[bpy.types.Object]) -> Iterable[np.ndarray]:
+def world_points(subject: set[bpy.types.Object]) -> Iterable[np.ndarray]:
+    """World vertices (n, 3) of each object and instance of the subject that would be rendered."""
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         item = instance.object
         owner = instance.parent if instance.is_instance else item

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import bpy
 
+from blender_addon import compat
 from lfsr_core.errors import LfsrError
 from lfsr_core.render_job import check_scene
 
@@ -141,7 +142,7 @@ def add_light(scene: bpy.types.Scene, name: str = DEFAULT_LIGHT) -> bpy.types.Wo
     if not path.is_file():
         raise LfsrError(f"the scene has no light and this Blender has no {path.name} to light it with: add a light")
     world = bpy.data.worlds.new("LFSR light")
-    world.use_nodes = True
+    compat.use_nodes(world)
     nodes = world.node_tree.nodes
     texture = nodes.new("ShaderNodeTexEnvironment")
     texture.image = bpy.data.images.load(str(path), check_existing=True)
