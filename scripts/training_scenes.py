@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from training_parts import crew
+from training_parts.displays import check_display
 from training_parts.textures import find_textures, prepare_textures
 
 from lfsr_core.errors import LfsrError
@@ -65,6 +66,7 @@ def recipe_of(options: argparse.Namespace) -> Recipe:
         raise LfsrError("--output is missing: name the folder of the scene files")
     if options.reference_spp < 2 or options.reference_spp % 2:
         raise LfsrError(f"--reference-spp is {options.reference_spp}, but two equal halves need an even number")
+    check_display(options.display, options.scale)
     return Recipe(options.output, options.seed, options.display, options.scale, _samples(options.spps),
                   options.reference_spp, find_textures(options.textures), options.device,
                   options.threads, options.compress)

@@ -1,7 +1,8 @@
 """Several Blender processes that take scene numbers from one list.
 
 A worker reads numbers from its standard input, one a line, and answers each with
-one line ``LFSR {json}``. A worker that dies costs the scene it was at, no more.
+one line ``LFSR {json}``. A worker that dies costs the scene it was at, no more;
+bad input, which every scene would meet, ends the run.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import threading
 import traceback
 from collections.abc import Callable, Sequence
 
+from lfsr_core.errors import LfsrError
+
 PREFIX = "LFSR "
 Work = Callable[[int], dict[str, float]]
 
@@ -24,9 +27,11 @@ def say(**message: object) -> None:
 
 
 def attempt(work: Work, index: int) -> bool:
-    """Do one scene and say how it went; False where it failed."""
+    """Do one scene and say how it went; False where it failed. LfsrError passes through."""
     try:
         say(stage="scene", index=index, seconds=work(index))
+    except LfsrError:
+        raise
     except Exception as error:
         # One bad scene must not end a run of thousands; it is told and counted.
         traceback.print_exc(file=sys.stderr)
@@ -42,39 +47,49 @@ def serve(work: Work) -> None:
 
 
 def share_out(command: Sequence[str], workers: int, indices: Sequence[int]) -> list[int]:
-    """Have ``workers`` processes of ``command`` do the scenes; the numbers that failed, sorted."""
+    """Have ``workers`` processes of ``command`` do the scenes; the numbers that failed, sorted.
+
+    LfsrError where a worker met one.
+    """
     waiting: queue.SimpleQueue[int] = queue.SimpleQueue()
     for index in indices:
         waiting.put(index)
     failed: list[int] = []
-    threads = [threading.Thread(target=_lead, args=(command, waiting, failed)) for _ in range(workers)]
+    errors: list[str] = []
+    threads = [threading.Thread(target=_lead, args=(command, waiting, failed, errors)) for _ in range(workers)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
+    if errors:
+        raise LfsrError(errors[0])
     return sorted(failed)
 
 
-def _lead(command: Sequence[str], waiting: queue.SimpleQueue[int], failed: list[int]) -> None:
+def _lead(command: Sequence[str], waiting: queue.SimpleQueue[int], failed: list[int], errors: list[str]) -> None:
     """Keep one worker busy, and replace it if it dies."""
     worker = None
-    while True:
+    while not errors and not waiting.empty():
         try:
             index = waiting.get_nowait()
         except queue.Empty:
             break
         worker = worker or subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        answer = _ask(worker, index)
-        if answer is None:
-            say(stage="failed", index=index, message=f"the worker ended with code {worker.wait()}")
-            worker = None
-        else:
-            say(**answer)
-        if answer is None or answer["stage"] == "failed":
+        answer = _ask(worker, index) or _obituary(worker, index)
+        if answer["stage"] == "error":
+            errors.append(answer["message"])
+            break
+        say(**{name: value for name, value in answer.items() if name != "dead"})
+        if answer["stage"] == "failed":
             failed.append(index)
+        worker = None if "dead" in answer else worker
     if worker:
         worker.stdin.close()
         worker.wait()
+
+
+def _obituary(worker: subprocess.Popen, index: int) -> dict[str, object]:
+    return {"stage": "failed", "index": index, "message": f"the worker ended with code {worker.wait()}", "dead": True}
 
 
 def _ask(worker: subprocess.Popen, index: int) -> dict | None:
