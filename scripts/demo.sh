@@ -21,8 +21,8 @@ say "20×20 views for each of 96×54 lenses at 16 samples, denoised and upscaled
 say "Decoded views, epipolar images, and what an eye 15 cm to the left and 10 cm up sees"
 "$lfsr" views "$out/frame" --eye=-150,100,1000
 
-say "The truth for 16 random lenses: every view, 1024 samples, in two independent halves"
-"$lfsr" reference "$out/scene.blend" -o "$out/reference" --display bupt-32in-8k --spp 1024 --lenses 16
+say "The truth for 12 random lenses: every view, 1024 samples, in two independent halves"
+"$lfsr" reference "$out/scene.blend" -o "$out/reference" --display bupt-32in-8k --spp 1024 --lenses 12
 
 say "How close it is"
 "$lfsr" compare "$out/frame" "$out/reference"
@@ -40,5 +40,5 @@ cat <<END
 The numbers compare $out/frame with a path-traced truth that nothing was upscaled or denoised in.
 SSIM is 1 and FLIP 0 for a perfect picture. "split" means that the truth's own noise cancels;
 ssim_eia_plain does not have that, so even a perfect picture would score little more than
-ssim_ceiling there. The ± is the 95 % confidence interval that comes from looking at 16 lenses only.
+ssim_ceiling there. The ± is the 95 % confidence interval that comes from looking at 12 lenses only.
 END

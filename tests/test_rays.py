@@ -113,6 +113,14 @@ def test_every_ray_of_a_pixel_stays_on_its_lens_and_in_its_view_cell(numbers, sc
     assert (np.abs(hits(origin, direction) - hits(*middle)) <= lens_half).all()
 
 
+def test_place_in_the_pixel_is_place_on_the_lens():
+    corner = views_of(hits(*pixel_rays(layout(), place=(0.25, 0.75))), (8, 8))
+    lens_x = ((np.arange(16) + 0.25) / 16 * 2 - 1) * ARRAY.half_width
+    lens_y = -((np.arange(12) + 0.75) / 12 * 2 - 1) * ARRAY.half_height
+    np.testing.assert_allclose(corner[..., 0], np.broadcast_to(lens_x[None, :, None, None], (12, 16, 8, 8)), atol=1e-9)
+    np.testing.assert_allclose(corner[..., 1], np.broadcast_to(lens_y[:, None, None, None], (12, 16, 8, 8)), atol=1e-9)
+
+
 def test_random_numbers_move_right_and_up_like_the_raster():
     centre = rays(layout(), 0.5, 0.5, 0.5, 0.5)[0]
     moved = rays(layout(), 0.5, 0.5, 0.75, 0.75)[0]
