@@ -12,7 +12,6 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-import cv2
 import numpy as np
 from threadpoolctl import threadpool_limits
 
@@ -101,4 +100,4 @@ def place(buffer: np.ndarray, grid: tuple[int, int], lenses: np.ndarray, images:
     """
     slots = to_elemental_images(buffer, grid)
     for (row, column), image in zip(lenses, images, strict=True):
-        slots[row, column] = cv2.flip(image, -1) if flipped else image
+        slots[row, column] = image[::-1, ::-1] if flipped else image

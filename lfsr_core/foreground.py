@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import cv2
 import numpy as np
 
 from lfsr_core.eia import to_elemental_images
@@ -25,8 +24,14 @@ def foreground_mask(layers: Mapping[str, np.ndarray], lenses: tuple[int, int], d
     hit = foreground_pixels(layers)
     mask = to_elemental_images(hit[..., None], lenses).any(axis=(2, 3, 4))
     if dilate:
-        mask = cv2.dilate(mask.astype(np.uint8), np.ones((2 * dilate + 1,) * 2, np.uint8)).astype(bool)
+        mask = _grown(_grown(mask, dilate).T, dilate).T
     return mask
+
+
+def _grown(mask: np.ndarray, reach: int) -> np.ndarray:
+    """The mask grown by ``reach`` up and down."""
+    padded = np.pad(mask, ((reach, reach), (0, 0)))
+    return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=0).any(-1)
 
 
 def foreground_pixels(layers: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -113,16 +113,19 @@ def read_mask(path: str | Path) -> np.ndarray:
 
 
 def _decode(path: str | Path, grey: bool) -> np.ndarray:
-    import cv2  # here, so that EXR layers can be read inside Blender, which has no OpenCV
-
     try:
-        data = np.frombuffer(Path(path).read_bytes(), np.uint8)
+        Path(path).open("rb").close()
     except OSError as error:
         raise LfsrError(f"{path} cannot be read ({error.strerror}): check the path") from None
-    pixels = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_COLOR) if data.size else None
+    source = oiio.ImageInput.open(str(path))
+    pixels = source.read_image("uint8") if source else None
     if pixels is None:
+        oiio.geterror()  # fetched, or the library prints it when the process ends
         raise LfsrError(f"{path} is not a readable 8-bit image: write it again")
-    return pixels if grey else cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
+    pixels = pixels.reshape(*pixels.shape[:2], -1)
+    if grey:
+        return pixels[..., 0]
+    return np.ascontiguousarray(pixels[..., :3]) if pixels.shape[2] >= 3 else pixels[..., :1].repeat(3, axis=2)
 
 
 def _read_parts(path: Path) -> list[tuple[tuple[str, ...], np.ndarray]]:

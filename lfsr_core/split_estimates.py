@@ -9,20 +9,21 @@ from __future__ import annotations
 
 import math
 
-import cv2
 import numpy as np
+
+from lfsr_core.gaussian import blur
 
 SSIM_SIGMA, SSIM_WINDOW = 1.5, 11
 SSIM_BORDER = SSIM_WINDOW // 2
 SSIM_C1, SSIM_C2 = 0.01**2, 0.03**2  # for data in [0, 1], Wang et al. 2004
 BAND_ROWS = 256
-MAX_CHANNELS = 512  # OpenCV's limit
+MAX_CHANNELS = 512  # of many small images side by side: enough for one call to be worth it
 
 
 def split_ssim_map(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> np.ndarray:
     """Local SSIM (H, W, C) of ``image`` against two noisy halves of one reference.
 
-    All (H, W, C) in [0, 1], C <= 512. Gaussian window of 11 × 11, σ = 1.5, data
+    All (H, W, C) in [0, 1]. Gaussian window of 11 × 11, σ = 1.5, data
     range 1, borders mirrored. The reference's variance is estimated by cov(a, b),
     its squared mean by mean(a) · mean(b), its covariance with the image by
     cov(image, (a + b) / 2); with a = b this is plain SSIM.
@@ -52,7 +53,7 @@ def stacked_ssim(images: np.ndarray, halves_a: np.ndarray, halves_b: np.ndarray)
     count, height, width, channels = images.shape
     step, parts = max(1, MAX_CHANNELS // channels), []
     for start in range(0, count, step):
-        # Side by side as channels: OpenCV filters each on its own, in one call.
+        # Side by side as channels: each is filtered on its own, all in one call.
         flat = [np.moveaxis(stack[start:start + step], 0, 2).reshape(height, width, -1)
                 for stack in (images, halves_a, halves_b)]
         local = split_ssim_map(*flat).reshape(height, width, -1, channels).mean(-1)
@@ -92,5 +93,4 @@ def _local_ssim(x: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _blur(values: np.ndarray) -> np.ndarray:
-    return cv2.GaussianBlur(values, (SSIM_WINDOW, SSIM_WINDOW), SSIM_SIGMA,
-                            borderType=cv2.BORDER_REFLECT).reshape(values.shape)
+    return blur(values, SSIM_SIGMA, SSIM_WINDOW)

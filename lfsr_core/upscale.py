@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
-import cv2
 import numpy as np
 
 from lfsr_core import networks
 from lfsr_core.denoise import denoise_low_resolution
 from lfsr_core.errors import LfsrError
+from lfsr_core.kernels import kernel_matrix
 
 EIS_IN_CACHE = 8  # per step of an interpolation: their result stays in a core's cache
 MAX_EXPONENT = 80  # keeps overshoot beside the brightest floats finite
@@ -58,7 +57,7 @@ class Upscaler(Protocol):
 
 @dataclasses.dataclass(frozen=True)
 class Interpolation:
-    """A classical upscaler: OpenCV's kernel ``flag`` in both directions of each EI.
+    """A classical upscaler: ``kernel`` of kernels.KERNELS in both directions of each EI.
 
     Samples beyond an EI repeat its border, or with ``crosstalk`` come from the
     ``CROSSTALK_REACH`` nearest pixels of the neighbouring EIs, as if the EIA were
@@ -66,7 +65,7 @@ class Interpolation:
     """
 
     name: str
-    flag: int
+    kernel: str
     crosstalk: bool = False
     thread_safe: bool = True
     notes: tuple[str, ...] = ()
@@ -74,9 +73,9 @@ class Interpolation:
     def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
         _, _, height, width, channels = low.color.shape
         lenses, margin = np.asarray(lenses), CROSSTALK_REACH if self.crosstalk else 0
-        down = _kernel_matrix(self.flag, height, low.scale, margin)
+        down = kernel_matrix(self.kernel, height, low.scale, margin)
         # Channels stay interleaved: the same weights for each, zero between them.
-        across = np.kron(_kernel_matrix(self.flag, width, low.scale, margin).T, np.eye(channels, dtype=np.float32))
+        across = np.kron(kernel_matrix(self.kernel, width, low.scale, margin).T, np.eye(channels, dtype=np.float32))
         result = np.empty((len(lenses), height * low.scale, width * low.scale, channels), np.float32)
         for start in range(0, len(lenses), EIS_IN_CACHE):
             part = slice(start, start + EIS_IN_CACHE)
@@ -104,12 +103,12 @@ class NoUpscaling:
 
 
 CLASSICAL: dict[str, tuple[str, Upscaler]] = {
-    "nearest": ("each view repeated", Interpolation("nearest", cv2.INTER_NEAREST)),
-    "bilinear": ("linear inside each elemental image", Interpolation("bilinear", cv2.INTER_LINEAR)),
-    "bicubic": ("cubic inside each elemental image", Interpolation("bicubic", cv2.INTER_CUBIC)),
-    "lanczos": ("8-tap Lanczos inside each elemental image", Interpolation("lanczos", cv2.INTER_LANCZOS4)),
+    "nearest": ("each view repeated", Interpolation("nearest", "nearest")),
+    "bilinear": ("linear inside each elemental image", Interpolation("bilinear", "linear")),
+    "bicubic": ("cubic inside each elemental image", Interpolation("bicubic", "cubic")),
+    "lanczos": ("8-tap Lanczos inside each elemental image", Interpolation("lanczos", "lanczos")),
     "bicubic-eia": ("cubic over the whole array: shows crosstalk",
-                    Interpolation("bicubic-eia", cv2.INTER_CUBIC, crosstalk=True)),
+                    Interpolation("bicubic-eia", "cubic", crosstalk=True)),
     "none": ("no upscaling, for renders at scale 1", NoUpscaling()),
 }
 PREFILTERS: dict[str, tuple[str, Callable[[LowResEIA], LowResEIA]]] = {
@@ -184,15 +183,6 @@ def decode(encoded: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
     if bright is not None:
         linear[bright] = highlights
     return linear
-
-
-@functools.lru_cache(maxsize=64)
-def _kernel_matrix(flag: int, size: int, scale: int, margin: int) -> np.ndarray:
-    """Weights (size·s, size + 2·margin) of OpenCV's kernel; the image's border repeats."""
-    padded = size + 2 * margin
-    # Resizing the identity in one direction shows the weight of every sample.
-    weights = cv2.resize(np.eye(padded, dtype=np.float32), (padded, padded * scale), interpolation=flag)
-    return np.ascontiguousarray(weights[margin * scale:(margin + size) * scale])
 
 
 def _gather(images: np.ndarray, lenses: np.ndarray, margin: int) -> np.ndarray:
