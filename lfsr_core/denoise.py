@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import importlib.util
 from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lfsr_core import oidn
 from lfsr_core.eia import from_elemental_images, to_elemental_images
 from lfsr_core.errors import LfsrError
 
@@ -32,7 +34,7 @@ def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.
     guides = {name: np.asarray(image, np.float32) for name, image in guides.items() if image is not None}
     try:
         denoised = _library().denoise(np.asarray(color, np.float32), **guides, hdr=True)
-    except RuntimeError as error:
+    except (ImportError, RuntimeError) as error:
         raise LfsrError(f"Open Image Denoise failed on an image of shape {color.shape} ({error}): "
                         "choose a method without 'oidn'") from None
     return np.maximum(denoised, 0)
@@ -46,9 +48,17 @@ def denoise_low_resolution(low: LowResEIA) -> LowResEIA:
     return dataclasses.replace(low, color=to_elemental_images(denoised, (sx, sy)))
 
 
+def is_available() -> bool:
+    """True if this Python has pyoidn or finds Blender's library."""
+    return importlib.util.find_spec("pyoidn") is not None or oidn.find_library() is not None
+
+
 def _library() -> ModuleType:
+    """The package pyoidn, else Blender's library; they give the same image."""
     try:
         return importlib.import_module("pyoidn")
     except ImportError as error:
+        if oidn.find_library() is not None:
+            return oidn
         raise LfsrError(f"Open Image Denoise is not available ({error}): install the package pyoidn, "
                         "or choose a method without 'oidn'") from None

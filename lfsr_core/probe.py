@@ -6,11 +6,11 @@ import importlib
 import platform
 import sys
 
-from lfsr_core import __version__
+from lfsr_core import __version__, denoise
 
 OLDEST_PYTHON = (3, 11)
-NEEDED = ("numpy", "OpenImageIO", "PyOpenColorIO", "cv2")
-OPTIONAL = {"pyoidn": "Open Image Denoise", "onnxruntime": "ONNX Runtime"}
+NEEDED = ("numpy", "OpenImageIO", "PyOpenColorIO")
+OPTIONAL = {"onnxruntime": "ONNX Runtime"}
 
 
 def report() -> str:
@@ -19,6 +19,7 @@ def report() -> str:
         importlib.import_module(name)
     importlib.import_module("lfsr_core.pipeline")
     found = [f"Python {platform.python_version()}", f"LFSR {__version__}"]
+    found += ["Open Image Denoise"] if denoise.is_available() else []
     found += [title for name, title in OPTIONAL.items() if _imports(name)]
     return ", ".join([*found, _torch()])
 

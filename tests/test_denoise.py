@@ -2,7 +2,9 @@ import sys
 
 import numpy as np
 import pytest
+from prerequisites import needs_bpy
 
+from lfsr_core import oidn
 from lfsr_core.denoise import denoise_eia, denoise_low_resolution
 from lfsr_core.errors import LfsrError
 from lfsr_core.upscale import LowResEIA
@@ -53,7 +55,18 @@ def test_low_resolution_eia_is_denoised_as_one_image():
     assert denoised.aux is low.aux and denoised.scale == 4
 
 
+@needs_bpy
+def test_library_of_blender_gives_the_same_image(monkeypatch):
+    clean, noisy = noisy_card()
+    albedo, normal = np.clip(clean / 3, 0, 1), np.zeros_like(clean) + np.float32([0, 0, 1])
+    expected = denoise_eia(noisy), denoise_eia(noisy, albedo, normal)
+    monkeypatch.setitem(sys.modules, "pyoidn", None)
+    for found, wanted in zip((denoise_eia(noisy), denoise_eia(noisy, albedo, normal)), expected, strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=1e-3, atol=1e-4)
+
+
 def test_missing_library_is_one_clear_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyoidn", None)
+    monkeypatch.setattr(oidn, "find_library", lambda: None)
     with pytest.raises(LfsrError, match="install the package pyoidn"):
         denoise_eia(np.zeros((4, 4, 3), np.float32))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 from pathlib import Path
 
 from lfsr_core.frame import EIA_FILE, read_frame
@@ -37,10 +36,11 @@ def run(arguments: argparse.Namespace) -> None:
 
 def chosen_method(name: str | None, scale: int) -> str:
     """``name``, or the default for ``scale``; LfsrError if no such method exists."""
+    from lfsr_core import denoise
     from lfsr_core.upscale import DEFAULT_METHOD, method
 
     if name is None:
-        name = DEFAULT_METHOD if importlib.util.find_spec("pyoidn") else METHOD_WITHOUT_DENOISER
+        name = DEFAULT_METHOD if denoise.is_available() else METHOD_WITHOUT_DENOISER
         name = name if scale > 1 else METHOD_AT_FULL_RESOLUTION
     method(name)
     return name

@@ -1,0 +1,106 @@
+"""Open Image Denoise through Blender's own library, for a Python without the package pyoidn.
+
+Blender keeps the library beside its Python, so that the extension need not bring
+its 50 to 90 MB again. Only what ``denoise.py`` calls is bound (OpenImageDenoise/oidn.h, version 2).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import importlib.util
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+# Seen from a folder above Blender's Python; by platform: Linux, macOS, Windows, the bpy wheel on Windows.
+PLACES = ("lib/libOpenImageDenoise.so.2", "lib/libOpenImageDenoise.dylib", "blender.shared/OpenImageDenoise.dll",
+          "OpenImageDenoise.dll")
+CPU_DEVICE, FLOAT3 = 1, 3  # OIDNDeviceType, OIDNFormat
+LEVELS_UP = 6  # from site-packages to the folder that Blender is installed in
+
+_HANDLE, _SIZE, _NAME = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
+SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
+    "oidnNewDevice": (_HANDLE, (ctypes.c_int,)),
+    "oidnCommitDevice": (None, (_HANDLE,)),
+    "oidnGetDeviceError": (ctypes.c_int, (_HANDLE, ctypes.POINTER(_NAME))),
+    "oidnReleaseDevice": (None, (_HANDLE,)),
+    "oidnNewFilter": (_HANDLE, (_HANDLE, _NAME)),
+    "oidnSetSharedFilterImage": (None, (_HANDLE, _NAME, _HANDLE, ctypes.c_int, *(_SIZE,) * 5)),
+    "oidnSetFilterBool": (None, (_HANDLE, _NAME, ctypes.c_bool)),
+    "oidnCommitFilter": (None, (_HANDLE,)),
+    "oidnExecuteFilter": (None, (_HANDLE,)),
+    "oidnReleaseFilter": (None, (_HANDLE,)),
+}
+
+
+def denoise(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.ndarray | None = None, *,
+            hdr: bool = False) -> np.ndarray:
+    """Denoised colour, (H, W, 3) float32, on the CPU; guides as in ``denoise.denoise_eia``.
+
+    ImportError where Blender's library is not there or does not load, RuntimeError where it fails.
+    """
+    library = _load()
+    images = {"color": color, "albedo": albedo, "normal": normal, "output": np.empty(color.shape, np.float32)}
+    images = {name: np.ascontiguousarray(image, np.float32) for name, image in images.items() if image is not None}
+    device = library.oidnNewDevice(CPU_DEVICE)
+    try:
+        library.oidnCommitDevice(device)
+        _run(library, device, images, hdr)
+        _check(library, device)
+    finally:
+        library.oidnReleaseDevice(device)
+    return images["output"]
+
+
+def find_library() -> Path | None:
+    """Blender's library: near a folder on the path, which Blender's Python has, or in the bpy wheel (not imported)."""
+    return next((path for folder in _folders() for path in map(folder.joinpath, PLACES) if path.is_file()), None)
+
+
+def _folders() -> Iterator[Path]:
+    spec = importlib.util.find_spec("bpy")
+    yield from map(Path, spec.submodule_search_locations or () if spec else ())
+    for entry in map(Path, sys.path):
+        # .../5.0/python/lib/python3.11/site-packages, as every Blender has it
+        if entry.name == "site-packages" and "python" in (parent.name for parent in entry.parents):
+            yield from list(entry.parents)[:LEVELS_UP]
+
+
+@functools.lru_cache(maxsize=1)
+def _load() -> ctypes.CDLL:
+    path = find_library()
+    if path is None:
+        raise ImportError("neither pyoidn nor Blender's libOpenImageDenoise was found")
+    try:
+        library = ctypes.CDLL(str(path))
+    except OSError as error:
+        raise ImportError(f"{path} cannot be loaded: {error}") from None
+    for name, (result, arguments) in SIGNATURES.items():
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+    return library
+
+
+def _run(library: ctypes.CDLL, device: int, images: dict[str, np.ndarray], hdr: bool) -> None:
+    height, width, _ = images["color"].shape
+    work = library.oidnNewFilter(device, b"RT")
+    _check(library, device)
+    try:
+        for name, image in images.items():
+            library.oidnSetSharedFilterImage(work, name.encode(), image.ctypes.data, FLOAT3, width, height, 0, 0, 0)
+        library.oidnSetFilterBool(work, b"hdr", hdr)
+        library.oidnCommitFilter(work)
+        library.oidnExecuteFilter(work)
+    finally:
+        library.oidnReleaseFilter(work)
+
+
+def _check(library: ctypes.CDLL, device: int) -> None:
+    message = ctypes.c_char_p()
+    code = library.oidnGetDeviceError(device, ctypes.byref(message))
+    if code:
+        reason = (message.value or b"no reason given").decode(errors="replace")
+        raise RuntimeError(f"error {code}: {reason}")
