@@ -26,7 +26,7 @@ CLAMP_INDIRECT = 10.0   # Cycles' default: fewer fireflies at low sample counts
 LEAST_PIXELS = 4        # Blender renders nothing narrower
 NEAR, FAR = 1e-4, 1e4   # clipping, as shares of the display distance
 
-# Files that a render is writing now; a process that must die at once removes them.
+# Files and folders that a render is writing now; a process that must die at once removes them.
 UNFINISHED: set[Path] = set()
 
 
@@ -70,19 +70,27 @@ def encoded_camera(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matr
 def render_to(scene: bpy.types.Scene, path: str | Path, progress: Progress | None = None) -> float:
     """Render the scene as it is set up now into ``path``, whole or not at all; seconds."""
     started = time.perf_counter()
-    with atomic_path(path) as temporary, overridden(scene.render, {"filepath": str(temporary)}):
+    with unfinished(path) as temporary, overridden(scene.render, {"filepath": str(temporary)}):
         temporary.unlink()
-        UNFINISHED.add(temporary)
         try:
             with following(progress):
                 bpy.ops.render.render(write_still=True, scene=scene.name)
         except RuntimeError as error:
             raise LfsrError(f"Blender cannot render this scene ({str(error).strip()}): see its messages") from None
-        finally:
-            UNFINISHED.discard(temporary)
         if not temporary.is_file():
             raise LfsrError(f"Blender wrote no image for {path}: see its messages")
     return time.perf_counter() - started
+
+
+@contextmanager
+def unfinished(path: str | Path) -> Iterator[Path]:
+    """``atomic_path``, known to a process that must die at once."""
+    with atomic_path(path) as temporary:
+        UNFINISHED.add(temporary)
+        try:
+            yield temporary
+        finally:
+            UNFINISHED.discard(temporary)
 
 
 @contextmanager

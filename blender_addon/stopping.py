@@ -38,9 +38,6 @@ def _wait(reader: int, end: Callable[[], None]) -> None:
     while os.read(reader, 1)[0] not in SIGNALS:
         pass
     for path in list(UNFINISHED):
-        path.unlink(missing_ok=True)
-        # A view of a view-by-view render lies in a temporary folder of its own.
-        if path.parent.name.startswith(".views-"):
-            shutil.rmtree(path.parent, ignore_errors=True)
+        shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
     shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
     end()

@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -21,7 +23,16 @@ from lfsr_core.rays import RayLayout, view_offset
 
 from .overrides import overridden
 from .progress import Progress, part
-from .render import Matrix, RenderSettings, cycles_settings, render_to, temporary_camera, to_blender
+from .render import (
+    UNFINISHED,
+    Matrix,
+    RenderSettings,
+    cycles_settings,
+    render_to,
+    temporary_camera,
+    to_blender,
+    unfinished,
+)
 
 SENSOR_MM = 36.0
 # Blackman-Harris window as wide as this many box widths has the box's variance.
@@ -35,24 +46,31 @@ def render_views(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix
     With a lens list every view is rendered whole and the listed lenses are kept.
     """
     started = time.perf_counter()
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    views: dict[str, list[np.ndarray]] = {}
-    with (tempfile.TemporaryDirectory(prefix=".views-", dir=path.parent) as folder,
-          temporary_camera(scene, matrix_world, layout.array.distance) as camera,
-          cycles_settings(scene, settings, layout.lenses),
-          overridden(scene.render, pixel_aspect(layout)),
-          overridden(scene.cycles, _filter(layout))):
+    with (unfinished(path) as target, temporary_camera(scene, matrix_world, layout.array.distance) as camera,
+          cycles_settings(scene, settings, layout.lenses), overridden(scene.render, pixel_aspect(layout)),
+          overridden(scene.cycles, _filter(layout)), _folder(target.parent) as folder):
+        views: dict[str, list[np.ndarray]] = {}
         count = layout.views[0] * layout.views[1]
         for number in range(count):
             aim(camera, matrix_world, layout, number % layout.views[0], number // layout.views[0])
             scene.cycles.seed = _seed(settings.seed, number)
-            file = Path(folder, "view.exr")
-            render_to(scene, file, part(progress, number, count))
-            for name, pixels in image_io.read_layers(file).items():
+            render_to(scene, folder / "view.exr", part(progress, number, count))
+            for name, pixels in image_io.read_layers(folder / "view.exr").items():
                 views.setdefault(name, []).append(pixels)
-    image_io.write_layers(path, {name: assemble(layout, images) for name, images in views.items()})
+        layers = {name: assemble(layout, images) for name, images in views.items()}
+        image_io.write_layers(target, layers, half=settings.half)
     return time.perf_counter() - started
+
+
+@contextmanager
+def _folder(parent: Path) -> Iterator[Path]:
+    """Folder for one view at a time, on the disk that has room for all of them."""
+    with tempfile.TemporaryDirectory(prefix=".views-", dir=parent) as name:
+        UNFINISHED.add(Path(name))
+        try:
+            yield Path(name)
+        finally:
+            UNFINISHED.discard(Path(name))
 
 
 def aim(camera: bpy.types.Object, matrix_world: Matrix, layout: RayLayout, column: int, row: int) -> None:
