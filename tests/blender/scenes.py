@@ -63,6 +63,18 @@ def add_mesh(scene: bpy.types.Scene, corners: list, faces: list, matrix: mathuti
     return item
 
 
+def add_camera(scene: bpy.types.Scene, place: tuple[float, ...] = (1.0, -5.0, 3.0),
+               angle: float = 0.6) -> bpy.types.Object:
+    """The scene's camera, at ``place``, looking along +Y with Z up."""
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    camera.data.angle = angle
+    camera.matrix_world = mathutils.Matrix.Translation(place) @ mathutils.Matrix.Rotation(np.pi / 2, 4, "X")
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    bpy.context.view_layer.update()
+    return camera
+
+
 def emission(color: tuple[float, float, float]) -> bpy.types.Material:
     """Material that shines in ``color`` and reflects nothing."""
     return _emission(lambda tree, shader: setattr(shader.inputs["Color"], "default_value", (*color, 1)))
