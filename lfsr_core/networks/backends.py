@@ -99,6 +99,10 @@ class CudaGraph:
     def __call__(self, x: Tensor) -> Tensor:
         """Result of the captured function; overwritten by the next call."""
         self._input.copy_(x)
+        return self.replay()
+
+    def replay(self) -> Tensor:
+        """The same on what the input held last."""
         self._graph.replay()
         return self._output
 

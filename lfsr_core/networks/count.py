@@ -22,7 +22,7 @@ def multiply_adds(network: nn.Module, h: int, w: int, *inputs: object) -> float:
 
     def count(layer: nn.Module, arguments: tuple[Tensor, ...], output: Tensor) -> None:
         nonlocal total
-        total += _layer_multiply_adds(layer, arguments[0], output)
+        total += layer_multiply_adds(layer, arguments[0], output)
 
     kinds = (nn.Conv2d, nn.ConvTranspose2d, nn.Linear)
     hooks = [layer.register_forward_hook(count) for layer in network.modules() if isinstance(layer, kinds)]
@@ -39,7 +39,8 @@ def _zeros(network: nn.Module, h: int, w: int) -> Tensor:
     return next(network.parameters()).new_zeros(1, 3, h, w)
 
 
-def _layer_multiply_adds(layer: nn.Module, x: Tensor, y: Tensor) -> int:
+def layer_multiply_adds(layer: nn.Module, x: Tensor, y: Tensor) -> int:
+    """Multiply-adds of one convolution, deconvolution or linear layer from input ``x`` to output ``y``."""
     if isinstance(layer, nn.ConvTranspose2d):
         return x.numel() * layer.weight[0].numel()
     return y.numel() * layer.weight[0].numel()

@@ -40,6 +40,7 @@ def train(config: TrainConfig, output: str | Path, *, device: str = "auto", resu
     LfsrError for data, device or a checkpoint that do not fit.
     """
     output, chosen = Path(output), choose_device(device)
+    torch.backends.cudnn.benchmark = True
     photographs = load_photographs(config.photographs, LONG_SIDE)
     validation = load_photographs(config.validation) if config.validation else None
     task = ComparatorTask(config, photographs, validation, chosen)
