@@ -91,7 +91,7 @@ class AngularSpatialBlock(nn.Module):
     def __init__(self, width: int, spatial: bool) -> None:
         super().__init__()
         self.angular = ReplicateConv(width, width)
-        self.spatial = ReplicateConv(width, width) if spatial else ReplicateConv(width, width)
+        self.spatial = ReplicateConv(width, width)
         self.across_lenses = spatial
 
     def forward(self, x: Tensor, lenses: tuple[int, int]) -> Tensor:

@@ -20,7 +20,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, write_json
 from lfsr_core.networks.lightfield import LightFieldConfig, LightFieldNet, encode
 from lfsr_core.train.lightfield_data import Batch, Scene, from_eis, load_scenes, make_batch, network_inputs, to_eis
-from lfsr_core.train.split_ssim import masked_mean, split_ssim_map, split_squared_error
+from lfsr_core.train.split_ssim import masked_mean, split_squared_error, split_ssim_map
 
 EMA_DECAY = 0.998
 VALIDATION_SHARE = 12
