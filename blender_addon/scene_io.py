@@ -8,9 +8,10 @@ from pathlib import Path
 
 import bpy
 
-from blender_addon import compat
 from lfsr_core.errors import LfsrError
 from lfsr_core.render_job import check_scene
+
+from . import compat
 
 BACKGROUND_COLLECTION = "Background"
 DEFAULT_LIGHT = "city.exr"   # neutral, from all sides: glass and skin both read well
