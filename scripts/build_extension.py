@@ -30,7 +30,7 @@ from lfsr_core.files import atomic_path
 ROOT = Path(__file__).resolve().parents[1]
 EXTENSION_TOOL = "*/scripts/addons_core/bl_pkg/cli/blender_ext.py"
 MANIFEST = "blender_manifest.toml"
-ADDON_FILES = ("*.py", "*.osl")
+NOT_SOURCES = shutil.ignore_patterns("__pycache__", ".*")
 CORE_FILES = ("pyproject.toml", "README.md", "LICENSE")
 # Blender 4.5 and 5.0 run on Python 3.11, 5.2 on 3.13.
 PYTHONS = ("3.11", "3.13")
@@ -106,10 +106,7 @@ def find_tool() -> Path:
 
 def stage_addon(staged: Path) -> None:
     """Copy the add-on's own files: the folder is the extension's package."""
-    staged.mkdir()
-    for pattern in ADDON_FILES:
-        for path in (ROOT / "blender_addon").glob(pattern):
-            shutil.copy(path, staged)
+    shutil.copytree(ROOT / "blender_addon", staged, ignore=NOT_SOURCES)
     shutil.copy(ROOT / "LICENSE", staged)
 
 
@@ -128,7 +125,7 @@ def build_core(folder: Path) -> None:
     with tempfile.TemporaryDirectory(prefix="lfsr-core-") as name:
         for file in CORE_FILES:
             shutil.copy(ROOT / file, name)
-        shutil.copytree(ROOT / "lfsr_core", Path(name, "lfsr_core"), ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / "lfsr_core", Path(name, "lfsr_core"), ignore=NOT_SOURCES)
         run("pip", [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--wheel-dir", str(folder), name])
 
 

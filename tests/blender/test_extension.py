@@ -1,0 +1,193 @@
+"""The extension as an artist gets it: built, validated, installed, used, removed, with nothing but Blender around."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lfsr_core import __version__
+from lfsr_core.errors import LfsrError
+from lfsr_core.frame import read_frame
+from lfsr_core.image_io import read_mask, read_png
+
+ROOT = Path(__file__).resolve().parents[2]
+STEPS = Path(__file__).with_name("extension_steps.py")
+# What Blender's own Python has: everything else is hidden from the Blender under test.
+BLENDER_BRINGS = ("bpy", "numpy", "numpy.libs", "requests", "urllib3", "certifi", "idna", "charset_normalizer",
+                  "zstandard", "cattr", "cattrs", "attr", "attrs", "typing_extensions.py")
+ON = {"listed": True, "operators": True, "settings": True}
+OFF = dict.fromkeys(ON, False)
+
+
+def load_script():
+    spec = importlib.util.spec_from_file_location("build_extension", ROOT / "scripts" / "build_extension.py")
+    module = sys.modules["build_extension"] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+builder = load_script()
+
+
+def another(version: str) -> object:
+    """A Blender other than the one that runs the tests, if its Python is named by the environment."""
+    variable = f"LFSR_BPY{version.replace('.', '')}_PYTHON"
+    python = os.environ.get(variable)
+    missing = pytest.mark.skipif(not python, reason=f"no bpy {version}: set {variable} to a Python that has it")
+    return pytest.param(python, id=version, marks=missing)
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory):
+    """The zip for Linux, where the tests run."""
+    return builder.build(tmp_path_factory.mktemp("built"), platforms=("linux-x64",))[0]
+
+
+@pytest.fixture(scope="module", params=[pytest.param(sys.executable, id="own"), another("4.5"), another("5.2")])
+def blender(request, tmp_path_factory):
+    """Runs a step in a Blender with resources of its own and no other packages: blender(step, *arguments)."""
+    folder = tmp_path_factory.mktemp("blender")
+    python = only_blender(request.param, folder / "python")
+
+    def run(step, *arguments):
+        done = subprocess.run([python, STEPS, step, folder, *arguments], capture_output=True, text=True, timeout=300,
+                              check=False, cwd=folder, env={
+                                  "BLENDER_USER_RESOURCES": str(folder / "resources"), "HOME": str(folder),
+                                  "PATH": os.defpath, "TMPDIR": str(folder)})
+        assert done.returncode == 0, done.stdout + done.stderr
+        return json.loads(done.stdout.splitlines()[-1])
+
+    run.folder, run.python = folder, python
+    return run
+
+
+def only_blender(python, folder):
+    """A new environment that has of ``python``'s packages only those that every Blender has; its Python."""
+    subprocess.run([python, "-m", "venv", "--without-pip", folder], check=True)
+    target = folder / "bin" / "python"
+    source, visible = (packages_of(one) for one in (python, target))
+    for name in BLENDER_BRINGS:
+        if (source / name).exists():
+            (visible / name).symlink_to(source / name)
+    return target
+
+
+def packages_of(python):
+    ask = [python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]
+    return Path(subprocess.run(ask, check=True, capture_output=True, text=True).stdout.strip())
+
+
+def test_zip_is_complete(archive):
+    with zipfile.ZipFile(archive) as content:
+        names = content.namelist()
+        manifest = tomllib.loads(content.read("blender_manifest.toml").decode())
+        core = next(name for name in names if name.startswith("wheels/lfsr-"))
+        with content.open(core) as file, zipfile.ZipFile(file) as wheel:
+            inside = set(wheel.namelist())
+    assert {f"./{name}" for name in names if name.endswith(".whl")} == set(manifest["wheels"])
+    assert manifest["version"] == __version__ and manifest["platforms"] == ["linux-x64"]
+    assert manifest["permissions"].keys() == {"files"}
+    assert {"__init__.py", "ray_layout.osl", "launch.py", "entry.py", "LICENSE"} <= set(names)
+    assert not [name for name in names if "__pycache__" in name or name.startswith(".")]
+    data = [path for pattern in ("displays/*.toml", "networks/weights/*", "train/configs/*.toml")
+            for path in (ROOT / "lfsr_core").glob(pattern)]
+    assert {str(path.relative_to(ROOT)) for path in data} <= inside
+    assert not [name for name in inside if name.startswith("blender_addon")]
+
+
+def test_blender_of_each_version_finds_the_zip_valid(archive, blender):
+    tool = next((packages_of(blender.python) / "bpy").glob(builder.EXTENSION_TOOL))
+    done = subprocess.run([blender.python, tool, "validate", archive], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_from_installation_to_removal(archive, blender):
+    found = blender("install", str(archive))
+    assert found["foreign"] == [], "the test's Blender must not see packages of the tests"
+    assert found["install"] == ["FINISHED"]
+    assert [found[when] for when in ("enabled", "disabled", "enabled_again")] == [ON, OFF, ON]
+    resources = blender.folder / "resources"
+    assert Path(found["core"]).is_relative_to(resources)
+    assert found["test_button"] == ["FINISHED"]
+    assert "Open Image Denoise" in found["second_stage"] and "no PyTorch" in found["second_stage"]
+
+    assert blender("render") == {"enabled": ON, "render": ["FINISHED"]}
+    check_cube(next((blender.folder / "images").rglob("eia.png")).parent)
+
+    found = blender("uninstall")
+    assert found == {"enabled": ON, "uninstall": ["FINISHED"], "after": OFF}
+    left = [path for path in resources.rglob("*") if path.is_file() and "lfsr" in str(path.relative_to(resources))]
+    assert left == []
+
+
+def check_cube(folder):
+    """The image shows something, where the mask says so, and nothing elsewhere."""
+    frame, image, mask = read_frame(folder), read_png(folder / "eia.png"), read_mask(folder / "mask.png")
+    assert image.shape[:2] == frame.display.panel_pixels[::-1]
+    assert 0.02 < mask.mean() < 1
+    sx, sy = frame.display.lenses
+    brightest = image.max(-1).reshape(sy, image.shape[0] // sy, sx, -1).max((1, 3))
+    background = brightest[~mask]
+    assert np.ptp(background) == 0 and brightest[mask].max() > background[0] + 50
+    report = json.loads((folder / "report.json").read_text())
+    assert report["method"] == "oidn+bicubic"
+
+
+def test_tool_that_fails_leaves_no_zip(tmp_path, monkeypatch):
+    def broken(folder):
+        (folder / "lfsr-0-py3-none-any.whl").write_bytes(b"no wheel")
+        (folder.parent / "__init__.py").unlink()
+
+    monkeypatch.setattr(builder, "build_core", broken)
+    monkeypatch.setattr(builder, "download", lambda *_: None)
+    with pytest.raises(LfsrError, match="extension tool failed"):
+        builder.build(tmp_path / "out")
+    assert not list(tmp_path.rglob("*.zip"))
+
+
+def test_missing_wheel_is_one_clear_sentence(tmp_path, monkeypatch):
+    monkeypatch.setattr(builder, "RUNTIME_WHEELS", (builder.Wheel("threadpoolctl==0.0.0.1", "no such version"),))
+    with pytest.raises(LfsrError, match=r"pip for windows-x64 and Python 3\.13 failed, saying .*threadpoolctl"):
+        builder.download(tmp_path, "windows-x64", "3.13")
+
+
+def test_version_that_differs_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(builder, "__version__", "9.9.9")
+    with pytest.raises(LfsrError, match=r"9\.9\.9: make them equal"):
+        builder.write_manifest(tmp_path / "blender_manifest.toml", ["linux-x64"], [])
+
+
+def test_large_bundle_is_split_by_platform(tmp_path, monkeypatch):
+    def fill(folder, platform, python):
+        tag = builder.PLATFORMS[platform][0]
+        (folder / f"engine-1-cp311-cp311-{tag}.whl").write_bytes(os.urandom(4000))
+
+    monkeypatch.setattr(builder, "LARGEST_SINGLE_ZIP", 10_000)
+    monkeypatch.setattr(builder, "build_core", lambda folder: None)
+    monkeypatch.setattr(builder, "download", fill)
+    zips = builder.build(tmp_path)
+    assert [path.name for path in zips] == [f"lfsr-{__version__}-{name}.zip"
+                                            for name in ("linux_x64", "macos_arm64", "windows_x64")]
+    with zipfile.ZipFile(zips[0]) as content:
+        assert [name for name in content.namelist() if name.endswith(".whl")] == [
+            "wheels/engine-1-cp311-cp311-manylinux_2_28_x86_64.whl"]
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "blender_addon").glob("*.py")), ids=lambda path: path.stem)
+def test_addon_does_not_import_itself_by_name(path):
+    """As an extension the package is called bl_ext.….lfsr, so an import of blender_addon would fail."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and not node.level:
+            assert (node.module or "").split(".")[0] != "blender_addon", node.lineno
+        if isinstance(node, ast.Import):
+            assert all(alias.name.split(".")[0] != "blender_addon" for alias in node.names), node.lineno
