@@ -1,0 +1,135 @@
+"""The command on real Blender: the demo scene to pictures and numbers, bad scenes, Ctrl-C."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from prerequisites import needs_bpy
+
+from lfsr_core.contact_sheet import view_order
+from lfsr_core.display import load_display
+from lfsr_core.eia import to_views
+from lfsr_core.image_io import read_layers, read_png
+
+pytestmark = needs_bpy
+ROOT = Path(__file__).parents[2]
+
+
+def lfsr(*arguments: object, **options) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lfsr_core.cli", *map(str, arguments)]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=300, **options)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scene") / "demo.blend"
+    subprocess.run([sys.executable, ROOT / "scripts" / "demo_scene.py", path], check=True, capture_output=True)
+    return path
+
+
+@pytest.fixture(scope="module")
+def frame(scene, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("frame") / "frame"
+    answer = lfsr("render", scene, "-o", folder, "--display", "small", "--scale", "4", "--spp", "4")
+    assert answer.returncode == 0, answer.stderr
+    assert "render     100%" in answer.stderr
+    return folder
+
+
+def test_demo_scene_stands_the_right_way_round(frame):
+    profile = load_display("small")
+    views = to_views(view_order(read_png(frame / "eia.png"), profile), profile.lenses).astype(int)
+    middle = views[20, 20]
+    bluest = (middle[..., 2] - middle[..., 0]).argmax()
+    greenest = (2 * middle[..., 1] - middle[..., 0] - middle[..., 2]).argmax()
+    rows, columns = np.unravel_index([bluest, greenest], middle.shape[:2])
+    assert columns[0] < 8, "the blue cone is on the left"
+    assert rows[1] > 8, "the green cube is low"
+    assert middle[1:4, 12:19].sum() > 4 * middle[1:4, 3:10].sum(), "the text is at the upper right"
+
+
+def test_near_things_move_left_when_the_eye_moves_right(frame):
+    profile = load_display("small")
+    views = to_views(view_order(read_png(frame / "eia.png"), profile), profile.lenses).astype(float)
+
+    def column_of_green(view: np.ndarray) -> float:
+        green = np.maximum(2 * view[..., 1] - view[..., 0] - view[..., 2] - 40, 0).sum(0)
+        return green @ np.arange(len(green)) / green.sum()
+
+    assert column_of_green(views[20, 35]) < column_of_green(views[20, 4]) - 0.5
+
+
+def test_reference_and_comparison(scene, frame, tmp_path):
+    answer = lfsr("reference", scene, "-o", tmp_path / "reference", "--display", "small", "--spp", "32",
+                  "--lenses", "24")
+    assert answer.returncode == 0, answer.stderr
+    answer = lfsr("compare", frame, tmp_path / "reference")
+    assert answer.returncode == 0, answer.stderr
+    metrics = json.loads((frame / "report.json").read_text())["metrics"]
+    assert 0.4 < metrics["p"] < 0.8
+    assert metrics["ssim_eia_fg"] > 0.6
+    assert metrics["psnr_fg"] > 18
+
+
+def test_a_frame_does_not_match_the_reference_of_another_display(scene, frame, tmp_path):
+    lfsr("reference", scene, "-o", tmp_path / "reference", "--display", "mini", "--spp", "2", "--lenses", "2")
+    answer = lfsr("compare", frame, tmp_path / "reference")
+    assert answer.returncode == 2
+    assert "mini" in answer.stderr
+
+
+def test_same_seed_same_pixels_another_seed_others(scene, tmp_path):
+    pixels = []
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        answer = lfsr("render", scene, "-o", tmp_path / name, "--display", "mini", "--spp", "1", "--seed", seed,
+                      "--method", "nearest")
+        assert answer.returncode == 0, answer.stderr
+        pixels.append(read_layers(tmp_path / name / "lr_eia.exr")["color"])
+    np.testing.assert_array_equal(pixels[0], pixels[1])
+    assert not np.array_equal(pixels[0], pixels[2])
+
+
+@pytest.mark.parametrize(("name", "content", "told"), [
+    ("broken.blend", b"BLENDER-v", "broken.blend"),
+    ("broken.glb", b"glTF\x02\x00\x00\x00", "broken.glb"),
+    ("empty.gltf", b'{"asset": {"version": "2.0"}}', "subject"),
+])
+def test_bad_scene_is_one_sentence_and_leaves_nothing(tmp_path, name, content, told):
+    (tmp_path / name).write_bytes(content)
+    answer = lfsr("render", tmp_path / name, "-o", tmp_path / "frame", "--display", "mini")
+    assert answer.returncode == 2, answer.stderr
+    assert told in answer.stderr.splitlines()[-1]
+    assert "Traceback" not in answer.stderr
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_unknown_subject_names_the_collections(scene, tmp_path):
+    answer = lfsr("render", scene, "-o", tmp_path / "frame", "--display", "mini", "--subject", "Nothing")
+    assert answer.returncode == 2
+    assert "'Nothing'" in answer.stderr.splitlines()[-1]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_interrupt_ends_a_real_render_soon(scene, tmp_path):
+    command = [sys.executable, "-m", "lfsr_core.cli", "render", str(scene), "-o", str(tmp_path / "frame"),
+               "--display", "fhd", "--scale", "2", "--spp", "4096", "--method", "nearest"]
+    program = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True, bufsize=1,
+                               env=os.environ | {"PYTHONUNBUFFERED": "1"})
+    try:
+        next(line for line in program.stderr if line.startswith("render"))
+        sent = time.monotonic()
+        program.send_signal(signal.SIGINT)
+        program.communicate(timeout=60)
+    finally:
+        program.kill()
+    assert program.returncode == 130
+    assert time.monotonic() - sent < 30
+    assert list(tmp_path.iterdir()) == []
