@@ -1,7 +1,7 @@
 """What an artist does with the extension, in a Blender of its own: extension_steps.py STEP FOLDER [ZIP]
 
-Run by test_extension.py with a Python that has Blender and nothing else. The last
-line of output is what was found, as JSON.
+Run by test_extension.py with a Python that has Blender and nothing else. What was
+found goes to FOLDER/found.json.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import json
+import subprocess
 import sys
 from pathlib import Path
 
@@ -36,10 +37,25 @@ def install(folder: Path, archive: str) -> dict[str, object]:
 
 
 def render(folder: Path) -> dict[str, object]:
+    """In a new session: render the default cube with the extension's two commands."""
+    runtime = importlib.import_module(f"{MODULE}.runtime")
+    display = importlib.import_module("lfsr_core.display").load_display("mini")
+    job = importlib.import_module("lfsr_core.render_job").Job(
+        str(folder / "frame"), display, scene=str(folder / "cube.blend"), spp=2, layers=("albedo", "normal"))
+    bpy.ops.wm.save_as_mainfile(filepath=job.scene, copy=True)
+    (folder / "job.json").write_text(json.dumps(job.to_dict()), encoding="utf-8")
+    commands = (runtime.render_command(folder / "job.json"),
+                [*runtime.second_stage_command(), "upscale", job.output, "--method", "oidn+bicubic"])
+    codes = [subprocess.run(command, env=runtime.environment(), check=False).returncode for command in commands]
+    return {"enabled": state(), "exit_codes": codes}
+
+
+def press(folder: Path) -> dict[str, object]:
     """In a new session: render the default cube from the panel's operator."""
     settings = bpy.context.scene.lfsr
     settings.display, settings.samples, settings.method = "mini", 2, "oidn+bicubic"
     settings.output = str(folder / "images")
+    bpy.ops.lfsr.array_add()
     return {"enabled": state(), "render": sorted(bpy.ops.lfsr.render_eia())}
 
 
@@ -52,11 +68,15 @@ def uninstall(folder: Path) -> dict[str, object]:
 
 
 def state() -> dict[str, bool]:
-    """Whether Blender lists the add-on, its operators and its settings."""
+    """Whether Blender lists the add-on, its operators."""
     return {"listed": MODULE in bpy.context.preferences.addons,
-            "operators": hasattr(bpy.types, "LFSR_OT_render_eia"), "settings": hasattr(bpy.types.Scene, "lfsr")}
+            "operators": hasattr(bpy.types, "LFSR_OT_test_python")}
 
 
 if __name__ == "__main__":
-    step = {"install": install, "render": render, "uninstall": uninstall}[sys.argv[1]]
-    print(json.dumps(step(Path(sys.argv[2]), *sys.argv[3:])))
+    step = {"install": install, "render": render, "press": press, "uninstall": uninstall}[sys.argv[1]]
+    if step is not install:
+        # A Blender application does so on its own when it starts.
+        bpy.ops.wm.read_userpref()
+    result = step(Path(sys.argv[2]), *sys.argv[3:])
+    Path(sys.argv[2], "found.json").write_text(json.dumps(result), encoding="utf-8")
