@@ -25,3 +25,18 @@ def use_nodes(owner: bpy.types.Material | bpy.types.World) -> None:
 def has_custom_camera() -> bool:
     """True if Cycles can send rays by an OSL shader: Blender 4.5 and newer."""
     return "CUSTOM" in bpy.types.Camera.bl_rna.properties["type"].enum_items
+
+
+def shader_name(name: str) -> str:
+    """Name of the gpu module's built-in shader for points in three dimensions."""
+    return name if bpy.app.version >= (4, 0, 0) else f"3D_{name}"
+
+
+def is_editable(data: bpy.types.ID) -> bool:
+    """True if properties of ``data`` can be set: it is not linked from another file."""
+    return getattr(data, "is_editable", data.library is None)
+
+
+def whole_sample_range() -> dict[str, Any]:
+    """Cycles settings that render all samples, where a range of them can be chosen."""
+    return {"use_sample_subset": False} if hasattr(bpy.context.scene.cycles, "use_sample_subset") else {}

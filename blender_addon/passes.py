@@ -11,6 +11,7 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.render_job import LAYERS
 
+from . import compat
 from .overrides import overridden
 
 FOREGROUND, BACKGROUND = 1, 2
@@ -59,6 +60,6 @@ def pass_indices(foreground: set[bpy.types.Object]) -> Iterator[None]:
     with ExitStack() as stack:
         for item in bpy.data.objects:
             index = FOREGROUND if item in foreground else BACKGROUND
-            if item.is_editable:
+            if compat.is_editable(item):
                 stack.enter_context(overridden(item, {"pass_index": index}))
         yield

@@ -149,7 +149,7 @@ def _render_values(size: tuple[int, int]) -> dict[str, object]:
 def _cycles_values(settings: RenderSettings) -> dict[str, object]:
     clamp = CLAMP_INDIRECT if settings.clamp_indirect is None else float(settings.clamp_indirect)
     return {"device": "CPU" if settings.device == "CPU" else "GPU", "samples": settings.samples,
-            "use_sample_subset": False, "seed": settings.seed, "use_animated_seed": False,
+            "seed": settings.seed, "use_animated_seed": False,
             "use_adaptive_sampling": False, "use_denoising": False, "time_limit": 0.0,
             "use_layer_samples": "IGNORE", "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0,
-            "sample_clamp_indirect": clamp, "film_transparent_glass": False}
+            "sample_clamp_indirect": clamp, "film_transparent_glass": False} | compat.whole_sample_range()

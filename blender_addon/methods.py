@@ -1,0 +1,38 @@
+"""Second-stage methods as an artist sees them."""
+
+from __future__ import annotations
+
+import zlib
+
+from lfsr_core import networks
+
+DENOISER = "oidn"
+# The pure second stage knows more; these are worth a menu entry, best first.
+CLASSICAL = {
+    "oidn+bicubic": ("Denoise + Bicubic", "Open Image Denoise on the whole array, then bicubic views"),
+    "oidn+lanczos": ("Denoise + Lanczos", "Open Image Denoise on the whole array, then sharper Lanczos views"),
+    "bicubic": ("Bicubic", "Bicubic views, noise kept"),
+    "lanczos": ("Lanczos", "Lanczos views, noise kept"),
+    "bilinear": ("Bilinear", "Linear views, noise kept: fastest"),
+    "nearest": ("Nearest", "Each rendered view repeated, to see what was rendered"),
+    "oidn": ("Denoise Only", "For scale 1×: every view was rendered"),
+    "none": ("None", "For scale 1×: every view was rendered, noise kept"),
+}
+FEATURES = ("albedo", "normal")
+
+
+def method_items() -> list[tuple[str, str, str, str, int]]:
+    """Enum items; each has a number of its own, so that new methods do not change saved scenes."""
+    entries = {name: (title, text, "NONE") for name, (title, text) in CLASSICAL.items()}
+    for name, text in networks.NAMES.items():
+        if networks.trained_scales(name):
+            entries[name] = (name.replace("-", " ").title(), text[:1].upper() + text[1:], "NODETREE")
+    return [(name, *entry, zlib.crc32(name.encode()) & 0x7FFFFFFF) for name, entry in entries.items()]
+
+
+def layers_of(method: str) -> tuple[str, ...]:
+    """Auxiliary layers to render for ``method``: none where nothing looks at them."""
+    parts = method.split("+")
+    layers = set(FEATURES) if DENOISER in parts else set()
+    layers |= {layer for part in parts if part in networks.NETWORKS for layer in networks.NETWORKS[part].layers}
+    return tuple(sorted(layers))

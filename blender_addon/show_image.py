@@ -1,0 +1,58 @@
+"""Results in an Image Editor: one that is open, else a window of its own, as Blender's own renders do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+
+def open_file(path: Path) -> bpy.types.Image:
+    """Load ``path``, or load it again if it is open, and show it."""
+    known = next((image for image in bpy.data.images if bpy.path.abspath(image.filepath) == str(path)), None)
+    if known is not None:
+        known.reload()
+    image = known or bpy.data.images.load(str(path))
+    image.name = f"{path.parent.parent.name} {path.parent.name} {path.stem}"
+    in_editor(image)
+    return image
+
+
+def in_editor(image: bpy.types.Image | None) -> None:
+    """Show ``image`` in an Image Editor; in background mode there is none."""
+    if image is None or bpy.app.background:
+        return
+    area = _editor() or _new_window()
+    if area is not None:
+        area.spaces.active.image = image
+        area.tag_redraw()
+        _fit(area)
+
+
+def _editor() -> bpy.types.Area | None:
+    areas = (area for window in bpy.context.window_manager.windows for area in window.screen.areas)
+    return next((area for area in areas if area.type == "IMAGE_EDITOR" and area.ui_type == "IMAGE_EDITOR"), None)
+
+
+def _new_window() -> bpy.types.Area | None:
+    windows = bpy.context.window_manager.windows
+    before = set(windows)
+    with bpy.context.temp_override(window=windows[0]):
+        bpy.ops.wm.window_new()
+    window = next((window for window in windows if window not in before), None)
+    if window is None:
+        return None
+    area = max(window.screen.areas, key=lambda area: area.width * area.height)
+    area.ui_type = "IMAGE_EDITOR"
+    return area
+
+
+def _fit(area: bpy.types.Area) -> None:
+    """View All, so that an 8K image is seen whole."""
+    window = next((w for w in bpy.context.window_manager.windows if area in list(w.screen.areas)), None)
+    region = next((region for region in area.regions if region.type == "WINDOW"), None)
+    if window is None or region is None:
+        return
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        if bpy.ops.image.view_all.poll():
+            bpy.ops.image.view_all(fit_view=True)
