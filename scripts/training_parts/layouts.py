@@ -9,10 +9,10 @@ from training_parts import plants, surfaces
 from training_parts.cutouts import leaf_material, paper_material, turn
 from training_parts.lights import light_open_scene, light_room
 from training_parts.materials import random_material
-from training_parts.shapes import SHAPES, copy_of, put, random_shape, readable, upright
+from training_parts.shapes import CLOSED, SHAPES, copy_of, put, random_shape, readable, upright
 from training_parts.stage import Stage, add_surface
 
-FROM_ABOVE = ("hero", "pile", "woods", "bouquet", "meadow")
+FROM_ABOVE = ("hero", "assembly", "pile", "woods", "bouquet", "meadow")
 SMALL = {name: share for name, share in SHAPES.items() if name not in ("fur", "text")}
 
 
@@ -49,6 +49,20 @@ def hero(stage: Stage) -> None:
         put(stage, add_surface(below, random_material(stage), "plinth"), at - [0, 0, size], 1.0, np.zeros(3))
     for _ in range(0 if alone else stage.rng.integers(1, 4)):
         put(stage, random_shape(stage), stage.place(), stage.rng.uniform(0.08, 0.3))
+
+
+def assembly(stage: Stage) -> None:
+    """Parts grown onto each other in a few materials, as a figure, a helmet or a machine."""
+    size = stage.rng.uniform(0.12, 0.4)
+    grown = [(_around_plane(stage, 2 * size), size)]
+    materials = [random_material(stage) for _ in range(stage.rng.integers(1, 5))]
+    for _ in range(stage.rng.integers(3, 16)):
+        at, parent = grown[stage.rng.integers(len(grown))]
+        along = stage.rng.normal(size=3)
+        grown.append((at + along / np.linalg.norm(along) * parent * 0.8, parent * stage.rng.uniform(0.4, 1)))
+    for at, part in grown:
+        kind = stage.pick({name: share for name, share in SMALL.items() if name in CLOSED})
+        put(stage, random_shape(stage, kind, materials[stage.rng.integers(len(materials))]), at, part)
 
 
 def pile(stage: Stage) -> None:
@@ -222,6 +236,6 @@ def _backdrop(stage: Stage) -> None:
     put(stage, add_surface(surface, material, "backdrop"), np.array([0, depth, 0]), size, tilt)
 
 
-LAYOUTS = {"hero": (24, hero), "pile": (13, pile), "cloud": (8, cloud), "wires": (7, wires), "woods": (9, woods),
-           "bouquet": (8, bouquet), "meadow": (4, meadow), "sheets": (8, sheets), "wall": (7, wall),
-           "street": (5, street), "room": (10, room)}
+LAYOUTS = {"hero": (20, hero), "assembly": (11, assembly), "pile": (13, pile), "cloud": (8, cloud),
+           "wires": (7, wires), "woods": (9, woods), "bouquet": (8, bouquet), "meadow": (4, meadow),
+           "sheets": (8, sheets), "wall": (7, wall), "street": (5, street), "room": (10, room)}

@@ -34,8 +34,8 @@ def tree(rng: Random) -> Plant:
                 fork = path[-1] if rng.random() < 0.7 else path[rng.integers(2, len(path))]
                 todo.append((fork, turn / np.linalg.norm(turn), length * shrink * rng.uniform(0.8, 1.1),
                              radius * shrink * 0.85, level + 1))
-    wood = surfaces.join([surfaces.tube(path, radius, 6) for path, radius in branches])
-    tips = np.array([path[-1] for path, _ in branches[len(branches) // 4:]])
+    paths, radii = (np.array(part) for part in zip(*branches, strict=True))
+    wood, tips = surfaces.strands(paths, radii, 6), paths[len(paths) // 4:, -1]
     return Plant(wood, leaves(rng, tips, int(rng.integers(300, 1800))) if rng.random() < 0.85 else None)
 
 

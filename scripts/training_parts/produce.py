@@ -2,7 +2,8 @@
 
 ``scene_000012.npz`` holds, all float16 and scene-linear, rows from the top, pixels in view order:
 
-    lr_{spp}    (H/s, W/s, 10)  R G B A (premultiplied), albedo R G B, normal X Y Z (world space)
+    lr_{spp}    (H/s, W/s, 10)  R G B A (premultiplied), albedo R G B (above 1 on emitters: clip it),
+                                normal X Y Z (world space, zero where nothing was hit)
     oidn_{spp}  (H/s, W/s, 3)   lr_{spp} over black, denoised with its albedo and normal
     ref_a, ref_b (H, W, 4)      two independent full-resolution halves, R G B A
     meta        ()              text, JSON: see ``_meta``
@@ -93,7 +94,7 @@ def _ready_scene(recipe: Recipe, index: int, clock: Clock) -> tuple[Capture, dic
             exposure, share = expose(capture, _render_seed(stage.rng))
         if share >= LEAST_OCCUPANCY and EXPOSURES[0] < exposure < EXPOSURES[1]:
             break
-    return capture, {"index": index, "attempt": attempt, "exposure": exposure, "seeds": {}}
+    return capture, {"index": index, "attempt": attempt, "exposure": exposure, "p": share, "seeds": {}}
 
 
 def _render(recipe: Recipe, capture: Capture, facts: dict[str, Any], clock: Clock) -> dict[str, np.ndarray]:

@@ -78,17 +78,18 @@ def _frames(path: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]:
     return normal, np.cross(tangent, normal)
 
 
-def strands(paths: np.ndarray, radius: np.ndarray) -> Surface:
-    """Many thin three-sided tubes at once: paths (N, P, 3), one radius per point of a path (P,)."""
+def strands(paths: np.ndarray, radius: np.ndarray, sides: int = 3) -> Surface:
+    """Many thin, nearly straight tubes at once: paths (N, P, 3), radius per point (P,) or (N, P)."""
     count, points = paths.shape[:2]
     along = paths[:, -1] - paths[:, 0]
     side = np.cross(along, np.roll(along, 1, axis=1) + 0.1)
     side /= np.linalg.norm(side, axis=1, keepdims=True) + 1e-12
     other = np.cross(along / (np.linalg.norm(along, axis=1, keepdims=True) + 1e-12), side)
-    around = np.linspace(0, 2 * np.pi, 3, endpoint=False)
+    around = np.linspace(0, 2 * np.pi, sides, endpoint=False)
     ring = side[:, None] * np.cos(around)[:, None] + other[:, None] * np.sin(around)[:, None]
-    vertices = paths[:, :, None] + ring[:, None] * radius[:, None, None]
-    faces = _grid_faces(3, points, True, False) + 3 * points * np.arange(count)[:, None, None]
+    reach = np.broadcast_to(radius, (count, points))[:, :, None, None]
+    vertices = paths[:, :, None] + ring[:, None] * reach
+    faces = _grid_faces(sides, points, True, False) + sides * points * np.arange(count)[:, None, None]
     uv = np.stack(np.meshgrid(around / (2 * np.pi), np.linspace(0, 1, points)), -1).reshape(-1, 2)
     return Surface(vertices.reshape(-1, 3), faces.reshape(-1, 4), np.tile(uv, (count, 1)))
 
