@@ -62,8 +62,10 @@ def _progress(fraction: float, message: str = "") -> None:
 
 
 def _stop() -> None:
-    say(stage="cancelled", message="stopped by a signal")
-    os._exit(CANCELLED)
+    try:
+        say(stage="cancelled", message="stopped by a signal")
+    finally:  # also where nobody listens any more and saying fails
+        os._exit(CANCELLED)
 
 
 def script_arguments() -> list[str]:

@@ -14,7 +14,7 @@ libraries="libGL.so.1:libgl1 libX11.so.6:libx11-6 libXext.so.6:libxext6 libXfixe
 find_python() {  # the first Python 3.11 that can make environments: the bpy wheel exists for 3.11 only
     local candidate
     for candidate in python3.11 /usr/bin/python3.11 python3; do
-        if "$candidate" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null; then
+        if "$candidate" -c 'import sys, venv, ensurepip; ensurepip.version(); sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null; then
             echo "$candidate"
             return
         fi
@@ -29,7 +29,7 @@ missing_packages() {  # Debian packages whose library the loader cannot load
 }
 
 stop_for_packages() {
-    echo "Missing system packages. On Debian 12 install them with:" >&2
+    echo "Missing system packages. Install them on Debian 12 with" >&2
     echo "  sudo apt-get update && sudo apt-get install -y$1" >&2
     exit 2
 }

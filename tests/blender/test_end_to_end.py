@@ -118,6 +118,17 @@ def test_unknown_subject_names_the_collections(scene, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def processes_naming(path: Path) -> list[str]:
+    """Command lines of running processes that mention ``path``."""
+    lines = []
+    for file in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            lines.append(file.read_bytes().replace(b"\0", b" ").decode(errors="replace"))
+        except OSError:  # ended meanwhile
+            continue
+    return [line for line in lines if str(path) in line]
+
+
 def test_interrupt_ends_a_real_render_soon(scene, tmp_path):
     command = [sys.executable, "-m", "lfsr_core.cli", "render", str(scene), "-o", str(tmp_path / "frame"),
                "--display", "fhd", "--scale", "2", "--spp", "4096", "--method", "nearest"]
@@ -133,3 +144,4 @@ def test_interrupt_ends_a_real_render_soon(scene, tmp_path):
     assert program.returncode == 130
     assert time.monotonic() - sent < 30
     assert list(tmp_path.iterdir()) == []
+    assert processes_naming(tmp_path) == [], "Blender must not live on"
