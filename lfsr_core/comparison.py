@@ -15,9 +15,11 @@ from lfsr_core.frame import MASK_FILE, REFERENCE_FILES, REPORT_FILE, Frame, read
 def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]:
     """Metrics of ``folder`` against ``reference``, also written into its report.json.
 
-    Keys as in docs/frame-folder.md. LfsrError where either folder is incomplete
-    or the two do not show the same picture.
+    Keys as in docs/frame-folder.md. The foreground is the reference's where it
+    shows every lens: a mask that lost some must not hide them from the metrics.
+    LfsrError where either folder is incomplete or the two show different pictures.
     """
+    from lfsr_core.foreground import recall
     from lfsr_core.image_io import read_mask
     from lfsr_core.metrics import check_reference, compare
     from lfsr_core.pipeline import finished_linear
@@ -27,21 +29,47 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
     check_reference(frame, truth)
     report = read_json(folder / REPORT_FILE, "the report of `lfsr render` or `lfsr upscale`")
     image = finished_linear(folder, report["method"], dilate=report.get("dilate", 0))
-    half_a, half_b = (_read_half(reference / name, truth) for name in REFERENCE_FILES)
-    report["metrics"] = compare(image, half_a, half_b, frame.display.lenses, read_mask(folder / MASK_FILE),
-                                lens_list=truth.lens_list)
-    write_json(folder / REPORT_FILE, report)
-    return report["metrics"]
+    (half_a, hit_a), (half_b, hit_b) = (_read_half(reference / name, truth) for name in REFERENCE_FILES)
+    mask, true_mask = read_mask(folder / MASK_FILE), hit_a | hit_b
+    lenses = frame.display.lenses
+    if truth.lens_list is None:
+        metrics = compare(image, half_a, half_b, lenses, true_mask) | {"recall": recall(mask, true_mask)}
+    else:
+        metrics = compare(image, half_a, half_b, lenses, mask, lens_list=truth.lens_list)
+        metrics["recall"] = sampled_recall(mask, true_mask.reshape(-1)[:len(truth.lens_list)], truth.lens_list)
+    write_json(folder / REPORT_FILE, report | {"metrics": metrics})
+    return metrics
 
 
-def _read_half(path: Path, truth: Frame) -> np.ndarray:
-    """(H, W, 3) scene-linear over its background; LfsrError where it is missing or of another size."""
+def sampled_recall(mask: np.ndarray, hits: np.ndarray, lens_list: tuple[tuple[int, int], ...]) -> float | None:
+    """Recall of ``mask`` (sy, sx), estimated from the true ``hits`` (N,) of listed (row, column) lenses.
+
+    The list samples lenses inside and outside the mask at different rates, so
+    each part counts by its size. None where one part holds lenses and no sample.
+    """
+    rows, columns = np.asarray(lens_list).T
+    found = mask[rows, columns]
+    counts = []
+    for chosen, population in ((found, int(mask.sum())), (~found, int((~mask).sum()))):
+        if population and not chosen.any():
+            return None
+        counts.append(population * hits[chosen].mean() if population else 0.0)
+    return float(counts[0] / sum(counts)) if sum(counts) else 1.0
+
+
+def _read_half(path: Path, truth: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W, 3) scene-linear over its background, and (rows, columns) of tiles with any hit.
+
+    LfsrError where the file is missing or of another size.
+    """
+    from lfsr_core.foreground import foreground_mask
     from lfsr_core.image_io import clean, read_layers
     from lfsr_core.pipeline import over_background
 
-    pixels = over_background(clean(read_layers(path))[0], truth)
+    layers = clean(read_layers(path))[0]
+    pixels = over_background(layers, truth)
     width, height = truth.rays.size
     if pixels.shape[:2] != (height, width):
         raise LfsrError(f"{path} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but its frame.json says "
                         f"{width}×{height}: render the reference again")
-    return pixels
+    return pixels, foreground_mask(layers, truth.rays.tiles)

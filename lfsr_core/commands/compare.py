@@ -20,6 +20,7 @@ MEANING = {
     "ssim_eia_plain": "ordinary SSIM against the mean of the halves, as in the paper",
     "ssim_ceiling": "ordinary SSIM of one half of the reference against the other",
     "flip": "mean FLIP difference, 0 is identical",
+    "recall": "share of the reference's foreground lenses that the mask found",
 }
 
 

@@ -1,0 +1,41 @@
+"""Recall of the foreground mask, whole and estimated from sampled lenses."""
+
+import numpy as np
+import pytest
+from synthetic import write_reference, write_render
+
+from lfsr_core.comparison import compare_folders, sampled_recall
+from lfsr_core.frame import MASK_FILE
+from lfsr_core.image_io import read_mask, write_mask
+from lfsr_core.pipeline import upscale_frame
+
+
+def test_a_lens_lost_by_the_mask_lowers_recall_and_still_counts_as_foreground(tmp_path):
+    folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
+    upscale_frame(folder, "bicubic")
+    whole = compare_folders(folder, reference)
+    mask = read_mask(folder / MASK_FILE)
+    lost = np.argwhere(mask)[: mask.sum() // 3]
+    mask[tuple(lost.T)] = False
+    write_mask(folder / MASK_FILE, mask)
+    after = compare_folders(folder, reference)
+    assert whole["recall"] == 1
+    assert after["recall"] == pytest.approx(1 - len(lost) / (mask.sum() + len(lost)))
+    assert after["ssim_eia_fg"] == pytest.approx(whole["ssim_eia_fg"])
+
+
+def test_sampled_recall_is_unbiased_under_unequal_sampling():
+    rng = np.random.default_rng(3)
+    truth = rng.random((30, 40)) < 0.4
+    mask = truth & (rng.random(truth.shape) < 0.8)
+    inside, outside = np.argwhere(mask), np.argwhere(~mask)
+    estimates = []
+    for _ in range(300):
+        listed = np.concatenate([rng.permutation(inside)[:60], rng.permutation(outside)[:20]])
+        estimates.append(sampled_recall(mask, truth[tuple(listed.T)], tuple(map(tuple, listed))))
+    assert np.mean(estimates) == pytest.approx((mask & truth).sum() / truth.sum(), abs=0.02)
+
+
+def test_sampled_recall_is_unknown_without_a_sample_outside_the_mask():
+    mask = np.array([[True, False]])
+    assert sampled_recall(mask, np.array([True]), ((0, 0),)) is None
