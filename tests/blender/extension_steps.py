@@ -46,8 +46,12 @@ def render(folder: Path) -> dict[str, object]:
     (folder / "job.json").write_text(json.dumps(job.to_dict()), encoding="utf-8")
     commands = (runtime.render_command(folder / "job.json"),
                 [*runtime.second_stage_command(), "upscale", job.output, "--method", "oidn+bicubic"])
-    codes = [subprocess.run(command, env=runtime.environment(), check=False).returncode for command in commands]
-    return {"enabled": state(), "exit_codes": codes}
+    for command in commands:
+        done = subprocess.run(command, env=runtime.environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              text=True, check=False)
+        if done.returncode:
+            return {"enabled": state(), "failed": done.stdout}
+    return {"enabled": state()}
 
 
 def press(folder: Path) -> dict[str, object]:
