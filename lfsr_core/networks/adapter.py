@@ -73,7 +73,12 @@ class PhotographUpscaler:
 
 
 class WholeEIAUpscaler(PhotographUpscaler):
-    """The same over the whole EIA as if it were one photograph: shows the crosstalk that per-EI methods avoid."""
+    """The same over the whole EIA as if it were one photograph: shows the crosstalk that per-EI methods avoid.
+
+    The latest rows are kept, because callers ask for few lenses at a time.
+    """
+
+    _kept: tuple[LowResEIA, int, np.ndarray] | None = None
 
     def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
         """EIs of ``lenses`` (N, 2), cut from whole rows of lenses with enough neighbours above and below."""
@@ -84,9 +89,14 @@ class WholeEIAUpscaler(PhotographUpscaler):
         for first in range(0, int(lenses[:, 0].max(initial=-1)) + 1, ROWS_AT_ONCE):
             chosen = (lenses[:, 0] >= first) & (lenses[:, 0] < first + ROWS_AT_ONCE)
             if chosen.any():
-                rows = self._rows(low, first).reshape(-1, size[0], sx, size[1], 3)
+                rows = self._kept_rows(low, first).reshape(-1, size[0], sx, size[1], 3)
                 result[chosen] = rows[lenses[chosen, 0] - first, :, lenses[chosen, 1]]
         return result
+
+    def _kept_rows(self, low: LowResEIA, first: int) -> np.ndarray:
+        if self._kept is None or self._kept[0] is not low or self._kept[1] != first:
+            self._kept = (low, first, self._rows(low, first))
+        return self._kept[2]
 
     def _rows(self, low: LowResEIA, first: int) -> np.ndarray:
         """Some rows of lenses from ``first`` on, (rows·h·s, sx·w·s, 3), as the network gives them for the whole EIA."""

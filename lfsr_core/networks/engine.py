@@ -95,11 +95,14 @@ class Engine:
         if self.step > SMALLEST_STEP:
             self.step //= 2
             self._say(f"out of memory: {self.step} elemental images per step instead of {self.step * 2}")
-        elif self.backend.device.type == "cuda":
+        elif self._is_gpu():
             self.backend, self.step = runners.TorchBackend(self._network), 64
             self._say("out of memory on the GPU even with small steps: the CPU was used")
         else:
             raise LfsrError(f"out of memory with {self.step} elemental images per step: close other programs")
+
+    def _is_gpu(self) -> bool:
+        return self.backend is not None and self.backend.device.type == "cuda"
 
     def _say(self, note: str) -> None:
         if note not in self.notes:
