@@ -16,6 +16,7 @@ from lfsr_core.train.config import TrainConfig
 from lfsr_core.train.losses import adversarial_loss, discriminator_loss
 from lfsr_core.train.photographs import CropSampler, EpochOfCrops, Photographs, downsample
 from lfsr_core.train.quality import psnr, ssim
+from lfsr_core.train.scene_validation import SceneValidation
 
 BETAS = (0.9, 0.999)
 
@@ -31,6 +32,7 @@ class ComparatorTask:
         self._sampler = CropSampler(photographs, config.crop, config.crops_per_photograph, config.seed, device,
                                     config.augment)
         self._validation = _validation_pairs(validation, config, device) if validation else []
+        self._scenes = _validation_scenes(config, device) if config.validation_scenes else None
         self.network = networks.build(config.network, config.scale).to(device)
         self._optimizer = self._adam(self.network)
         self.discriminator = Discriminator().to(device, memory_format=self._layout) if config.adversarial else None
@@ -47,7 +49,7 @@ class ComparatorTask:
     def identity(self) -> dict[str, Any]:
         """Settings and data, without how often to log, and without the length of a constant schedule."""
         values = dataclasses.asdict(self.config)
-        free = {"photographs", "validation", "validate_every", "checkpoint_every"}
+        free = {"photographs", "validation", "validation_scenes", "validate_every", "checkpoint_every"}
         free |= {"epochs"} if self.config.schedule == "constant" else set()
         return {**{key: value for key, value in values.items() if key not in free}, **self._data}
 
@@ -93,11 +95,12 @@ class ComparatorTask:
 
     @torch.no_grad()
     def validate(self) -> dict[str, float]:
-        """Mean PSNR and SSIM over the validation photographs, next to bicubic's on the same pairs."""
+        """Mean PSNR and SSIM over the validation photographs, and figures of the validation scenes."""
+        scenes = self._scenes.figures(self.network) if self._scenes else {}
         if not self._validation:
-            return {}
+            return scenes
         ours = [_quality(self.network(low), high) for low, high in self._validation]
-        return {"validation.psnr": _mean(ours, 0), "validation.ssim": _mean(ours, 1)}
+        return {"validation.psnr": _mean(ours, 0), "validation.ssim": _mean(ours, 1), **scenes}
 
     @torch.no_grad()
     def bicubic(self) -> dict[str, float]:
@@ -120,6 +123,10 @@ class ComparatorTask:
         if self.discriminator is not None:
             self.discriminator.load_state_dict(state["discriminator"])
             self._adversary.load_state_dict(state["adversary"])
+
+
+def _validation_scenes(config: TrainConfig, device: torch.device) -> SceneValidation:
+    return SceneValidation(config.validation_scenes, config.scale, device)
 
 
 def _validation_pairs(photographs: Photographs, config: TrainConfig,

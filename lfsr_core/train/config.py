@@ -19,7 +19,8 @@ class TrainConfig:
     """Training of a comparator on photographs.
 
     ``photographs``, ``validation``: a folder of images or a cache file of
-    ``--prepare-photographs``. ``crop``: side of a high-resolution crop in pixels.
+    ``--prepare-photographs``. ``validation_scenes``: a folder of rendered light
+    fields (*.npz), scored per EI as well. ``crop``: side of a high-resolution crop in pixels.
     An epoch is ``crops_per_photograph`` random crops of every photograph.
     ``downsample``: "box" (what a low-resolution render is) or "bicubic", in linear
     light or on encoded values. ``adversarial``: weight of the adversarial term, 0
@@ -30,6 +31,7 @@ class TrainConfig:
     network: str
     photographs: str
     validation: str = ""
+    validation_scenes: str = ""
     scale: int = 4
     seed: int = 0
     crop: int = 256
