@@ -44,7 +44,7 @@ def foreground_pixels(layers: Mapping[str, np.ndarray]) -> np.ndarray:
     """
     covered = layers["color"][..., 3] > 0
     index = layers.get("index")
-    if index is None or not (index == BACKGROUND_INDEX).any():
+    if index is None:
         return covered
     return (index[..., 0] == FOREGROUND_INDEX) | (covered & (index[..., 0] != BACKGROUND_INDEX))
 

@@ -64,7 +64,8 @@ def test_doubtful_pixels_beside_a_background_mesh_count():
 
 def test_recall():
     reference = np.array([[True, True, False, True]])
-    assert recall(np.array([[True, False, True, True]]), reference) == pytest.approx(2 / 3)
+    assert recall(np.array([[True, False, False, True]]), reference) == pytest.approx(2 / 3)
+    assert recall(np.array([[True, True, True, True]]), reference) == 1
     assert recall(reference, reference) == 1
     assert recall(reference, np.zeros_like(reference)) == 1
     with pytest.raises(LfsrError, match="shapes"):

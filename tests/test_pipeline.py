@@ -205,6 +205,17 @@ def test_lens_list_is_finished_as_tiles(tmp_path):
         np.testing.assert_allclose(result[tile // across, tile % across], expected[lens], atol=1e-6)
 
 
+def test_prefilters_see_the_low_resolution_eia_before_the_upscaler(tmp_path, monkeypatch):
+    write_render(tmp_path)
+    expected = 2 * pipeline.finished_linear(tmp_path, "nearest")
+
+    def doubled(low):
+        return dataclasses.replace(low, color=2 * low.color)
+
+    monkeypatch.setattr(pipeline, "method", lambda name: Method(name, (doubled,), method("nearest").upscaler))
+    np.testing.assert_allclose(pipeline.finished_linear(tmp_path, "doubled+nearest"), expected, rtol=1e-6)
+
+
 class OneAtATime:
     """An upscaler that notices a second call while the first runs."""
 
