@@ -27,8 +27,10 @@ def add(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.Object:
     if array_rig.find(scene) is not None:
         raise LfsrError(f"scene {scene.name!r} has a camera array already: fit it, or remove it first")
     _check_editable(scene)
+    # Before the array exists, which would be taken for the scene's own.
+    placed = _first_placement(scene, profile)
     array = _new_array(scene)
-    put(array, _first_placement(scene, profile))
+    put(array, placed)
     if scene.camera is None:
         scene.camera = array
     return array
