@@ -72,9 +72,9 @@ def uninstall(folder: Path) -> dict[str, object]:
 
 
 def state() -> dict[str, bool]:
-    """Whether Blender lists the add-on, its operators."""
+    """Whether Blender lists the add-on, its operators and its settings."""
     return {"listed": MODULE in bpy.context.preferences.addons,
-            "operators": hasattr(bpy.types, "LFSR_OT_test_python")}
+            "operators": hasattr(bpy.types, "LFSR_OT_render_eia"), "settings": hasattr(bpy.types.Scene, "lfsr")}
 
 
 if __name__ == "__main__":

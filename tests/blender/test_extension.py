@@ -25,7 +25,7 @@ STEPS = Path(__file__).with_name("extension_steps.py")
 # What Blender's own Python has: everything else is hidden from the Blender under test.
 BLENDER_BRINGS = ("bpy", "numpy", "numpy.libs", "requests", "urllib3", "certifi", "idna", "charset_normalizer",
                   "zstandard", "cattr", "cattrs", "attr", "attrs", "typing_extensions.py")
-ON = {"listed": True, "operators": True}
+ON = {"listed": True, "operators": True, "settings": True}
 OFF = dict.fromkeys(ON, False)
 
 
@@ -123,6 +123,8 @@ def test_from_installation_to_removal(archive, blender):
 
     assert blender("render") == {"enabled": ON}
     check_cube(blender.folder / "frame")
+    assert blender("press") == {"enabled": ON, "render": ["FINISHED"]}
+    check_cube(next((blender.folder / "images").rglob("eia.png")).parent)
 
     found = blender("uninstall")
     assert found == {"enabled": ON, "uninstall": ["FINISHED"], "after": OFF}
