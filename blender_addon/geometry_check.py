@@ -87,9 +87,10 @@ def _problems(scene: bpy.types.Scene, item: bpy.types.Object, extent: Extent, ar
               display: DisplayProfile, limits: tuple[float, float], scale: int) -> Iterator[Found]:
     near, far = limits
     margin = TOLERANCE * array.distance
-    if extent.covers and extent.far > array.distance and extent.far > far + margin:
-        yield Found("background", item, "It fills the display behind the objects, so every lens would count as "
-                    "foreground. Objects in a collection called Background are reconstructed faster.",
+    through = extent.near < near and extent.far > far
+    if through or (extent.covers and extent.far > far + margin):
+        yield Found("background", item, "It fills the display or all of its depth, so every lens would count "
+                    "as foreground. Objects in a collection called Background are reconstructed faster.",
                     "Move to Background")
         return
     if extent.near < near - margin:

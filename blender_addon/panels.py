@@ -65,17 +65,17 @@ class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
             layout.operator("lfsr.array_fit", text="Add and Fit to Selection", icon="FULLSCREEN_EXIT")
             return
         row = layout.row(align=True)
-        row.operator("lfsr.array_fit", text="Fit to Selection", icon="FULLSCREEN_EXIT")
-        row.operator("lfsr.array_remove", text="Remove", icon="X")
+        row.operator("lfsr.array_fit", text="Fit to Selection")
+        row.operator("lfsr.array_remove", text="", icon="TRASH")
         self._draw_settings(context, array)
 
     def _draw_settings(self, context: bpy.types.Context, array: bpy.types.Object) -> None:
         column = _columns(self.layout).column()
         column.enabled = array_rig.why_not_editable(array) is None
         row = column.row(align=True)
-        row.prop(context.scene.lfsr, "distance", text="Display Plane")
+        row.prop(context.scene.lfsr, "distance", text="Distance")
         row.operator("lfsr.select_plane", text="", icon="RESTRICT_SELECT_OFF")
-        column.prop(context.scene.lfsr, "spacing", slider=True)
+        column.prop(context.scene.lfsr, "spacing", text="Spacing", slider=True)
         column.prop(context.scene.lfsr, "show_frustum", text="Show Frustum")
         try:
             facts = summary.depth_facts(context.scene)
@@ -114,14 +114,14 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Preset, samples, method, output."""
         lfsr = context.scene.lfsr
-        self.layout.row().prop(lfsr, "quality", expand=True)
         layout = _columns(self.layout)
+        layout.prop(lfsr, "quality", text="Preset")
         layout.prop(lfsr, "samples")
         layout.prop(lfsr, "method")
         layout.prop(lfsr, "seed")
         layout.separator()
         layout.prop(lfsr, "output")
-        layout.prop(lfsr, "linear_exr")
+        layout.prop(lfsr, "linear_exr", text="Linear EXR")
 
 
 class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
@@ -210,14 +210,12 @@ def _draw_problem(layout: bpy.types.UILayout, problem: bpy.types.PropertyGroup, 
     row = box.row()
     row.alert = problem.severity == "ERROR"
     row.label(text=problem.target, icon=SEVERITY_ICONS[problem.severity])
-    buttons = row.row(align=True)
-    buttons.alignment = "RIGHT"
-    if problem.fix:
-        button = buttons.operator("lfsr.check_fix", text=problem.fix)
-        button.code, button.target = problem.code, problem.target
     if problem.is_object:
-        buttons.operator("lfsr.check_select", text="", icon="RESTRICT_SELECT_OFF").target = problem.target
+        row.operator("lfsr.check_select", text="", icon="RESTRICT_SELECT_OFF").target = problem.target
     _sentence(box, problem.reason, "NONE", context)
+    if problem.fix:
+        button = box.operator("lfsr.check_fix", text=problem.fix)
+        button.code, button.target = problem.code, problem.target
 
 
 def _sentence(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.types.Context) -> None:

@@ -29,8 +29,7 @@ def profile_items() -> list[tuple[str, str, str, str, int]]:
     items = []
     for number, name in enumerate(builtin_names(), start=1):
         display = load_display(name)
-        title = f"{name} ({display.panel_pixels[0]}×{display.panel_pixels[1]})"
-        items.append((name, title, display.description, "DESKTOP", number))
+        items.append((name, name, display.description, "DESKTOP", number))
     return [*items, (PROFILE_FILE, "From File…", "Display profile in a .toml file", "FILE", 0)]
 
 

@@ -26,8 +26,9 @@ def display_facts(display: DisplayProfile, scale: int) -> Facts:
     low = display.low_views(scale)
     lenses, views = display.lenses, display.views
     return [("Lenses", f"{lenses[0]} × {lenses[1]}"),
-            ("Views", f"{views[0]} × {views[1]}, {low[0]} × {low[1]} rendered"),
-            ("Rendered", f"{lenses[0] * low[0]} × {lenses[1] * low[1]} px"),
+            ("Views", f"{views[0]} × {views[1]}"),
+            ("Rendered", f"{low[0]} × {low[1]}"),
+            ("", f"{lenses[0] * low[0]} × {lenses[1] * low[1]} px"),
             ("Image", f"{display.panel_pixels[0]} × {display.panel_pixels[1]} px")]
 
 

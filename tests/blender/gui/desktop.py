@@ -1,0 +1,124 @@
+"""A virtual screen with a real Blender window on it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+SIZE = (1280, 1000)   # software OpenGL pays for every pixel
+AGENT = Path(__file__).with_name("agent.py")
+SECONDS_TO_START = 120
+PROGRAMS = ("blender", "Xvfb", "xdotool")
+
+
+def missing_programs() -> list[str]:
+    """Programs that a window test needs and that are not here."""
+    return [name for name in PROGRAMS if shutil.which(name) is None]
+
+
+class Window:
+    """A running Blender: Python runs inside it, keys and clicks come from outside."""
+
+    def __init__(self, stream: Any, environment: dict[str, str], process: subprocess.Popen, folder: Path) -> None:
+        self._stream, self._environment = stream, environment
+        self.process, self.folder = process, folder
+
+    def run(self, source: str) -> Any:
+        """Execute ``source`` on Blender's main thread; returns its variable ``value``."""
+        self._stream.write(json.dumps(source) + "\n")
+        self._stream.flush()
+        answer = self._stream.readline()
+        assert answer, f"Blender ended with {self.process.poll()}"
+        answer = json.loads(answer)
+        assert "error" not in answer, answer["error"]
+        return answer["value"]
+
+    def get(self, expression: str) -> Any:
+        """Value of ``expression`` inside Blender."""
+        return self.run(f"value = {expression}")
+
+    def until(self, expression: str, seconds: float) -> Any:
+        """Wait until ``expression`` is true inside Blender; its value."""
+        ends = time.monotonic() + seconds
+        while not (value := self.get(expression)):
+            assert time.monotonic() < ends, f"not within {seconds} s: {expression}"
+            time.sleep(0.05)
+        return value
+
+    def settle(self) -> None:
+        """Wait until Blender has drawn what it was told and read the keys it was sent."""
+        # The agent answers once per turn of Blender's loop, and every turn ends with a redraw.
+        for _ in range(4):
+            self.run("value = None")
+            time.sleep(0.05)
+
+    def xdotool(self, *arguments: object) -> None:
+        """Keys and pointer, as from a person."""
+        subprocess.run(["xdotool", *map(str, arguments)], env=self._environment, check=True, timeout=30)
+        self.settle()
+
+    def click(self, x: int, y: int) -> None:
+        """Press the left button at pixel (x, y) from the top left."""
+        # In two steps, so that Blender notices which button is under the pointer.
+        self.xdotool("mousemove", x - 2, y - 2)
+        self.xdotool("mousemove", x, y)
+        self.xdotool("click", 1)
+
+    def screenshot(self, name: str) -> Path:
+        """Picture of the whole screen."""
+        self.settle()
+        path = self.folder / f"{name}.png"
+        subprocess.run(["import", "-window", "root", str(path)], env=self._environment, check=True, timeout=60)
+        return path
+
+
+@contextmanager
+def blender_window(folder: Path, variables: dict[str, str]) -> Iterator[Window]:
+    """A fresh Blender with factory settings and the add-on registered, in a window that fills the screen."""
+    with _screen() as display, socket.create_server(("127.0.0.1", 0)) as server:
+        environment = os.environ | {"DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1", "HOME": str(folder),
+                                    "BLENDER_USER_RESOURCES": str(folder / "blender")} | variables
+        command = ["blender", "--factory-startup", "--window-geometry", "0", "0", *map(str, SIZE), "--python",
+                   str(AGENT), "--", str(server.getsockname()[1])]
+        with (folder / "blender.log").open("w") as log:
+            process = subprocess.Popen(command, env=environment, stdout=log, stderr=subprocess.STDOUT, cwd=folder)
+        try:
+            server.settimeout(SECONDS_TO_START)
+            connection, _ = server.accept()
+            with connection, connection.makefile("rw", encoding="utf-8") as stream:
+                yield Window(stream, environment, process, folder)
+        finally:
+            _end(process)
+
+
+@contextmanager
+def _screen() -> Iterator[str]:
+    reader, writer = os.pipe()
+    command = ["Xvfb", "-displayfd", str(writer), "-screen", "0", f"{SIZE[0]}x{SIZE[1]}x24", "+extension", "GLX"]
+    process = subprocess.Popen(command, pass_fds=[writer], stderr=subprocess.DEVNULL)
+    os.close(writer)
+    try:
+        with os.fdopen(reader) as numbers:
+            yield f":{numbers.readline().strip()}"
+    finally:
+        _end(process)
+
+
+def _end(process: subprocess.Popen) -> None:
+    if process.poll() is None:
+        process.terminate()
+        try:
+            process.wait(3)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
