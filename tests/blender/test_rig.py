@@ -127,3 +127,4 @@ def test_bounds_see_modifiers_and_instances(scene):
     bpy.context.view_layer.update()
     low, high = rig.bounds(scene_io.find_subject(scene))
     assert low == pytest.approx((-0.5, -0.5, -0.5)) and high == pytest.approx((2.5, 0.5, 4.1))
+    assert rig.bounds({empty})[1] == pytest.approx((0.1, 0.1, 4.1)), "what shows the instance is enough"

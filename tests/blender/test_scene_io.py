@@ -55,6 +55,18 @@ def test_scene_without_light_gets_an_hdri_that_is_not_seen(tmp_path):
             assert layers["environment"][alpha == 0].min() > 0 and layers["environment"][alpha == 1].max() == 0
 
 
+def test_own_black_world_is_put_back(scene, tmp_path):
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    scene.world = black = bpy.data.worlds.new("black")
+    black.color = (0, 0, 0)
+    for node in black.node_tree.nodes if black.node_tree else ():
+        if node.type == "BACKGROUND":
+            node.inputs["Strength"].default_value = 0.0
+    with scene_io.lit(scene) as own_light:
+        assert not own_light and scene.world != black
+    assert scene.world == black
+
+
 def test_color_and_environment_add_up_to_blenders_own_picture(scene, tmp_path):
     """The environment layer is already weighted by what is left uncovered."""
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
@@ -152,6 +164,18 @@ def test_no_visible_subject_is_refused(two):
     two.collection.children["Things"].hide_render = True
     with pytest.raises(LfsrError, match="nothing of the subject 'Things' would be rendered"):
         scene_io.find_subject(two, "Things")
+
+
+def test_instanced_subject_is_marked_as_foreground(two, tmp_path):
+    things = two.collection.children["Things"]
+    two.collection.children.unlink(things)
+    empty = bpy.data.objects.new("instance", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", things
+    two.collection.objects.link(empty)
+    add_camera(two, (0, -6, 0), 1.0)
+    frame_folder.render_job(two, Job(str(tmp_path), MINI, spp=1, layers=("index",)))
+    index = image_io.read_layers(tmp_path / "lr_eia.exr")["index"][..., 0]
+    assert set(np.unique(index)) == {0, 1, 2}
 
 
 def test_background_meshes_are_marked_by_index(two, tmp_path):
