@@ -134,6 +134,15 @@ def test_resumed_training_gives_the_same_weights(folder, tmp_path, changes, monk
     assert weights.read(resumed.weights)[0]["sha256"] == weights.read(whole.weights)[0]["sha256"]
 
 
+def test_cosine_schedule_falls_from_the_rate_to_zero(folder):
+    task = ComparatorTask(small(folder, schedule="cosine", epochs=4), load_photographs(folder), None, CPU)
+    rates = []
+    for epoch in range(4):
+        task.begin(epoch)
+        rates.append(task._optimizer.param_groups[0]["lr"])
+    assert rates == pytest.approx([1e-3, 0.8536e-3, 0.5e-3, 0.1464e-3], rel=1e-3)
+
+
 def test_seed_decides_the_weights(folder, tmp_path):
     runs = [train(small(folder, epochs=1, seed=seed), tmp_path / name, device="cpu")
             for name, seed in (("a", 1), ("b", 1), ("c", 2))]
