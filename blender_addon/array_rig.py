@@ -56,9 +56,10 @@ def set_distance(scene: bpy.types.Scene, distance: float) -> None:
     array = find(scene)
     plane = plane_of(array) if array else None
     if plane is not None:
+        # World matrices follow an update only: the array's is read here, the plane's by whoever asks next.
+        bpy.context.view_layer.update()
         scale = array.matrix_world.to_scale().z or 1.0
         plane.location = (0.0, 0.0, -distance / scale)
-        # Whoever reads the distance next must find it: the world matrix follows an update only.
         bpy.context.view_layer.update()
 
 

@@ -8,7 +8,7 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 
-from . import array_edit, array_rig, scene_check, scene_io, settings
+from . import array_edit, array_rig, scene_check, scene_io, session, settings
 from .operators import Result, reports_errors
 from .rig_operators import UNDO, activate
 
@@ -80,6 +80,7 @@ def refresh(scene: bpy.types.Scene) -> list[scene_check.Problem]:
         line = state.problems.add()
         for name in ("code", "target", "reason", "fix", "severity", "is_object"):
             setattr(line, name, getattr(problem, name))
+    session.redraw()
     return problems
 
 

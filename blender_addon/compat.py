@@ -40,3 +40,8 @@ def is_editable(data: bpy.types.ID) -> bool:
 def whole_sample_range() -> dict[str, Any]:
     """Cycles settings that render all samples, where a range of them can be chosen."""
     return {"use_sample_subset": False} if hasattr(bpy.context.scene.cycles, "use_sample_subset") else {}
+
+
+def relative_path() -> set[str]:
+    """Options of a path property that may begin with //, the folder of the .blend file."""
+    return {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()

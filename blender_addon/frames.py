@@ -13,8 +13,8 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frame import EIA_FILE
 from lfsr_core.render_job import Job
 
-from . import array_rig, preview, settings
-from .tasks import Steps, publish, render_step, scene_copy, second_stage_step, staging
+from . import array_rig, preview, runtime, settings
+from .tasks import PANEL_TASKS, Steps, publish, render_step, scene_copy, second_stage_step, staging
 
 RENDER_SHARE = 0.85
 
@@ -42,6 +42,8 @@ def plan_frame(scene: bpy.types.Scene, number: int | None = None) -> FramePlan:
     folder = settings.frame_folder(scene, number)
     job = settings.render_job(scene, folder, number)
     array_rig.placement(scene, job.display)
+    # A second stage that cannot start should be told before the render, not after it.
+    runtime.second_stage_command(PANEL_TASKS)
     return FramePlan(folder, job, scene.lfsr.method, scene.lfsr.linear_exr)
 
 

@@ -220,7 +220,8 @@ def _draw_problem(layout: bpy.types.UILayout, problem: bpy.types.PropertyGroup, 
 
 def _sentence(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.types.Context) -> None:
     """Text over as many lines as the sidebar's width needs."""
-    scale = context.preferences.system.ui_scale * PIXELS_PER_LETTER
+    # The interface has no scale where there is no window.
+    scale = (context.preferences.system.ui_scale or 1.0) * PIXELS_PER_LETTER
     letters = max(20, int((context.region.width if context.region else 300) / scale) - 6)
     column = layout.column(align=True)
     column.scale_y = 0.75
