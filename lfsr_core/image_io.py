@@ -34,7 +34,7 @@ def read_layers(path: str | Path) -> dict[str, np.ndarray]:
     """Layers of a multi-layer EXR as float32 (H, W, C), by name.
 
     Always "color" (RGBA, premultiplied, scene-linear; alpha 1 where the file has
-    none); "albedo" (3), "normal" (3, world space, zero where nothing was hit),
+    none); "albedo" (3), "normal" (3, camera-array space, zero where nothing was hit),
     "position" (3, world space, scene units), "index" (1) and "environment" (3)
     where the file has them. Reads Blender's files (4.5: one part, 5.x: one part
     per pass) and those of ``write_layers``; other passes are left out.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bpy
 import mathutils
 import numpy as np
 import pytest
@@ -130,3 +131,12 @@ def test_image_too_small_for_blender_is_refused(scene, tmp_path):
     add_plane(scene, plane_in_array(ARRAY.distance, 0.0), position_emission())
     with pytest.raises(LfsrError, match="2×2 pixels, but Blender needs at least 4"):
         encoded(scene, layout_of(4, lens_list=LENSES[:1]), tmp_path)
+
+
+def test_normal_layer_is_in_array_space(scene, tmp_path):
+    """+X right, +Y up, +Z towards the display: what faces the viewer has a negative z."""
+    tilt = 0.3
+    plane = TURNED @ mathutils.Matrix.Translation((0, 0, -ARRAY.distance)) @ mathutils.Matrix.Rotation(tilt, 4, "Y")
+    add_plane(scene, plane, bpy.data.materials.new("plain"))
+    normal = encoded(scene, layout_of(4), tmp_path, ARRAY_TO_WORLD.tolist(), layers=("normal",))["normal"]
+    assert normal == pytest.approx(np.broadcast_to((np.sin(tilt), 0, -np.cos(tilt)), normal.shape), abs=1e-3)
