@@ -6,6 +6,7 @@ import argparse
 import copy
 import dataclasses
 import json
+import math
 import time
 import tomllib
 from collections import defaultdict
@@ -24,6 +25,7 @@ from lfsr_core.train.split_ssim import masked_mean, split_squared_error, split_s
 
 EMA_DECAY = 0.998
 VALIDATION_SHARE = 12
+WARM_UP_STEPS = 200
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,9 +127,10 @@ class Trainer:
 
     def train_step(self) -> float:
         """One update; returns the loss."""
-        warm, done = min(1.0, (self.step + 1) / 200), self.progress()
+        warm = min(1.0, (self.step + 1) / min(WARM_UP_STEPS, 1 + self.config.steps // 10))
+        done = self.progress()
         for group in self.optimizer.param_groups:
-            group["lr"] = self.config.learning_rate * warm * (0.01 + 0.99 * 0.5 * (1 + np.cos(np.pi * min(1, done))))
+            group["lr"] = self.config.learning_rate * warm * (0.01 + 0.495 * (1 + math.cos(math.pi * min(1, done))))
         batch = self.draw()
         if self.config.clean_inputs:
             batch = _clean(batch, self.config.network.scale)

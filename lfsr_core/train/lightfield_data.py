@@ -54,12 +54,17 @@ def load_scene(path: Path, device: str) -> Scene:
     try:
         with np.load(path) as data:
             meta = json.loads(str(data["meta"]))
-            low = {spp: _planes(data[f"lr_{spp}"], device) for spp in meta["spps"]}
+            low = {spp: _planes(_bounded_albedo(data[f"lr_{spp}"]), device) for spp in meta["spps"]}
             oidn = {spp: _planes(data[f"oidn_{spp}"], device) for spp in meta["spps"]}
             halves = torch.stack([_planes(data[key], device)[:3] for key in ("ref_a", "ref_b")])
     except (OSError, ValueError, KeyError) as error:
         raise LfsrError(f"{path} cannot be read as a training scene ({error}): render it again") from None
     return Scene(path.stem, tuple(meta["lenses"]), low, oidn, halves)
+
+
+def _bounded_albedo(low: np.ndarray) -> np.ndarray:
+    """(H, W, 10) with albedo at most 1: Cycles adds emission to it."""
+    return np.concatenate([low[..., :4], np.minimum(low[..., 4:7], 1), low[..., 7:]], -1)
 
 
 def _planes(array: np.ndarray, device: str) -> Tensor:

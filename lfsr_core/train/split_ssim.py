@@ -20,8 +20,10 @@ def blur(maps: Tensor) -> Tensor:
     taps = (taps / taps.sum()).to(maps.dtype)
     b, c, h, w = maps.shape
     x = F.pad(maps.reshape(b * c, 1, h, w), (RADIUS,) * 4, mode="reflect")
-    x = F.conv2d(x, taps.view(1, 1, 1, -1))
-    return F.conv2d(x, taps.view(1, 1, -1, 1)).view(b, c, h, w)
+    # Variances are differences of nearly equal blurs: the ten bits of TF32 are too few.
+    with torch.backends.cudnn.flags(enabled=True, allow_tf32=False):
+        x = F.conv2d(x, taps.view(1, 1, 1, -1))
+        return F.conv2d(x, taps.view(1, 1, -1, 1)).view(b, c, h, w)
 
 
 def split_ssim_map(x: Tensor, a: Tensor, b: Tensor) -> Tensor:
@@ -31,8 +33,8 @@ def split_ssim_map(x: Tensor, a: Tensor, b: Tensor) -> Tensor:
     mx, ma, mb, xx, ab, xm = blur(torch.cat([x, a, b, x * x, a * b, x * mean], 1)).split(channels, 1)
     mm = (ma + mb) / 2
     cov_x, cov_ab, var_x = xm - mx * mm, ab - ma * mb, xx - mx * mx
-    # A noisy cov(a, b) can fall below zero; the floor keeps the quotient finite.
-    bottom = (mx * mx + ma * mb + C1) * (var_x + cov_ab + C2).clamp_min(C2 / 2)
+    # A noisy cov(a, b) can fall below zero; the floor keeps the quotient bounded, as in metrics.
+    bottom = (mx * mx + (ma * mb).clamp_min(0) + C1) * ((var_x + cov_ab).clamp_min(0) + C2)
     return (2 * mx * mm + C1) * (2 * cov_x + C2) / bottom
 
 

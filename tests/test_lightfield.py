@@ -1,0 +1,152 @@
+"""Our network and its training: exact where it must be, and learning at all."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.networks.lightfield import LightFieldConfig, LightFieldNet, decode, encode, multiply_adds
+from lfsr_core.split_estimates import split_ssim_map as reference_ssim_map
+from lfsr_core.train import lightfield as training
+from lfsr_core.train.lightfield_data import from_eis, load_scene, load_scenes, make_batch, network_inputs, to_eis
+from lfsr_core.train.split_ssim import RADIUS, split_ssim_map
+
+LENSES, VIEWS, SCALE = (8, 6), 16, 4
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Three scenes of waves with exponential noise, as scripts/training_scenes.py stores them."""
+    rng = np.random.default_rng(0)
+    height, width = LENSES[1] * VIEWS, LENSES[0] * VIEWS
+    y, x = np.mgrid[:height, :width]
+    for index in range(3):
+        image = np.stack([0.5 + 0.4 * np.sin(x / 9 + index + c) * np.cos(y / 11) for c in range(3)], -1)
+        low = image.reshape(height // SCALE, SCALE, width // SCALE, SCALE, 3).mean((1, 3))
+        noisy = low * rng.exponential(1, low.shape)
+        normal = np.broadcast_to([1.0, 0.0, 0.0], low.shape)
+        layers = np.concatenate([noisy, np.ones_like(low[..., :1]), low * 3, normal], -1)
+        halves = {f"ref_{half}": np.concatenate([image * rng.normal(1, 0.02, image.shape), image[..., :1] * 0 + 1], -1)
+                  for half in "ab"}
+        arrays = {"lr_4": layers, "oidn_4": low * rng.normal(1, 0.2, low.shape), **halves}
+        meta = json.dumps({"spps": [4], "lenses": LENSES})
+        np.savez(tmp_path / f"scene_{index}.npz", meta=meta, **{k: v.astype(np.float16) for k, v in arrays.items()})
+    return tmp_path
+
+
+def test_working_domain_is_inverted_and_is_srgb_up_to_one():
+    linear = torch.linspace(0, 60, 5001)
+    assert torch.allclose(decode(encode(linear)), linear, rtol=1e-4, atol=1e-5)
+    assert encode(torch.tensor(0.5)).item() == pytest.approx(1.055 * 0.5 ** (1 / 2.4) - 0.055, abs=1e-6)
+
+
+@pytest.mark.parametrize("scale", [2, 3, 4, 8])
+def test_untrained_network_is_bicubic_inside_each_elemental_image(scale):
+    net = LightFieldNet(LightFieldConfig(scale=scale))
+    base = torch.rand(LENSES[0] * LENSES[1], 3, 10, 10)
+    features = torch.rand(len(base), net.config.input_channels, 10, 10)
+    expected = torch.nn.functional.interpolate(base, scale_factor=scale, mode="bicubic", align_corners=False)
+    assert torch.allclose(net(features, base, LENSES), expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("side", [4, 5])
+def test_spatial_convolutions_reach_neighbouring_lenses_and_angular_ones_do_not(side):
+    for spatial in (False, True):
+        torch.manual_seed(0)
+        net = LightFieldNet(LightFieldConfig(width=4, body_width=8, spatial=spatial))
+        torch.nn.init.normal_(net.out.weight)
+        features = torch.rand(LENSES[0] * LENSES[1], net.config.input_channels, side, side, requires_grad=True)
+        output = net(features, torch.rand(len(features), 3, side, side), LENSES)
+        center = 2 * LENSES[0] + 4
+        output[center].sum().backward()
+        seen = set(features.grad.abs().amax((1, 2, 3)).nonzero().flatten().tolist())
+        assert seen == ({center} if not spatial else seen | {center + 1, center - 1, center + LENSES[0]})
+        assert spatial == (len(seen) > 1)
+
+
+def test_upscaling_never_reads_another_elemental_image():
+    net = LightFieldNet(LightFieldConfig(detail=True))
+    clean, hidden = torch.rand(6, 3, 5, 5, requires_grad=True), torch.rand(6, 16, 5, 5)
+    net.upscale(clean, hidden)[2].sum().backward()
+    assert clean.grad.abs().amax((1, 2, 3)).nonzero().flatten().tolist() == [2]
+
+
+def test_multiply_adds_are_those_of_the_convolutions():
+    config, counted = LightFieldConfig(width=4, body_width=8, detail=True), []
+    net = LightFieldNet(config)
+
+    def count(layer, _inputs, output):
+        taps = layer.weight[0].numel()
+        counted.append(taps * output[0].numel() * len(output))
+
+    for layer in net.modules():
+        if isinstance(layer, torch.nn.Conv2d):
+            layer.register_forward_hook(count)
+    pixels = LENSES[0] * LENSES[1] * 8 * 8
+    net(torch.rand(pixels // 64, config.input_channels, 8, 8), torch.rand(pixels // 64, 3, 8, 8), LENSES)
+    linear_filter = 3 * SCALE**2 * 25
+    assert sum(counted) / pixels + linear_filter == pytest.approx(multiply_adds(config))
+
+
+def test_training_ssim_is_the_one_that_is_reported():
+    rng = np.random.default_rng(1)
+    x, a, b = (rng.random((40, 48, 3)).astype(np.float32) for _ in range(3))
+    planes = [torch.from_numpy(v.transpose(2, 0, 1))[None] for v in (x, a, b)]
+    ours = split_ssim_map(*planes)[0].mean(0).numpy()
+    theirs = reference_ssim_map(x, a, b)
+    theirs = theirs.mean(-1) if theirs.ndim == 3 else theirs
+    inside = (slice(RADIUS, -RADIUS),) * 2
+    assert np.abs(ours[inside] - theirs[inside]).max() < 1e-4
+
+
+def test_elemental_images_and_back():
+    image = torch.rand(2, 3, LENSES[1] * 5, LENSES[0] * 7)
+    assert torch.equal(from_eis(to_eis(image, LENSES), LENSES), image)
+
+
+def test_albedo_of_emitters_is_limited(folder):
+    assert load_scene(folder / "scene_0.npz", "cpu").low[4][4:7].max() == 1
+
+
+def test_augmentation_keeps_input_and_reference_the_same_light_field(folder):
+    scenes = load_scenes(folder, "cpu")
+    for seed in range(12):
+        batch = make_batch(scenes[:1], 4, np.random.default_rng(seed))
+        low = from_eis(batch.layers["oidn"], batch.lenses)
+        high = torch.nn.functional.avg_pool2d(batch.halves.mean(1), SCALE)
+        assert torch.corrcoef(torch.stack([low.flatten(), high.flatten()]))[0, 1] > 0.85
+        assert torch.allclose(batch.layers["normal"].norm(dim=1), torch.ones(()), atol=1e-3)
+
+
+def test_inputs_have_the_channels_that_the_network_expects(folder):
+    batch = make_batch(load_scenes(folder, "cpu")[:1], 4)
+    config = LightFieldConfig(inputs=("oidn", "color", "alpha", "albedo", "normal"), base="oidn")
+    features, base = network_inputs(batch.layers, 4, config)
+    assert features.shape[1] == config.input_channels
+    assert torch.equal(base, features[:, :3])
+
+
+def test_training_learns_and_its_checkpoint_holds_everything(folder, tmp_path):
+    config = training.TrainConfig("tiny", LightFieldConfig(width=4, body_width=8, blocks=1, inputs=("color", "alpha")),
+                                  steps=40, batch=2, seed=3)
+    scenes = load_scenes(folder, "cpu")
+    before = training.Trainer(config, scenes, "cpu").validate()["net"]["ssim_eia_4"]
+    trained = training.train(config, scenes, tmp_path, "cpu")
+    assert trained.validate()["net"]["ssim_eia_4"] > before + 0.02
+    again = training.Trainer(config, scenes, "cpu")
+    again.load(tmp_path / "tiny.ckpt")
+    assert again.step == 40
+    assert all(torch.equal(a, b) for a, b in zip(again.ema.parameters(), trained.ema.parameters(), strict=True))
+
+
+def test_wrong_training_input_is_told(tmp_path):
+    with pytest.raises(LfsrError, match="no training scenes"):
+        load_scenes(tmp_path, "cpu")
+    (tmp_path / "scene.npz").write_bytes(b"not a scene")
+    with pytest.raises(LfsrError, match="cannot be read as a training scene"):
+        load_scenes(tmp_path, "cpu")
+    (tmp_path / "c.toml").write_text("name = 'x'\nstepz = 3\n")
+    with pytest.raises(LfsrError, match="stepz"):
+        training.read_config(tmp_path / "c.toml")
