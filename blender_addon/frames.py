@@ -14,6 +14,7 @@ from lfsr_core.frame import EIA_FILE
 from lfsr_core.render_job import Job
 
 from . import array_rig, preview, runtime, settings
+from .methods import networks_of
 from .tasks import PANEL_TASKS, Steps, publish, render_step, scene_copy, second_stage_step, staging
 
 RENDER_SHARE = 0.85
@@ -58,6 +59,8 @@ def plan_animation(scene: bpy.types.Scene) -> tuple[list[FramePlan], int]:
 def render_frames(scene: bpy.types.Scene, plans: Sequence[FramePlan]) -> Steps:
     """Render and finish ``plans``; the result is the last one's folder."""
     with scene_copy(scene) as copy:
+        if networks_of(plans[0].method):
+            yield second_stage_step("Checking method", 0.0, copy.parent, "check", method=plans[0].method)
         for number, plan in enumerate(plans):
             title = f" {number + 1}/{len(plans)}" if len(plans) > 1 else ""
             yield from _render_frame(copy, plan, title, 1 / len(plans))

@@ -87,7 +87,8 @@ def _problems(scene: bpy.types.Scene, item: bpy.types.Object, extent: Extent, ar
               display: DisplayProfile, limits: tuple[float, float], scale: int) -> Iterator[Found]:
     near, far = limits
     margin = TOLERANCE * array.distance
-    through = extent.near < near and extent.far > far
+    # A floor or a room: from beside the viewer, or from before the usable depth, to behind the display.
+    through = extent.far > (array.distance if extent.near <= 0 else far) and extent.near < near
     if through or (extent.covers and extent.far > far + margin):
         yield Found("background", item, "It fills the display or all of its depth, so every lens would count "
                     "as foreground. Objects in a collection called Background are reconstructed faster.",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 
 from lfsr_core import networks
+from lfsr_core.errors import LfsrError
 
 DENOISER = "oidn"
 # The pure second stage knows more; these are worth a menu entry, best first.
@@ -36,3 +37,17 @@ def layers_of(method: str) -> tuple[str, ...]:
     layers = set(FEATURES) if DENOISER in parts else set()
     layers |= {layer for part in parts if part in networks.NETWORKS for layer in networks.NETWORKS[part].layers}
     return tuple(sorted(layers))
+
+
+def networks_of(method: str) -> list[str]:
+    """The parts of ``method`` that are networks."""
+    return [part for part in method.split("+") if part in networks.NETWORKS]
+
+
+def check_scale(method: str, scale: int) -> None:
+    """LfsrError if a network of ``method`` was not trained for ``scale``."""
+    for name in networks_of(method):
+        trained = networks.trained_scales(name)
+        if scale not in trained:
+            raise LfsrError(f"method {name!r} was not trained for scale {scale}× but for "
+                            f"{', '.join(f'{s}×' for s in trained)}: choose one of these or another method")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import os
 from pathlib import Path
 
 import bpy
@@ -15,7 +14,7 @@ from lfsr_core.frame import EIA_FILE, REPORT_FILE, Frame, read_frame
 from lfsr_core.render_job import Job
 
 from . import compat, devices, scene_io
-from .methods import layers_of
+from .methods import check_scale, layers_of
 
 PROFILE_FILE = "FILE"
 SCALES = (1, 2, 3, 4, 5, 8)
@@ -131,14 +130,7 @@ def check_renderable(scene: bpy.types.Scene) -> None:
     """LfsrError for whatever makes a render impossible before it starts."""
     if bpy.context.preferences.addons.get("cycles") is None:
         raise LfsrError("Cycles is switched off in Blender's preferences: switch the Cycles Render Engine add-on on")
-    display_of(scene).low_views(int(scene.lfsr.scale))
+    scale = int(scene.lfsr.scale)
+    display_of(scene).low_views(scale)
+    check_scale(scene.lfsr.method, scale)
     scene_io.find_subject(scene)
-
-
-def check_writable(folder: Path) -> None:
-    """LfsrError unless ``folder`` or the nearest folder above it that exists can be written to."""
-    if folder.exists() and not folder.is_dir():
-        raise LfsrError(f"{folder} is a file, but the output must be a folder: choose another output folder")
-    there = next(path for path in (folder, *folder.parents) if path.exists())
-    if not os.access(there, os.W_OK):
-        raise LfsrError(f"output folder {there} may not be written to: choose another output folder")

@@ -72,6 +72,13 @@ def choose(folder: str, count: int, seed: int = 0) -> dict[str, Any]:
     return {"lens_list": None if whole else [list(lens) for lens in choose_lenses(mask, count, seed)]}
 
 
+def check(method: str) -> dict[str, Any]:
+    """LfsrError if this Python cannot run ``method``, as a network without PyTorch: better told before the render."""
+    from lfsr_core.upscale import method as load
+
+    return {"method": load(method).name}
+
+
 def compare(folder: str, reference: str) -> dict[str, Any]:
     """Metrics of a finished folder against a reference folder, also written into its report."""
     from lfsr_core.comparison import compare_folders
@@ -81,7 +88,7 @@ def compare(folder: str, reference: str) -> dict[str, Any]:
 
 
 TASKS: dict[str, Callable[..., dict[str, Any]]] = {
-    "upscale": upscale, "decode": decode, "choose": choose, "compare": compare}
+    "upscale": upscale, "decode": decode, "check": check, "choose": choose, "compare": compare}
 
 
 def main(arguments: list[str]) -> int:

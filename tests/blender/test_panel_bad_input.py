@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import bpy
 import pytest
 
-from blender_addon import check_operators, frames, session, settings
+from blender_addon import check_operators, frames, methods, session, settings
 from lfsr_core.display import PROFILE_FOLDER
+from lfsr_core.errors import LfsrError
 from lfsr_core.frame import read_frame
 from tests.blender import panel
 
@@ -164,6 +167,22 @@ def test_profile_file_wrong_or_not_chosen(scene, tmp_path):
 def test_scale_that_does_not_divide_the_views(scene):
     scene.lfsr.scale = "5"
     refuse(scene, "scale is 5, .* choose a scale that divides both")
+
+
+def test_network_that_was_not_trained_for_the_scale(scene, monkeypatch):
+    monkeypatch.setattr(methods.networks, "NETWORKS", {"toy": None})
+    monkeypatch.setattr(methods.networks, "trained_scales", lambda name: [4, 8])
+    methods.check_scale("oidn+toy", 4)
+    with pytest.raises(LfsrError, match="not trained for scale 2× but for 4×, 8×"):
+        methods.check_scale("oidn+toy", 2)
+
+
+def test_second_stage_that_cannot_run_the_method_is_told_before_the_render(scene, monkeypatch):
+    monkeypatch.setattr(frames, "networks_of", lambda method: ["toy"])
+    monkeypatch.setattr(frames, "render_step", lambda *_: pytest.fail("it renders"))
+    plan = dataclasses.replace(frames.plan_frame(scene), method="oidn+toy")
+    with pytest.raises(LfsrError, match="unknown method 'toy'"):
+        session.run("Render EIA", frames.render_frames(scene, [plan]))
 
 
 def test_two_scenes_with_different_displays(scene, tmp_path):
