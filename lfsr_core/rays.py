@@ -121,7 +121,7 @@ def rays(layout: RayLayout, raster_x: np.ndarray, raster_y: np.ndarray,
     """
     width, height = layout.size
     tile_x, view_x, place_x = _split(raster_x, width, layout.views[0])
-    tile_y, view_y, place_y = _split(1 - np.asarray(raster_y, float), height, layout.views[1])
+    tile_y, view_y, place_y = _split_rows(raster_y, height, layout.views[1])
     lens_x, lens_y = _lens_of_tile(layout, tile_x, tile_y)
     origin_x, target_x = _axis(layout, 0, lens_x, view_x, place_x, random_x)
     # Rows count downwards and the camera's Y upwards: the same formula, mirrored.
@@ -147,6 +147,14 @@ def _split(raster: np.ndarray, pixels: int, views: int) -> tuple[np.ndarray, np.
     position = np.clip(np.asarray(raster, float) * pixels, 0, pixels - 1e-9)
     index = np.floor(position).astype(int)
     return index // views, index % views, position - index
+
+
+def _split_rows(raster_y: np.ndarray, pixels: int, views: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As ``_split``, counted from the top; a pixel's own lower edge stays in it."""
+    position = np.clip(np.asarray(raster_y, float) * pixels, 0, pixels - 1e-9)
+    row = np.floor(position).astype(int)
+    index = pixels - 1 - row
+    return index // views, index % views, 1 - (position - row)
 
 
 def _lens_of_tile(layout: RayLayout, tile_x: np.ndarray, tile_y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

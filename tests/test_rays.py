@@ -170,3 +170,11 @@ def test_bad_layout_is_refused(options, told):
 def test_scale_that_does_not_divide_is_refused():
     with pytest.raises(LfsrError, match="scale is 3"):
         layout(3)
+
+
+def test_the_lower_edge_of_a_pixel_belongs_to_it():
+    width, height = layout().size
+    rows = np.arange(height)
+    edge, _ = rays(layout(), np.full(height, 0.5 / width), rows / height)
+    middle, _ = rays(layout(), np.full(height, 0.5 / width), (rows + 0.5) / height)
+    np.testing.assert_allclose(edge[:, 1], middle[:, 1], atol=1e-12)
