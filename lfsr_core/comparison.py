@@ -11,6 +11,8 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.frame import MASK_FILE, REFERENCE_FILES, REPORT_FILE, Frame, read_frame
 
+LEAST_SAMPLES = 8
+
 
 def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]:
     """Metrics of ``folder`` against ``reference``, also written into its report.json.
@@ -45,13 +47,14 @@ def sampled_recall(mask: np.ndarray, hits: np.ndarray, lens_list: tuple[tuple[in
     """Recall of ``mask`` (sy, sx), estimated from the true ``hits`` (N,) of listed (row, column) lenses.
 
     The list samples lenses inside and outside the mask at different rates, so
-    each part counts by its size. None where one part holds lenses and no sample.
+    each part counts by its size. None where a part is sampled by fewer than
+    LEAST_SAMPLES lenses: one stray hit outside would then stand for hundreds.
     """
     rows, columns = np.asarray(lens_list).T
     found = mask[rows, columns]
     counts = []
     for chosen, population in ((found, int(mask.sum())), (~found, int((~mask).sum()))):
-        if population and not chosen.any():
+        if population and chosen.sum() < min(LEAST_SAMPLES, population):
             return None
         counts.append(population * hits[chosen].mean() if population else 0.0)
     return float(counts[0] / sum(counts)) if sum(counts) else 1.0

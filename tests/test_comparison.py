@@ -36,6 +36,8 @@ def test_sampled_recall_is_unbiased_under_unequal_sampling():
     assert np.mean(estimates) == pytest.approx((mask & truth).sum() / truth.sum(), abs=0.02)
 
 
-def test_sampled_recall_is_unknown_without_a_sample_outside_the_mask():
-    mask = np.array([[True, False]])
-    assert sampled_recall(mask, np.array([True]), ((0, 0),)) is None
+def test_sampled_recall_is_unknown_with_few_samples_outside_the_mask():
+    mask = np.zeros((4, 40), bool)
+    mask[0] = True
+    listed = tuple((row, column) for row, columns in ((0, 20), (1, 3)) for column in range(columns))
+    assert sampled_recall(mask, np.ones(len(listed), bool), listed) is None

@@ -3,6 +3,7 @@ import dataclasses
 import cv2
 import numpy as np
 import pytest
+import scipy.stats
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 from synthetic import frame_of, tiles
 
@@ -11,6 +12,7 @@ from lfsr_core.color import srgb_decode, srgb_encode
 from lfsr_core.display import load_display
 from lfsr_core.eia import to_views
 from lfsr_core.errors import LfsrError
+from lfsr_core.metrics import student_95
 from lfsr_core.split_estimates import psnr, split_mse, split_ssim, split_ssim_map, ssim, stacked_ssim
 
 GAUSSIAN = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False, "data_range": 1,
@@ -266,3 +268,8 @@ def test_matching_reference_passes_with_rounding_and_other_samples():
 def test_reference_of_other_lenses_is_refused():
     with pytest.raises(LfsrError, match="other lenses"):
         metrics.check_reference(frame_of(4, lens_list=((0, 0),)), frame_of(1, lens_list=((0, 1),)))
+
+
+@pytest.mark.parametrize("freedom", [3, 5, 11, 40, 1000])
+def test_small_samples_get_students_intervals(freedom):
+    assert student_95(freedom) == pytest.approx(scipy.stats.t.ppf(0.975, freedom), rel=0.01)
