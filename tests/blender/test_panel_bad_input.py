@@ -189,6 +189,7 @@ def test_two_scenes_with_different_displays(scene, tmp_path):
     other = scene.copy()
     other.name = "Other"
     other.lfsr.display, other.lfsr.scale = "small", "8"
+    other.view_settings.exposure = 1.5
     plans = [frames.plan_frame(each) for each in (scene, other)]
     assert [plan.job.display.name for plan in plans] == ["mini", "small"]
     assert plans[0].folder.parent.name == "Scene" and plans[1].folder.parent.name == "Other"
@@ -196,7 +197,8 @@ def test_two_scenes_with_different_displays(scene, tmp_path):
     with bpy.context.temp_override(scene=other):
         assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
     assert bpy.context.window.scene == scene
-    assert read_frame(tmp_path / "lightfield" / "Other" / "0001").display.name == "small"
+    frame = read_frame(tmp_path / "lightfield" / "Other" / "0001")
+    assert (frame.display.name, frame.color.exposure) == ("small", 1.5)
     assert not (tmp_path / "lightfield" / "Scene").exists()
 
 
