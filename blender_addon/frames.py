@@ -15,7 +15,7 @@ from lfsr_core.render_job import Job
 
 from . import array_rig, preview, runtime, settings
 from .methods import networks_of
-from .tasks import PANEL_TASKS, Steps, publish, render_step, scene_copy, second_stage_step, staging
+from .tasks import PANEL_TASKS, Steps, file_copy, publish, render_step, second_stage_step, staging
 
 RENDER_SHARE = 0.85
 
@@ -56,9 +56,9 @@ def plan_animation(scene: bpy.types.Scene) -> tuple[list[FramePlan], int]:
     return missing, len(plans) - len(missing)
 
 
-def render_frames(scene: bpy.types.Scene, plans: Sequence[FramePlan]) -> Steps:
+def render_frames(plans: Sequence[FramePlan]) -> Steps:
     """Render and finish ``plans``; the result is the last one's folder."""
-    with scene_copy(scene) as copy:
+    with file_copy() as copy:
         if networks_of(plans[0].method):
             yield second_stage_step("Checking method", 0.0, copy.parent, "check", method=plans[0].method)
         for number, plan in enumerate(plans):
@@ -89,10 +89,10 @@ def plan_reference(scene: bpy.types.Scene) -> tuple[FramePlan, Job]:
     return plan, settings.reference_job(scene, settings.reference_folder(scene))
 
 
-def render_reference(scene: bpy.types.Scene, plan: FramePlan, job: Job, lenses: int) -> Steps:
+def render_reference(plan: FramePlan, job: Job, lenses: int) -> Steps:
     """Render the reference of ``lenses`` lenses (0: all) and compare; the result is the metrics."""
     folder = Path(job.output)
-    with scene_copy(scene) as copy, staging(folder) as work:
+    with file_copy() as copy, staging(folder) as work:
         staged = work / "frame"
         staged.mkdir()
         chosen = yield second_stage_step("Choosing lenses", 0.01, work, "choose", folder=str(plan.folder),

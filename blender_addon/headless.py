@@ -46,6 +46,8 @@ def run(job: Job) -> Path:
     started = time.perf_counter()
     say(stage="open", fraction=0.0, message=job.scene or "the open scene")
     scene = scene_io.open_scene(job.scene) if job.scene else bpy.context.scene
+    if job.scene_name is not None:
+        scene = scene_io.choose_scene(job.scene_name)
     missing = scene_io.missing_images()
     if missing:
         warn(f"{len(missing)} image files are missing, first {missing[0]}: what uses them renders magenta")

@@ -80,7 +80,7 @@ class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
         """One frame, then its image."""
         scene = context.scene
         plan = frames.plan_frame(scene)
-        return frames.render_frames(scene, [plan]), _show_eia_of(scene.name)
+        return frames.render_frames([plan]), _show_eia_of(scene.name)
 
 
 class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
@@ -97,7 +97,7 @@ class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
             self.report({"INFO"}, f"All {complete} frames are complete already")
             return None
         self.report({"INFO"}, f"Rendering {len(missing)} frames, {complete} are complete already")
-        return frames.render_frames(scene, missing), _show_eia_of(scene.name)
+        return frames.render_frames(missing), _show_eia_of(scene.name)
 
 
 class LFSR_OT_render_reference(TaskOperator, bpy.types.Operator):
@@ -110,7 +110,7 @@ class LFSR_OT_render_reference(TaskOperator, bpy.types.Operator):
         """The reference of the current frame, then the metrics in its report."""
         scene = context.scene
         plan, job = frames.plan_reference(scene)
-        return frames.render_reference(scene, plan, job, scene.lfsr.reference_lenses), self._tell
+        return frames.render_reference(plan, job, scene.lfsr.reference_lenses), self._tell
 
     @staticmethod
     def _tell(metrics: dict[str, Any]) -> None:

@@ -29,6 +29,16 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
     return bpy.context.scene
 
 
+def choose_scene(name: str) -> bpy.types.Scene:
+    """Make the scene ``name`` of the open file the current one; LfsrError if there is none."""
+    scene = bpy.data.scenes.get(name)
+    if scene is None:
+        raise LfsrError(f"the file has no scene {name!r}: choose one of {', '.join(bpy.data.scenes.keys())}")
+    # What Blender evaluates is the window's scene, and not always the one that was open when the file was saved.
+    bpy.context.window.scene = scene
+    return scene
+
+
 def _readers() -> dict[str, Callable[[str], None]]:
     return {".blend": _open_blend, ".glb": _import_gltf, ".gltf": _import_gltf, ".obj": _import_obj}
 

@@ -11,6 +11,7 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 
+from . import preview
 from .tasks import Steps, Task
 
 SECONDS_BETWEEN_LOOKS = 0.1
@@ -148,6 +149,7 @@ def _opened(*_: object) -> None:
     """Another file was opened: nothing in it may be touched by the old one's task, but its images are saved."""
     global _finish
     _finish = _forget_result
+    preview.forget()
 
 
 def _forget_result(_result: Any) -> None:

@@ -98,14 +98,14 @@ def render_job(scene: bpy.types.Scene, output: Path, number: int | None = None) 
     """The job of one frame; LfsrError where the settings cannot be rendered."""
     settings = scene.lfsr
     return Job(output=str(output), display=display_of(scene), scale=int(settings.scale), spp=settings.samples,
-               layers=layers_of(settings.method), layout=layout_of(scene), seed=settings.seed,
+               scene_name=scene.name, layers=layers_of(settings.method), layout=layout_of(scene), seed=settings.seed,
                frame=scene.frame_current if number is None else number, device=device_of(scene))
 
 
 def reference_job(scene: bpy.types.Scene, output: Path, number: int | None = None) -> Job:
     """The job of the high-resolution reference of the same frame."""
     settings = scene.lfsr
-    return Job(output=str(output), display=display_of(scene), kind="reference", scale=1,
+    return Job(output=str(output), display=display_of(scene), kind="reference", scale=1, scene_name=scene.name,
                spp=settings.reference_samples, layout=layout_of(scene), seed=settings.seed,
                frame=scene.frame_current if number is None else number, device=device_of(scene), clamp_indirect=0.0)
 

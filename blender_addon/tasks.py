@@ -161,30 +161,23 @@ def publish(staged: Path, folder: Path, stale: tuple[str, ...] = ()) -> None:
 
 
 @contextmanager
-def scene_copy(scene: bpy.types.Scene) -> Iterator[Path]:
-    """Temporary copy of the .blend as it is now, with ``scene`` as its open one; gone afterwards."""
+def file_copy() -> Iterator[Path]:
+    """Temporary copy of the .blend as it is now, unsaved changes included; gone afterwards."""
     folder = Path(tempfile.mkdtemp(prefix="lfsr-", dir=bpy.app.tempdir or None))
     path = folder / f"{Path(bpy.data.filepath).stem or 'untitled'}.blend"
     try:
-        _save_copy(scene, path)
+        _save_copy(path)
         yield path
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _save_copy(scene: bpy.types.Scene, path: Path) -> None:
-    window = bpy.context.window
-    shown = window.scene if window else scene
+def _save_copy(path: Path) -> None:
     try:
-        if shown != scene:
-            window.scene = scene
         bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False)
     except RuntimeError as error:
         raise LfsrError(f"a copy of this file cannot be saved to {path.parent} ({str(error).strip()}): "
                         "free some space there") from None
-    finally:
-        if shown != scene:
-            window.scene = shown
 
 
 def _write(path: Path, data: dict[str, Any]) -> Path:

@@ -22,7 +22,8 @@ SCENE_SUFFIXES = (".blend", ".glb", ".gltf", ".obj")
 class Job:
     """What to render and where to; LfsrError on values that cannot be rendered.
 
-    ``scene`` may be empty when Blender has it open already. ``spp``: samples per
+    ``scene`` may be empty when Blender has it open already; ``scene_name`` is the
+    scene in that file, None the one that is open in it. ``spp``: samples per
     pixel, which a reference splits evenly over its two halves. ``frame`` None
     renders the scene's current frame, ``subject`` None everything but a
     collection called Background, ``world_visible`` None what the scene's own film
@@ -47,6 +48,7 @@ class Job:
     device: str = "CPU"
     clamp_indirect: float | None = None
     world_visible: bool | None = None
+    scene_name: str | None = None
 
     def __post_init__(self) -> None:
         for field, choices in (("kind", KINDS), ("layout", LAYOUTS), ("convention", CONVENTIONS)):

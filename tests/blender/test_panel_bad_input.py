@@ -7,7 +7,7 @@ import dataclasses
 import bpy
 import pytest
 
-from blender_addon import check_operators, frames, methods, session, settings
+from blender_addon import check_operators, frames, methods, scene_io, session, settings
 from lfsr_core.display import PROFILE_FOLDER
 from lfsr_core.errors import LfsrError
 from lfsr_core.frame import read_frame
@@ -121,12 +121,12 @@ def test_missing_texture(scene, tmp_path):
     check_operators.refresh(scene)
     line = next(line for line in bpy.context.window_manager.lfsr.problems if line.code == "texture")
     assert line.target == "gone.png" and line.severity == "ERROR" and "magenta" in line.reason
-    task = session.run("Render EIA", frames.render_frames(scene, [frames.plan_frame(scene)]))
+    task = session.run("Render EIA", frames.render_frames([frames.plan_frame(scene)]))
     assert [warning for warning in task.warnings if "gone.png" in warning]
 
 
 def test_render_already_running(scene, monkeypatch):
-    task = session.start("Render EIA", frames.render_frames(scene, [frames.plan_frame(scene)]), print)
+    task = session.start("Render EIA", frames.render_frames([frames.plan_frame(scene)]), print)
     for operator in (bpy.ops.lfsr.render_eia, bpy.ops.lfsr.render_animation, bpy.ops.lfsr.render_reference,
                      bpy.ops.lfsr.preview_view):
         with pytest.raises(RuntimeError, match="Render EIA is still running: wait for it or cancel it"):
@@ -182,12 +182,14 @@ def test_second_stage_that_cannot_run_the_method_is_told_before_the_render(scene
     monkeypatch.setattr(frames, "render_step", lambda *_: pytest.fail("it renders"))
     plan = dataclasses.replace(frames.plan_frame(scene), method="oidn+toy")
     with pytest.raises(LfsrError, match="unknown method 'toy'"):
-        session.run("Render EIA", frames.render_frames(scene, [plan]))
+        session.run("Render EIA", frames.render_frames([plan]))
 
 
 def test_two_scenes_with_different_displays(scene, tmp_path):
-    other = scene.copy()
+    bpy.ops.scene.new(type="LINK_COPY")
+    other = bpy.context.window.scene
     other.name = "Other"
+    assert other != scene
     other.lfsr.display, other.lfsr.scale = "small", "8"
     other.view_settings.exposure = 1.5
     plans = [frames.plan_frame(each) for each in (scene, other)]
@@ -213,3 +215,8 @@ def test_cycles_disabled(scene):
 def test_nothing_to_see(scene):
     bpy.data.objects["Box"].hide_render = True
     refuse(scene, "nothing of the subject")
+
+
+def test_a_scene_that_is_not_in_the_file(scene):
+    with pytest.raises(LfsrError, match="no scene 'Gone': choose one of Scene"):
+        scene_io.choose_scene("Gone")

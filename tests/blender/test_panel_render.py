@@ -110,6 +110,13 @@ def test_preview_is_fast_for_an_8k_image(scene):
     assert np.median(seconds) < 0.1
 
 
+def test_another_file_does_not_show_the_old_ones_views(opened, rendered):
+    bpy.ops.lfsr.preview_view()
+    assert preview.is_loaded(opened)
+    bpy.ops.wm.open_mainfile(filepath=str(rendered))
+    assert not preview.is_loaded(bpy.context.scene)
+
+
 def test_animation_skips_complete_frames(opened, rendered):
     folder = frame_one(rendered)
     untouched = (folder / "eia.png").stat().st_mtime_ns
@@ -153,7 +160,7 @@ def test_reference_needs_the_image_of_these_settings(opened):
 @pytest.mark.parametrize("stage", ["Rendering", "Upscaling"])
 def test_cancel_is_quick_and_leaves_nothing(scene, tmp_path, stage):
     before = panel.snapshot(scene)
-    steps = frames.render_frames(scene, [frames.plan_frame(scene)])
+    steps = frames.render_frames([frames.plan_frame(scene)])
     task = session.start("Render EIA", steps, lambda _: pytest.fail("it finished"))
     wait_for(lambda: task.stage.startswith(stage))
     started = time.perf_counter()
@@ -168,7 +175,7 @@ def test_cancel_is_quick_and_leaves_nothing(scene, tmp_path, stage):
 
 def test_a_worker_that_dies_is_told(scene, tmp_path):
     before = panel.snapshot(scene)
-    task = session.start("Render EIA", frames.render_frames(scene, [frames.plan_frame(scene)]), print)
+    task = session.start("Render EIA", frames.render_frames([frames.plan_frame(scene)]), print)
     os.killpg(task.worker.pid, signal.SIGKILL)
     wait_for(lambda: session.current() is None)
     message = bpy.context.window_manager.lfsr.message
@@ -189,7 +196,7 @@ def test_a_worker_that_ignores_the_end_is_killed():
 
 
 def test_progress_and_time_left(scene):
-    task = session.start("Render EIA", frames.render_frames(scene, [frames.plan_frame(scene)]), print)
+    task = session.start("Render EIA", frames.render_frames([frames.plan_frame(scene)]), print)
     task._hear({"stage": "render", "fraction": 0.5})
     task._started -= 10
     assert task.fraction == pytest.approx(0.5 * frames.RENDER_SHARE)
