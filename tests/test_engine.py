@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import onnxruntime
 import pytest
 import torch
 
@@ -19,7 +20,6 @@ from lfsr_core.train.photographs import linear_to_srgb, srgb_to_linear
 from lfsr_core.upscale import LowResEIA
 
 torch.set_num_threads(2)
-onnxruntime = pytest.importorskip("onnxruntime")
 
 
 @pytest.fixture(autouse=True)
