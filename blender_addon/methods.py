@@ -10,8 +10,9 @@ from lfsr_core.errors import LfsrError
 DENOISER = "oidn"
 # The pure second stage knows more; these are worth a menu entry, best first.
 CLASSICAL = {
-    "oidn+bicubic": ("Denoise + Bicubic", "Open Image Denoise on the whole array, then bicubic views"),
-    "oidn+lanczos": ("Denoise + Lanczos", "Open Image Denoise on the whole array, then sharper Lanczos views"),
+    "oidn+bilinear": ("Denoise + Bilinear", "Open Image Denoise on the whole array, then linear views"),
+    "oidn+bicubic": ("Denoise + Bicubic", "Open Image Denoise on the whole array, then sharper bicubic views"),
+    "oidn+lanczos": ("Denoise + Lanczos", "Open Image Denoise on the whole array, then the sharpest, Lanczos views"),
     "bicubic": ("Bicubic", "Bicubic views, noise kept"),
     "lanczos": ("Lanczos", "Lanczos views, noise kept"),
     "bilinear": ("Bilinear", "Linear views, noise kept: fastest"),

@@ -17,6 +17,8 @@ from bpy.props import (
     StringProperty,
 )
 
+from lfsr_core.upscale import DEFAULT_METHOD
+
 from . import array_rig, compat, preview
 from .methods import method_items
 from .settings import QUALITY, SCALES, profile_items
@@ -113,7 +115,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         update=_is_custom)
     method: EnumProperty(
         name="Method", description="How the dense views are made from the rendered ones", items=method_items(),
-        default="oidn+bicubic", update=_is_custom)
+        default=DEFAULT_METHOD, update=_is_custom)
     seed: IntProperty(name="Seed", description="Random numbers of the render", min=0, default=0)
     output: StringProperty(
         name="Output", description="Folder for the images of this scene; // is the folder of the .blend file",

@@ -12,6 +12,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json
 from lfsr_core.frame import EIA_FILE, REPORT_FILE, Frame, read_frame
 from lfsr_core.render_job import Job
+from lfsr_core.upscale import DEFAULT_METHOD
 
 from . import compat, devices, scene_io
 from .methods import check_scale, layers_of
@@ -19,7 +20,7 @@ from .methods import check_scale, layers_of
 PROFILE_FILE = "FILE"
 SCALES = (1, 2, 3, 4, 5, 8)
 # Samples and method of each quality preset.
-QUALITY = {"DRAFT": (4, "oidn+bicubic"), "BALANCED": (16, "oidn+bicubic"), "FINAL": (64, "oidn+bicubic")}
+QUALITY = {"DRAFT": (4, DEFAULT_METHOD), "BALANCED": (16, DEFAULT_METHOD), "FINAL": (64, DEFAULT_METHOD)}
 GPU_TYPES = ("NONE", "CPU")
 
 

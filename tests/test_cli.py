@@ -15,6 +15,7 @@ from lfsr_core.eia import flip_order
 from lfsr_core.frame import read_frame
 from lfsr_core.image_io import read_layers, read_mask, read_png
 from lfsr_core.metrics import METRIC_NAMES
+from lfsr_core.upscale import DEFAULT_METHOD
 
 ROOT = Path(__file__).parent.parent
 
@@ -122,7 +123,7 @@ def test_render_defaults(scene, blender, tmp_path):
     assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender]) == 0
     (job,) = jobs(blender)
     assert (job["scale"], job["spp"], job["layers"], job["frame"]) == (4, 16, ["albedo", "normal"], None)
-    assert json.loads((tmp_path / "frame" / "report.json").read_text())["method"] == "oidn+bicubic"
+    assert json.loads((tmp_path / "frame" / "report.json").read_text())["method"] == DEFAULT_METHOD
 
 
 def test_render_at_scale_1_needs_no_upscaler(scene, blender, tmp_path):
