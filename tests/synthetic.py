@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.cli import main
 from lfsr_core.display import DisplayProfile, load_display
 from lfsr_core.frame import LOW_RES_FILE, REFERENCE_FILES, ColorSettings, Frame, write_frame
 from lfsr_core.image_io import write_layers
@@ -66,3 +67,12 @@ def tiles(image: np.ndarray, frame: Frame) -> np.ndarray:
         y, x = tile // across * py, tile % across * px
         result[y:y + py, x:x + px] = image[row * py:(row + 1) * py, column * px:(column + 1) * px]
     return result
+
+
+def fails(arguments: list[str], capsys) -> str:
+    """The one sentence on standard error of a run that must be refused."""
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1, captured.err
+    return captured.err
