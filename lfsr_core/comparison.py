@@ -31,7 +31,7 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
     check_reference(frame, truth)
     report = read_json(folder / REPORT_FILE, "the report of `lfsr render` or `lfsr upscale`")
     image = finished_linear(folder, report["method"], dilate=report.get("dilate", 0))
-    (half_a, hit_a), (half_b, hit_b) = (_read_half(reference / name, truth) for name in REFERENCE_FILES)
+    (half_a, hit_a), (half_b, hit_b) = (read_half(reference / name, truth) for name in REFERENCE_FILES)
     mask, true_mask = read_mask(folder / MASK_FILE), hit_a | hit_b
     lenses = frame.display.lenses
     if truth.lens_list is None:
@@ -60,8 +60,8 @@ def sampled_recall(mask: np.ndarray, hits: np.ndarray, lens_list: tuple[tuple[in
     return float(counts[0] / sum(counts)) if sum(counts) else 1.0
 
 
-def _read_half(path: Path, truth: Frame) -> tuple[np.ndarray, np.ndarray]:
-    """(H, W, 3) scene-linear over its background, and (rows, columns) of tiles with any hit.
+def read_half(path: Path, truth: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """One half of a reference: (H, W, 3) scene-linear over its background, and (rows, columns) of tiles with any hit.
 
     LfsrError where the file is missing or of another size.
     """
