@@ -21,7 +21,7 @@ from lfsr_core.files import atomic_path, write_json
 from lfsr_core.frame import read_frame
 from lfsr_core.metrics import METRIC_NAMES
 
-CHART_FILE = "chart.json"
+CHART_FILE, PAGE_FILE, PICTURE_FILE, TABLE_FILE = "chart.json", "chart.html", "chart.svg", "chart.md"
 PACKAGES = ("bpy", "numpy", "pyoidn", "torch", "onnxruntime", "OpenImageIO", "opencolorio")
 Say = Callable[[str], None]
 
@@ -175,9 +175,10 @@ def _gpu() -> str | None:
 
 def write_pages(folder: Path, chart: dict[str, Any]) -> list[Path]:
     """Write what people read beside chart.json, and name all of it."""
-    from lfsr_core.bench import chart_text
+    from lfsr_core.bench import chart_page, chart_panels, chart_text
 
-    table = folder / "chart.md"
-    with atomic_path(table) as temporary:
-        temporary.write_text(chart_text.markdown(chart), encoding="utf-8")
-    return [folder / CHART_FILE, table]
+    written = {PAGE_FILE: chart_page.page, PICTURE_FILE: chart_panels.picture, TABLE_FILE: chart_text.markdown}
+    for name, make in written.items():
+        with atomic_path(folder / name) as temporary:
+            temporary.write_text(make(chart), encoding="utf-8")
+    return [folder / name for name in (CHART_FILE, *written)]

@@ -20,6 +20,7 @@ from lfsr_core import __version__, networks
 from lfsr_core.bench.chart_intervals import lens_intervals
 from lfsr_core.bench.chart_settings import CELL_FOLDER
 from lfsr_core.comparison import read_half
+from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.foreground import recall
 from lfsr_core.frame import FRAME_FILE, LOW_RES_FILE, MASK_FILE, REFERENCE_FILES, Frame, read_frame
@@ -51,7 +52,12 @@ def read_truth(folder: Path, mask: np.ndarray | None) -> Truth:
     """The reference in ``folder``; ``mask`` (sy, sx) is the foreground where it shows only some lenses."""
     frame = read_frame(folder)
     (half_a, hit_a), (half_b, hit_b) = (read_half(folder / name, frame) for name in REFERENCE_FILES)
-    return Truth(folder, frame, half_a, half_b, hit_a | hit_b if frame.lens_list is None or mask is None else mask)
+    if frame.lens_list is None:
+        mask = hit_a | hit_b
+    if mask is None:
+        raise LfsrError(f"{folder} shows only some lenses, so a low-resolution render must say which are foreground, "
+                        "but there is none: run it without --only-measure")
+    return Truth(folder, frame, half_a, half_b, mask)
 
 
 def cell(folder: Path, name: str, truth: Truth, repeats: int, again: bool = False) -> dict[str, Any]:

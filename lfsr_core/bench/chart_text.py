@@ -76,11 +76,12 @@ def _scenes(chart: dict[str, Any]) -> Iterator[str]:
         yield ""
         yield from _head(HEAD)
         for cell in scene["cells"]:
-            yield _line(*_facts([cell], costs), *(_with_interval(cell, name) for name in METRICS))
+            yield _line(*_facts([cell], costs), *(number_of(cell, name) for name in METRICS))
         yield ""
 
 
-def _with_interval(cell: dict[str, Any], name: str) -> str:
+def number_of(cell: dict[str, Any], name: str) -> str:
+    """A metric of a cell with its 95 % half-width."""
     value, half = cell["metrics"][name], cell["ci95"].get(name)
     if value is None:
         return "–"
