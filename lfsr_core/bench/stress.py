@@ -1,0 +1,245 @@
+"""Runs the stability suite: scenes, references, renders and one small JSON file per cell.
+
+A *cell* is one method at one value of one dial. What is complete in the bench
+folder is not made again, so an interrupted run goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import importlib.metadata
+import importlib.util
+import math
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from lfsr_core import networks
+from lfsr_core.bench.stress_dials import Dial, choose_dials, label
+from lfsr_core.blender_process import EXIT_BAD_INPUT, Blender, find_blender, parse_progress, run_job
+from lfsr_core.display import DisplayProfile
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json, write_json
+from lfsr_core.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES
+from lfsr_core.progress import ProgressBar
+from lfsr_core.render_job import Job
+from lfsr_core.upscale import DEFAULT_METHOD, PREFILTERS, method
+
+DISPLAY_FILE = Path(__file__).parent / "stress.toml"
+SCENE_SCRIPT = Path(__file__).parents[2] / "scripts" / "stress_scenes.py"
+SETTINGS_FILE, SCENE_FILE, CELLS, FORMAT = "settings.json", "scene.blend", "cells", 1
+BASELINE, LAYERS = "bicubic", ("albedo", "normal")
+FIXED_SEED = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """What decides every figure of a bench folder besides the dials and methods.
+
+    ``reference_samples``: of both halves together. ``frames``: of the moving card.
+    """
+
+    display: DisplayProfile
+    scale: int
+    reference_samples: int
+    frames: int
+    device: str = "CPU"
+
+    def __post_init__(self) -> None:
+        self.display.low_views(self.scale)
+        if self.scale < 2:
+            raise LfsrError(f"scale is {self.scale}, but the suite compares upscaling methods: choose 2 or more")
+        if self.reference_samples < 2 or self.frames < 2:
+            raise LfsrError(f"a reference has {self.reference_samples} samples and the motion {self.frames} frames, "
+                            "but both need at least 2")
+
+    def to_dict(self) -> dict[str, Any]:
+        """As kept in settings.json."""
+        return dataclasses.asdict(self) | {"display": self.display.to_dict(), "format": FORMAT}
+
+
+def default_methods(scale: int) -> list[str]:
+    """Bicubic, the default method, every prefilter of ours and every network with weights at ``scale``."""
+    names = [BASELINE, DEFAULT_METHOD, *(f"{name}+bilinear" for name in PREFILTERS if name != "oidn")]
+    if importlib.util.find_spec("torch") is not None:
+        names += [name for name in networks.NETWORKS if scale in networks.trained_scales(name)]
+    return list(dict.fromkeys(names))
+
+
+def run_suite(folder: Path, settings: Settings, dial_names: Sequence[str] | None, methods: Sequence[str], *,
+              quick: bool = False, blender: str | None = None) -> Path:
+    """Measure every missing cell in ``folder``, then write the report, tables and pictures; path of stress.json.
+
+    LfsrError for unknown dials or methods, for a folder begun with other
+    settings, and where Blender fails.
+    """
+    from lfsr_core.bench.stress_page import write_pages
+    from lfsr_core.bench.stress_report import write_report
+
+    dials = choose_dials(dial_names)
+    methods = list(dict.fromkeys([BASELINE, *methods]))
+    for name in methods:
+        method(name)
+    claim(folder, settings)
+    bench = Bench(folder, settings, find_blender(blender))
+    values = {dial: dial.quick if quick else dial.values for dial in dials}
+    bench.build_scenes([(dial, value) for dial in dials for value in values[dial]])
+    for number, dial in enumerate(dials):
+        print(f"dial {number + 1} of {len(dials)}: {dial.name}, {len(values[dial])} values", flush=True)
+        for value in values[dial]:
+            measure_value(bench, dial, value, methods)
+    report = write_report(bench, values, methods)
+    write_pages(bench, report)
+    return report
+
+
+def claim(folder: Path, settings: Settings) -> None:
+    """Record the settings of a new folder; LfsrError if it was begun with other ones."""
+    path = folder / SETTINGS_FILE
+    if path.exists():
+        found = read_json(path, "the settings of a stability suite")
+        changed = [key for key, value in _plain(settings).items() if found.get(key) != value]
+        if changed:
+            raise LfsrError(f"{folder} was begun with other settings ({changed[0]} differs, see {SETTINGS_FILE} "
+                            "there): choose another folder or the same settings")
+    write_json(path, _plain(settings))
+
+
+def _plain(settings: Settings) -> dict[str, Any]:
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in settings.to_dict().items()}
+
+
+@dataclasses.dataclass(frozen=True)
+class Bench:
+    """A bench folder: makes the scenes and renders that are missing in it."""
+
+    folder: Path
+    settings: Settings
+    blender: Blender
+
+    def scene_folder(self, dial: Dial, value: float) -> Path:
+        """Folder of one scene."""
+        return self.folder / dial.scene_name(value)
+
+    def build_scenes(self, wanted: Sequence[tuple[Dial, float]]) -> None:
+        """Write the missing scene.blend files, all in one Blender."""
+        missing = {self.scene_folder(dial, value) / SCENE_FILE: (dial.name, value) for dial, value in wanted}
+        scenes = [{"dial": dial, "value": value, "path": str(path.resolve())}
+                  for path, (dial, value) in missing.items() if not path.exists()]
+        if not scenes:
+            return
+        print(f"building {len(scenes)} scenes", flush=True)
+        with tempfile.TemporaryDirectory() as name:
+            job = Path(name) / "scenes.json"
+            write_json(job, {"display": self.settings.display.to_dict(), "scale": self.settings.scale,
+                             "frames": self.settings.frames, "scenes": scenes})
+            run_script(self.blender, SCENE_SCRIPT, job)
+
+    def reference(self, dial: Dial, value: float) -> Path:
+        """Reference folder of one scene, rendered if it is missing."""
+        folder = self.scene_folder(dial, value) / "reference"
+        if not all((folder / name).exists() for name in (*REFERENCE_FILES, FRAME_FILE)):
+            self._run(dial, value, folder, kind="reference", scale=1, spp=self.settings.reference_samples,
+                      clamp_indirect=0.0)
+        return folder
+
+    def render(self, dial: Dial, value: float, frame: int = 1, seed: int = FIXED_SEED) -> Path:
+        """Low-resolution frame folder, rendered if it is missing."""
+        spp, scale = dial.samples(value), self.settings.scale
+        suffix = "" if (frame, seed) == (1, FIXED_SEED) else f"-frame{frame}-seed{seed}"
+        folder = self.scene_folder(dial, value) / f"s{scale}-spp{spp}{suffix}"
+        if not all((folder / name).exists() for name in (LOW_RES_FILE, FRAME_FILE)):
+            self._run(dial, value, folder, scale=scale, spp=spp, layers=LAYERS, seed=seed, frame=frame)
+        return folder
+
+    def _run(self, dial: Dial, value: float, folder: Path, **job: Any) -> None:
+        scene, progress = self.scene_folder(dial, value) / SCENE_FILE, ProgressBar()
+        print(f"  {folder.relative_to(self.folder)}", flush=True)
+        try:
+            run_job(Job(output=str(folder), display=self.settings.display, scene=str(scene.resolve()),
+                        device=self.settings.device, **job), self.blender, progress, progress.note)
+        finally:
+            progress.close()
+
+
+def run_script(blender: Blender, script: Path, argument: Path) -> None:
+    """Run a script of scripts/ in Blender; LfsrError with its own sentence, or with its last line after a crash."""
+    command = [str(script) if word.endswith("blender_entry.py") else word for word in blender.command(argument)]
+    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+    last: dict[str, Any] = {}
+    for line in done.stdout.splitlines():
+        last = parse_progress(line) or last
+    if done.returncode == EXIT_BAD_INPUT and last.get("stage") == "error":
+        raise LfsrError(str(last.get("message")))
+    if done.returncode or last.get("stage") != "done":
+        lines = (done.stderr.strip() or done.stdout.strip() or "nothing").splitlines()
+        raise LfsrError(f"Blender stopped with exit code {done.returncode} in {script.name}, last saying "
+                        f"{lines[-1]!r}: run the script by hand to see more")
+
+
+def measure_value(bench: Bench, dial: Dial, value: float, methods: Sequence[str]) -> None:
+    """Measure the missing cells of one value; reference and renders are made only for those."""
+    missing = [name for name in methods if read_cell(bench, dial, value, name) is None]
+    if not missing:
+        return
+    from lfsr_core.bench.stress_cell import Scene
+
+    scene = Scene.load(bench, dial, value)
+    for name in missing:
+        metrics, worst = scene.measure(name)
+        told = metrics.get(dial.judged)
+        shown = "–" if told is None else f"{told:.4f}"
+        print(f"  {dial.name} {label(value)} {name}: {dial.judged} {shown}", flush=True)
+        write_json(cell_path(bench, dial, value, name), {
+            "value": value, "scene": dial.scene_name(value), "samples": dial.samples(value), "method": name,
+            "weights": weights_digest(name), "metrics": finite(metrics), "worst_lens": worst})
+
+
+def finite(metrics: dict[str, Any]) -> dict[str, Any]:
+    """The metrics with None for what is not a finite number."""
+    return {name: value if value is None or math.isfinite(value) else None for name, value in metrics.items()}
+
+
+def cell_path(bench: Bench, dial: Dial, value: float, name: str) -> Path:
+    """File of one cell."""
+    return bench.scene_folder(dial, value) / CELLS / f"{name}-{dial.name}-spp{dial.samples(value)}.json"
+
+
+def read_cell(bench: Bench, dial: Dial, value: float, name: str) -> dict[str, Any] | None:
+    """A measured cell; None if it is missing or was measured with other weights."""
+    path = cell_path(bench, dial, value, name)
+    if not path.exists():
+        return None
+    cell = read_json(path, "a cell of the stability suite")
+    return cell if cell.get("weights") == weights_digest(name) else None
+
+
+def weights_digest(name: str) -> str:
+    """SHA-256 over the weights files of a method's parts, empty where it has none."""
+    stems = [networks.NETWORKS[part].weights or part if part in networks.NETWORKS else part for part in name.split("+")]
+    files = sorted({path for stem in stems for path in networks.WEIGHTS_FOLDER.glob(f"{stem}-x*.safetensors")})
+    state = hashlib.sha256()
+    for path in files:
+        state.update(path.read_bytes())
+    return state.hexdigest() if files else ""
+
+
+def environment() -> dict[str, Any]:
+    """What the figures depend on besides the code."""
+    packages = [name for name in ("bpy", "numpy", "pyoidn", "openimageio", "torch") if importlib.util.find_spec(
+        {"openimageio": "OpenImageIO"}.get(name, name))]
+    return {"cores": os.cpu_count(), "machine": platform.machine(), "python": platform.python_version(),
+            "executable": Path(sys.executable).name, "versions": {name: _version(name) for name in packages}}
+
+
+def _version(name: str) -> str:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return "unknown"
