@@ -26,12 +26,12 @@ def choose_lenses(mask: np.ndarray, count: int, seed: int = 0) -> tuple[tuple[in
     share = max(2, count // BACKGROUND_SHARE) if count >= BACKGROUND_SHARE else 0
     wanted = min(count - min(len(background), share), len(foreground))
     random = np.random.default_rng(seed)
-    chosen = np.concatenate([_spread(foreground, wanted, random), _spread(background, count - wanted, random)])
+    chosen = np.concatenate([spread(foreground, wanted, random), spread(background, count - wanted, random)])
     return tuple(sorted((int(row), int(column)) for row, column in chosen))
 
 
-def _spread(lenses: np.ndarray, count: int, random: np.random.Generator) -> np.ndarray:
-    """``count`` of ``lenses`` (n, 2), in equal steps along their Z-order from a random start."""
+def spread(lenses: np.ndarray, count: int, random: np.random.Generator) -> np.ndarray:
+    """``count`` of ``lenses`` (n, 2) row and column, in equal steps along their Z-order from a random start."""
     ordered = lenses[np.argsort(_z_order(lenses))]
     places = (np.arange(count) + random.random()) * (len(lenses) / max(count, 1))
     return ordered[np.minimum(places.astype(int), len(lenses) - 1)]

@@ -14,11 +14,16 @@ from lfsr_core.render_job import LAYOUTS, Job, check_scene
 
 
 def add_scene_arguments(parser: argparse.ArgumentParser, samples: int) -> None:
-    """The scene, where to write, and everything that decides the geometry."""
+    """The scene, where to write, how many samples, and everything that decides the geometry."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="frame folder to write")
-    parser.add_argument("--display", default="bupt-32in-8k", metavar="NAME|FILE.toml", help="default: %(default)s")
     parser.add_argument("--spp", type=int, default=samples, metavar="N", help="samples per pixel, default: %(default)s")
+    add_geometry_arguments(parser)
+
+
+def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
+    """Display, views, subject and the Blender that renders them."""
+    parser.add_argument("--display", default="bupt-32in-8k", metavar="NAME|FILE.toml", help="default: %(default)s")
     parser.add_argument("--layout", choices=LAYOUTS, default=LAYOUTS[0], help="default: %(default)s")
     parser.add_argument("--convention", choices=CONVENTIONS, default=CONVENTIONS[0],
                         help="where views lie; `paper` only to reproduce the paper")
@@ -36,10 +41,11 @@ def add_scene_arguments(parser: argparse.ArgumentParser, samples: int) -> None:
 
 def make_job(arguments: argparse.Namespace, **values: Any) -> Job:
     """Validated job of the parsed arguments; ``values`` add to them or replace them."""
-    shared = ("spp", "layout", "convention", "view_aperture", "seed", "frame", "subject", "device", "world_visible")
-    given = {name: getattr(arguments, name) for name in shared}
-    given |= {"output": str(arguments.output), "scene": check_scene(arguments.scene)}
-    return Job(**given | {"display": load_display(arguments.display)} | values)
+    shared = ("output", "spp", "layout", "convention", "view_aperture", "seed", "frame", "subject", "device",
+              "world_visible")
+    given = {name: getattr(arguments, name) for name in shared if name not in values}
+    given |= {"scene": check_scene(arguments.scene), "display": load_display(arguments.display)} | values
+    return Job(**given | {"output": str(given["output"])})
 
 
 def render(arguments: argparse.Namespace, job: Job) -> None:

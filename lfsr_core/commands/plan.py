@@ -1,0 +1,80 @@
+"""``lfsr plan SCENE --target 0.95``: the least that will do."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+
+from lfsr_core.commands import _scene
+from lfsr_core.progress import ProgressBar
+
+NAME = "plan"
+HELP = "find the cheapest scale, samples and method that reach an accuracy, from a small sample of lenses"
+DEFAULT_LAYERS = ("albedo", "normal")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this verb; their defaults are those of plan_options.Options."""
+    parser.add_argument("scene", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
+    parser.add_argument("--target", type=float, metavar="0..1", help="accuracy to reach, default: 0.95")
+    parser.add_argument("--metric", metavar="NAME", help="ssim_eia_fg (default) or ssim_eia, see docs/metrics.md")
+    parser.add_argument("--scales", type=_numbers, metavar="N,N", help="default: those of 1,2,4,8 the display has")
+    parser.add_argument("--spps", type=_numbers, metavar="N,N", help="samples per pixel, default: 4,16,64,256")
+    parser.add_argument("--methods", type=_names, metavar="NAME,NAME", help="default: the default method and its parts")
+    parser.add_argument("--seconds", dest="most_seconds", type=float, metavar="N", help="longest time of a frame")
+    parser.add_argument("--budget", dest="share", type=float, metavar="0..1",
+                        help="what the sample may cost, as a share of the dearest candidate's frame, default: 0.05")
+    parser.add_argument("--lenses", type=int, metavar="N", help="sample just so many, whatever the budget")
+    parser.add_argument("--reference-spp", type=int, metavar="N", help="of the sampled lenses, default: 256")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
+    parser.add_argument("--work", type=Path, metavar="DIR", help="keep the sample's renders and go on from them")
+    _scene.add_geometry_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Plan, print the table, and the command that renders the choice."""
+    from lfsr_core.blender_process import find_blender
+    from lfsr_core.plan_measure import make_plan, rendering, work_folder
+    from lfsr_core.plan_options import Options
+    from lfsr_core.plan_report import as_json, table
+
+    names = ("target", "metric", "scales", "spps", "methods", "most_seconds", "share", "lenses", "reference_spp")
+    options = Options(**{name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None})
+    job = _scene.make_job(arguments, output=".", spp=1, layers=DEFAULT_LAYERS, scale=1)
+    progress, blender = ProgressBar(), find_blender(arguments.blender)
+    try:
+        with work_folder(arguments.work) as folder:
+            planned = make_plan(job, options, rendering(blender, progress.note), folder, progress)
+    finally:
+        progress.close()
+    print(table(planned, options))
+    if arguments.json:
+        from lfsr_core.files import write_json
+        write_json(arguments.json, as_json(planned, options, job))
+    if planned.choice.chosen is not None:
+        print(render_command(arguments, planned.choice.chosen.candidate.options))
+
+
+def render_command(arguments: argparse.Namespace, options: tuple[str, ...]) -> str:
+    """The `lfsr render` command line of a candidate's ``options`` for the scene that was planned."""
+    words = ["lfsr", "render", str(arguments.scene), "-o", arguments.scene.stem, *options]
+    usual = argparse.ArgumentParser()
+    _scene.add_geometry_arguments(usual)
+    for action in usual._actions:
+        value = getattr(arguments, action.dest, action.default)
+        if value == action.default or action.dest == "help":
+            continue
+        if isinstance(action, argparse.BooleanOptionalAction):
+            words.append(action.option_strings[0 if value else 1])
+        else:
+            words += [action.option_strings[0], str(value)]
+    return shlex.join(words)
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in text.split(","))
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(part.strip() for part in text.split(",") if part.strip())

@@ -1,0 +1,159 @@
+"""How near a method comes on sampled lenses, and how long it takes there."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lfsr_core.assembly import MAX_WORKERS
+from lfsr_core.color import srgb_encode
+from lfsr_core.comparison import read_half
+from lfsr_core.eia import to_elemental_images
+from lfsr_core.foreground import foreground_mask
+from lfsr_core.frame import LOW_RES_FILE, Frame, read_frame
+from lfsr_core.image_io import clean, read_layers
+from lfsr_core.pipeline import FILL_METHOD, low_resolution, upscale_frame
+from lfsr_core.plan_sample import Lens, Mosaic, strata_masks
+from lfsr_core.plan_times import StageTime
+from lfsr_core.split_estimates import stacked_ssim
+from lfsr_core.upscale import LowResEIA, method
+
+CORRECTED = 0.5  # share of the reference's remaining noise that is taken out of the metric
+FINISHING = ("load", "mask", "assemble", "color", "write")
+
+
+@dataclasses.dataclass(frozen=True)
+class QuickLook:
+    """What a few samples of every lens tell: ``masks`` (plan_sample.strata_masks), ``features`` (sy, sx, 2), and
+    ``finish``, seconds of the second stage's steps that no method changes."""
+
+    masks: dict[str, np.ndarray]
+    features: np.ndarray
+    finish: dict[str, float]
+
+    def covariates(self, name: str, lenses: Sequence[Lens]) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Covariates (n, 2) of sampled foreground lenses and their means over all of them; None for other strata."""
+        if name != "foreground" or not lenses:
+            return None, None
+        rows, columns = np.asarray(lenses).T
+        return self.features[rows, columns], self.features[self.masks[name]].mean(0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Truth:
+    """The sampled lenses' reference: four independent ``quarters`` (n, py, px, 3) as sRGB values in [0, 1].
+
+    ``hits`` (n,): lenses with any foreground. ``noise``: standard deviation of
+    the mean of two quarters, a half.
+    """
+
+    quarters: tuple[np.ndarray, ...]
+    hits: np.ndarray
+    noise: float
+
+    @classmethod
+    def read(cls, paths: Sequence[Path], frame: Frame, count: int) -> Truth:
+        """From the EXR files of the quarters; ``frame`` describes all of them."""
+        images, hits = zip(*(read_half(path, frame) for path in paths), strict=True)
+        linear = [to_elemental_images(image, frame.rays.tiles) for image in images]
+        quarters = tuple(np.asarray(values.reshape(-1, *values.shape[2:])[:count]) for values in linear)
+        shown = [srgb_encode((quarters[i] + quarters[i + 1]) / 2) for i in (0, 2)]
+        noise = float(np.sqrt(np.mean((shown[0] - shown[1]) ** 2, dtype=np.float64) / 2))
+        return cls(quarters, np.any(hits, 0).reshape(-1)[:count], noise)
+
+    def pair(self, first: Sequence[int], second: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Two halves, each the mean of the named quarters, encoded after averaging as a longer render would be."""
+        return tuple(srgb_encode(np.mean([self.quarters[n] for n in names], 0)) for names in (first, second))
+
+
+@dataclasses.dataclass(frozen=True)
+class Scores:
+    """Corrected split SSIM (n,) of each sampled lens; ``gain``: by which twice the reference's samples raised it."""
+
+    values: np.ndarray
+    gain: float
+
+
+def quick_look(folder: Path) -> QuickLook:
+    """From the folder of a quick render of every lens; finishes it once to see how long that takes."""
+    frame = read_frame(folder)
+    layers, _ = clean(read_layers(folder / LOW_RES_FILE))
+    mask, wide = (foreground_mask(layers, frame.rays.tiles, reach) for reach in (0, 1))
+    low = low_resolution(layers, frame)
+    shown = srgb_encode(low.color)
+    features = np.stack([low.alpha.mean((2, 3, 4)), shown.std((2, 3)).mean(-1)], -1)
+    seconds = upscale_frame(folder, FILL_METHOD if frame.scale > 1 else "none")["seconds"]
+    return QuickLook(strata_masks(mask, wide), features, {name: seconds[name] for name in FINISHING})
+
+
+def score(folder: Path, name: str, mosaic: Mosaic, truth: Truth) -> Scores:
+    """Accuracy of method ``name`` on the centres of ``mosaic``, from the sample's render in ``folder``."""
+    low, mask = _sampled(folder, mosaic)
+    images = srgb_encode(_finished(low, mask, name, mosaic.centres))
+    return split_scores(images, truth)
+
+
+def split_scores(images: np.ndarray, truth: Truth) -> Scores:
+    """Split SSIM of images (n, py, px, 3) in [0, 1], corrected for the reference's noise.
+
+    The metric falls short by what is left of that noise, about in proportion to
+    its variance: what it gains from halves of one quarter to halves of two is
+    missing once more. CORRECTED of that is added, less than all of it because too
+    much would promise what the frame does not keep (docs/plan.md).
+    """
+    full = _mean_ssim(images, *truth.pair((0, 1), (2, 3)))
+    less = (_mean_ssim(images, *truth.pair((0,), (2,))) + _mean_ssim(images, *truth.pair((1,), (3,)))) / 2
+    gain = float(np.mean(full - less))
+    # Noise so strong that variances are cut off at 0 raises the metric: that is no gain to go on from.
+    return Scores(full + CORRECTED * (full - less) if gain > 0 else full, gain)
+
+
+def stage_time(folder: Path, name: str, mosaic: Mosaic, one: Mosaic) -> StageTime:
+    """Seconds of method ``name``: prefilters on the whole ``mosaic`` and on ``one`` block of it, upscaler per lens."""
+    chosen = method(name)
+    (large, mask), (small, _) = (_sampled(folder, part) for part in (mosaic, one))
+    low = chosen.prepare(small)  # what is loaded once is loaded now
+    chosen.upscaler(low, one.centres)
+    few, many = _seconds(lambda: chosen.prepare(small)), _seconds(lambda: chosen.prepare(large))
+    pixels = [low.alpha.size for low in (small, large)]
+    per_pixel = max(many - few, 0.0) / max(pixels[1] - pixels[0], 1)
+    lenses = mosaic.centres[mask] if mask.any() else mosaic.centres
+    upscaling = _seconds(lambda: chosen.upscaler(large, lenses)) / len(lenses)
+    threads = min(os.cpu_count() or 1, MAX_WORKERS) if chosen.upscaler.thread_safe else 1
+    return StageTime(max(few - per_pixel * pixels[0], 0.0), per_pixel, upscaling / threads)
+
+
+def _sampled(folder: Path, mosaic: Mosaic) -> tuple[LowResEIA, np.ndarray]:
+    """The mosaic of a rendered list of lenses and which of its centres are foreground there."""
+    frame = read_frame(folder)
+    layers, _ = clean(read_layers(folder / LOW_RES_FILE))
+    return mosaic.of_render(low_resolution(layers, frame)), mosaic.of_mask(foreground_mask(layers, frame.rays.tiles))
+
+
+def _finished(low: LowResEIA, mask: np.ndarray, name: str, centres: np.ndarray) -> np.ndarray:
+    """Elemental images (n, py, px, 3) of ``centres``, scene-linear: as pipeline.upscale_frame makes them."""
+    chosen = method(name)
+    filler = chosen.upscaler if low.scale == 1 else method(FILL_METHOD).upscaler
+    prepared = chosen.prepare(low)
+    sy, sx, height, width, channels = low.color.shape
+    images = np.empty((len(centres), height * low.scale, width * low.scale, channels), np.float32)
+    for wanted, upscaler in ((mask, chosen.upscaler), (~mask, filler)):
+        if wanted.any():
+            images[wanted] = upscaler(prepared, centres[wanted])
+    return images
+
+
+def _mean_ssim(images: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> np.ndarray:
+    return stacked_ssim(images, half_a, half_b).mean((1, 2))
+
+
+def _seconds(work: Callable[[], Any]) -> float:
+    started = time.perf_counter()
+    work()
+    return time.perf_counter() - started

@@ -1,0 +1,68 @@
+"""How long a whole frame will take, from what a sample of it took."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from lfsr_core.display import DisplayProfile
+from lfsr_core.frame import Frame
+from lfsr_core.plan import Candidate, low_pixels
+
+
+@dataclasses.dataclass(frozen=True)
+class StageTime:
+    """Seconds of a second stage: ``fixed``, ``per_pixel`` of the low-resolution EIA, ``per_lens`` of the foreground."""
+
+    fixed: float
+    per_pixel: float
+    per_lens: float
+
+
+@dataclasses.dataclass(frozen=True)
+class TimeModel:
+    """Measured costs of one scene on one display; seconds.
+
+    ``open``: loading the scene. ``setup``: of a render, whatever its size.
+    ``per_sample``: one sample of one pixel, mean over the whole frame. ``load``:
+    reading one low-resolution pixel. ``finish``: mask, assembly, colour and
+    writing of a frame. ``foreground``: lenses the method works on.
+    """
+
+    open: float
+    setup: float
+    per_sample: float
+    load: float
+    finish: float
+    foreground: int
+    stages: Mapping[tuple[int, str], StageTime] = dataclasses.field(default_factory=dict)
+
+    def seconds(self, candidate: Candidate, display: DisplayProfile) -> float:
+        """Predicted seconds of a whole frame; without a measured second stage those of the render alone."""
+        low = low_pixels(display, candidate.scale)
+        stage = self.stages.get((candidate.scale, candidate.method), StageTime(0.0, 0.0, 0.0))
+        return (self.open + self.setup + self.per_sample * low * candidate.spp + self.load * low + self.finish
+                + stage.fixed + stage.per_pixel * low + stage.per_lens * self.foreground)
+
+    def refined(self, quick: Frame, sampled: list[Frame]) -> TimeModel:
+        """The model with the set-up of a render told apart from its samples, by ``sampled`` renders of several sizes.
+
+        ``quick``, the render of every lens, then says what a sample costs: sampled
+        lenses are foreground, which costs more than the rest of the frame.
+        """
+        samples = np.array([path_samples(frame) for frame in sampled], float)
+        if len(set(samples)) < 2:
+            return self
+        seconds = np.array([frame.seconds["render"] for frame in sampled])
+        setup = float(np.polyfit(samples, seconds, 1)[1])
+        setup = min(max(setup, 0.0), float(seconds.min()), quick.seconds["render"] / 2)
+        return dataclasses.replace(self, setup=setup,
+                                   per_sample=(quick.seconds["render"] - setup) / path_samples(quick))
+
+
+def path_samples(frame: Frame) -> int:
+    """Path samples of a render."""
+    return math.prod(frame.rays.size) * frame.samples

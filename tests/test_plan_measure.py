@@ -1,0 +1,202 @@
+"""A whole plan on a synthetic light field with noise, its renders played by NumPy: estimates against the truth."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic import MINI, frame_of, light_field, tiles
+
+from lfsr_core import plan_measure, plan_score
+from lfsr_core.color import srgb_encode
+from lfsr_core.eia import to_elemental_images
+from lfsr_core.errors import LfsrError
+from lfsr_core.frame import LOW_RES_FILE, REFERENCE_FILES, write_frame
+from lfsr_core.image_io import write_layers
+from lfsr_core.pipeline import finished_linear
+from lfsr_core.plan_measure import make_plan
+from lfsr_core.plan_options import Options
+from lfsr_core.plan_report import as_json, sentence, table
+from lfsr_core.plan_score import Truth, split_scores
+from lfsr_core.render_job import Job
+from lfsr_core.split_estimates import stacked_ssim
+
+NOISE = 0.3  # of one sample
+SECONDS_PER_SAMPLE = 1e-5
+JOB = Job(output=".", display=MINI, scene="scene.blend", seed=5)
+OPTIONS = Options(target=0.9, scales=(2, 4), spps=(4, 16, 64), methods=("nearest", "bilinear"), lenses=40,
+                  reference_spp=1024)
+
+
+def noisy(image: np.ndarray, spp: int, seed: int) -> np.ndarray:
+    noise = np.random.default_rng(seed).normal(0, NOISE / spp**0.5, image[..., :3].shape) * (image[..., 3:] > 0)
+    return np.concatenate([np.maximum(image[..., :3] + noise, 0), image[..., 3:]], -1).astype(np.float32)
+
+
+def render(job: Job) -> None:
+    """What Blender would write for ``job`` of that light field."""
+    frame = frame_of(1 if job.kind == "reference" else job.scale, samples=job.spp, lens_list=job.lens_list,
+                     seed=job.seed)
+    folder, image = Path(job.output), light_field()
+    if job.lens_list is not None:
+        image = tiles(image, dataclasses.replace(frame, scale=1))
+    height, width, _ = image.shape
+    scale = frame.scale
+    image = image.reshape(height // scale, scale, width // scale, scale, 4).mean((1, 3))
+    pairs = [(LOW_RES_FILE, job.spp)] if job.kind == "render" else [(name, job.spp // 2) for name in REFERENCE_FILES]
+    for number, (name, spp) in enumerate(pairs):
+        write_layers(folder / name, {"color": noisy(image, spp, job.seed + 10**6 * number)})
+    seconds = 0.01 + SECONDS_PER_SAMPLE * image[..., 0].size * job.spp
+    write_frame(folder, dataclasses.replace(frame, seconds={"open": 1.0, "render": seconds}))
+
+
+@pytest.fixture
+def rendered(tmp_path):
+    """Jobs that were rendered, and a ``render`` that remembers them."""
+    jobs = []
+
+    def remember(job: Job) -> None:
+        jobs.append(job)
+        render(job)
+    return jobs, remember
+
+
+def truth(folder: Path, candidate) -> float:
+    """Accuracy of a whole frame of ``candidate``, mean over the lenses that show foreground."""
+    render(dataclasses.replace(JOB, output=str(folder), scale=candidate.scale, spp=candidate.spp, seed=991))
+    lenses = MINI.lenses
+    image = to_elemental_images(finished_linear(folder, candidate.method), lenses)
+    exact = to_elemental_images(light_field(), lenses)
+    hit = exact[..., 3].any((2, 3))
+    shown, wanted = (srgb_encode(values[hit][..., :3]) for values in (image, exact))
+    return float(stacked_ssim(shown, wanted, wanted).mean())
+
+
+def test_estimates_are_near_the_truth_of_whole_frames(tmp_path):
+    planned = make_plan(JOB, OPTIONS, render, tmp_path / "sample")
+    assert len(planned.rated) == 12
+    for number, row in enumerate(planned.rated):
+        if row.estimate is None:
+            continue
+        true = truth(tmp_path / f"truth{number}", row.candidate)
+        assert abs(row.estimate.mean - true) < 3 * row.estimate.error + 0.004, row
+    assert sum(row.estimate is not None for row in planned.rated) >= 6
+
+
+def test_chosen_meets_the_target_and_dearer_candidates_were_not_rendered(tmp_path, rendered):
+    jobs, remember = rendered
+    planned = make_plan(JOB, dataclasses.replace(OPTIONS, target=0.6), remember, tmp_path / "sample")
+    chosen = planned.choice.chosen
+    assert chosen is not None and chosen.estimate.low >= 0.6
+    assert truth(tmp_path / "truth", chosen.candidate) >= 0.6
+    assert (2, 64) not in {(job.scale, job.spp) for job in jobs}
+    skipped = [row for row in planned.rated if row.note.startswith("not needed")]
+    assert skipped and all(row.estimate is None and row.seconds > chosen.seconds for row in skipped)
+
+
+def test_random_numbers_of_every_render_are_its_own(tmp_path, rendered):
+    jobs, remember = rendered
+    make_plan(JOB, OPTIONS, remember, tmp_path / "sample")
+    assert len({job.seed for job in jobs}) == len(jobs)
+    assert all(job.clamp_indirect == (0.0 if job.kind == "reference" else None) for job in jobs)
+    assert {job.layers for job in jobs if job.kind == "render"} == {JOB.layers}
+
+
+def test_an_unreachable_target_names_the_best_and_the_limit(tmp_path):
+    options = dataclasses.replace(OPTIONS, target=0.9999, scales=(4,))
+    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    assert planned.choice.chosen is None
+    assert planned.choice.best.candidate.spp == 64
+    assert "upscaling" in planned.choice.limit or "noise" in planned.choice.limit
+    assert sentence(planned.choice, options).startswith("nothing reaches ssim_eia_fg 0.9999")
+
+
+def test_an_interrupted_plan_goes_on_where_it_stopped(tmp_path, rendered):
+    jobs, remember = rendered
+
+    def stop(job: Job) -> None:
+        if job.scale == 2:
+            raise KeyboardInterrupt
+        remember(job)
+    folder = tmp_path / "sample"
+    with pytest.raises(KeyboardInterrupt):
+        make_plan(JOB, OPTIONS, stop, folder)
+    done = len(jobs)
+    assert done >= 5
+    resumed = make_plan(JOB, OPTIONS, remember, folder)
+    assert all(job.scale == 2 for job in jobs[done:])
+    whole = make_plan(JOB, OPTIONS, render, tmp_path / "at-once")
+    by_name = {row.candidate: row.estimate for row in whole.rated}
+    assert {row.candidate: row.estimate for row in resumed.rated} == by_name
+
+
+def test_a_sample_of_other_settings_is_not_taken(tmp_path):
+    folder, options = tmp_path / "sample", dataclasses.replace(OPTIONS, scales=(4,))
+    make_plan(JOB, options, render, folder)
+    with pytest.raises(LfsrError, match="sample of another scene or of other options"):
+        make_plan(dataclasses.replace(JOB, scene="other.blend"), options, render, folder)
+    again = make_plan(JOB, dataclasses.replace(options, target=0.3), lambda job: pytest.fail("it renders"), folder)
+    assert again.choice.chosen is not None
+
+
+def test_a_small_budget_leaves_dear_candidates_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(plan_measure.plan_sample, "LEAST_LENSES", 4)
+    options = dataclasses.replace(OPTIONS, target=0.999, lenses=None, reference_spp=16, share=0.5)
+    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    left_out = [row for row in planned.rated if "budget" in row.note]
+    assert left_out and all(row.estimate is None for row in left_out)
+    assert planned.sample["within_budget"] and planned.sample["share"] <= 0.5 * 1.01 + 0.02
+
+
+def test_view_by_view_is_refused(tmp_path):
+    with pytest.raises(LfsrError, match="view-by-view"):
+        make_plan(dataclasses.replace(JOB, layout="view-by-view"), OPTIONS, render, tmp_path)
+
+
+def test_an_empty_scene_is_refused(tmp_path):
+    def empty(job: Job) -> None:
+        render(job)
+        path = Path(job.output, LOW_RES_FILE)
+        write_layers(path, {"color": np.zeros((*reversed(frame_of(job.scale).rays.size), 4), np.float32)})
+    with pytest.raises(LfsrError, match="no lens shows any foreground"):
+        make_plan(JOB, OPTIONS, empty, tmp_path)
+
+
+def test_correction_takes_some_of_the_references_noise_out():
+    random, noise = np.random.default_rng(0), 0.08
+    exact = np.full((600, 24, 24, 1), 0.5)
+    exact[:, :, 12:] += 0.2 * np.sin(np.arange(12) / 1.7)[:, None]
+    image = exact + random.normal(0, 0.015, exact.shape)
+    true = float(stacked_ssim(image, exact, exact).mean())
+
+    class Shown(Truth):
+        """Noise that is normal in display values, so that nothing but the metric is tested."""
+
+        def pair(self, first, second):
+            return tuple(np.mean([self.quarters[n] for n in names], 0) for names in (first, second))
+    quarters = tuple(exact + random.normal(0, noise, exact.shape) for _ in range(4))
+    scores = split_scores(image, Shown(quarters, np.ones(600, bool), noise))
+    plain = float(scores.values.mean()) - plan_score.CORRECTED * scores.gain
+    assert plain < true - 0.003 and scores.gain > 0
+    assert abs(scores.values.mean() - true) < abs(plain - true)
+
+
+def test_report_says_everything(tmp_path):
+    options = dataclasses.replace(OPTIONS, target=0.6)
+    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    text = table(planned, options)
+    chosen = planned.choice.chosen
+    assert any(line.startswith("→") and chosen.candidate.method in line for line in text.splitlines())
+    assert "path samples of s2-spp64" in text and "with 95 % confidence" in text
+    data = json.loads(json.dumps(as_json(planned, options, JOB), allow_nan=False))
+    assert data["chosen"]["method"] == chosen.candidate.method and len(data["candidates"]) == 12
+    assert data["sample"]["lenses"]["foreground"] + data["sample"]["lenses"]["edge"] == 40
+
+
+def test_stage_time_grows_with_the_frame(tmp_path):
+    planned = make_plan(JOB, dataclasses.replace(OPTIONS, scales=(4,), spps=(4,)), render, tmp_path / "sample")
+    assert all(row.seconds > 1.0 for row in planned.rated), "the scene takes a second to open"
+    assert plan_score.FINISHING
