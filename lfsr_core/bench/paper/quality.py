@@ -1,0 +1,181 @@
+"""A method's picture against the reference: the usual metrics, and one number per lens for paired comparisons."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lfsr_core.assembly import Plan, filled, place, upscale_all
+from lfsr_core.bench.paper import models, renders
+from lfsr_core.bench.paper.settings import Settings
+from lfsr_core.color import ViewTransform, srgb_encode
+from lfsr_core.eia import to_elemental_images
+from lfsr_core.foreground import foreground_mask
+from lfsr_core.frame import LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame
+from lfsr_core.image_io import clean, read_layers
+from lfsr_core.metrics import check_reference, compare
+from lfsr_core.pipeline import FILL_METHOD, low_resolution, over_background
+from lfsr_core.split_estimates import stacked_ssim
+from lfsr_core.stages import StageClock, silent
+from lfsr_core.upscale import Method
+from lfsr_core.upscale import method as method_of
+
+SHOWN = ("p", "ssim_eia", "ssim_eia_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain", "ssim_ceiling", "flip")
+
+
+@dataclasses.dataclass(frozen=True)
+class Truth:
+    """A reference: two halves, scene-linear (H, W, 3), of all lenses or in tiles of those listed."""
+
+    frame: Frame
+    half_a: np.ndarray
+    half_b: np.ndarray
+    hit: np.ndarray
+
+    @classmethod
+    def read(cls, folder: Path) -> Truth:
+        """LfsrError where a file is missing."""
+        frame = read_frame(folder)
+        layers = [clean(read_layers(folder / name))[0] for name in REFERENCE_FILES]
+        hits = [foreground_mask(half, frame.rays.tiles) for half in layers]
+        return cls(frame, *(over_background(half, frame) for half in layers), hits[0] | hits[1])
+
+    @property
+    def lenses(self) -> np.ndarray:
+        """(n, 2) rows and columns of the lenses it shows."""
+        listed = self.frame.lens_list
+        return np.argwhere(np.ones(self.frame.display.lenses[::-1], bool)) if listed is None else np.array(listed)
+
+    @property
+    def foreground(self) -> np.ndarray:
+        """(n,) bool: which of ``lenses`` the reference itself hits."""
+        return self.hit.reshape(-1)[:len(self.lenses)]
+
+    def elemental_images(self) -> tuple[np.ndarray, np.ndarray]:
+        """Both halves as display values in [0, 1], (n, py, px, 3), in the order of ``lenses``."""
+        count, (px, py) = len(self.lenses), self.frame.display.views
+        return tuple(srgb_encode(to_elemental_images(half, self.frame.rays.tiles).reshape(-1, py, px, 3)[:count])
+                     for half in (self.half_a, self.half_b))
+
+
+def linear_picture(folder: Path, method: Method) -> tuple[np.ndarray, np.ndarray]:
+    """Finished EIA (H, W, 3), scene-linear, in view order, and the foreground mask (sy, sx) it was made with."""
+    frame, plan = _plan(folder, method, selection=True)
+    result = filled(plan.size, np.asarray(frame.display.background, np.float32))
+
+    def finish(lenses: np.ndarray, images: np.ndarray) -> None:
+        place(result, frame.rays.tiles, lenses, images, flipped=False)
+
+    upscale_all(plan, None, finish, StageClock(), silent)
+    return result, plan.mask
+
+
+def second_stage(folder: Path, method: Method, selection: bool = True) -> np.ndarray:
+    """The whole second stage short of writing files: EXR in, 8-bit panel image (H, W, 3) out.
+
+    Without ``selection`` every lens is treated as foreground.
+    """
+    frame, plan = _plan(folder, method, selection)
+    show = ViewTransform(frame.color)
+    background = np.asarray(frame.display.background, np.float32)
+    pixels = filled(plan.size, show.to_uint8(background[None])[0])
+    flipped = frame.display.ei_order == "flipped"
+
+    def finish(lenses: np.ndarray, images: np.ndarray) -> None:
+        place(pixels, frame.rays.tiles, lenses, show.to_uint8(images), flipped)
+
+    upscale_all(plan, None, finish, StageClock(), silent)
+    return pixels
+
+
+def foreground_share(folder: Path) -> float:
+    """Share of lenses that see the foreground."""
+    return float(foreground_mask(read_layers(folder / LOW_RES_FILE), read_frame(folder).rays.tiles).mean())
+
+
+def measure(settings: Settings, scene: Path, folder: Path, name: str) -> dict[str, Any] | None:
+    """Metrics of method ``name`` on a rendered ``folder``, and its split SSIM per foreground lens.
+
+    None where the method's network has no weights.
+    """
+    method = models.method(settings, name)
+    if method is None:
+        return None
+    image, mask = linear_picture(folder, method)
+    return against(Truth.read(renders.reference(settings, scene)), read_frame(folder), image, mask)
+
+
+def against(truth: Truth, frame: Frame, image: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
+    """Metrics of an EIA (H, W, 3), scene-linear, made of ``frame`` with the foreground ``mask``."""
+    check_reference(frame, truth.frame)
+    whole = truth.frame.lens_list is None
+    counted = truth.hit if whole else mask
+    metrics = compare(image, truth.half_a, truth.half_b, frame.display.lenses, counted,
+                      None if whole else truth.frame.lens_list)
+    return {"metrics": {name: metrics.get(name) for name in SHOWN}, "ci95": metrics.get("ci95", {}),
+            "error": _errors(truth, image, frame.scale),
+            "lens_ssim_fg": [round(float(value), 6) for value in _per_lens(truth, image)]}
+
+
+def middle_lenses(truth: Truth, count: int) -> np.ndarray:
+    """Indices into ``truth.lenses`` of the ``count`` foreground lenses nearest their centre, in reading order."""
+    inside = np.flatnonzero(truth.foreground)
+    inside = inside if len(inside) else np.arange(len(truth.lenses))
+    centre = truth.lenses[inside].mean(0)
+    near = np.argsort(((truth.lenses[inside] - centre) ** 2).sum(1), kind="stable")[:count]
+    return inside[np.sort(near)]
+
+
+def _per_lens(truth: Truth, image: np.ndarray) -> np.ndarray:
+    """Split SSIM of the reference's foreground lenses: the same ones for every image."""
+    rows, columns = truth.lenses.T
+    chosen = truth.foreground
+    ours = srgb_encode(to_elemental_images(image, truth.frame.display.lenses)[rows, columns][chosen])
+    half_a, half_b = (half[chosen] for half in truth.elemental_images())
+    return stacked_ssim(ours, half_a, half_b).mean((1, 2)) if chosen.any() else np.empty(0)
+
+
+def _errors(truth: Truth, image: np.ndarray, margin: int) -> dict[str, float] | None:
+    """Split squared error of foreground lenses in two parts that add up: ``margin`` outermost views, and the rest."""
+    if not truth.foreground.any():
+        return None
+    rows, columns = truth.lenses.T
+    ours = srgb_encode(to_elemental_images(image, truth.frame.display.lenses)[rows, columns][truth.foreground])
+    half_a, half_b = (half[truth.foreground] for half in truth.elemental_images())
+    squares = ((ours - half_a) * (ours - half_b)).mean((0, 3), dtype=np.float64)
+    inside = np.zeros(squares.shape, bool)
+    inside[margin:-margin, margin:-margin] = True
+    border, centre = (float(squares[part].sum() / squares.size) for part in (~inside, inside))
+    return {"border": border, "centre": centre, "border_pixels": float((~inside).mean())}
+
+
+def _plan(folder: Path, method: Method, selection: bool) -> tuple[Frame, Plan]:
+    frame = read_frame(folder)
+    layers = clean(read_layers(folder / LOW_RES_FILE))[0]
+    low = low_resolution(layers, frame)
+    mask = foreground_mask(layers, frame.rays.tiles)
+    if not selection:
+        mask = np.ones_like(mask)
+    fill = ~mask & (low.alpha.any(axis=(2, 3, 4)) | frame.world_visible)
+    filler = method.upscaler if frame.scale == 1 else method_of(FILL_METHOD).upscaler
+    return frame, Plan(method.prepare(low), mask, fill, method.upscaler, filler)
+
+
+def inputs(settings: Settings, scene: Path, name: str, **more: Any) -> dict[str, Any]:
+    """What a kept measurement of accuracy depends on."""
+    network = name.rsplit("+", maxsplit=1)[-1]
+    path = models.weights(settings, network) if models.is_network(name) else None
+    truth = read_frame(renders.reference(settings, scene))
+    return {"scene": scene.stem, "method": name, "display": settings.display.to_dict(), "scale": settings.scale,
+            "convention": settings.convention, "reference_spp": truth.samples, "weights": models.fingerprint(path),
+            "lenses": None if truth.lens_list is None else len(truth.lens_list), **more}
+
+
+def schedules(settings: Settings, names: Sequence[str]) -> dict[str, str]:
+    """How the network of each method was trained; methods without one are left out."""
+    return {name: models.schedule(models.weights(settings, name.split("+")[-1]))
+            for name in names if models.is_network(name)}

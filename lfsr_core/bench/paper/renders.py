@@ -1,0 +1,142 @@
+"""The renders that figures share, made when first asked for.
+
+``BENCH/SCENE/reference``, ``BENCH/SCENE/s{scale}-spp{n}`` and variants of the latter; what is there is used as it is.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from lfsr_core.bench.paper.settings import Settings
+from lfsr_core.blender_process import find_blender, run_job
+from lfsr_core.display import DisplayProfile
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import write_json
+from lfsr_core.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, read_frame
+from lfsr_core.lens_choice import choose_lenses
+from lfsr_core.progress import ProgressBar
+from lfsr_core.render_job import Job, check_scene
+
+LAYERS = ("albedo", "normal")
+MOVE_SCRIPT = Path(__file__).parents[3] / "scripts" / "move_camera_array.py"
+
+
+def low_resolution(settings: Settings, scene: Path, scale: int, spp: int, *, display: DisplayProfile | None = None,
+                   layout: str = "one-pass") -> Path:
+    """Frame folder of ``scene`` at ``scale`` (1: every view) and ``spp`` samples, on ``settings.display`` or another.
+
+    LfsrError where the folder holds another render than this.
+    """
+    display = display or settings.display
+    variant = "" if layout == "one-pass" else f"-{layout}"
+    folder = _scene_folder(settings, display, scene) / f"s{scale}-spp{spp}{variant}{_convention(settings)}"
+    job = Job(output=str(folder), display=display, scene=check_scene(scene), scale=scale, spp=spp, layers=LAYERS,
+              layout=layout, convention=settings.convention, device=settings.render_device)
+    return _made(settings, job, (LOW_RES_FILE,))
+
+
+def reference(settings: Settings, scene: Path) -> Path:
+    """Reference folder of ``scene`` on ``settings.display``; an existing one may have any number of samples."""
+    folder = _scene_folder(settings, settings.display, scene) / f"reference{_convention(settings)}"
+    job = Job(output=str(folder), display=settings.display, scene=check_scene(scene), kind="reference", scale=1,
+              spp=settings.reference_spp, convention=settings.convention, clamp_indirect=0.0,
+              device=settings.render_device)
+    if settings.lenses is not None and not (folder / FRAME_FILE).exists():
+        mask = _mask(low_resolution(settings, scene, settings.scale, settings.spp))
+        job = dataclasses.replace(job, lens_list=choose_lenses(mask, settings.lenses))
+    return _made(settings, job, REFERENCE_FILES)
+
+
+def moved(settings: Settings, scene: Path, share: float) -> Path:
+    """A copy of ``scene`` whose camera array stands at ``share`` of its distance from the display plane."""
+    path = settings.output / "moved" / f"{scene.stem}-{settings.timing_display.name}-{share:g}.blend"
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        job = path.with_suffix(".json")
+        write_json(job, {"scene": check_scene(scene), "display": settings.timing_display.to_dict(), "share": share,
+                         "output": str(path.resolve())})
+        _run_script(settings, MOVE_SCRIPT, job, path)
+    return path
+
+
+def demo_scene(settings_output: Path) -> Path:
+    """The demo scene, built by the script that ships with the repository."""
+    path = settings_output / "demo.blend"
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        script = MOVE_SCRIPT.with_name("demo_scene.py")
+        _check_call([sys.executable, "-W", "ignore", str(script), str(path)], path)
+    return path
+
+
+def resolution(display: DisplayProfile, divisor: int) -> DisplayProfile | None:
+    """The same lenses with views and pixels divided, None where they do not divide."""
+    if any(count % divisor for count in display.views):
+        return None
+    views, pixels = (tuple(count // divisor for count in pair) for pair in (display.views, display.panel_pixels))
+    return dataclasses.replace(display, name=f"{display.name}-1-{divisor}" if divisor > 1 else display.name,
+                               views=views, panel_pixels=pixels)
+
+
+def _convention(settings: Settings) -> str:
+    return "" if settings.convention == "centred" else f"-{settings.convention}"
+
+
+def _scene_folder(settings: Settings, display: DisplayProfile, scene: Path) -> Path:
+    same = display == settings.display
+    return (settings.bench if same else settings.output / f"bench-{display.name}") / scene.stem
+
+
+def _made(settings: Settings, job: Job, files: tuple[str, ...]) -> Path:
+    folder = Path(job.output)
+    if not all((folder / name).exists() for name in (*files, FRAME_FILE)):
+        bar = ProgressBar()
+        print(f"render  {folder.parent.name}/{folder.name}", file=sys.stderr, flush=True)
+        try:
+            run_job(job, find_blender(settings.blender), bar, bar.note)
+        finally:
+            bar.close()
+    _check(folder, job)
+    return folder
+
+
+def _check(folder: Path, job: Job) -> None:
+    """LfsrError unless the folder is what was asked for; a reference's samples are its own."""
+    frame = read_frame(folder)
+    wanted = {"display": job.display, "scale": job.scale, "convention": job.convention, "layout": job.layout}
+    wanted |= {} if job.kind == "reference" else {"samples": job.spp}
+    for name, value in wanted.items():
+        found = getattr(frame, name)
+        if found != value:
+            raise LfsrError(f"{folder} has {name} {getattr(found, 'name', found)!r}, expected "
+                            f"{getattr(value, 'name', value)!r}: choose another --bench or --output folder")
+
+
+def _mask(folder: Path) -> np.ndarray:
+    from lfsr_core.foreground import foreground_mask
+    from lfsr_core.image_io import read_layers
+
+    return foreground_mask(read_layers(folder / LOW_RES_FILE), read_frame(folder).rays.tiles)
+
+
+def _run_script(settings: Settings, script: Path, job: Path, product: Path) -> None:
+    blender = find_blender(settings.blender)
+    if blender.executable is None:
+        command = [sys.executable, str(script), str(job)]
+    else:
+        command = [blender.executable, "--background", "--factory-startup", "--python-exit-code", "1",
+                   "--python", str(script), "--", str(job)]
+    _check_call(command, product)
+
+
+def _check_call(command: list[str], product: Path) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+    if done.returncode or not product.exists():
+        last = (done.stdout + done.stderr).strip().splitlines()[-1:]
+        raise LfsrError(f"{product} was not made (exit code {done.returncode}, last saying {last}): "
+                        "check the scene and Blender")

@@ -1,0 +1,134 @@
+"""The paper's figures and tables, measured again by one command that can be stopped and started again.
+
+    python scripts/reproduce_paper.py -o OUT                     everything, hours on a CPU
+    python scripts/reproduce_paper.py -o OUT --quick             every figure in minutes, on tiny frames
+    python scripts/reproduce_paper.py -o OUT --only fig10a,table3 --docs docs
+
+What is complete in OUT is not done again. OUT/results.json, OUT/paper.md and OUT/images are written after
+every figure; --docs also puts the page and its pictures there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from lfsr_core.bench import frames
+from lfsr_core.bench.paper import page, renders, settings
+from lfsr_core.bench.paper.figure import Figure, Results
+from lfsr_core.display import load_display
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json, write_json
+
+RESULTS_FILE, PAGE_FILE, IMAGES = "results.json", "paper.md", "images"
+STOPPED, BAD_INPUT = 130, 2
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Exit code 0, 2 after bad input, 130 if stopped."""
+    arguments = _parser().parse_args(argv)
+    try:
+        reproduce(arguments, _command(sys.argv[1:] if argv is None else argv))
+    except LfsrError as error:
+        print(f"reproduce_paper: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("reproduce_paper: stopped; run the same command again to go on", file=sys.stderr)
+        return STOPPED
+    return 0
+
+
+def reproduce(arguments: argparse.Namespace, command: str) -> dict[str, Results]:
+    """Measure, draw and write figure by figure; returns all results by id, earlier ones included."""
+    figures = page.chosen(arguments.only)
+    chosen = make_settings(arguments)
+    run = {"settings": chosen.facts(), "environment": _environment()}
+    results = _earlier(chosen.output / RESULTS_FILE, run["settings"])
+    for figure in figures:
+        results[figure.id] = figure.measure(chosen, chosen.output)
+        write_json(chosen.output / RESULTS_FILE, {**run, "command": command, "figures": results})
+        _publish(figure, results, run, command, chosen.output, chosen.output)
+        if arguments.docs:
+            _publish(figure, results, run, command, chosen.output, arguments.docs)
+        print(f"{figure.title}: {figure.line(results[figure.id])}", flush=True)
+    return results
+
+
+def _publish(figure: Figure, results: dict[str, Results], run: dict[str, Any], command: str, output: Path,
+             target: Path) -> None:
+    """The figure's picture and the page so far."""
+    if figure.draw:
+        figure.draw(results[figure.id], output, target / IMAGES / page.picture_name(figure))
+    page.write(target / PAGE_FILE, page.markdown(results, run, command, IMAGES))
+
+
+def make_settings(arguments: argparse.Namespace) -> settings.Settings:
+    """Settings of the command line; LfsrError where a display, scene or folder is wrong."""
+    scenes = tuple(arguments.scenes) or (renders.demo_scene(arguments.output),)
+    names = ("bench", "lenses", "weights", "train_minutes", "photographs", "validation", "device", "render_device",
+             "blender", "repeats", "spp", "clean_spp", "reference_spp", "scale", "convention")
+    changes = {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
+    for name in ("display", "timing_display"):
+        if getattr(arguments, name) is not None:
+            changes[name] = load_display(getattr(arguments, name))
+    if arguments.weights is not None and not arguments.weights.is_dir():
+        raise LfsrError(f"--weights {arguments.weights} is no folder: give one with NAME-x{arguments.scale or 4}"
+                        ".safetensors files")
+    return (settings.quick if arguments.quick else settings.full)(arguments.output, scenes, **changes)
+
+
+def _earlier(path: Path, facts: dict[str, Any]) -> dict[str, Results]:
+    """Figures of an earlier run with the same settings, none where they differ."""
+    if not path.exists():
+        return {}
+    data = read_json(path, "the results of an earlier run")
+    return dict(data["figures"]) if data.get("settings") == facts else {}
+
+
+def _environment() -> dict[str, Any]:
+    facts = frames.environment()
+    return facts | {"load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else "unknown"}
+
+
+def _command(words: Sequence[str]) -> str:
+    """The command line without this machine's folders."""
+    shown = [Path(word).name if Path(word).is_absolute() else word for word in words]
+    return " ".join(["python scripts/reproduce_paper.py", *shown])
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="reproduce_paper", description=__doc__.splitlines()[0])
+    add = parser.add_argument
+    add("-o", "--output", type=Path, required=True, metavar="OUT", help="folder of everything that is made")
+    add("--scenes", type=Path, nargs="+", default=[], metavar="FILE", help="default: the demo scene")
+    add("--quick", action="store_true", help="tiny frames and few samples: every figure in minutes")
+    add("--only", metavar="ID,ID", help=f"of {', '.join(page.FIGURES)}")
+    add("--docs", type=Path, metavar="DIR", help="also write paper.md and images/paper-*.png there")
+    add("--bench", type=Path, metavar="DIR", help="folder with renders on --display to reuse and add to")
+    add("--display", metavar="NAME|FILE.toml", help="for accuracy; default: small")
+    add("--timing-display", metavar="NAME|FILE.toml", help="for times of whole frames; default: bupt-32in-8k")
+    add("--scale", type=int, metavar="S", help="default: 4")
+    add("--spp", type=int, metavar="N", help="samples a user renders with, default: 16")
+    add("--clean-spp", type=int, metavar="N", help="samples where noise should not matter, default: 4096")
+    add("--reference-spp", type=int, metavar="N", help="default: 1024")
+    add("--lenses", type=int, metavar="N", help="lenses of a reference; default: all")
+    add("--convention", choices=("centred", "paper"), help="where views lie, default: centred")
+    add("--weights", type=Path, metavar="DIR", help="trained networks, as of lfsr_core.train.paper_suite")
+    add("--train-minutes", type=float, metavar="M", help="train each network that --weights lacks for so long")
+    add("--photographs", metavar="DIR|FILE", help="to train with; default: as in lfsr_core/train/configs")
+    add("--validation", metavar="DIR|FILE", help="to validate with; default: as in lfsr_core/train/configs")
+    add("--device", choices=("auto", "cpu", "cuda"), help="for networks, default: auto")
+    add("--render-device", metavar="NAME", help="Cycles device, default: CPU")
+    add("--blender", metavar="PATH", help="default: the bpy package, then PATH")
+    add("--repeats", type=int, metavar="N", help="runs of everything timed but renders, default: 10")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())
