@@ -124,6 +124,28 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
         layout.prop(lfsr, "linear_exr", text="Linear EXR")
 
 
+class LFSR_PT_plan(LightFieldPanel, bpy.types.Panel):
+    """The cheapest settings that are good enough."""
+
+    bl_label = "Least That Will Do"
+    bl_idname = "LFSR_PT_plan"
+    bl_parent_id = "LFSR_PT_quality"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Target, the button, what it found last."""
+        state = context.window_manager.lfsr
+        _columns(self.layout).prop(context.scene.lfsr, "plan_target")
+        row = self.layout.row()
+        row.enabled = session.current() is None
+        row.operator("lfsr.plan", icon="VIEWZOOM")
+        if state.plan_scene != context.scene.name:
+            return
+        _sentence(self.layout, state.plan_text, "CHECKMARK" if state.plan_method else "INFO", context)
+        if state.plan_method:
+            self.layout.operator("lfsr.plan_use")
+
+
 class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
     """Render, compare, look."""
 
@@ -229,5 +251,5 @@ def _sentence(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.typ
         column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
 
 
-CLASSES = (LFSR_PT_display, LFSR_PT_array, LFSR_PT_check, LFSR_PT_quality, LFSR_PT_render, LFSR_PT_preview,
-           LFSR_PT_reference)
+CLASSES = (LFSR_PT_display, LFSR_PT_array, LFSR_PT_check, LFSR_PT_quality, LFSR_PT_plan, LFSR_PT_render,
+           LFSR_PT_preview, LFSR_PT_reference)

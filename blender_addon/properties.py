@@ -126,6 +126,10 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Scene-Linear EXR", description="Also save the image before the view transform, as OpenEXR",
         default=False)
 
+    plan_target: FloatProperty(
+        name="Target", description="Accuracy to reach: SSIM over the foreground, 1 is perfect",
+        min=0.5, max=0.999, soft_min=0.8, precision=3, step=1, default=0.95)
+
     reference_samples: IntProperty(
         name="Samples", description="Paths per pixel of the reference, split over its two independent halves",
         min=2, soft_max=4096, default=256)
@@ -166,6 +170,11 @@ class SessionState(bpy.types.PropertyGroup):
         name="Problems", description="What the last scene check found", type=FoundProblem)
     checked_scene: StringProperty(name="Checked Scene", description="Scene that was checked last")
     message: StringProperty(name="Message", description="Why the last render ended, if it failed")
+    plan_scene: StringProperty(name="Planned Scene", description="Scene that the last plan is for")
+    plan_text: StringProperty(name="Plan", description="What the last plan found")
+    plan_scale: IntProperty(name="Planned Scale", description="Scale that the last plan found")
+    plan_samples: IntProperty(name="Planned Samples", description="Samples that the last plan found")
+    plan_method: StringProperty(name="Planned Method", description="Method that the last plan found, if any")
 
 
 CLASSES = (SceneSettings, FoundProblem, SessionState)

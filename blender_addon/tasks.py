@@ -123,16 +123,20 @@ class Task:
 def render_step(job: Job, folder: Path, share: float, stage: str = "Rendering") -> Step:
     """Render ``job`` in a background Blender; its job file goes to ``folder``."""
     path = _write(folder / "job.json", job.to_dict())
-    command = runtime.render_command(path)
-    if bpy.app.binary_path and not bpy.app.autoexec_fail:
-        command.insert(1, "--enable-autoexec")   # what this session may run, the copy may
-    return Step(stage, share, lambda: Worker("The render", command, runtime.environment()))
+    return Step(stage, share, lambda: Worker("The render", _render_command(path), runtime.environment()))
 
 
 def second_stage_step(stage: str, share: float, work: Path, task: str, /, **arguments: Any) -> Step:
     """Run one of ``lfsr_core.panel_tasks``; its task file goes to the folder ``work``."""
     path = _write(work / f"{task}.json", {"task": task, **arguments})
     command = [*runtime.second_stage_command(PANEL_TASKS), str(path)]
+    return Step(stage, share, lambda: Worker("The second stage", command, runtime.environment()))
+
+
+def rendering_step(stage: str, share: float, work: Path, module: str, /, **arguments: Any) -> Step:
+    """Run ``module`` of lfsr_core, which starts renders itself: its task file also holds the ``command`` for them."""
+    path = _write(work / "task.json", {**arguments, "command": _render_command(Path())[:-1]})
+    command = [*runtime.second_stage_command(module), str(path)]
     return Step(stage, share, lambda: Worker("The second stage", command, runtime.environment()))
 
 
@@ -170,6 +174,13 @@ def file_copy() -> Iterator[Path]:
         yield path
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _render_command(job_file: Path) -> list[str]:
+    command = runtime.render_command(job_file)
+    if bpy.app.binary_path and not bpy.app.autoexec_fail:
+        command.insert(1, "--enable-autoexec")   # what this session may run, the copy may
+    return command
 
 
 def _save_copy(path: Path) -> None:
