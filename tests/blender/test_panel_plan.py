@@ -64,6 +64,7 @@ def test_a_plan_of_another_scene_is_not_shown(scene):
 
 def test_cancel_ends_the_render_it_started(scene):
     context = bpy.context
+    scene.lfsr.display = "bupt-32in-8k"  # its quick render alone would go on for many seconds
     steps, finish = plan_operators.LFSR_OT_plan.plan(None, context)
     task = session.start("Plan", steps, finish)
     work = Path(bpy.app.tempdir)
@@ -71,7 +72,7 @@ def test_cancel_ends_the_render_it_started(scene):
     started = time.perf_counter()
     assert bpy.ops.lfsr.cancel() == {"FINISHED"}
     assert time.perf_counter() - started < 5 and session.current() is None
-    wait_for(lambda: not children(work))
+    wait_for(lambda: not children(work), seconds=3)
     assert not list(work.glob("lfsr-*/*")) and not task.worker
     assert context.window_manager.lfsr.plan_text == ""
 
@@ -94,8 +95,8 @@ def children(work: Path) -> list[str]:
     return found
 
 
-def wait_for(condition) -> None:
-    ends = time.monotonic() + SECONDS_TO_START
+def wait_for(condition, seconds: float = SECONDS_TO_START) -> None:
+    ends = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < ends
         session._look()
