@@ -23,8 +23,8 @@ from lfsr_core.bench.chart_analysis import (
     time_to_reach,
 )
 
-SECONDS = st.floats(0.01, 1e4)
-VALUES = st.floats(-1, 1)
+SECONDS = st.sampled_from([1.0, 2.0, 3.0]) | st.floats(0.01, 1e4)  # some alike: ties must be told too
+VALUES = st.sampled_from([0.2, 0.4, 0.6]) | st.floats(-1, 1)
 POINTS = st.lists(st.builds(Point, st.just(LOW), st.sampled_from("ab"), st.integers(1, 64), SECONDS, VALUES),
                   min_size=1, max_size=12)
 
@@ -46,6 +46,12 @@ def test_no_point_dominates_one_of_the_front_and_every_other_point_is_dominated_
     assert not any(dominates(other, point) for other in candidates for point in front)
     for point in candidates:
         assert point in front or any(dominates(better, point) for better in front)
+
+
+def test_a_point_as_fast_and_less_accurate_or_as_accurate_and_slower_is_dominated():
+    best, as_fast, as_good = curve((1, 0.5), (1, 0.4), (2, 0.5))
+    assert dominates(best, as_fast) and dominates(best, as_good)
+    assert not dominates(best, best) and not dominates(as_fast, as_good) and not dominates(as_good, as_fast)
 
 
 @given(POINTS)

@@ -31,22 +31,32 @@ def measure(settings: Settings, scenes: Sequence[Path], say: Say) -> dict[str, A
 
     ``say(sentence)`` for every step. LfsrError where not one scene can be measured.
     """
-    skipped: list[str] = []
-    rows: list[dict[str, Any]] = []
-    methods: list[dict[str, Any]] = []
+    chart = {"format": FORMAT, "settings": settings.described(), "environment": environment(), "methods": [],
+             "skipped": [], "scenes": []}
+    _check_names(scenes)
     for scene in scenes:
-        row = _scene(settings, scene, say, skipped)
-        if row is None:
-            continue
-        rows.append(row)
-        methods = methods or list(_methods(settings, scene, row, say))
-        chart = {"format": FORMAT, "settings": settings.described(), "environment": environment(), "methods": methods,
-                 "skipped": skipped, "scenes": rows}
-        check_chart(chart)
-        write_json(settings.folder / CHART_FILE, chart)
-    if not rows:
-        raise LfsrError(f"no scene could be measured ({'; '.join(skipped)}): run it without --only-measure")
+        row = _scene(settings, scene, say, chart["skipped"])
+        if row is not None:
+            chart["scenes"].append(row)
+            chart["methods"] = chart["methods"] or list(_methods(settings, scene, row, say))
+            _write(settings, chart)
+    if not chart["scenes"]:
+        raise LfsrError(f"no scene could be measured ({'; '.join(chart['skipped'])}): run it without --only-measure")
+    _write(settings, chart)
     return chart
+
+
+def _check_names(scenes: Sequence[Path]) -> None:
+    names = [scene.stem for scene in scenes]
+    for name in names:
+        if names.count(name) > 1:
+            raise LfsrError(f"two scenes are called {name!r}, but each has a folder of its name: rename one file")
+
+
+def _write(settings: Settings, chart: dict[str, Any]) -> None:
+    chart["environment"] = environment()  # only now is it known whether PyTorch was needed
+    check_chart(chart)
+    write_json(settings.folder / CHART_FILE, chart)
 
 
 def _scene(settings: Settings, path: Path, say: Say, skipped: list[str]) -> dict[str, Any] | None:

@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+from lfsr_core import networks
 from lfsr_core.display import DisplayProfile, load_display
 from lfsr_core.errors import LfsrError
 from lfsr_core.upscale import DEFAULT_METHOD, METHODS, PREFILTERS, method
@@ -81,7 +82,7 @@ def render_folder(scene_folder: Path, scale: int, samples: int) -> Path:
 
 
 def default_methods() -> tuple[str, ...]:
-    """Every upscaler alone and after the denoiser; every other prefilter before the default upscaler.
+    """Every upscaler alone and after the denoiser; every network that denoises before the default upscaler.
 
     Taken from ``upscale.METHODS``, so that a method that is added there is measured without being named here.
     """
@@ -90,8 +91,13 @@ def default_methods() -> tuple[str, ...]:
     chains = [*upscalers, *(f"{DENOISER}+{name}" for name in upscalers)]
     for name in PREFILTERS:
         if name != DENOISER:
-            chains += [f"{name}+{last}", f"{DENOISER}+{name}+{last}"]
+            chains.append(f"{DENOISER}+{name}+{last}" if _needs_denoiser(name) else f"{name}+{last}")
     return tuple(dict.fromkeys([DEFAULT_METHOD, *chains]))
+
+
+def _needs_denoiser(prefilter: str) -> bool:
+    spec = getattr(networks, "DENOISERS", {}).get(prefilter)
+    return spec is not None and spec.base == DENOISER
 
 
 def check_methods(names: tuple[str, ...]) -> None:

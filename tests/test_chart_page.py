@@ -1,0 +1,107 @@
+"""What people read of a chart: well-formed, complete, honest about losses, nothing loaded from elsewhere."""
+
+from __future__ import annotations
+
+import math
+import re
+from xml.etree import ElementTree
+
+import pytest
+from chart_example import LOW_METHODS, example
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lfsr_core.bench import chart_page, chart_panels, chart_svg, chart_text, chart_words
+from lfsr_core.bench.chart_analysis import LOW, METRICS, Point, analyse
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture(scope="module")
+def chart():
+    return example()
+
+
+def texts(svg: str) -> list[str]:
+    return ["".join(element.itertext()) for element in ElementTree.fromstring(svg).iter(f"{SVG}text")]
+
+
+def test_the_picture_has_a_panel_per_scene_and_one_of_the_mean(chart):
+    words = texts(chart_panels.picture(chart))
+    assert {scene["scene"] for scene in chart["scenes"]} | {"Mean of 6 scenes"} <= set(words)
+    assert sum("without noise" in word for word in words) == 7
+    assert len(ElementTree.fromstring(chart_panels.picture(example(1))).findall(f"{SVG}svg")) == 1
+
+
+def test_every_text_lies_inside_its_panel(chart):
+    for scene in chart["scenes"]:
+        svg = chart_svg.panel_svg(chart_panels.scene_panel(chart, scene))
+        for element in ElementTree.fromstring(svg).iter(f"{SVG}text"):
+            assert 0 <= float(element.get("x")) <= chart_svg.WIDTH and 0 <= float(element.get("y")) <= chart_svg.HEIGHT
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_every_metric_can_be_drawn(chart, metric):
+    svg = chart_svg.panel_svg(chart_panels.scene_panel(chart, chart["scenes"][0], metric))
+    assert chart_panels.AXES[metric] in " ".join(texts(svg))
+
+
+def test_the_page_stands_alone_and_its_tables_are_whole(chart):
+    page = chart_page.page(chart)
+    assert not re.search(r"<script|<link|src=|url\(|@import", page)
+    for table in re.findall(r"<table>.*?</table>", page):
+        rows = ElementTree.fromstring(table.replace("class=l", 'class="l"')).iter("tr")
+        assert len({len(row) for row in rows}) == 1
+    assert all(name in page for name in LOW_METHODS)
+    assert chart["skipped"][0] in page and "Example processor" in page
+
+
+def test_losses_are_named_as_wins_are(chart):
+    page, duels = chart_page.page(chart), [duel for scene in chart["scenes"]
+                                           for part in ("versus", "reverse") for duel in scene["analysis"][0][part]]
+    for outcome, mark in (("win", "✔ win"), ("loss", "✘ loss")):
+        count = sum(duel["outcome"] == outcome for duel in duels)
+        assert count > 0 and page.count(mark) == count
+    assert chart_words.losses(chart)[0].startswith("every view +OIDN: wins 6 of 18 times (Scene1 at 16;")
+
+
+def test_the_headline_counts_what_the_analysis_found(chart):
+    ratios = [scene["analysis"][0]["target"]["worst_ratio"] for scene in chart["scenes"]]
+    assert f"{min(ratios):.0%} to {max(ratios):.0%}" in chart_words.headline(chart)
+    assert f"A quarter or less: {sum(ratio <= 0.25 for ratio in ratios)} of 6 scenes" in chart_words.headline(chart)
+
+
+def test_a_chart_without_direct_rendering_or_ceiling_is_still_a_page():
+    chart = example(2)
+    for scene in chart["scenes"]:
+        scene["cells"] = [cell for cell in scene["cells"] if cell["role"] == LOW]
+        scene["analysis"] = [analyse(scene["cells"], "oidn+bilinear", metric) for metric in METRICS]
+    assert "was not measured" in chart_page.page(chart)
+    assert "without noise" not in chart_panels.picture(chart)
+
+
+def test_advice_rises_and_skips_what_is_not_worth_a_line(chart):
+    front = [Point(LOW, "a", 1, 1.0, 0.5), Point(LOW, "b", 1, 1.1, 0.6), Point(LOW, "c", 1, 2.0, 0.602),
+             Point(LOW, "d", 1, 4.0, 0.7)]
+    assert [point.method for point in chart_words.worth_a_step(front)] == ["b", "d"]
+    assert len(chart_words.advice(chart)) >= 2
+
+
+def test_the_table_has_every_cell_with_its_metrics(chart):
+    table = chart_text.markdown(chart)
+    rows = [line for line in table.splitlines() if line.startswith("| espcn | 16 | 4 |")]
+    assert len(rows) == 7, "one per scene and one of the mean"
+    assert "24,192 | 24,336" in rows[0] and "±" in rows[1] and "±" not in rows[0]
+
+
+@given(st.floats(1e-3, 1e5), st.floats(1.01, 1e4))
+def test_time_ticks_lie_inside_and_are_few(low, factor):
+    ticks = chart_svg.time_ticks(low, low * factor)
+    assert len(ticks) <= 12 and all(low <= tick <= low * factor for tick in ticks)
+    assert ticks or factor < 10
+
+
+@given(st.floats(-0.9, 0.99), st.floats(0.001, 0.9))
+def test_heights_rise_with_values(value, gain):
+    assert chart_svg.height(value + gain, True) >= chart_svg.height(value, True)
+    assert math.isfinite(chart_svg.height(1.2, True))
