@@ -11,7 +11,6 @@ every figure; --docs also puts the page and its pictures there.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -48,7 +47,7 @@ def reproduce(arguments: argparse.Namespace, command: str) -> dict[str, Results]
     """Measure, draw and write figure by figure; returns all results by id, earlier ones included."""
     figures = page.chosen(arguments.only)
     chosen = make_settings(arguments)
-    run = {"settings": chosen.facts(), "environment": _environment()}
+    run = {"settings": chosen.facts(), "environment": frames.environment()}
     results = _earlier(chosen.output / RESULTS_FILE, run["settings"])
     for figure in figures:
         results[figure.id] = figure.measure(chosen, chosen.output)
@@ -88,12 +87,10 @@ def _earlier(path: Path, facts: dict[str, Any]) -> dict[str, Results]:
     if not path.exists():
         return {}
     data = read_json(path, "the results of an earlier run")
-    return dict(data["figures"]) if data.get("settings") == facts else {}
-
-
-def _environment() -> dict[str, Any]:
-    facts = frames.environment()
-    return facts | {"load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else "unknown"}
+    if data.get("settings") == facts:
+        return dict(data["figures"])
+    print(f"{path} is of other settings: its figures leave the page, their measurements stay", file=sys.stderr)
+    return {}
 
 
 def _command(words: Sequence[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -15,10 +16,14 @@ VERSION = 2  # another one where a measurement of the same inputs holds other nu
 
 
 class Cells:
-    """Measurements of one figure, a JSON file each, in ``output``/cells/``figure``."""
+    """Measurements of one figure, a JSON file each, in ``output``/cells/``figure``.
+
+    ``load``: highest load average that was seen after any of them, None where the system tells none.
+    """
 
     def __init__(self, output: Path, figure: str) -> None:
         self.folder = Path(output) / FOLDER / figure
+        self.load: float | None = None
 
     def __call__(self, name: str, inputs: dict[str, Any], measure: Callable[[], Any]) -> Any:
         """The result of ``measure()``, or the one kept from an earlier call of this name with the same ``inputs``.
@@ -27,12 +32,16 @@ class Cells:
         """
         path, inputs = self.folder / f"{name}.json", {"version": VERSION, **inputs}
         kept = _kept(path)
-        if kept is not None and kept.get("inputs") == inputs:
-            return kept["result"]
-        print(f"{self.folder.name:7} {name}", file=sys.stderr, flush=True)
-        result = measure()
-        write_json(path, {"inputs": inputs, "result": result})
-        return result
+        if kept is None or kept.get("inputs") != inputs:
+            print(f"{self.folder.name:7} {name}", file=sys.stderr, flush=True)
+            kept = {"inputs": inputs, "result": measure(), "load": _load()}
+            write_json(path, kept)
+        self.load = max((load for load in (self.load, kept.get("load")) if load is not None), default=None)
+        return kept["result"]
+
+
+def _load() -> float | None:
+    return round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None
 
 
 def _kept(path: Path) -> dict[str, Any] | None:

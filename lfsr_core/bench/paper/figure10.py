@@ -27,7 +27,8 @@ def measure_step(settings: Settings, folder: Path) -> Results:
         return timing.network_times(dict.fromkeys(steps, network), settings.workload, settings.repeats,
                                     settings.device, steps)
 
-    return {**Cells(folder, "fig10a")("steps", inputs, run), "workload": list(settings.workload)}
+    cells = Cells(folder, "fig10a")
+    return {**cells("steps", inputs, run), "workload": list(settings.workload), "load": cells.load}
 
 
 def draw_step(results: Results, _output: Path, path: Path) -> None:
@@ -75,7 +76,7 @@ def measure_share(settings: Settings, folder: Path) -> Results:
         inputs = {"scene": scene.stem, "distance": share, "display": settings.timing_display.to_dict(),
                   "scale": settings.scale, "spp": settings.spp, "repeats": settings.repeats, "device": settings.device}
         rows.append(cells(f"{scene.stem}-{share:g}", inputs, lambda share=share: _at(settings, scene, share)))
-    return {"rows": rows, "scene": scene.stem}
+    return {"rows": rows, "scene": scene.stem, "load": cells.load}
 
 
 def _at(settings: Settings, scene: Path, share: float) -> dict:

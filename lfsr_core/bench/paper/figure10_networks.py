@@ -50,7 +50,7 @@ def _measure(settings: Settings, cells: Cells, names: Sequence[str], only_qualit
     times = cells("times", inputs, lambda: _times(settings, names))
     rows = [_row(settings, cells, scene, name) for scene in settings.scenes for name in (*names, *only_quality)]
     return {"times": times, "rows": rows, "workload": list(settings.workload), "samples": settings.clean_spp,
-            "schedules": quality.schedules(settings, names)}
+            "load": cells.load, "schedules": quality.schedules(settings, names)}
 
 
 def _times(settings: Settings, names: Sequence[str]) -> dict[str, Any]:

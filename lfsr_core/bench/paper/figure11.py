@@ -13,6 +13,7 @@ from lfsr_core.bench.paper.figure import Figure, Results, axes, markdown, missin
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.bench.paper.verdict import Difference, overall, paired, say
 from lfsr_core.eia import horizontal_epi, to_elemental_images
+from lfsr_core.frame import read_frame
 from lfsr_core.upscale import DEFAULT_METHOD
 
 PAIRS = (("bicubic", "bicubic-eia"), ("paper", "paper-eia"), ("fsrcnn", "fsrcnn-eia"))
@@ -33,11 +34,11 @@ def measure(settings: Settings, folder: Path) -> Results:
     cells = Cells(folder, "fig11")
     rows = [_row(settings, cells, scene, name) for scene in settings.scenes for name in methods()]
     return {"rows": rows, "samples": settings.clean_spp, "default": DEFAULT_METHOD,
-            "schedules": quality.schedules(settings, methods())}
+            "load": cells.load, "schedules": quality.schedules(settings, methods())}
 
 
 def _row(settings: Settings, cells: Cells, scene: Path, name: str) -> dict[str, Any]:
-    if settings.lenses is not None:
+    if read_frame(renders.reference(settings, scene)).lens_list is not None:
         return {"scene": scene.stem, "method": name, "reason": "sampled lenses have no epipolar images"}
     picture = cells.folder / f"{scene.stem}-{name}.png"
     inputs = quality.inputs(settings, scene, name, spp=settings.clean_spp)

@@ -32,7 +32,8 @@ def measure_scale(settings: Settings, folder: Path) -> Results:
                       "device": settings.device, "render_device": settings.render_device}
             rows.append(cells(f"{scene.stem}-{display.panel_pixels[1]}-s{scale}", inputs,
                               lambda display=display, scale=scale: _one(settings, scene, display, scale)))
-    return {"rows": rows, "scene": scene.stem, "samples": settings.spp, "render_device": settings.render_device}
+    return {"rows": rows, "scene": scene.stem, "samples": settings.spp, "render_device": settings.render_device,
+            "load": cells.load}
 
 
 def _one(settings: Settings, scene: Path, display: Any, scale: int) -> dict[str, Any]:
@@ -117,7 +118,7 @@ def measure_selection(settings: Settings, folder: Path) -> Results:
         inputs = {"scene": scene.stem, "display": settings.timing_display.to_dict(), "scale": settings.scale,
                   "spp": settings.spp, "repeats": settings.repeats, "device": settings.device}
         rows.append(cells(scene.stem, inputs, lambda scene=scene: _selection(settings, scene)))
-    return {"rows": rows}
+    return {"rows": rows, "load": cells.load}
 
 
 def _selection(settings: Settings, scene: Path) -> dict[str, Any]:

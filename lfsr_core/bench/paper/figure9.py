@@ -25,7 +25,8 @@ def measure(settings: Settings, folder: Path) -> Results:
     cells = Cells(folder, "fig9")
     rows = [_row(settings, cells, scene, spp, name)
             for scene in settings.scenes for spp in _samples(settings) for name in METHODS]
-    return {"rows": rows, "samples": _samples(settings), "schedules": quality.schedules(settings, METHODS)}
+    return {"rows": rows, "samples": _samples(settings), "load": cells.load,
+            "schedules": quality.schedules(settings, METHODS)}
 
 
 def _samples(settings: Settings) -> list[int]:

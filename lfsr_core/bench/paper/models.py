@@ -69,6 +69,16 @@ def fingerprint(path: Path | None) -> str | None:
     return read_json(path.with_suffix(".json"), "the provenance beside the weights").get("sha256")
 
 
+def fingerprints(settings: Settings, name: str) -> dict[str, str | None]:
+    """Hash of the weights of each part of a method that has any, prefilters included."""
+    *prefilters, last = name.split("+")
+    found = {last: fingerprint(weights(settings, last))} if is_network(name) else {}
+    for prefilter in prefilters:
+        shipped = sorted(networks.WEIGHTS_FOLDER.glob(f"{prefilter}-x*.safetensors"))
+        found |= {path.stem: fingerprint(path) for path in shipped}
+    return found
+
+
 def method(settings: Settings, name: str) -> upscale.Method | None:
     """Method of a name, its network with the weights chosen here; None where these are missing."""
     if not is_network(name):

@@ -68,7 +68,13 @@ def write(path: Path, text: str) -> None:
 def _section(figure: Figure, results: Results, images: str) -> list[str]:
     picture = ["", f"![{figure.title}]({images}/{picture_name(figure)})"] if figure.draw else []
     return [f"## {figure.title}", "", f"Claim: {figure.claim}", "", f"Here: {figure.line(results)}", *picture, "",
-            *figure.table(results), *_schedules(results.get("schedules", {}))]
+            *figure.table(results), *_schedules(results.get("schedules", {})),
+            *_load(results.get("load"))]
+
+
+def _load(load: float | None) -> list[str]:
+    """What else the machine did: this program's own threads count too."""
+    return [] if load is None else ["", f"Load average while this was measured: at most {load:g}."]
 
 
 def _schedules(schedules: Mapping[str, str]) -> list[str]:
@@ -90,5 +96,5 @@ def _run(run: Mapping[str, Any], command: str) -> Sequence[str]:
             f"Accuracy on `{settings['display']}`, times of whole frames on `{settings['timing_display']}`; s = "
             f"{settings['scale']}, {settings['spp']} samples per pixel ({settings['clean_spp']} where noise should not "
             f"matter), references of {lenses}, convention {settings['convention']}. "
-            f"Scenes: {', '.join(settings['scenes'])}. {machine['cores']} cores of {machine['machine']}, load "
-            f"{machine['load']} when it began, Python {machine['python']}, {versions}."]
+            f"Scenes: {', '.join(settings['scenes'])}. {machine['cores']} cores of {machine['machine']}, "
+            f"Python {machine['python']}, {versions}."]

@@ -167,11 +167,10 @@ def _plan(folder: Path, method: Method, selection: bool) -> tuple[Frame, Plan]:
 
 def inputs(settings: Settings, scene: Path, name: str, **more: Any) -> dict[str, Any]:
     """What a kept measurement of accuracy depends on."""
-    network = name.rsplit("+", maxsplit=1)[-1]
-    path = models.weights(settings, network) if models.is_network(name) else None
     truth = read_frame(renders.reference(settings, scene))
     return {"scene": scene.stem, "method": name, "display": settings.display.to_dict(), "scale": settings.scale,
-            "convention": settings.convention, "reference_spp": truth.samples, "weights": models.fingerprint(path),
+            "convention": settings.convention, "reference_spp": truth.samples,
+            "weights": models.fingerprints(settings, name),
             "lenses": None if truth.lens_list is None else len(truth.lens_list), **more}
 
 

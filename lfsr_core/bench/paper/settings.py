@@ -43,7 +43,7 @@ class Settings:
     blender: str | None = None
     repeats: int = 10
     steps: tuple[int, ...] = (8, 16, 32, 48, 80, 128, 208)
-    moves: tuple[float, ...] = (0.4, 0.6, 1.0, 1.6, 2.5)
+    moves: tuple[float, ...] = (0.3, 0.45, 0.7, 1.0, 1.6)
     resolutions: tuple[int, ...] = (4, 2, 1)
     workload: tuple[int, int] = (5184, 20)
     quick: bool = False

@@ -51,7 +51,8 @@ def measure_rivals(settings: Settings, folder: Path) -> Results:
             found = cells(key, inputs, lambda scene=scene, row=(scale, spp, layout, method): _one(
                 settings, scene, *row))
             rows.append({"scene": scene.stem, "method": name, "how": f"s{scale}, {spp} spp, {method}", **(found or {})})
-    return {"rows": rows, "schedules": quality.schedules(settings, [how[3] for how in rivals(settings).values()])}
+    methods = [how[3] for how in rivals(settings).values()]
+    return {"rows": rows, "load": cells.load, "schedules": quality.schedules(settings, methods)}
 
 
 def _one(settings: Settings, scene: Path, scale: int, spp: int, layout: str, name: str) -> dict[str, Any] | None:
