@@ -7,6 +7,7 @@ folder is not made again, so an interrupted run goes on where it stopped.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import importlib.metadata
 import importlib.util
@@ -66,7 +67,12 @@ class Settings:
 
 def default_methods(scale: int) -> list[str]:
     """Bicubic, the default method, every prefilter of ours and every network with weights at ``scale``."""
-    names = [BASELINE, DEFAULT_METHOD, *(f"{name}+bilinear" for name in PREFILTERS if name != "oidn")]
+    simple, oidn = DEFAULT_METHOD.split("+")[-1], next(iter(PREFILTERS))
+    names = [BASELINE, DEFAULT_METHOD]
+    for name in list(PREFILTERS)[1:]:
+        # A prefilter that wants to see denoised colour comes after OIDN.
+        wants = getattr(networks, "DENOISERS", {}).get(name)
+        names.append("+".join([*([oidn] if wants and oidn in wants.inputs else []), name, simple]))
     if importlib.util.find_spec("torch") is not None:
         names += [name for name in networks.NETWORKS if scale in networks.trained_scales(name)]
     return list(dict.fromkeys(names))
@@ -87,7 +93,7 @@ def run_suite(folder: Path, settings: Settings, dial_names: Sequence[str] | None
     for name in methods:
         method(name)
     claim(folder, settings)
-    bench = Bench(folder, settings, find_blender(blender))
+    bench = Bench(folder, settings, blender)
     values = {dial: dial.quick if quick else dial.values for dial in dials}
     bench.build_scenes([(dial, value) for dial in dials for value in values[dial]])
     for number, dial in enumerate(dials):
@@ -117,11 +123,16 @@ def _plain(settings: Settings) -> dict[str, Any]:
 
 @dataclasses.dataclass(frozen=True)
 class Bench:
-    """A bench folder: makes the scenes and renders that are missing in it."""
+    """A bench folder: makes the scenes and renders that are missing in it, with Blender or the one named."""
 
     folder: Path
     settings: Settings
-    blender: Blender
+    executable: str | None = None
+
+    @property
+    def blender(self) -> Blender:
+        """Looked for only where something is missing."""
+        return _blender(self.executable)
 
     def scene_folder(self, dial: Dial, value: float) -> Path:
         """Folder of one scene."""
@@ -166,6 +177,9 @@ class Bench:
                         device=self.settings.device, **job), self.blender, progress, progress.note)
         finally:
             progress.close()
+
+
+_blender = functools.cache(find_blender)
 
 
 def run_script(blender: Blender, script: Path, argument: Path) -> None:

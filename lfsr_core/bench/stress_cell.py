@@ -73,9 +73,13 @@ class Scene:
         return metrics, None if worst is None else list(worst)
 
     def _straightness(self, x: np.ndarray, a: np.ndarray, b: np.ndarray) -> Metrics:
-        step = round(self.space.scale / self.value)
-        return {"epi_straightness": stress_metrics.epi_straightness(x, self.lenses, step),
-                "epi_straightness_reference": stress_metrics.epi_straightness(a, self.lenses, step, b)}
+        step = self.space.scale / self.value
+        names = ("epi_straightness", "epi_straightness_reference")
+        if not step.is_integer():  # no two views that see the same points
+            return dict.fromkeys(names)
+        pairs = ((x, None), (a, b))
+        return {name: stress_metrics.epi_straightness(image, self.lenses, int(step), other)
+                for name, (image, other) in zip(names, pairs, strict=True)}
 
     def _flicker(self, method: str) -> Metrics:
         """Flicker with the same seed in every frame and with a seed of its own in each."""

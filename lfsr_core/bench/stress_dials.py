@@ -154,16 +154,15 @@ class Space:
 
     @property
     def behind(self) -> float:
-        """Usable depth behind the display at this scale; four viewing distances where there is no limit."""
-        low = self.scale * self.spacing
-        return self.distance / (low - 1) if low > 1.25 else 4 * self.distance
+        """Usable depth behind the display at this scale; ten viewing distances where there is no nearer limit."""
+        return self.distance / max(self.scale * self.spacing - 1, 0.1)
 
     def depth(self, usable: float) -> float:
         """y of ``usable`` usable depths, negative in front; LfsrError if that is at the viewer."""
         y = usable * (self.behind if usable > 0 else self.front)
         if y < -(1 - LEAST_NEAR) * self.distance:
             raise LfsrError(f"{-usable:g} usable depths in front of this display lie at the viewer: "
-                            "choose a display with smaller lenses or a larger scale")
+                            "choose a display with smaller lenses, or other dials with --dials")
         return y
 
     def depth_of_slope(self, slope: float) -> float:
@@ -171,7 +170,7 @@ class Space:
         low = self.scale * self.spacing
         if slope >= low:
             raise LfsrError(f"no depth behind this display has a slope of {slope:g} lens pitches per rendered view, "
-                            f"the limit is {low:.3g}: choose a display with smaller lenses or a larger scale")
+                            f"the limit is {low:.3g}: choose a display with smaller lenses, or other dials")
         return slope * self.distance / (low - slope)
 
     def slope(self, y: float) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 
 from lfsr_core.bench.stress import BASELINE, Bench
 from lfsr_core.bench.stress_dials import Dial, choose_dials, label
-from lfsr_core.bench.stress_report import LEGEND, break_text, markdown, number, series
+from lfsr_core.bench.stress_report import EXTRAS, LEGEND, break_text, made_with, number, series
 from lfsr_core.files import atomic_path, read_json
 
 PAGE_FILE, PICTURES = "index.html", "pictures"
@@ -20,7 +20,8 @@ COLORS = ("#555555", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56
 WIDTH, HEIGHT, LEFT, BOTTOM, TOP, RIGHT = 640, 300, 60, 34, 12, 12
 STYLE = """body{font:15px/1.45 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#222}
 table{border-collapse:collapse;font-variant-numeric:tabular-nums;margin:.6em 0}td,th{border:1px solid #ccc;
-padding:.15em .5em;text-align:right}td:first-child,th:first-child{text-align:left}.b{background:#fbdcd0}
+padding:.15em .5em;text-align:right}td:first-child,th:first-child{text-align:left}.wide table{display:inline-block;
+vertical-align:top;margin-right:1.5em}.b{background:#fbdcd0}
 figure{display:inline-block;margin:.4em 1em .8em 0;vertical-align:top}figcaption{font-size:13px}
 img{image-rendering:pixelated;max-width:100%}svg text{font:11px system-ui,sans-serif}.key i{display:inline-block;
 width:1.2em;height:.5em;margin:0 .3em 0 1em}.wide{overflow-x:auto}"""
@@ -94,7 +95,7 @@ def side_by_side(crops: Sequence[np.ndarray]) -> np.ndarray:
 
 def page(report: dict[str, Any], pictures: dict[tuple[str, str], tuple[str, dict[str, Any]] | None]) -> str:
     """The whole page as HTML."""
-    intro = markdown(report).split("\n")[2]
+    intro = made_with(report["settings"])
     parts = ["<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content='width=device-width'>",
              f"<title>Stability suite</title><style>{STYLE}</style><h1>Stability suite</h1><p>{html.escape(intro)}</p>",
              f"<h2>Breaking points</h2><p>{_bold(LEGEND)}</p>", _break_table(report)]
@@ -121,18 +122,26 @@ def _break_table(report: dict[str, Any]) -> str:
 
 def _section(dial: dict[str, Any], methods: Sequence[str]) -> str:
     key = "".join(f"<i style='background:{color(index)}'></i>{html.escape(name)}" for index, name in enumerate(methods))
-    rows = "".join("<tr><td>" + label(value) + "".join(_value_cell(dial, method, index) for method in methods)
-                   for index, value in enumerate(dial["values"]))
-    head = "".join(f"<th>{html.escape(name)}" for name in (dial["judged"], *methods))
+    tables = "".join(_metric_table(dial, methods, metric)
+                     for metric in (dial["judged"], *EXTRAS.get(dial["name"], ()), "ssim_ceiling"))
     return (f"<h2 id='{dial['name']}'>{dial['name']}</h2><p>{html.escape(dial['meaning'].capitalize())}; values are "
             f"{html.escape(dial['unit'])}. Judged by {dial['judged']}; a ring marks a breaking point.</p>"
-            f"<p class=key>{key}</p>{curves(dial, methods)}<div class=wide><table><tr>{head}{rows}</table></div>")
+            f"<p class=key>{key}</p>{curves(dial, methods)}<div class=wide>{tables}</div>")
 
 
-def _value_cell(dial: dict[str, Any], method: str, index: int) -> str:
+def _metric_table(dial: dict[str, Any], methods: Sequence[str], metric: str) -> str:
+    """One metric by value and method; the reference's own noise is the same for all methods."""
+    methods = methods[:1] if metric == "ssim_ceiling" else methods
+    shown = ("all",) if metric == "ssim_ceiling" else methods
+    rows = "".join("<tr><td>" + label(value) + "".join(_value_cell(dial, method, metric, index) for method in methods)
+                   for index, value in enumerate(dial["values"]))
+    return f"<table><tr>{''.join(f'<th>{html.escape(name)}' for name in (metric, *shown))}{rows}</table>"
+
+
+def _value_cell(dial: dict[str, Any], method: str, metric: str, index: int) -> str:
     found = dial["breaks"][method]
-    broken = found is not None and found["value"] == dial["values"][index]
-    return f"<td{' class=b' if broken else ''}>{number(series(dial, method, dial['judged'])[index])}"
+    broken = metric == dial["judged"] and found is not None and found["value"] == dial["values"][index]
+    return f"<td{' class=b' if broken else ''}>{number(series(dial, method, metric)[index])}"
 
 
 def color(index: int) -> str:

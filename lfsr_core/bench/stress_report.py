@@ -78,7 +78,7 @@ def break_text(dial: dict[str, Any], method: str) -> str:
 def markdown(report: dict[str, Any]) -> str:
     """Breaking points of every method, then the judged figure of every dial."""
     methods, settings = report["methods"], report["settings"]
-    lines = ["# Stability suite", "", _made_with(settings), "", "## Breaking points", "", LEGEND, "",
+    lines = ["# Stability suite", "", made_with(settings), "", "## Breaking points", "", LEGEND, "",
              *_table(["dial", "from – to", *methods],
                      [[dial["name"], f"{label(dial['values'][0])} – {label(dial['values'][-1])}",
                        *(break_text(dial, method) for method in methods)] for dial in report["dials"]])]
@@ -89,9 +89,10 @@ def markdown(report: dict[str, Any]) -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _made_with(settings: dict[str, Any]) -> str:
+def made_with(settings: dict[str, Any]) -> str:
+    """One sentence on display, references and frames."""
     display = settings["display"]
-    return (f"Display `{display['name']}`, {display['lenses'][0]}×{display['lenses'][1]} lenses of "
+    return (f"Display {display['name']}, {display['lenses'][0]}×{display['lenses'][1]} lenses of "
             f"{display['views'][0]}×{display['views'][1]} views, s = {settings['scale']}; references of "
             f"{settings['reference_samples']} samples in two halves; 16 samples per pixel unless the dial says "
             f"otherwise; {settings['frames']} frames of motion.")
