@@ -15,10 +15,10 @@ from lfsr_core.bench.chart_analysis import Point
 WIDTH, HEIGHT = 540, 430
 LEFT, RIGHT, TOP, BOTTOM = 52, 100, 40, 46  # margins; the right one takes the names of the curves
 INK, FAINT, GRID, FRONT = "#222", "#b8b8b8", "#e6e6e6", "#f3dfa2"
-LINE_HEIGHT, CHARACTER = 14, 7.1  # of a curve's name, in pixels
+LINE_HEIGHT, CHARACTER = 14, 8.0  # of a curve's name, in pixels
 NAME_LENGTH = 13  # longer names break at a plus
 TICK_STEPS = (1, 2, 5)
-MOST_X_TICKS, MOST_Y_TICKS = 7, 12
+LEAST_X_TICKS, MOST_X_TICKS, MOST_Y_TICKS = 3, 7, 12
 TICKS_TOWARD_ONE = (-1.0, 0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.92, 0.94, 0.95, 0.96, 0.97, 0.98,
                     0.99, 0.995, 0.998, 0.999)
 WIDE_TICKS = (-1.0, 0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999)
@@ -119,7 +119,7 @@ def time_text(seconds: float) -> str:
         return f"{seconds / 3600:.3g} h"
     if seconds >= 180:
         return f"{seconds / 60:.2g} min"
-    return f"{seconds:.2g} s" if seconds < 10 else f"{seconds:.0f} s"
+    return f"{seconds:.3g} s" if seconds < 10 else f"{seconds:.0f} s"
 
 
 def _axes(panel: Panel) -> Axes:
@@ -149,27 +149,30 @@ def _grid(axes: Axes, panel: Panel) -> Iterator[str]:
 
 
 def time_ticks(low: float, high: float) -> list[float]:
-    """Round seconds between ``low`` and ``high``, few enough to be read."""
+    """Round seconds between ``low`` and ``high``, few enough to be read; in even steps where 1-2-5 gives too few."""
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     for steps in (TICK_STEPS, (1, 3), (1,)):
         ticks = [step * 10.0**power for power in decades for step in steps]
         ticks = [tick for tick in ticks if low <= tick <= high]
         if len(ticks) <= MOST_X_TICKS:
             break
-    return ticks
+    return ticks if len(ticks) >= LEAST_X_TICKS else even_ticks(low, high)
+
+
+def even_ticks(low: float, high: float) -> list[float]:
+    """Three to eight multiples of 1, 2 or 5 times a power of ten between ``low`` and ``high``."""
+    power = 10.0 ** math.floor(math.log10((high - low) / 3))
+    step = next(step * power for step in (5, 2, 1) if (high - low) / (step * power) >= 3 or step == 1)
+    return [index * step for index in range(math.ceil(low / step), math.floor(high / step) + 1)]
 
 
 def value_ticks(low: float, high: float, toward_one: bool) -> list[tuple[float, str]]:
     """Round values between heights ``low`` and ``high``, with their text."""
-    if toward_one:
-        known = [tick for tick in TICKS_TOWARD_ONE if low <= height(tick, True) <= high]
-        known = [tick for tick in known if tick in WIDE_TICKS] if len(known) > MOST_Y_TICKS else known
-        return [(tick, f"{tick:g}") for tick in known]
-    power = 10.0 ** math.floor(math.log10((high - low) / 3))
-    step = next(step * power for step in (10, 5, 2, 1) if (high - low) / (step * power) >= 3 or step == 1)
-    digits = max(0, -math.floor(math.log10(step) + 1e-9))
-    return [(index * step, f"{index * step:.{digits}f}")
-            for index in range(math.ceil(low / step), math.floor(high / step) + 1)]
+    if not toward_one:
+        return [(tick, f"{tick:.4g}") for tick in even_ticks(low, high)]
+    known = [tick for tick in TICKS_TOWARD_ONE if low <= height(tick, True) <= high]
+    known = [tick for tick in known if tick in WIDE_TICKS] if len(known) > MOST_Y_TICKS else known
+    return [(tick, f"{tick:g}") for tick in known]
 
 
 def _front(axes: Axes, front: Sequence[Point]) -> Iterator[str]:

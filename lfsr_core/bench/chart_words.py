@@ -80,9 +80,14 @@ def headline(chart: dict[str, Any]) -> str:
     met, stretch = (sum(ratio <= goal for ratio in ratios) for goal in (TARGET, STRETCH))
     lost = len(known) - len(ratios)
     words = f"{chart['settings']['ours']} reaches every accuracy of rendering all views at 1 to 4 samples with OIDN "
-    words += f"in {_share(min(ratios))} to {_share(max(ratios))} of the time" if ratios else "on no scene"
-    words += f"; on {lost} of {len(known)} scenes it does not reach all of them" if lost and ratios else ""
+    words += f"in {_range(ratios)} of the time" if ratios else "on no scene"
+    words += f" on {len(ratios)} of {len(known)} scenes, and not all of them on the others" if lost and ratios else ""
     return words + f". A quarter or less: {met} of {len(known)} scenes; an eighth or less: {stretch} of {len(known)}."
+
+
+def _range(ratios: Sequence[float]) -> str:
+    low, high = _share(min(ratios)), _share(max(ratios))
+    return low if low == high else f"{low} to {high}"
 
 
 def _share(ratio: float) -> str:
