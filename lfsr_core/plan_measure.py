@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 import tempfile
 import time
@@ -51,11 +52,11 @@ def make_plan(job: Job, options: Options, render: Render, folder: Path, progress
     ``folder`` keeps what was rendered: a second call goes on where one stopped.
     LfsrError for bad options, a scene without foreground, or what ``render`` raises.
     """
-    wanted = plan.candidates(job.display, options.scales, options.spps, options.methods)
+    wanted = options.candidates(job.display)
     if job.layout != "one-pass":
         raise LfsrError("a plan renders single lenses, which a view-by-view render cannot: choose the CPU or an "
                         "OptiX device, which trace all views in one pass")
-    _check_sample(folder, job, options)
+    _check_sample(folder, job, options, wanted)
     return _Planner(job, options, wanted, _Renders(folder, job, render), progress).run()
 
 
@@ -74,14 +75,13 @@ def rendering(blender: Any, warn: Callable[[str], None] | None = None) -> Render
     return lambda job: run_job(job, blender, None, warn)
 
 
-def _check_sample(folder: Path, job: Job, options: Options) -> None:
+def _check_sample(folder: Path, job: Job, options: Options, wanted: list[Candidate]) -> None:
     """LfsrError if ``folder`` holds the sample of another scene or setting, else its description is there."""
     same = {name: value for name, value in job.to_dict().items() if name not in ("output", "scale", "spp")}
     same |= {"lenses": options.lenses, "share": options.share, "reference_spp": options.reference_spp,
-             "metric": options.metric, "renders": sorted({(c.scale, c.spp) for c in plan.candidates(
-                 job.display, options.scales, options.spps, options.methods)})}
+             "metric": options.metric, "renders": sorted({(c.scale, c.spp) for c in wanted})}
+    same = json.loads(json.dumps(same))
     path = folder / SAMPLE_FILE
-    same["renders"] = [list(pair) for pair in same["renders"]]
     if path.exists() and read_json(path, "the description of a sample") != same:
         raise LfsrError(f"{folder} holds the sample of another scene or of other options: choose another folder")
     write_json(path, same)

@@ -6,7 +6,9 @@ import dataclasses
 import math
 
 from lfsr_core import plan
+from lfsr_core.display import DisplayProfile
 from lfsr_core.errors import LfsrError
+from lfsr_core.plan import Candidate
 
 
 @dataclasses.dataclass(frozen=True)
@@ -14,7 +16,8 @@ class Options:
     """Target, candidates, and what the sample may cost.
 
     ``target``: accuracy by ``metric`` of plan.METRICS, in (0, 1). ``scales``,
-    ``spps``, ``methods``: as for ``plan.candidates``. ``most_seconds``: longest
+    ``spps``, ``methods``: as for ``plan.candidates``; ``renders``: of those only
+    these pairs of scale and samples. ``most_seconds``: longest
     time of a frame. ``share``: of the dearest candidate's path samples that the
     sample may take. ``lenses``: sample just so many instead. ``reference_spp``:
     of the sampled lenses' reference. LfsrError for what cannot be.
@@ -25,6 +28,7 @@ class Options:
     scales: tuple[int, ...] | None = None
     spps: tuple[int, ...] = plan.SAMPLES
     methods: tuple[str, ...] | None = None
+    renders: tuple[tuple[int, int], ...] | None = None
     most_seconds: float = math.inf
     share: float = 0.05
     lenses: int | None = None
@@ -43,3 +47,12 @@ class Options:
             raise LfsrError(f"reference samples are {self.reference_spp}, but its four quarters need at least 4")
         if not self.most_seconds > 0:
             raise LfsrError(f"seconds are {self.most_seconds}, but a frame takes more than 0")
+
+    def candidates(self, display: DisplayProfile) -> list[Candidate]:
+        """What is wanted of ``display``; LfsrError as of ``plan.candidates``, and where nothing is left."""
+        found = plan.candidates(display, self.scales, self.spps, self.methods)
+        if self.renders is not None:
+            found = [candidate for candidate in found if (candidate.scale, candidate.spp) in self.renders]
+        if not found:
+            raise LfsrError(f"no candidate is among the renders {self.renders}: name others")
+        return found

@@ -54,12 +54,12 @@ def estimate(strata: Sequence[Stratum], z: float = NORMAL_ONE_SIDED) -> Estimate
     _check(strata)
     parts = [_part(stratum) for stratum in strata]
     weight = sum(s.population * s.inside.mean() for s in strata)
-    mean = sum(s.population * part.mean for s, part in zip(strata, parts, strict=True)) / weight
+    mean = float(sum(s.population * part.mean for s, part in zip(strata, parts, strict=True)) / weight)
     residuals = [np.where(s.inside, part.deviations + part.mean - mean, 0.0) if part.covariates == 0
                  else part.deviations for s, part in zip(strata, parts, strict=True)]
     spreads = [_spread(s, part, values) for s, part, values in zip(strata, parts, residuals, strict=True)]
     variance = sum(spread for spread, _ in spreads)
-    error = math.sqrt(variance) / weight
+    error = math.sqrt(variance) / float(weight)
     lenses = sum(len(s.values) for s in strata)
     if variance <= 0:
         return Estimate(mean, mean, mean, 0.0, lenses)
