@@ -10,7 +10,8 @@ import pytest
 from prerequisites import needs_bpy
 from synthetic import fails, write_reference, write_render
 
-from lfsr_core.bench import chart_cells, chart_cost
+from lfsr_core import networks
+from lfsr_core.bench import chart_cells, chart_cost, chart_renders
 from lfsr_core.bench.chart_schema import check_chart
 from lfsr_core.bench.chart_settings import Settings, default_methods
 from lfsr_core.cli import main
@@ -72,6 +73,7 @@ def test_every_cell_is_measured_and_the_renders_are_left_as_they_were(tmp_path, 
         ("low", "bicubic", 1), ("low", "nearest", 1), ("low", "bicubic", 4), ("low", "nearest", 4),
         ("direct", "none", 1), ("direct", "oidn", 1)]
     assert len(counted) == 2 * len(cells)
+    assert counted == [cell["method"] for cell in cells for _ in range(2)]
     for cell in cells:
         assert len(cell["second_stage_seconds"]) == 2 and min(cell["second_stage_seconds"]) > 0
         assert cell["render_seconds"] == [{"direct": 9.0}.get(cell["role"], cell["samples"])]
@@ -102,6 +104,44 @@ def test_what_is_measured_is_not_measured_again_unless_asked_or_changed(tmp_path
     counted.clear()
     main(arguments(folder, "--again", "all"))
     assert counted.count("bicubic") == 4
+
+
+def test_times_are_taken_afresh_without_the_metrics(tmp_path, counted, no_start, monkeypatch):
+    folder = bench(tmp_path)
+    main(arguments(folder))
+    before = measured(folder)["scenes"][0]["cells"]
+    counted.clear()
+    monkeypatch.setattr(chart_cells, "compare", None)
+    assert main(arguments(folder, "--retime", "all")) == 0
+    assert counted == [name for cell in before for name in [cell["method"]] * 3], "one run is not counted"
+    after = measured(folder)["scenes"][0]["cells"]
+    assert [cell["metrics"] for cell in after] == [cell["metrics"] for cell in before]
+    assert [cell["second_stage_seconds"] for cell in after] != [cell["second_stage_seconds"] for cell in before]
+    counted.clear()
+    main(arguments(folder, "--repeats", "3"))
+    assert all(len(cell["second_stage_seconds"]) == 3 for cell in measured(folder)["scenes"][0]["cells"])
+
+
+def test_renders_are_timed_afresh_once_and_kept(tmp_path, no_start, monkeypatch):
+    folder = bench(tmp_path)
+    (tmp_path / "vase.blend").touch()
+    times = iter([5.0, 6.0, 7.0, 8.0, 9.0, 10.0])
+    monkeypatch.setattr(chart_renders, "_timed_again", lambda *_: next(times))
+    words = [word for word in arguments(folder, "--render-repeats", "2", scenes=(str(tmp_path / "vase.blend"),))
+             if word != "--only-measure"]
+
+    def seconds():
+        cells = measured(folder)["scenes"][0]["cells"]
+        return [cell["render_seconds"] for cell in cells if cell["method"] in ("bicubic", "none")]
+
+    assert main(words) == 0 and seconds() == [[1, 5], [4, 6], [9, 7]]
+    times = iter([1.5, 1.6, 2.5, 2.6, 3.5, 3.6])
+    for _ in range(2):
+        assert main([*words, "--retime-renders"]) == 0 and seconds() == [[1.5, 1.6], [2.5, 2.6], [3.5, 3.6]]
+    assert main(words) == 0 and seconds()[0] == [1.5, 1.6]
+    write_render(folder / "vase" / "s2-spp1", samples=1, seconds={"open": 0.5, "render": 1.25})
+    main(arguments(folder))
+    assert seconds()[0] == [1.25], "times of another render are forgotten"
 
 
 def test_an_interrupted_chart_goes_on_where_it_stopped(tmp_path, counted, no_start, monkeypatch):
@@ -203,6 +243,15 @@ def test_cost_of_networks():
     assert cost["parameters"] == 76 * 64 + (9 * 64 + 1) * 32 + (9 * 32 + 1) * 48
 
 
+@pytest.mark.parametrize("name", [name for name, entry in networks.NETWORKS.items()
+                                  if getattr(entry, "light_field", False)])
+def test_cost_of_our_networks_is_their_formula(name):
+    from lfsr_core.networks.lightfield import multiply_adds
+
+    expected = multiply_adds(networks.build(name, 4).config)
+    assert chart_cost.network_cost(name, 4, (10, 10))["multiply_adds_per_low_pixel"] == expected
+
+
 @needs_bpy
 @pytest.mark.slow
 def test_from_a_scene_to_a_chart(tmp_path, no_start):
@@ -215,7 +264,7 @@ def test_from_a_scene_to_a_chart(tmp_path, no_start):
     scene = measured(tmp_path / "out")["scenes"][0]
     assert scene["reference"]["samples"] == 2 and scene["reference"]["lenses"] == 12
     assert [cell["role"] for cell in scene["cells"]] == ["low", "direct", "direct", "ceiling"]
-    assert all(len(cell["render_seconds"]) == 2 for cell in scene["cells"])
+    assert [len(cell["render_seconds"]) for cell in scene["cells"]] == [2, 2, 2, 1]
     kept = (tmp_path / "out" / "fan" / "s4-spp1" / "lr_eia.exr").stat().st_mtime_ns
     assert main(words) == 0
     assert (tmp_path / "out" / "fan" / "s4-spp1" / "lr_eia.exr").stat().st_mtime_ns == kept

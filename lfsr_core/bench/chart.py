@@ -95,7 +95,8 @@ def _renders(settings: Settings, scene: Path, say: Say, skipped: list[str]) -> I
 def _cells(settings: Settings, scene: Path, role: str, folder: Path, truth: chart_cells.Truth, say: Say,
            skipped: list[str]) -> Iterator[dict[str, Any]]:
     frame = read_frame(folder)
-    seconds = chart_renders.seconds_of(settings, scene, folder)
+    # The ceiling's time is on no axis.
+    seconds = [frame.seconds["render"]] if role == CEILING else chart_renders.seconds_of(settings, scene, folder)
     shared = {"role": role, "scale": frame.scale, "samples": frame.samples, "render_seconds": seconds,
               "open_seconds": frame.seconds.get("open", 0.0), "device": frame.device}
     for name in settings.direct_methods if role == DIRECT else settings.methods:
@@ -105,7 +106,8 @@ def _cells(settings: Settings, scene: Path, role: str, folder: Path, truth: char
             continue
         say(f"{scene.stem}: {name} at scale {frame.scale}, {frame.samples} samples")
         try:
-            found = chart_cells.cell(folder, name, truth, settings.repeats, again=name in settings.again)
+            found = chart_cells.cell(folder, name, truth, settings.repeats, again=name in settings.again,
+                                     retime=name in settings.retime and role != CEILING)
         except LfsrError as error:
             _skip(f"{name} at scale {frame.scale}: {error}", skipped, say)
         else:
@@ -138,7 +140,8 @@ def _methods(settings: Settings, scene: Path, row: dict[str, Any], say: Say) -> 
     for name in settings.methods:
         if name in measured:
             say(f"{name} in a process of its own")
-            seconds = chart_cost.fresh_seconds(folder, name, settings.folder, again=name in settings.again)
+            again = name in settings.again or name in settings.retime
+            seconds = chart_cost.fresh_seconds(folder, name, settings.folder, again=again)
             cost = chart_cost.network_cost(name, settings.scale, settings.profile.low_views(settings.scale))
             yield {"method": name, **cost, "fresh_process_seconds": seconds}
 

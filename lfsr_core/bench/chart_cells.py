@@ -22,9 +22,9 @@ from lfsr_core.bench.chart_settings import CELL_FOLDER
 from lfsr_core.comparison import read_half
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
-from lfsr_core.foreground import recall
-from lfsr_core.frame import FRAME_FILE, LOW_RES_FILE, MASK_FILE, REFERENCE_FILES, Frame, read_frame
-from lfsr_core.image_io import read_mask
+from lfsr_core.foreground import foreground_mask, recall
+from lfsr_core.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame
+from lfsr_core.image_io import read_layers
 from lfsr_core.metrics import LensList, check_reference, compare
 from lfsr_core.pipeline import finished_linear, upscale_frame
 
@@ -60,26 +60,30 @@ def read_truth(folder: Path, mask: np.ndarray | None) -> Truth:
     return Truth(folder, frame, half_a, half_b, mask)
 
 
-def cell(folder: Path, name: str, truth: Truth, repeats: int, again: bool = False) -> dict[str, Any]:
+def cell(folder: Path, name: str, truth: Truth, repeats: int, again: bool = False,
+         retime: bool = False) -> dict[str, Any]:
     """The cell of frame folder ``folder`` and method ``name``; measured unless its file is there and still fits.
 
-    The folder itself is not written to. LfsrError where the method cannot finish this frame.
+    ``again`` measures it in any case, ``retime`` keeps metrics that fit and takes new times. The folder itself is not
+    written to. LfsrError where the method cannot finish this frame.
     """
     path = folder.parent / CELL_FOLDER / f"{folder.name}-{name}.json"
-    print_of = fingerprint(folder, name, truth, repeats)
-    if path.exists() and not again:
-        known = read_json(path, "a measured cell")
-        if known.get("fingerprint") == print_of:
-            return known
+    print_of = fingerprint(folder, name, truth)
+    known = read_json(path, "a measured cell") if path.exists() and not again else {}
+    fits = known.get("fingerprint") == print_of
+    if fits and not retime and len(known["second_stage_seconds"]) >= repeats:
+        return known
     check_reference(read_frame(folder), truth.frame)
-    found = {"fingerprint": print_of, **_measure(folder, name, truth, repeats)}
+    with scratch_copy(folder) as copy:
+        found = known if fits else {"fingerprint": print_of, "method": name, **_measured(copy, name, truth)}
+        found |= _times(copy, name, repeats, warm=not fits)
     write_json(path, found)
     return found
 
 
-def fingerprint(folder: Path, name: str, truth: Truth, repeats: int) -> dict[str, Any]:
+def fingerprint(folder: Path, name: str, truth: Truth) -> dict[str, Any]:
     """What a cell depends on, as hashes: a change means that it must be measured again."""
-    return {"format": CELL_FORMAT, "lfsr": __version__, "repeats": repeats,
+    return {"format": CELL_FORMAT, "lfsr": __version__,
             "frame": _hash((folder / FRAME_FILE).read_bytes()),
             "reference": _hash((truth.folder / FRAME_FILE).read_bytes()), "mask": _hash(truth.mask.tobytes()),
             "weights": fingerprint_of_weights(name)}
@@ -101,20 +105,28 @@ def _hash(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()[:16]
 
 
-def _measure(folder: Path, name: str, truth: Truth, repeats: int) -> dict[str, Any]:
-    with scratch_copy(folder) as copy:
-        # Not timed: it loads what a running program has loaded, and metrics need its picture.
-        image = finished_linear(copy, name)
-        metrics = _metrics(image, truth)
-        load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
-        timed = [_timed(copy, name) for _ in range(repeats)]
-        reports = [report for _, report in timed]
-        if truth.lens_list is None:
-            metrics["recall"] = recall(read_mask(copy / MASK_FILE), truth.mask)
+def _measured(folder: Path, name: str, truth: Truth) -> dict[str, Any]:
+    metrics = _metrics(finished_linear(folder, name), truth)
+    if truth.lens_list is None:
+        frame = read_frame(folder)
+        mask = foreground_mask(read_layers(folder / LOW_RES_FILE), frame.rays.tiles)
+        metrics["recall"] = recall(mask, truth.mask)
+    return {"metrics": metrics}
+
+
+def _times(folder: Path, name: str, repeats: int, warm: bool) -> dict[str, Any]:
+    """Seconds of ``repeats`` runs; if not ``warm``, of runs after one that is not counted.
+
+    That one loads what a running program has loaded.
+    """
+    if not warm:
+        upscale_frame(folder, name)
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    runs = [_timed(folder, name) for _ in range(repeats)]
+    reports = [report for _, report in runs]
     stages = {stage: statistics.median(report["seconds"][stage] for report in reports) for stage in STAGES}
-    return {"method": name, "second_stage_seconds": [seconds for seconds, _ in timed], "stage_seconds": stages,
-            "notes": reports[-1]["notes"], "metrics": metrics,
-            "load_average": load}
+    return {"second_stage_seconds": [seconds for seconds, _ in runs], "stage_seconds": stages,
+            "notes": reports[-1]["notes"], "load_average": load}
 
 
 def _timed(folder: Path, name: str) -> tuple[float, dict[str, Any]]:

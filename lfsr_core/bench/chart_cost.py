@@ -23,32 +23,25 @@ def network_cost(name: str, scale: int, low_views: tuple[int, int]) -> dict[str,
     ``low_views`` (w, h): pixels of a low-resolution elemental image. Open Image Denoise is not counted: it does not
     tell.
     """
-    counts = [_upscaler(part, scale, low_views) for part in name.split("+") if part in networks.NETWORKS]
-    counts += [_denoiser(part, low_views) for part in name.split("+") if part in getattr(networks, "DENOISERS", ())]
+    counts = [_count(part, scale, low_views) for part in name.split("+") if part in networks.NETWORKS]
     if not counts:
         return {"parameters": None, "multiply_adds_per_low_pixel": None}
     return {"parameters": sum(count for count, _ in counts),
             "multiply_adds_per_low_pixel": float(sum(work for _, work in counts))}
 
 
-def _upscaler(part: str, scale: int, low_views: tuple[int, int]) -> tuple[int, float]:
-    from lfsr_core.networks.count import multiply_adds, parameters
-
-    network = networks.build(part, scale).eval()
-    return parameters(network), multiply_adds(network, low_views[1], low_views[0])
-
-
-def _denoiser(part: str, low_views: tuple[int, int]) -> tuple[int, float]:
-    """The same for a network across views and lenses, of the size that its weights have."""
+def _count(part: str, scale: int, low_views: tuple[int, int]) -> tuple[int, float]:
     import torch
 
     from lfsr_core.networks.count import multiply_adds, parameters
-    from lfsr_core.networks.lightfield import LightFieldConfig, LightFieldNet
-    from lfsr_core.networks.weights import options_of
+    from lfsr_core.networks.lightfield import LightFieldNet
 
-    options = options_of(networks.weights_path(part, networks.TRAINED_AT))
-    network = LightFieldNet(LightFieldConfig(**options | {"inputs": tuple(options["inputs"])})).eval()
-    (w, h), (sx, sy) = low_views, COUNTED_LENSES
+    network = networks.build(part, scale).eval()
+    w, h = low_views
+    if not isinstance(network, LightFieldNet):
+        return parameters(network), multiply_adds(network, h, w)
+    # Several lenses: some of its convolutions may go across them.
+    sx, sy = COUNTED_LENSES
     features = torch.zeros(sx * sy, network.config.input_channels, h, w)
     return parameters(network), multiply_adds(network, h * sy, w * sx, features, features[:, :3], COUNTED_LENSES)
 

@@ -49,15 +49,25 @@ def reference(settings: Settings, scene: Path) -> Path | None:
 
 
 def seconds_of(settings: Settings, scene: Path, folder: Path) -> list[float]:
-    """Cycles seconds of a render: of the one that is kept, then of repeats made only for their time."""
+    """Cycles seconds of a render: of the one that is kept, then of repeats made only for their time.
+
+    With ``settings.retime_renders`` of repeats alone: the kept one was made while the machine was busy.
+    """
     path = folder.parent / TIMES_FOLDER / f"{folder.name}.json"
     first = read_frame(folder).seconds["render"]
-    known = read_json(path, "seconds of repeated renders") if path.exists() else {"first": first, "repeats": []}
-    repeats = known["repeats"] if known["first"] == first else []  # the kept render was made anew
-    while len(repeats) + 1 < settings.render_repeats and not settings.only_measure:
-        repeats = [*repeats, _timed_again(settings, scene, read_frame(folder))]
-        write_json(path, {"first": first, "repeats": repeats})
-    return [first, *repeats]
+    known = read_json(path, "seconds of repeated renders") if path.exists() else {}
+    if known.get("first") != first:  # the kept render is another one now
+        known = {"first": first, "alone": False, "repeats": []}
+    if settings.retime_renders and not known["alone"]:
+        known = {"first": first, "alone": True, "repeats": []}
+    while len(_counted(known)) < settings.render_repeats and not settings.only_measure:
+        known["repeats"].append(_timed_again(settings, scene, read_frame(folder)))
+        write_json(path, known)
+    return _counted(known) or [first]
+
+
+def _counted(known: dict[str, Any]) -> list[float]:
+    return known["repeats"] if known["alone"] else [known["first"], *known["repeats"]]
 
 
 def is_complete(folder: Path, files: tuple[str, ...]) -> bool:

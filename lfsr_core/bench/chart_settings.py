@@ -24,7 +24,9 @@ class Settings:
     ``spps``: samples per pixel of low-resolution renders at ``scale``, each finished by every one of ``methods``;
     ``direct_spps``: of renders at scale 1, finished by ``direct_methods``. ``ceiling_spp``: of the nearly noise-free
     low-resolution render, 0 for none. ``lenses`` None: a whole reference. ``only_measure`` refuses new renders.
-    ``again``: methods whose cells are measured afresh. LfsrError for numbers that cannot be.
+    ``again``: methods whose cells are measured afresh, ``retime``: those that are only timed afresh.
+    ``retime_renders``: renders are made again for their time, as often as ``render_repeats``. LfsrError for numbers
+    that cannot be.
     """
 
     folder: Path
@@ -44,6 +46,8 @@ class Settings:
     device: str = "CPU"
     blender: str | None = None
     again: tuple[str, ...] = ()
+    retime: tuple[str, ...] = ()
+    retime_renders: bool = False
 
     def __post_init__(self) -> None:
         for name in ("spps", "direct_spps"):
@@ -82,22 +86,25 @@ def render_folder(scene_folder: Path, scale: int, samples: int) -> Path:
 
 
 def default_methods() -> tuple[str, ...]:
-    """Every upscaler alone and after the denoiser; every network that denoises before the default upscaler.
+    """Every upscaler alone and after the denoiser, as far as it is meant to be; other prefilters before the default's.
 
     Taken from ``upscale.METHODS``, so that a method that is added there is measured without being named here.
     """
-    upscalers = [name for name in METHODS if name not in PREFILTERS and name != AS_RENDERED]
     last = DEFAULT_METHOD.rsplit("+", maxsplit=1)[-1]
-    chains = [*upscalers, *(f"{DENOISER}+{name}" for name in upscalers)]
-    for name in PREFILTERS:
-        if name != DENOISER:
-            chains.append(f"{DENOISER}+{name}+{last}" if _needs_denoiser(name) else f"{name}+{last}")
+    upscalers = [name for name in METHODS if name not in PREFILTERS and name != AS_RENDERED]
+    chains = [chain for name in upscalers for chain in _chains(name)]
+    chains += [f"{name}+{last}" for name in PREFILTERS if name != DENOISER]
     return tuple(dict.fromkeys([DEFAULT_METHOD, *chains]))
 
 
-def _needs_denoiser(prefilter: str) -> bool:
-    spec = getattr(networks, "DENOISERS", {}).get(prefilter)
-    return spec is not None and spec.base == DENOISER
+def _chains(upscaler: str) -> tuple[str, ...]:
+    """The ways to use one upscaler: networks of ours were trained for one of them only."""
+    network = networks.NETWORKS.get(upscaler)
+    if getattr(network, "after", None):
+        return (f"{network.after}+{upscaler}",)
+    if getattr(network, "light_field", False):
+        return (upscaler,)
+    return upscaler, f"{DENOISER}+{upscaler}"
 
 
 def check_methods(names: tuple[str, ...]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 NAME = "chart"
 HELP = "measure every method's end-to-end time and accuracy on scenes, and draw both"
+EVERY = ("all",)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,6 +46,10 @@ def _add_measure_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--only-measure", action="store_true", help="render nothing; leave out what is not there")
     parser.add_argument("--again", type=_names, default=(), metavar="NAME,NAME",
                         help="methods to measure afresh; `all` for every one")
+    parser.add_argument("--retime", type=_names, default=(), metavar="NAME,NAME",
+                        help="methods to time afresh, metrics kept; `all` for every one")
+    parser.add_argument("--retime-renders", action="store_true",
+                        help="time every render afresh --render-repeats times, pictures kept; once per folder")
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -58,17 +63,18 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _settings(arguments: argparse.Namespace) -> Any:
-    from lfsr_core.bench.chart_settings import Settings, check_methods, default_methods
+    from lfsr_core.bench.chart_settings import DIRECT_METHODS, Settings, check_methods, default_methods
     from lfsr_core.upscale import DEFAULT_METHOD
 
     ours = arguments.ours or DEFAULT_METHOD
-    again = () if arguments.again == ("all",) else arguments.again
-    check_methods((ours, *(arguments.methods or ()), *again))
     methods = tuple(dict.fromkeys([ours, *(arguments.methods or default_methods())]))
+    chosen = {name: getattr(arguments, name) for name in ("again", "retime")}
+    check_methods((ours, *(arguments.methods or ()), *(name for names in chosen.values() if names != EVERY
+                                                       for name in names)))
+    chosen = {name: (*methods, *DIRECT_METHODS) if names == EVERY else names for name, names in chosen.items()}
     same = ("display", "scale", "spps", "direct_spps", "reference_spp", "lenses", "ceiling_spp", "repeats",
-            "render_repeats", "only_measure", "device", "blender")
-    again = methods if arguments.again == ("all",) else again
-    return Settings(folder=arguments.output, methods=methods, ours=ours, again=again,
+            "render_repeats", "only_measure", "device", "blender", "retime_renders")
+    return Settings(folder=arguments.output, methods=methods, ours=ours, **chosen,
                     **{name: getattr(arguments, name) for name in same})
 
 
