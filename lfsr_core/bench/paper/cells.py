@@ -12,7 +12,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 
 FOLDER = "cells"
-VERSION = 2  # another one where a measurement of the same inputs holds other numbers
+VERSION = 3  # another one where a measurement of the same inputs holds other numbers
 
 
 class Cells:

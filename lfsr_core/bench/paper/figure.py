@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,9 @@ from lfsr_core.bench.paper.verdict import Difference, paired
 Results = dict[str, Any]
 COLORS = ("#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#999999")
 DPI = 90
+ALIKE = 1.5  # times as many crops as another network has seen
+CROPS_SEEN = re.compile(r"^(?P<kind>[^:]*): (?P<epochs>\d+) epochs of (?P<crops>\d+) (?P<size>\d+)-pixel crops per "
+                        r"photograph, rate (?P<rate>\S+ \w+),")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,11 +77,15 @@ def missing(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def unequal(schedules: Mapping[str, str]) -> str:
-    """A clause where the networks compared were not trained alike."""
-    def kind(text: str) -> str:
-        return text.split(" s on ", maxsplit=1)[0].rsplit(",", 1)[0]
-    trained = [kind(text) for text in schedules.values() if text != "no weights"]
-    return " The networks were not trained alike." if len(set(trained)) > 1 else ""
+    """A clause where the networks compared were not trained alike, as ``models.schedule`` tells it."""
+    found = [CROPS_SEEN.search(text) for text in schedules.values() if text != "no weights"]
+    if len(found) < 2 or None in found:
+        return " How the networks were trained is not known of all." if None in found else ""
+    seen = [int(match["epochs"]) * int(match["crops"]) for match in found]
+    same_recipe = len({(match["kind"], match["size"], match["rate"]) for match in found}) == 1
+    if same_recipe and max(seen) <= ALIKE * min(seen):
+        return ""
+    return f" The networks were not trained alike: {min(seen)} to {max(seen)} crops of each photograph."
 
 
 def axes(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Any, Any]:

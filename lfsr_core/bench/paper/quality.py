@@ -19,7 +19,7 @@ from lfsr_core.frame import LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame
 from lfsr_core.image_io import clean, read_layers
 from lfsr_core.metrics import check_reference, compare
 from lfsr_core.pipeline import FILL_METHOD, low_resolution, over_background
-from lfsr_core.split_estimates import stacked_ssim
+from lfsr_core.split_estimates import split_ssim_map, stacked_ssim
 from lfsr_core.stages import StageClock, silent
 from lfsr_core.upscale import Method
 from lfsr_core.upscale import method as method_of
@@ -131,12 +131,18 @@ def middle_lenses(truth: Truth, count: int) -> np.ndarray:
 
 
 def _per_lens(truth: Truth, image: np.ndarray) -> np.ndarray:
-    """Split SSIM of the reference's foreground lenses: the same ones for every image."""
-    rows, columns = truth.lenses.T
-    chosen = truth.foreground
-    ours = srgb_encode(to_elemental_images(image, truth.frame.display.lenses)[rows, columns][chosen])
-    half_a, half_b = (half[chosen] for half in truth.elemental_images())
-    return stacked_ssim(ours, half_a, half_b).mean((1, 2)) if chosen.any() else np.empty(0)
+    """Split SSIM of the reference's foreground lenses, the same ones for every image.
+
+    Windows cross into the next lens exactly where they do in ``compare``.
+    """
+    lenses = truth.frame.display.lenses
+    if truth.frame.lens_list is None:
+        local = split_ssim_map(*(srgb_encode(pixels) for pixels in (image, truth.half_a, truth.half_b)))
+        return to_elemental_images(local, lenses).mean((2, 3, 4))[truth.hit]
+    rows, columns = truth.lenses[truth.foreground].T
+    half_a, half_b = (half[truth.foreground] for half in truth.elemental_images())
+    ours = srgb_encode(to_elemental_images(image, lenses)[rows, columns])
+    return stacked_ssim(ours, half_a, half_b).mean((1, 2)) if len(rows) else np.empty(0)
 
 
 def _errors(truth: Truth, image: np.ndarray, margin: int) -> dict[str, float] | None:
