@@ -24,10 +24,11 @@ svg{width:100%;height:auto;display:block}
 .scroll{overflow-x:auto}table{border-collapse:collapse;font-size:.92rem;font-variant-numeric:tabular-nums}
 th,td{text-align:right;padding:4px 10px;border-bottom:1px solid #e4e4e4;white-space:nowrap}
 th{font-weight:600;vertical-align:bottom}th.l,td.l{text-align:left}
-td.l{white-space:normal;min-width:6.5em}
-.win{color:#00603f;font-weight:600}.loss{color:#a33300;font-weight:600}
+td.l{white-space:normal}h3{font-size:1.05rem;margin:1.2em 0 .3em}
+.win,.loss{white-space:nowrap}.win{color:#00603f;font-weight:600}.loss{color:#a33300;font-weight:600}
 summary{cursor:pointer;padding:6px 0;font-weight:600}
-@media(max-width:820px){.first{grid-template-columns:minmax(0,1fr)}main{padding:12px 10px 40px}}
+@media(max-width:820px){.first{grid-template-columns:minmax(0,1fr)}main{padding:12px 10px 40px}
+th,td{padding:4px 5px}table{font-size:.84rem}}
 """
 OUTCOMES = {"win": '<span class="win">✔ win</span>', "loss": '<span class="loss">✘ loss</span>'}
 
@@ -74,14 +75,11 @@ def _direct(chart: dict[str, Any]) -> Iterator[str]:
     yield f"<h2>{ours} against rendering every view</h2>"
     yield ("<p>How long we need to be as accurate as each direct render. ≤: our fastest measured point is already "
            "better. Never: no number of samples that was measured gets there.</p>")
-    head = ["scene", "rival", "samples", "SSIM", "it takes", "we take", "ours ÷ its", ""]
-    rows = {name: [[escape(scene["scene"]), *_duel(duel, chart)] for scene in chart["scenes"]
-                   for duel in words.duels_with_direct(scene) if duel["method"] == name]
-            for name in settings["direct_methods"]}
-    denoised = rows.pop(words.RIVAL[1], [])
-    yield _table(head, denoised, left=(0, 1, 7))
-    yield "".join(f"<details><summary>The same against {escape(label((words.DIRECT, name), ''))}, no denoiser</summary>"
-                  f"{_table(head, found, left=(0, 1, 7))}</details>" for name, found in rows.items())
+    for name in sorted(settings["direct_methods"], key=lambda name: name != words.RIVAL[1]):
+        table, rival = _duels_by_scene(chart, name), escape(label((words.DIRECT, name), ours))
+        is_main = name == words.RIVAL[1]
+        yield (f"<h3>{rival}</h3>{table}" if is_main else
+               f"<details><summary>The same against {rival}, no denoiser</summary>{table}</details>")
     yield (f"<h2>Where {ours} loses</h2><p>A rival wins where we need as long as it does for its accuracy, or longer, "
            "or never get there. Numbers after a scene are the rival’s samples.</p><ul>")
     yield "".join(f"<li>{escape(sentence)}</li>" for sentence in words.losses(chart))
@@ -90,8 +88,18 @@ def _direct(chart: dict[str, Any]) -> Iterator[str]:
     rows = [[escape(scene), _ratio(ratio, known), _ratio(opened, known), _met(ratio, known), escape(best[scene])]
             for scene, ratio, known, opened in words.goals(chart)]
     yield ("<h2>The target</h2><p>At every accuracy that rendering all views with OIDN reaches at 1 to 4 samples, "
-           "ours should need a quarter of the time or less. The worst accuracy of each scene:</p>")
-    yield _table(["scene", "ours ÷ its", "with opening the scene", "", "best other method"], rows, left=(0, 3, 4))
+           "ours should need a quarter of the time or less. The worst accuracy of each scene, without and with the time that "
+           "opening the scene takes:</p>")
+    yield _table(["scene", "ours ÷ its", "with opening", "", "best other method"], rows, left=(0, 3, 4))
+
+
+def _duels_by_scene(chart: dict[str, Any], rival: str) -> str:
+    rows = []
+    for scene in chart["scenes"]:
+        duels = [duel for duel in words.duels_with_direct(scene) if duel["method"] == rival]
+        rows += [[escape(scene["scene"]) if index == 0 else "", *_duel(duel, chart)[1:]]
+                 for index, duel in enumerate(duels)]
+    return _table(["scene", "samples", "SSIM", "it takes", "we take", "ours ÷ its", ""], rows, left=(0, 6))
 
 
 def _ratio(ratio: float | None, known: bool) -> str:
