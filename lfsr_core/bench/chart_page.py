@@ -88,8 +88,8 @@ def _direct(chart: dict[str, Any]) -> Iterator[str]:
     rows = [[escape(scene), _ratio(ratio, known), _ratio(opened, known), _met(ratio, known), escape(best[scene])]
             for scene, ratio, known, opened in words.goals(chart)]
     yield ("<h2>The target</h2><p>At every accuracy that rendering all views with OIDN reaches at 1 to 4 samples, "
-           "ours should need a quarter of the time or less. The worst accuracy of each scene, without and with the time that "
-           "opening the scene takes:</p>")
+           "ours should need a quarter of the time or less. The worst accuracy of each scene, without and with the "
+           "time that opening the scene takes:</p>")
     yield _table(["scene", "ours ÷ its", "with opening", "", "best other method"], rows, left=(0, 3, 4))
 
 
