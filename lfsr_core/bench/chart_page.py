@@ -30,6 +30,7 @@ summary{cursor:pointer;padding:6px 0;font-weight:600}
 @media(max-width:820px){.first{grid-template-columns:minmax(0,1fr)}main{padding:12px 10px 40px}
 th,td{padding:4px 5px}table{font-size:.84rem}}
 """
+LOSSES_SHOWN = 6
 OUTCOMES = {"win": '<span class="win">✔ win</span>', "loss": '<span class="loss">✘ loss</span>'}
 
 
@@ -81,9 +82,11 @@ def _direct(chart: dict[str, Any]) -> Iterator[str]:
         yield (f"<h3>{rival}</h3>{table}" if is_main else
                f"<details><summary>The same against {rival}, no denoiser</summary>{table}</details>")
     yield (f"<h2>Where {ours} loses</h2><p>A rival wins where we need as long as it does for its accuracy, or longer, "
-           "or never get there. Numbers after a scene are the rival’s samples.</p><ul>")
-    yield "".join(f"<li>{escape(sentence)}</li>" for sentence in words.losses(chart))
-    yield "</ul>"
+           "or never get there. Numbers after a scene are the rival’s samples.</p>")
+    lost = words.losses(chart)
+    yield _list(lost[:LOSSES_SHOWN])
+    if len(lost) > LOSSES_SHOWN:
+        yield f"<details><summary>{len(lost) - LOSSES_SHOWN} more</summary>{_list(lost[LOSSES_SHOWN:])}</details>"
     best = words.best_of_others(chart)
     rows = [[escape(scene), _ratio(ratio, known), _ratio(opened, known), _met(ratio, known), escape(best[scene])]
             for scene, ratio, known, opened in words.goals(chart)]
@@ -91,6 +94,10 @@ def _direct(chart: dict[str, Any]) -> Iterator[str]:
            "ours should need a quarter of the time or less. The worst accuracy of each scene, without and with the "
            "time that opening the scene takes:</p>")
     yield _table(["scene", "ours ÷ its", "with opening", "", "best other method"], rows, left=(0, 3, 4))
+
+
+def _list(sentences: Sequence[str]) -> str:
+    return f"<ul>{''.join(f'<li>{escape(sentence)}</li>' for sentence in sentences)}</ul>"
 
 
 def _duels_by_scene(chart: dict[str, Any], rival: str) -> str:
