@@ -96,6 +96,13 @@ def test_sentences_flip_with_the_numbers(name):
         assert line(make(-0.4)).startswith("**Does not hold.**"), line(make(-0.4))
 
 
+def test_scenes_without_epipolar_images_leave_the_others():
+    results = fig11(0.4)
+    results["rows"].append({"scene": "other", "method": "bicubic", "reason": "sampled lenses have none"})
+    line = page.FIGURES["fig11"].line(results)
+    assert line.startswith("**Holds.**") and "other was not measured: sampled lenses have none." in line
+
+
 @pytest.mark.parametrize("name", ["fig9", "fig10a", "fig11", "table3"])
 def test_without_a_difference_nothing_is_claimed(name):
     assert page.FIGURES[name].line(MADE_UP[name](0.0)).startswith("**Cannot be told.**")

@@ -13,7 +13,7 @@ import pytest
 from synthetic import MINI, write_reference, write_render
 from training_photographs import pictures
 
-from lfsr_core.bench.paper import cells, figure9, models, page, quality, renders, settings, timing
+from lfsr_core.bench.paper import cells, figure9, figure11, models, page, quality, renders, settings, timing
 
 SCRIPT = Path(__file__).parents[1] / "scripts" / "reproduce_paper.py"
 SCALE, SPP, CLEAN = 4, 4, 8
@@ -98,6 +98,16 @@ def test_sampled_lenses_are_compared_as_they_are_elsewhere(frames, tmp_path):
         assert sum(found["lens_ssim_fg"]) / sum(inside) == pytest.approx(found["metrics"]["ssim_eia_fg"], abs=1e-5)
     rows, columns = truth.lenses[quality.middle_lenses(truth, 4)].T
     assert len(rows) == 4 and mask[rows, columns].all()
+
+
+def test_sampled_references_have_no_epipolar_images(frames, tmp_path):
+    write_reference(tmp_path / "toy" / "reference", lens_list=((1, 2), (3, 4)))
+    write_render(tmp_path / "toy" / f"s4-spp{CLEAN}", 4, samples=CLEAN)
+    sampled = dataclasses.replace(frames, bench=tmp_path, output=tmp_path)
+    results = figure11.measure(sampled, tmp_path)
+    assert page.FIGURES["fig11"].line(results).startswith("**Not measured.**")
+    page.FIGURES["fig11"].draw(results, tmp_path, tmp_path / "empty.png")
+    assert (tmp_path / "empty.png").exists()
 
 
 def test_second_stage_is_what_upscale_writes(frames):

@@ -87,7 +87,7 @@ def draw(results: Results, output: Path, path: Path) -> None:
     """The EPI of the fullest lens row, views downwards, of the first scene, for every method."""
     from lfsr_core.image_io import read_png
 
-    scene = results["rows"][0]["scene"]
+    scene = next((row["scene"] for row in results["rows"] if "picture" in row), "no scene")
     shown = [(row["method"], row["picture"]) for row in results["rows"] if row["scene"] == scene and "picture" in row]
     shown = [(TRUTH, f"{scene}-{TRUTH}.png"), *shown] if shown else []
     sheet, grid = axes(7, 1.1 * max(1, len(shown)), max(1, len(shown)), 1)
@@ -122,9 +122,6 @@ def less_error(results: Results, better: str, worse: str, name: str = "epi") -> 
 
 def line(results: Results) -> str:
     """Each upscaler per EI against itself over the whole array; then the default against the paper's."""
-    reasons = {row["reason"] for row in results["rows"] if "reason" in row}
-    if reasons:
-        return f"Not measured: {', '.join(sorted(reasons))}."
     found = {per_ei: less_error(results, per_ei, whole) for per_ei, whole in PAIRS}
     words = [overall(*found.values())]
     for per_ei, whole in PAIRS:
@@ -135,7 +132,13 @@ def line(results: Results) -> str:
     for better in (ADVERSARIAL, results["default"]):
         statement = f"{better} is nearer than the generator alone"
         words.append(say(statement, less_error(results, better, "paper"), UNIT, 1e3))
-    return " ".join(filter(None, words)) + missing(results["rows"]) + unequal(results["schedules"])
+    whole = [row for row in results["rows"] if "reason" not in row]
+    return " ".join(filter(None, words)) + _left_out(results) + missing(whole) + unequal(results["schedules"])
+
+
+def _left_out(results: Results) -> str:
+    reasons = {row["scene"]: row["reason"] for row in results["rows"] if "reason" in row}
+    return "".join(f" {scene} was not measured: {reason}." for scene, reason in reasons.items())
 
 
 FIGURE = Figure("fig11", "Fig. 11: epipolar images", CLAIM, measure, draw, table, line)
