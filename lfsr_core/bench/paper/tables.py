@@ -91,7 +91,7 @@ def line_rivals(results: Results) -> str:
     words = [overall(*faster.values(), enough), f"Of {ours}:"]
     for rival in (DIRECT, BY_VIEW, FEW_SAMPLES):
         words.append(say(f"Faster than {rival}", faster[rival], "s"))
-    words.append(say(f"Plain SSIM of the whole EIA above {ENOUGH_SSIM:.2f}", enough, f"above {ENOUGH_SSIM:.2f}"))
+    words.append(say(f"Plain SSIM of the whole EIA above {ENOUGH_SSIM:.2f}", enough, f"from {ENOUGH_SSIM:.2f}"))
     words += _ceiling(found, ours, scenes)
     for rival in (DIRECT, BY_VIEW, FEW_SAMPLES, OURS):
         words.append(say(f"More accurate than {rival}", gains(results["rows"], ours, rival), "split SSIM"))
