@@ -14,7 +14,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.plan_options import Options
 
 from . import frames, session, tasks
-from .methods import layers_of, method_items
+from .methods import method_items
 from .operators import Result, TaskOperator, reports_errors
 from .rig_operators import UNDO
 from .tasks import Steps
@@ -33,8 +33,7 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
         scene = context.scene
         frame = frames.plan_frame(scene)
         options = wanted(scene)
-        layers = tuple(sorted({layer for method in options.methods for layer in layers_of(method)}))
-        job = dataclasses.replace(frame.job, layers=layers)
+        job = dataclasses.replace(frame.job, layers=plan.layers_of(options.methods))
         clear(context.window_manager.lfsr)
         return find(job, options), functools.partial(show, scene.name)
 

@@ -18,6 +18,7 @@ from lfsr_core.upscale import DEFAULT_METHOD, METHODS, PREFILTERS, method
 
 METRICS = ("ssim_eia_fg", "ssim_eia")
 SCALES, SAMPLES = (1, 2, 4, 8), (4, 16, 64, 256)
+USUAL_LAYERS = ("albedo", "normal")
 AS_GOOD = 1.05  # times of candidates that count as equal: then the simpler method is taken
 MOST_KEPT = 0.8  # of a gain may come again with the next step of samples, when the end of the steps is guessed
 
@@ -38,7 +39,9 @@ class Candidate:
     @property
     def options(self) -> tuple[str, ...]:
         """Words of `lfsr render` that make it."""
-        return "--scale", str(self.scale), "--spp", str(self.spp), "--method", self.method
+        more = layers_of([self.method])
+        words = ("--layers", ",".join(more)) if set(more) > set(USUAL_LAYERS) else ()
+        return "--scale", str(self.scale), "--spp", str(self.spp), "--method", self.method, *words
 
     @property
     def parts(self) -> int:
@@ -118,10 +121,18 @@ def default_methods() -> tuple[str, ...]:
     return tuple(dict.fromkeys(usable))
 
 
+def layers_of(names: Iterable[str]) -> tuple[str, ...]:
+    """Auxiliary layers to render for these methods: what denoisers look at, and what a network asks for."""
+    parts = {part for name in names for part in name.split("+")}
+    asked = {layer for part in parts & set(networks.NETWORKS) for layer in networks.NETWORKS[part].layers}
+    return (*USUAL_LAYERS, *sorted(asked - set(USUAL_LAYERS)))
+
+
 def methods_at(scale: int, names: Iterable[str]) -> tuple[str, ...]:
     """What ``names`` become at ``scale``: no upscaler at 1, no network that was not trained for it."""
     if scale == 1:
-        return tuple(dict.fromkeys(_without_upscaler(name) for name in names))
+        names = [_without_upscaler(name) for name in names]
+        return tuple(dict.fromkeys(name for name in names if _is_trained(name, scale)))
     return tuple(dict.fromkeys(name for name in names if _works_at(name, scale)))
 
 
@@ -198,7 +209,11 @@ def _works_at(name: str, scale: int) -> bool:
     parts = name.split("+")
     if parts[-1] in PREFILTERS or parts[-1] == "none":
         return False  # upscales nothing
-    return all(scale in networks.trained_scales(part) for part in parts if part in networks.NETWORKS)
+    return _is_trained(name, scale)
+
+
+def _is_trained(name: str, scale: int) -> bool:
+    return all(scale in networks.trained_scales(part) for part in name.split("+") if part in networks.NETWORKS)
 
 
 def _is_network(name: str) -> bool:

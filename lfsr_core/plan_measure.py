@@ -257,7 +257,8 @@ class _Planner:
 
     def _times(self) -> TimeModel:
         frames = self.renders.frames
-        return self.times.refined(frames["quick"], [frame for name, frame in frames.items() if name.startswith("s")])
+        sampled = [frame for name, frame in frames.items() if name == "pilot" or name.startswith("s")]
+        return self.times.refined(frames["quick"], sampled, float(self.quick.masks["foreground"].mean()))
 
     def _facts(self) -> dict[str, Any]:
         dearest = max(self.wanted, key=lambda candidate: plan.samples_of(candidate, self.display))

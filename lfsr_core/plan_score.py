@@ -22,7 +22,7 @@ from lfsr_core.pipeline import FILL_METHOD, low_resolution, upscale_frame
 from lfsr_core.plan_sample import Lens, Mosaic, strata_masks
 from lfsr_core.plan_times import StageTime
 from lfsr_core.split_estimates import stacked_ssim
-from lfsr_core.upscale import LowResEIA, method
+from lfsr_core.upscale import LowResEIA, Method, method
 
 CORRECTED = 0.5  # share of the reference's remaining noise that is taken out of the metric
 FINISHING = ("load", "mask", "assemble", "color", "write")
@@ -95,7 +95,7 @@ def quick_look(folder: Path) -> QuickLook:
 def score(folder: Path, name: str, mosaic: Mosaic, truth: Truth) -> Scores:
     """Accuracy of method ``name`` on the centres of ``mosaic``, from the sample's render in ``folder``."""
     low, mask = _sampled(folder, mosaic)
-    images = srgb_encode(_finished(low, mask, name, mosaic.centres))
+    images = srgb_encode(finished(low, mask, method(name), mosaic.centres))
     return split_scores(images, truth)
 
 
@@ -136,9 +136,11 @@ def _sampled(folder: Path, mosaic: Mosaic) -> tuple[LowResEIA, np.ndarray]:
     return mosaic.of_render(low_resolution(layers, frame)), mosaic.of_mask(foreground_mask(layers, frame.rays.tiles))
 
 
-def _finished(low: LowResEIA, mask: np.ndarray, name: str, centres: np.ndarray) -> np.ndarray:
-    """Elemental images (n, py, px, 3) of ``centres``, scene-linear: as pipeline.upscale_frame makes them."""
-    chosen = method(name)
+def finished(low: LowResEIA, mask: np.ndarray, chosen: Method, centres: np.ndarray) -> np.ndarray:
+    """Elemental images (n, py, px, 3), scene-linear, of the lenses ``centres`` (n, 2), made as the pipeline does.
+
+    ``mask`` (n,) bool: which of them are foreground; the others are filled in.
+    """
     filler = chosen.upscaler if low.scale == 1 else method(FILL_METHOD).upscaler
     prepared = chosen.prepare(low)
     sy, sx, height, width, channels = low.color.shape

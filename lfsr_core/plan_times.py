@@ -47,20 +47,23 @@ class TimeModel:
         return (self.open + self.setup + self.per_sample * low * candidate.spp + self.load * low + self.finish
                 + stage.fixed + stage.per_pixel * low + stage.per_lens * self.foreground)
 
-    def refined(self, quick: Frame, sampled: list[Frame]) -> TimeModel:
+    def refined(self, quick: Frame, sampled: list[Frame], share: float) -> TimeModel:
         """The model with the set-up of a render told apart from its samples, by ``sampled`` renders of several sizes.
 
-        ``quick``, the render of every lens, then says what a sample costs: sampled
-        lenses are foreground, which costs more than the rest of the frame.
+        Those show foreground, whose samples cost more than others; what the mean
+        sample costs, ``quick`` says, the render of every lens. Where that took
+        hardly more than its set-up, the bounds say it: between the foreground's
+        cost, and that of a frame whose other lenses cost nothing. ``share``: of
+        the lenses, the foreground's.
         """
         samples = np.array([path_samples(frame) for frame in sampled], float)
         if len(set(samples)) < 2:
             return self
         seconds = np.array([frame.seconds["render"] for frame in sampled])
-        setup = float(np.polyfit(samples, seconds, 1)[1])
-        setup = min(max(setup, 0.0), float(seconds.min()), quick.seconds["render"] / 2)
-        return dataclasses.replace(self, setup=setup,
-                                   per_sample=(quick.seconds["render"] - setup) / path_samples(quick))
+        slope = max(float(np.polyfit(samples, seconds, 1)[0]), 0.0)
+        setup = min(max(float(np.mean(seconds) - slope * np.mean(samples)), 0.0), float(seconds.min()))
+        mean = (quick.seconds["render"] - setup) / path_samples(quick)
+        return dataclasses.replace(self, setup=setup, per_sample=min(max(mean, share * slope), slope))
 
 
 def path_samples(frame: Frame) -> int:

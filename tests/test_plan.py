@@ -108,6 +108,15 @@ def test_a_network_is_a_candidate_only_where_it_was_trained():
         candidates(MINI, (2,), (4,), ("paper",))
 
 
+def test_layers_are_what_denoisers_and_networks_look_at(monkeypatch):
+    assert plan.layers_of(["bilinear", "oidn+bilinear"]) == ("albedo", "normal")
+    assert Candidate(4, 16, "oidn+bilinear").options == ("--scale", "4", "--spp", "16", "--method", "oidn+bilinear")
+    spec = dataclasses.replace(plan.networks.NETWORKS["paper"], layers=("normal", "position"))
+    monkeypatch.setitem(plan.networks.NETWORKS, "paper", spec)
+    assert plan.layers_of(["bilinear", "paper"]) == ("albedo", "normal", "position")
+    assert Candidate(4, 16, "paper").options[-2:] == ("--layers", "albedo,normal,position")
+
+
 def test_default_methods_hold_the_simple_one_and_the_default():
     found = plan.default_methods()
     assert found[0] == SIMPLE and DEFAULT_METHOD in found and len(set(found)) == len(found)
@@ -128,13 +137,27 @@ def test_impossible_options_are_refused(wrong):
         Options(**wrong)
 
 
+def timed(frame, setup: float, per_sample: float):
+    return dataclasses.replace(frame, seconds={"render": setup + per_sample * path_samples(frame)})
+
+
+def sampled_renders(setup: float, per_sample: float) -> list:
+    lens_list = tuple((row, 3) for row in range(12))
+    return [timed(frame_of(2, samples=samples, lens_list=lens_list), setup, per_sample) for samples in (4, 16, 64)]
+
+
 def test_time_model_finds_setup_and_samples():
-    quick = frame_of(4, samples=4)
-    sampled = [frame_of(2, samples=samples, lens_list=tuple((row, 3) for row in range(12))) for samples in (4, 16, 64)]
-    timed = [dataclasses.replace(f, seconds={"render": 0.3 + 5e-6 * path_samples(f)}) for f in sampled]
-    quick = dataclasses.replace(quick, seconds={"render": 0.3 + 2e-3 * path_samples(quick)})
-    model = TimeModel(1.0, 0.0, 0.0, 1e-3, 0.5, 80, {(2, "bilinear"): StageTime(0.1, 1e-4, 1e-2)}).refined(quick, timed)
+    quick = timed(frame_of(4, samples=4), 0.3, 2e-3)
+    start = TimeModel(1.0, 0.0, 0.0, 1e-3, 0.5, 80, {(2, "bilinear"): StageTime(0.1, 1e-4, 1e-2)})
+    model = start.refined(quick, sampled_renders(0.3, 5e-3), 0.2)
     assert model.setup == pytest.approx(0.3) and model.per_sample == pytest.approx(2e-3)
     pixels = 64 * 48
     expected = 1.0 + 0.3 + 2e-3 * pixels * 16 + 1e-3 * pixels + 0.5 + 0.1 + 1e-4 * pixels + 1e-2 * 80
     assert model.seconds(Candidate(2, 16, "bilinear"), MINI) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("quick_setup", "expected"), [(0.2, 0.2 * 5e-3), (900.0, 5e-3)])
+def test_a_quick_render_that_was_all_setup_does_not_mislead(quick_setup, expected):
+    quick = timed(frame_of(4, samples=4), quick_setup, 0.0)
+    model = TimeModel(1.0, 0.0, 9.0, 0.0, 0.0, 80).refined(quick, sampled_renders(0.3, 5e-3), 0.2)
+    assert model.per_sample == pytest.approx(expected)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,11 @@ def render(job: Job) -> None:
         write_layers(folder / name, {"color": noisy(image, spp, job.seed + 10**6 * number)})
     seconds = 0.01 + SECONDS_PER_SAMPLE * image[..., 0].size * job.spp
     write_frame(folder, dataclasses.replace(frame, seconds={"open": 1.0, "render": seconds}))
+
+
+def this_module():
+    """This module, whose names ``render`` looks up."""
+    return sys.modules[__name__]
 
 
 @pytest.fixture
@@ -149,6 +155,27 @@ def test_a_small_budget_leaves_dear_candidates_out(tmp_path, monkeypatch):
     left_out = [row for row in planned.rated if "budget" in row.note]
     assert left_out and all(row.estimate is None for row in left_out)
     assert planned.sample["within_budget"] and planned.sample["share"] <= 0.5 * 1.01 + 0.02
+
+
+def test_accuracy_of_the_whole_array_counts_every_lens(tmp_path):
+    options = dataclasses.replace(OPTIONS, metric="ssim_eia", scales=(4,), spps=(16,))
+    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    row = next(row for row in planned.rated if row.candidate.method == "bilinear")
+    folder = tmp_path / "whole"
+    render(dataclasses.replace(JOB, output=str(folder), scale=4, spp=16, seed=991))
+    shown, wanted = (srgb_encode(to_elemental_images(image[..., :3], MINI.lenses)).reshape(-1, 8, 8, 3)
+                     for image in (finished_linear(folder, "bilinear"), light_field()))
+    true = float(stacked_ssim(shown, wanted, wanted).mean())
+    assert planned.sample["lenses"]["rest"] >= 4
+    assert abs(row.estimate.mean - true) < 3 * row.estimate.error + 0.004
+
+
+def test_a_flat_scene_gets_the_simplest_method_and_the_fewest_samples(tmp_path, monkeypatch):
+    monkeypatch.setattr(this_module(), "NOISE", 0.002)
+    monkeypatch.setattr(this_module(), "light_field", lambda: np.full((96, 128, 4), (0.4, 0.3, 0.2, 1), np.float32))
+    options = dataclasses.replace(OPTIONS, target=0.95, scales=None, methods=("bilinear", "oidn+bilinear", "paper"))
+    chosen = make_plan(JOB, options, render, tmp_path / "sample").choice.chosen
+    assert chosen.candidate.method == "bilinear" and chosen.candidate.spp == 4 and chosen.candidate.scale > 1
 
 
 def test_view_by_view_is_refused(tmp_path):

@@ -11,7 +11,7 @@ import pytest
 from synthetic import MINI
 from test_plan_measure import JOB, render
 
-from lfsr_core.bench import plan_truth
+from lfsr_core.bench import plan_blocks, plan_truth
 from lfsr_core.bench.plan_truth import Actual
 from lfsr_core.bench.plan_validation import judge, main, summary
 from lfsr_core.eia import to_elemental_images
@@ -98,6 +98,17 @@ def test_a_plan_that_promises_too_much_is_found_out():
     found = summary([wrong, wasteful, nothing])
     assert (found["met"], found["nothing_chosen_though_possible"], found["cheap_enough"]) == (0.5, 1, 0.0)
     assert found["bounds_below_the_truth"] == 0.5 and math.isclose(found["mean_share_of_seconds"], 0.04)
+
+
+def test_a_method_of_single_lenses_needs_no_neighbours(bench, capsys):
+    folders = [str(bench / "toy" / name) for name in ("s2-spp16", "reference")]
+    assert plan_blocks.main([*folders, "--method", "bilinear"]) == 0
+    lines = capsys.readouterr().out.splitlines()[1:]
+    assert [float(line.split()[1]) for line in lines] == [0, 0, 0, 0]
+    assert plan_blocks.main([*folders, "--method", "bicubic-eia"]) == 0
+    changes = [abs(float(line.split()[1])) for line in capsys.readouterr().out.splitlines()[1:]]
+    # Its kernel reaches four pixels far: one lens of 4×4 is enough, none is not.
+    assert changes[0] > 1e-3 and max(changes[1:]) < 1e-4
 
 
 def test_a_bench_without_scenes_is_refused(tmp_path, capsys):

@@ -11,7 +11,6 @@ from lfsr_core.progress import ProgressBar
 
 NAME = "plan"
 HELP = "find the cheapest scale, samples and method that reach an accuracy, from a small sample of lenses"
-DEFAULT_LAYERS = ("albedo", "normal")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,13 +34,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Plan, print the table, and the command that renders the choice."""
     from lfsr_core.blender_process import find_blender
+    from lfsr_core.plan import default_methods, layers_of
     from lfsr_core.plan_measure import make_plan, rendering, work_folder
     from lfsr_core.plan_options import Options
     from lfsr_core.plan_report import as_json, table
 
     names = ("target", "metric", "scales", "spps", "methods", "most_seconds", "share", "lenses", "reference_spp")
     options = Options(**{name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None})
-    job = _scene.make_job(arguments, output=".", spp=1, layers=DEFAULT_LAYERS, scale=1)
+    layers = layers_of(options.methods or default_methods())
+    job = _scene.make_job(arguments, output=".", spp=1, layers=layers, scale=1)
     progress, blender = ProgressBar(), find_blender(arguments.blender)
     try:
         with work_folder(arguments.work) as folder:
