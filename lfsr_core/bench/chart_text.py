@@ -20,6 +20,8 @@ def markdown(chart: dict[str, Any]) -> str:
 
 def _means(chart: dict[str, Any]) -> Iterator[str]:
     scenes = chart["scenes"]
+    if len(scenes) < 2:
+        return
     yield f"## Mean of {len(scenes)} scenes ({', '.join(scene['scene'] for scene in scenes)})"
     yield ""
     yield from _head(HEAD)
