@@ -165,6 +165,8 @@ def test_default_methods_are_bicubic_the_default_and_what_has_weights():
     assert methods[0] == "bicubic" and stress.DEFAULT_METHOD in methods
     assert "espcn" in methods and "paper-3" not in methods
     assert "espcn" not in stress.default_methods(2)
+    for name in methods:
+        stress.method(name)
     assert len(set(methods)) == len(methods)
 
 

@@ -66,16 +66,18 @@ class Settings:
 
 
 def default_methods(scale: int) -> list[str]:
-    """Bicubic, the default method, every prefilter of ours and every network with weights at ``scale``."""
-    simple, oidn = DEFAULT_METHOD.split("+")[-1], next(iter(PREFILTERS))
-    names = [BASELINE, DEFAULT_METHOD]
-    for name in list(PREFILTERS)[1:]:
-        # A prefilter that wants to see denoised colour comes after OIDN.
-        wants = getattr(networks, "DENOISERS", {}).get(name)
-        names.append("+".join([*([oidn] if wants and oidn in wants.inputs else []), name, simple]))
+    """Bicubic, the default method, other prefilters before its kernel, and every network with weights at ``scale``."""
+    kernel, (_, *others) = DEFAULT_METHOD.split("+")[-1], PREFILTERS
+    names = [BASELINE, DEFAULT_METHOD, *(f"{name}+{kernel}" for name in others)]
     if importlib.util.find_spec("torch") is not None:
-        names += [name for name in networks.NETWORKS if scale in networks.trained_scales(name)]
+        names += [_after(name) + name for name in networks.NETWORKS if scale in networks.trained_scales(name)]
     return list(dict.fromkeys(names))
+
+
+def _after(network: str) -> str:
+    """The prefilter that a network wants before it, with its +."""
+    before = getattr(networks.NETWORKS[network], "after", None)
+    return f"{before}+" if before else ""
 
 
 def run_suite(folder: Path, settings: Settings, dial_names: Sequence[str] | None, methods: Sequence[str], *,

@@ -31,7 +31,7 @@ from lfsr_core.bench.stress_dials import card_centre, card_of_motion, hole
 BIG = 1.15   # boards reach a little over what the views see
 WIRE_DEPTH, BOARD_DEPTH = 0.5, 0.75  # usable depths behind the display
 FIREFLY_POWER = 1.0   # radiance × radius² of a glowing ball, in lens pitches
-MIRROR_GLOW, CAUSTIC_FILL = 0.8, 0.06
+MIRROR_GLOW, CAUSTIC_FILL, DARK_TILE = 0.8, 0.06, 0.05
 
 
 def samples(stage: Stage, _value: float) -> None:
@@ -182,13 +182,13 @@ def hdri(stage: Stage, times: float) -> None:
 
 
 def border(stage: Stage, contrast: float) -> None:
-    """Glossy metal tiles of one lens each on the display plane."""
+    """Glossy metal tiles of one lens each on the display plane: dark ones that stay, and brighter ones."""
     world_light(strength=2 * WORLD_STRENGTH)
-    dark = 0.9 * (1 - contrast) / (1 + contrast)
+    bright = DARK_TILE * (1 + contrast) / (1 - contrast)
     material, graph, shader = surface_of("tiles", Metallic=1.0, Roughness=0.12)
     # Edges of the tiles are edges of lenses, also where their number is odd.
     odd = tuple(0.5 * (count % 2) for count in stage.space.lenses)
-    graph.feed(shader.inputs["Base Color"], tiles(graph, 1.0, (dark,) * 3, (0.9,) * 3, (odd[0], 0.5, odd[1])))
+    graph.feed(shader.inputs["Base Color"], tiles(graph, 1.0, (DARK_TILE,) * 3, (bright,) * 3, (odd[0], 0.5, odd[1])))
     full_board(stage, "tiles", 0.0, material)
 
 

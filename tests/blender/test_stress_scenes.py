@@ -187,7 +187,7 @@ def test_tiles_of_the_border_are_lenses_of_the_dials_contrast(built):
     board = meshes(built("border", 0.5), "tiles")[0]
     checker = shader(board, "TEX_CHECKER")
     bright, dark = (checker.inputs[name].default_value[0] for name in ("Color1", "Color2"))
-    assert (bright - dark) / (bright + dark) == pytest.approx(0.5)
+    assert (bright - dark) / (bright + dark) == pytest.approx(0.5) and dark == pytest.approx(0.05)
     mapping = shader(board, "MAPPING")
     assert list(mapping.inputs["Scale"].default_value) == [1, 1, 1]
     assert list(mapping.inputs["Location"].default_value) == [0, 0.5, 0], "an even number of lenses"
