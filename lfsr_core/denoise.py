@@ -41,11 +41,11 @@ def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.
 
 
 def denoise_low_resolution(low: LowResEIA) -> LowResEIA:
-    """The low-resolution EIA with denoised colour; its other layers stay as rendered."""
+    """The low-resolution EIA with denoised colour; what was rendered stays in the layer "noisy"."""
     sy, sx = low.color.shape[:2]
     guides = {name: from_elemental_images(low.aux[name]) for name in ("albedo", "normal") if name in low.aux}
     denoised = denoise_eia(from_elemental_images(low.color), **guides)
-    return dataclasses.replace(low, color=to_elemental_images(denoised, (sx, sy)))
+    return dataclasses.replace(low, color=to_elemental_images(denoised, (sx, sy)), aux={**low.aux, "noisy": low.color})
 
 
 def is_available() -> bool:

@@ -73,18 +73,22 @@ class Interpolation:
     def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
         _, _, height, width, channels = low.color.shape
         lenses, margin = np.asarray(lenses), CROSSTALK_REACH if self.crosstalk else 0
-        down = kernel_matrix(self.kernel, height, low.scale, margin)
-        # Channels stay interleaved: the same weights for each, zero between them.
-        across = np.kron(kernel_matrix(self.kernel, width, low.scale, margin).T, np.eye(channels, dtype=np.float32))
         result = np.empty((len(lenses), height * low.scale, width * low.scale, channels), np.float32)
         for start in range(0, len(lenses), EIS_IN_CACHE):
             part = slice(start, start + EIS_IN_CACHE)
-            images = encode(_gather(low.color, lenses[part], margin))
-            count, rows, columns, _ = images.shape
-            tall = (down @ images.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
-            finished = result[part].reshape(len(tall), -1)
-            decode(np.matmul(tall, across, out=finished), out=finished)
+            interpolate(encode(_gather(low.color, lenses[part], margin)), self.kernel, low.scale, result[part], margin)
         return result
+
+
+def interpolate(encoded: np.ndarray, kernel: str, scale: int, out: np.ndarray, margin: int = 0) -> None:
+    """Upscale encoded EIs (n, h + 2·margin, w + 2·margin, C) into scene-linear ``out`` (n, h·s, w·s, C)."""
+    count, rows, columns, channels = encoded.shape
+    down = kernel_matrix(kernel, rows - 2 * margin, scale, margin)
+    # Channels stay interleaved: the same weights for each, zero between them.
+    across = np.kron(kernel_matrix(kernel, columns - 2 * margin, scale, margin).T, np.eye(channels, dtype=np.float32))
+    tall = (down @ encoded.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
+    finished = out.reshape(len(tall), -1)
+    decode(np.matmul(tall, across, out=finished), out=finished)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,7 +151,14 @@ def method(name: str) -> Method:
         if part not in PREFILTERS:
             raise LfsrError(f"method {name!r} has upscaler {part!r} before its last part, but only "
                             f"{', '.join(PREFILTERS)} can stand there: put one upscaler last")
+    _check_order(name, parts)
     return Method(name, tuple(PREFILTERS[part][1] for part in parts[:-1]), _load(parts[-1]))
+
+
+def _check_order(name: str, parts: Sequence[str]) -> None:
+    before = networks.NETWORKS[parts[-1]].after if parts[-1] in networks.NETWORKS else None
+    if before and before not in parts:
+        raise LfsrError(f"method {name!r} needs {before!r} before {parts[-1]!r}: use '{before}+{parts[-1]}'")
 
 
 def _check_known(part: str) -> None:

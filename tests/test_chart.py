@@ -244,7 +244,7 @@ def test_cost_of_networks():
 
 
 @pytest.mark.parametrize("name", [name for name, entry in networks.NETWORKS.items()
-                                  if getattr(entry, "light_field", False)])
+                                  if entry.light_field])
 def test_cost_of_our_networks_is_their_formula(name):
     from lfsr_core.networks.lightfield import multiply_adds
 

@@ -52,7 +52,7 @@ def test_low_resolution_eia_is_denoised_as_one_image():
     denoised = denoise_low_resolution(low)
     expected = denoise_eia(noisy, np.clip(clean / 3, 0, 1))
     np.testing.assert_allclose(denoised.color.swapaxes(1, 2).reshape(noisy.shape), expected, atol=1e-5)
-    assert denoised.aux is low.aux and denoised.scale == 4
+    assert denoised.aux["noisy"] is low.color and denoised.aux["albedo"] is albedo and denoised.scale == 4
 
 
 @needs_bpy

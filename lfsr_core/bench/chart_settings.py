@@ -100,9 +100,9 @@ def default_methods() -> tuple[str, ...]:
 def _chains(upscaler: str) -> tuple[str, ...]:
     """The ways to use one upscaler: networks of ours were trained for one of them only."""
     network = networks.NETWORKS.get(upscaler)
-    if getattr(network, "after", None):
+    if network.after:
         return (f"{network.after}+{upscaler}",)
-    if getattr(network, "light_field", False):
+    if network.light_field:
         return (upscaler,)
     return upscaler, f"{DENOISER}+{upscaler}"
 

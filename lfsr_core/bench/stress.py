@@ -76,7 +76,7 @@ def default_methods(scale: int) -> list[str]:
 
 def _after(network: str) -> str:
     """The prefilter that a network wants before it, with its +."""
-    before = getattr(networks.NETWORKS[network], "after", None)
+    before = networks.NETWORKS[network].after
     return f"{before}+" if before else ""
 
 

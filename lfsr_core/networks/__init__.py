@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 WEIGHTS_FOLDER = Path(__file__).parent / "weights"
 PHOTOGRAPH_UPSCALER = "lfsr_core.networks.adapter:PhotographUpscaler"
+LIGHT_FIELD_UPSCALER = "lfsr_core.networks.elemental:ElementalUpscaler"
+EVERY_SCALE = (2, 3, 4, 5, 8, 10)
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,8 @@ class NetworkSpec:
     ``layers``: auxiliary layers it needs; without them ``fallback`` (another
     name) is used. ``upscaler``: "module:class" taking (name, **settings) and obeying
     the contract of ``upscale.py``. ``weights``: file stem if not the name.
+    ``trained_at``: the one scale it was trained at, if its weights serve all. ``after``: prefilter
+    that must come before it.
     """
 
     description: str
@@ -39,6 +43,20 @@ class NetworkSpec:
     fallback: str | None = None
     upscaler: str = PHOTOGRAPH_UPSCALER
     weights: str | None = None
+    trained_at: int | None = None
+    after: str | None = None
+
+    @property
+    def light_field(self) -> bool:
+        """True for our networks, trained on rendered light fields; the others saw photographs."""
+        return self.upscaler == LIGHT_FIELD_UPSCALER
+
+
+def _ours(description: str, inputs: tuple[str, ...], size: tuple[int, int, int], after: str | None) -> NetworkSpec:
+    width, body_width, blocks = size
+    options = {"inputs": inputs, "base": inputs[0], "width": width, "body_width": body_width, "blocks": blocks}
+    return NetworkSpec(description, "lfsr_core.networks.lightfield:build", options, EVERY_SCALE, ("albedo", "normal"),
+                       upscaler=LIGHT_FIELD_UPSCALER, trained_at=4, after=after)
 
 
 def _paper(convolutions: int, description: str) -> NetworkSpec:
@@ -46,6 +64,10 @@ def _paper(convolutions: int, description: str) -> NetworkSpec:
 
 
 NETWORKS: dict[str, NetworkSpec] = {
+    "refine": _ours("our network after oidn: gives back what it took away, per elemental image",
+                    ("oidn", "color", "alpha", "albedo", "normal"), (8, 16, 1), after="oidn"),
+    "light": _ours("our network without oidn: denoises and upscales each elemental image",
+                   ("color", "alpha", "albedo", "normal"), (16, 32, 2), after=None),
     "paper": _paper(2, "the paper's generator per EI, trained with MSE only"),
     "paper-gan": _paper(2, "the paper's generator per EI, trained with its discriminator"),
     **{f"paper-{n}": _paper(n, f"the paper's generator with {n} convolutions, MSE only") for n in (3, 4, 5, 6)},
@@ -81,7 +103,8 @@ def build(name: str, scale: int) -> nn.Module:
 
 def weights_path(name: str, scale: int, folder: str | Path = WEIGHTS_FOLDER) -> Path:
     """Where the weights of a network at a scale lie, whether they exist or not."""
-    return Path(folder) / f"{spec(name).weights or name}-x{scale}.safetensors"
+    entry = spec(name)
+    return Path(folder) / f"{entry.weights or name}-x{entry.trained_at or scale}.safetensors"
 
 
 def trained_scales(name: str) -> list[int]:
@@ -97,7 +120,7 @@ def load(name: str, scale: int, weights: str | Path | None = None) -> nn.Module:
         scales = ", ".join(map(str, trained_scales(name))) or "no scale"
         raise LfsrError(f"network {name!r} has no weights for scale {scale} (there are some for {scales}): "
                         f"choose another scale or method, or train them with 'lfsr train'")
-    return resolve("lfsr_core.networks.weights:load_into")(network, path, scale).eval()
+    return resolve("lfsr_core.networks.weights:load_into")(network, path, spec(name).trained_at or scale).eval()
 
 
 def upscaler(name: str, **settings: Any) -> Any:

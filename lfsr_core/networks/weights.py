@@ -7,7 +7,6 @@ Nothing is ever unpickled.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,15 +14,12 @@ from typing import Any
 
 import numpy as np
 import torch
-from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 from torch import nn
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, write_json
-
-FORMAT, VERSION = "lfsr-weights", 1
-MAX_BYTES = 1_000_000
+from lfsr_core.networks.tensor_file import FORMAT, MAX_BYTES, VERSION, digest, read
 
 
 def save(path: str | Path, network: nn.Module, scale: int, provenance: Mapping[str, Any],
@@ -61,51 +57,7 @@ def load_into(network: nn.Module, path: str | Path, scale: int) -> nn.Module:
 
 def options_of(path: str | Path) -> dict[str, Any]:
     """Hyper-parameters in the header of a weights file."""
-    return json.loads(_header(Path(path))["options"])
-
-
-def read(path: str | Path) -> tuple[dict[str, str], dict[str, np.ndarray]]:
-    """Header and tensors; LfsrError for a damaged file, another version or a wrong hash."""
-    path = Path(path)
-    header = _header(path)
-    try:
-        with safe_open(path, framework="numpy") as file:
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (no mapping)
-    except (SafetensorError, OSError) as error:
-        raise _damaged(path, error) from None
-    if digest(tensors) != header.get("sha256"):
-        raise LfsrError(f"{path} does not match the SHA-256 in its header: it was changed or damaged, get it again")
-    return header, tensors
-
-
-def digest(tensors: Mapping[str, np.ndarray]) -> str:
-    """SHA-256 over names, types, shapes and bytes, in the order of the names."""
-    state = hashlib.sha256()
-    for name in sorted(tensors):
-        value = np.ascontiguousarray(tensors[name])
-        state.update(f"{name} {value.dtype.str} {value.shape}\n".encode())
-        state.update(value.tobytes())
-    return state.hexdigest()
-
-
-def _header(path: Path) -> dict[str, str]:
-    try:
-        with safe_open(path, framework="numpy") as file:
-            header = file.metadata() or {}
-    except FileNotFoundError:
-        raise LfsrError(f"{path} does not exist, expected weights: train them with 'lfsr train'") from None
-    except (SafetensorError, OSError) as error:
-        raise _damaged(path, error) from None
-    if header.get("format") != FORMAT:
-        raise LfsrError(f"{path} is a safetensors file but not LFSR weights: choose a file written by 'lfsr train'")
-    if header.get("version") != str(VERSION):
-        raise LfsrError(f"{path} has weights format version {header.get('version')!r}, expected {VERSION}: "
-                        f"train it again or use the matching LFSR")
-    return header
-
-
-def _damaged(path: Path, error: Exception) -> LfsrError:
-    return LfsrError(f"{path} cannot be read as safetensors weights ({error}): get it again or train it again")
+    return json.loads(read(path)[0]["options"])
 
 
 def _check_before_saving(path: Path, tensors: Mapping[str, np.ndarray]) -> None:

@@ -9,7 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from lfsr_core import networks
 from lfsr_core.errors import LfsrError
+from lfsr_core.train.lightfield_config import LightFieldTrainConfig
 
 CONFIG_FOLDER = Path(__file__).parent / "configs"
 
@@ -65,7 +67,7 @@ class TrainConfig:
                 raise LfsrError(f"training: {what}: {advice}")
 
 
-def load_config(name: str, settings: Sequence[str] = ()) -> TrainConfig:
+def load_config(name: str, settings: Sequence[str] = ()) -> TrainConfig | LightFieldTrainConfig:
     """Config of a TOML file or of a built-in name such as "paper"; ``settings`` are "key=value".
 
     LfsrError for a missing file, an unknown key (with the nearest) or a wrong type.
@@ -79,9 +81,11 @@ def load_config(name: str, settings: Sequence[str] = ()) -> TrainConfig:
     return from_values(values, name)
 
 
-def from_values(values: dict[str, Any], origin: str) -> TrainConfig:
-    """Config of plain values; LfsrError names what is unknown, missing or of a wrong type."""
-    hints = get_type_hints(TrainConfig)
+def from_values(values: dict[str, Any], origin: str) -> TrainConfig | LightFieldTrainConfig:
+    """Config of plain values, of the kind its network needs; LfsrError names what is unknown, missing or mistyped."""
+    known = networks.NETWORKS.get(values.get("network", ""))
+    kind = LightFieldTrainConfig if known and known.light_field else TrainConfig
+    hints = get_type_hints(kind)
     for key, value in values.items():
         if key not in hints:
             near = difflib.get_close_matches(key, hints, n=1, cutoff=0)[0]
@@ -90,10 +94,10 @@ def from_values(values: dict[str, Any], origin: str) -> TrainConfig:
             values[key] = float(value)
         elif type(value) is not hints[key]:
             raise LfsrError(f"{origin} has {key} = {value!r}, expected a value of type {hints[key].__name__}")
-    for key in ("network", "photographs"):
-        if key not in values:
-            raise LfsrError(f"{origin} has no {key!r}: add it or pass --set {key}=…")
-    return TrainConfig(**values)
+    for field in dataclasses.fields(kind):
+        if field.default is dataclasses.MISSING and field.name not in values:
+            raise LfsrError(f"{origin} has no {field.name!r}: add it or pass --set {field.name}=…")
+    return kind(**values)
 
 
 def builtin_configs() -> list[str]:

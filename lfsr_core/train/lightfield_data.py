@@ -1,4 +1,4 @@
-"""Rendered training scenes on the training device: real Monte Carlo noise, two reference halves."""
+"""Rendered training scenes as batches: real Monte Carlo noise, two reference halves."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LAYER_CHANNELS = {"color": slice(0, 3), "alpha": slice(3, 4), "albedo": slice(4,
 
 @dataclasses.dataclass
 class Scene:
-    """One rendered scene, half floats on the device.
+    """One rendered scene, half floats.
 
     ``low``: {spp: (10, H/s, W/s)} RGBA, albedo, normal; ``oidn``: {spp: (3, ...)};
     ``halves``: (2, 3, H, W), composited over black.
@@ -41,22 +41,22 @@ class Batch:
     lenses: tuple[int, int]
 
 
-def load_scenes(folder: str | Path, device: str) -> list[Scene]:
+def load_scenes(folder: str | Path) -> list[Scene]:
     """Every ``*.npz`` of scripts/training_scenes.py in ``folder``, sorted by name."""
     paths = sorted(Path(folder).glob("*.npz"))
     if not paths:
         raise LfsrError(f"{folder} holds no training scenes (*.npz): render some with scripts/training_scenes.py")
-    return [load_scene(path, device) for path in paths]
+    return [load_scene(path) for path in paths]
 
 
-def load_scene(path: Path, device: str) -> Scene:
+def load_scene(path: Path) -> Scene:
     """One scene file; LfsrError if it is not one."""
     try:
         with np.load(path) as data:
             meta = json.loads(str(data["meta"]))
-            low = {spp: _planes(_bounded_albedo(data[f"lr_{spp}"]), device) for spp in meta["spps"]}
-            oidn = {spp: _planes(data[f"oidn_{spp}"], device) for spp in meta["spps"]}
-            halves = torch.stack([_planes(data[key], device)[:3] for key in ("ref_a", "ref_b")])
+            low = {spp: _planes(_bounded_albedo(data[f"lr_{spp}"])) for spp in meta["spps"]}
+            oidn = {spp: _planes(data[f"oidn_{spp}"]) for spp in meta["spps"]}
+            halves = torch.stack([_planes(data[key])[:3] for key in ("ref_a", "ref_b")])
     except (OSError, ValueError, KeyError) as error:
         raise LfsrError(f"{path} cannot be read as a training scene ({error}): render it again") from None
     return Scene(path.stem, tuple(meta["lenses"]), low, oidn, halves)
@@ -67,15 +67,16 @@ def _bounded_albedo(low: np.ndarray) -> np.ndarray:
     return np.concatenate([low[..., :4], np.minimum(low[..., 4:7], 1), low[..., 7:]], -1)
 
 
-def _planes(array: np.ndarray, device: str) -> Tensor:
-    return torch.from_numpy(np.ascontiguousarray(array.transpose(2, 0, 1))).to(device)
+def _planes(array: np.ndarray) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(array.transpose(2, 0, 1)))
 
 
-def make_batch(scenes: list[Scene], samples: int, rng: np.random.Generator | None = None) -> Batch:
-    """Layers and halves of equal-shaped ``scenes``; with ``rng``, augmented as one."""
-    low = torch.stack([scene.low[samples] for scene in scenes]).float()
-    oidn = torch.stack([scene.oidn[samples] for scene in scenes]).float()
-    halves = torch.stack([scene.halves for scene in scenes]).float()
+def make_batch(scenes: list[Scene], samples: int, device: torch.device | str = "cpu",
+               rng: np.random.Generator | None = None) -> Batch:
+    """Layers and halves of equal-shaped ``scenes`` on ``device``; with ``rng``, augmented as one."""
+    low, oidn, halves = (torch.stack(planes).to(device).float() for planes in (
+        [scene.low[samples] for scene in scenes], [scene.oidn[samples] for scene in scenes],
+        [scene.halves for scene in scenes]))
     lenses = scenes[0].lenses
     if rng is not None:
         low, oidn, halves, lenses = _augment(low, oidn, halves, lenses, rng)

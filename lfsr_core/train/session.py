@@ -14,15 +14,22 @@ import torch
 
 from lfsr_core import __version__, networks
 from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json
 from lfsr_core.networks import weights
 from lfsr_core.networks.count import multiply_adds, parameters
+from lfsr_core.networks.lightfield import LightFieldNet
+from lfsr_core.networks.lightfield import multiply_adds as light_field_multiply_adds
 from lfsr_core.train.comparator import ComparatorTask
 from lfsr_core.train.config import TrainConfig
+from lfsr_core.train.lightfield import LightFieldTask, digest
+from lfsr_core.train.lightfield_config import LightFieldTrainConfig
+from lfsr_core.train.lightfield_data import load_scenes
 from lfsr_core.train.loop import Outcome, Progress, Schedule, Stop, run
 from lfsr_core.train.photographs import Photographs, load_photographs
 
 LONG_SIDE = 1600
 COUNTED_EI = 20
+SCENE_SETTINGS = "settings.json"
 
 
 @dataclass(frozen=True)
@@ -33,39 +40,57 @@ class Trained:
     outcome: Outcome
 
 
-def train(config: TrainConfig, output: str | Path, *, device: str = "auto", resume: bool = False,
-          progress: Progress | None = None, stop: Stop | None = None) -> Trained:
+def train(config: TrainConfig | LightFieldTrainConfig, output: str | Path, *, device: str = "auto",
+          resume: bool = False, progress: Progress | None = None, stop: Stop | None = None) -> Trained:
     """Train as ``config`` says; the weights go to ``output`` with log, curves and checkpoint.
 
     LfsrError for data, device or a checkpoint that do not fit.
     """
     output, chosen = Path(output), choose_device(device)
     torch.backends.cudnn.benchmark = True
-    photographs = load_photographs(config.photographs, LONG_SIDE)
-    validation = load_photographs(config.validation) if config.validation else None
-    task = ComparatorTask(config, photographs, validation, chosen)
+    task, data = _light_field(config, chosen) if isinstance(config, LightFieldTrainConfig) else _comparator(
+        config, chosen)
     schedule = Schedule(config.epochs, config.validate_every, config.checkpoint_every)
     outcome = run(task, schedule, output, resume=resume, progress=progress, stop=stop)
     if outcome.stopped:
         return Trained(None, outcome)
     path = networks.weights_path(config.network, config.scale, output)
-    save_trained(task, path, outcome, photographs, validation)
+    save_trained(task, path, outcome, data)
     return Trained(path, outcome)
 
 
-def save_trained(task: ComparatorTask, path: Path, outcome: Outcome, photographs: Photographs,
-                 validation: Photographs | None) -> None:
+def save_trained(task: ComparatorTask | LightFieldTask, path: Path, outcome: Outcome, data: dict[str, Any]) -> None:
     """Weights and the JSON that says how they came to be."""
-    data = {"photographs": _data_facts(photographs), "validation": validation and _data_facts(validation)}
+    light_field = isinstance(task, LightFieldTask)
     provenance = {
         "network": task.config.network,
         "config": asdict(task.config),
         "data": data,
         "seconds": round(outcome.seconds, 1),
-        "validation": {**outcome.validation, **task.bicubic()},
+        "validation": {**outcome.validation, **({} if light_field else task.bicubic())},
         **facts(task.network, task.device),
     }
-    weights.save(path, task.network, task.config.scale, provenance, networks.spec(task.config.network).options)
+    if light_field:
+        options, network = task.config.options(), task.average
+    else:
+        options, network = networks.spec(task.config.network).options, task.network
+    weights.save(path, network, task.config.scale, provenance, options)
+
+
+def _comparator(config: TrainConfig, device: torch.device) -> tuple[ComparatorTask, dict[str, Any]]:
+    photographs = load_photographs(config.photographs, LONG_SIDE)
+    validation = load_photographs(config.validation) if config.validation else None
+    data = {"photographs": _data_facts(photographs), "validation": validation and _data_facts(validation)}
+    return ComparatorTask(config, photographs, validation, device), data
+
+
+def _light_field(config: LightFieldTrainConfig, device: torch.device) -> tuple[LightFieldTask, dict[str, Any]]:
+    scenes = load_scenes(config.scenes)
+    settings = Path(config.scenes, SCENE_SETTINGS)
+    data = {"scenes": len(scenes), "sha256": digest(scenes),
+            "settings": read_json(settings, "settings of training scenes") if settings.exists() else None}
+    task = LightFieldTask(config, scenes, device)
+    return task, data | {"validation": [scene.name for scene in task.validation]}
 
 
 def facts(network: torch.nn.Module, device: torch.device) -> dict[str, Any]:
@@ -76,8 +101,14 @@ def facts(network: torch.nn.Module, device: torch.device) -> dict[str, Any]:
                      "numpy": np.__version__},
         "device": torch.cuda.get_device_name(device) if device.type == "cuda" else f"CPU {platform.machine()}",
         "parameters": parameters(network),
-        "multiply_adds_per_low_pixel": multiply_adds(network, COUNTED_EI, COUNTED_EI),
+        "multiply_adds_per_low_pixel": _multiply_adds(network),
     }
+
+
+def _multiply_adds(network: torch.nn.Module) -> float:
+    if isinstance(network, LightFieldNet):
+        return light_field_multiply_adds(network.config)
+    return multiply_adds(network, COUNTED_EI, COUNTED_EI)
 
 
 def choose_device(name: str) -> torch.device:

@@ -6,31 +6,65 @@ by mean(a)·mean(b)), so a noisy target biases neither value nor gradient.
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-SIGMA, RADIUS = 1.5, 5
+SIGMA, RADIUS, TILE = 1.5, 5, 40
 C1, C2 = 0.01**2, 0.03**2
 
 
 def blur(maps: Tensor) -> Tensor:
     """Gaussian window, σ = 1.5, 11 taps, reflected borders: (B, C, H, W) -> the same."""
-    taps = torch.exp(-torch.arange(-RADIUS, RADIUS + 1, device=maps.device, dtype=torch.float32) ** 2 / (2 * SIGMA**2))
-    taps = (taps / taps.sum()).to(maps.dtype)
-    b, c, h, w = maps.shape
-    x = F.pad(maps.reshape(b * c, 1, h, w), (RADIUS,) * 4, mode="reflect")
-    # Variances are differences of nearly equal blurs: the ten bits of TF32 are too few.
-    with torch.backends.cudnn.flags(enabled=True, allow_tf32=False):
-        x = F.conv2d(x, taps.view(1, 1, 1, -1))
-        return F.conv2d(x, taps.view(1, 1, -1, 1)).view(b, c, h, w)
+    return _Blur.apply(maps)
+
+
+class _Blur(torch.autograd.Function):
+    """Banded matrix products: on a CPU ten times faster than one-channel convolutions, and so is the gradient."""
+
+    @staticmethod
+    def forward(ctx: Any, maps: Tensor) -> Tensor:
+        ctx.save_for_backward(maps)
+        return _both_ways(F.pad(maps, (RADIUS,) * 4, mode="reflect"))
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> Tensor:
+        maps, = ctx.saved_tensors
+        padded = _both_ways(F.pad(gradient, (2 * RADIUS,) * 4))
+        return torch.ops.aten.reflection_pad2d_backward(padded, maps, (RADIUS,) * 4)
+
+
+def _both_ways(padded: Tensor) -> Tensor:
+    return _along_last(_along_last(padded).transpose(-1, -2)).transpose(-1, -2)
+
+
+def _along_last(padded: Tensor) -> Tensor:
+    """(..., n + 2·RADIUS) -> (..., n), in tiles so that the band fills its matrix."""
+    length = padded.shape[-1] - 2 * RADIUS
+    tile = min(TILE, length)
+    count = -(-length // tile)
+    padded = F.pad(padded, (0, count * tile - length))
+    tiles = padded.unfold(-1, tile + 2 * RADIUS, tile)
+    product = tiles.reshape(-1, tile + 2 * RADIUS) @ _band(tile, padded)
+    return product.view(*padded.shape[:-1], count * tile)[..., :length]
+
+
+def _band(tile: int, like: Tensor) -> Tensor:
+    """(tile + 2·RADIUS, tile) matrix that holds the window in every column."""
+    offset = torch.arange(tile + 2 * RADIUS, device=like.device)[:, None] - torch.arange(tile, device=like.device)
+    offset = (offset - RADIUS).to(like.dtype)
+    weights = torch.exp(-offset**2 / (2 * SIGMA**2)) * (offset.abs() <= RADIUS)
+    return weights / weights[:, :1].sum()
 
 
 def split_ssim_map(x: Tensor, a: Tensor, b: Tensor) -> Tensor:
     """Local split SSIM of x (B, C, H, W) against the halves a and b, values in [0, 1], range 1."""
     channels = x.shape[1]
     mean = (a + b) / 2
-    mx, ma, mb, xx, ab, xm = blur(torch.cat([x, a, b, x * x, a * b, x * mean], 1)).split(channels, 1)
+    mx, xx, xm = blur(torch.cat([x, x * x, x * mean], 1)).split(channels, 1)
+    ma, mb, ab = blur(torch.cat([a, b, a * b], 1)).split(channels, 1)
     mm = (ma + mb) / 2
     cov_x, cov_ab, var_x = xm - mx * mm, ab - ma * mb, xx - mx * mx
     # A noisy cov(a, b) can fall below zero; the floor keeps the quotient bounded, as in metrics.

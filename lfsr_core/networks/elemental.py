@@ -1,0 +1,230 @@
+"""Our networks as upscalers, in NumPy: no engine to install, in Blender neither.
+
+Every step is one matrix product over a few elemental images that stay in a
+core's cache; several threads work on different lenses (see assembly.py). The
+same arithmetic as ``lightfield.LightFieldNet`` followed by linear upscaling.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lfsr_core import networks
+from lfsr_core.errors import LfsrError
+from lfsr_core.networks import tensor_file
+
+if TYPE_CHECKING:
+    from lfsr_core.upscale import LowResEIA
+
+MAX_LOG2_SAMPLES = 12.0
+EIS_IN_CACHE = 4  # per step: the widest layer's patches of 20×20 pixels stay near 1 MB
+KERNEL = "linear"
+ENCODED = ("oidn", "color")
+FLAT = 0.02  # range of encoded values below which an EI has nothing to restore, see docs/networks.md
+
+
+class ElementalUpscaler:
+    """A network of ours followed by linear upscaling, each EI on its own.
+
+    No more than an EI needs: the network runs where ``needs_network`` says so, the
+    others are only upscaled. ``weights``: another file than the shipped one. Where
+    the frame lacks a layer that the network needs, no EI gets it. ``notes`` says
+    what happened.
+    """
+
+    thread_safe = True
+
+    def __init__(self, name: str, *, weights: str | Path | None = None, flat: float | None = None) -> None:
+        self.name, self.counts = name, {"network": 0, "linear": 0}
+        self._weights, self._flat = Path(weights) if weights else None, FLAT if flat is None else flat
+        self._missing: tuple[str, ...] = ()
+        self._lock = threading.Lock()
+
+    @property
+    def notes(self) -> list[str]:
+        """For the report: where the network ran, and why not everywhere."""
+        if self._missing:
+            return [f"{self.name} needs the layers {', '.join(self._missing)}, which this frame lacks: "
+                    "its elemental images were upscaled linearly instead"]
+        total = sum(self.counts.values())
+        return [f"{self.name} ran on {self.counts['network']} of {total} elemental images; the others are flat"]
+
+    def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+        """EIs of ``lenses`` (N, 2), (N, h·s, w·s, 3) float32 scene-linear."""
+        from lfsr_core.upscale import interpolate
+
+        network, (h, w) = self._network(low), low.color.shape[2:4]
+        lenses = np.asarray(lenses)
+        result = np.empty((len(lenses), h * low.scale, w * low.scale, 3), np.float32)
+        for start in range(0, len(lenses), EIS_IN_CACHE):
+            part = slice(start, start + EIS_IN_CACHE)
+            interpolate(self._clean(network, low, lenses[part]), KERNEL, low.scale, result[part])
+        return result
+
+    def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+        """What is upscaled: EIs of ``lenses``, (N, h, w, 3) in the domain of ``upscale.encode``."""
+        return self._clean(self._network(low), low, np.asarray(lenses))
+
+    def _network(self, low: LowResEIA) -> ElementalNetwork | None:
+        network = load(self._weights or networks.weights_path(self.name, low.scale))
+        self._missing = tuple(layer for layer in network.layers if layer not in low.aux)
+        return None if self._missing else network
+
+    def _clean(self, network: ElementalNetwork | None, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+        from lfsr_core.upscale import encode
+
+        images = encode(low.color[lenses[:, 0], lenses[:, 1]])
+        busy = needs_network(images, self._flat) & (network is not None)
+        if network is not None and busy.any():
+            images[busy] = network(*network_inputs(network, low, lenses[busy]))
+        with self._lock:
+            self.counts["network"] += int(busy.sum())
+            self.counts["linear"] += int((~busy).sum())
+        return images
+
+
+def needs_network(images: np.ndarray, flat: float) -> np.ndarray:
+    """(N,) bool: EIs (N, h, w, 3), encoded, whose values differ by more than ``flat`` in some channel."""
+    return (images.max((1, 2)) - images.min((1, 2))).max(-1) > flat
+
+
+def network_inputs(network: ElementalNetwork, low: LowResEIA, lenses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Features (N, h, w, C) and base (N, h, w, 3) of ``lenses``, as in training."""
+    from lfsr_core.upscale import encode
+
+    after_oidn = "oidn" in network.inputs
+    layers = {**low.aux, "alpha": low.alpha, "oidn": low.color, "color": low.aux["noisy"] if after_oidn else low.color}
+    rows, columns = lenses[:, 0], lenses[:, 1]
+    shape = (len(lenses), *low.color.shape[2:4])
+    features = np.empty((*shape, network.input_channels), np.float32)
+    start, base = 0, features[..., :3]
+    for name in network.inputs:
+        values = layers[name][rows, columns]
+        if name in ENCODED:
+            values = encode(values)
+        elif name == "albedo":
+            values = np.minimum(values, 1)  # Cycles adds emission to it
+        end = start + values.shape[-1]
+        features[..., start:end] = values
+        if name == network.base:
+            base = features[..., start:end]
+        start = end
+    features[..., start] = np.log2(low.samples) / MAX_LOG2_SAMPLES
+    return features, base
+
+
+class ElementalNetwork:
+    """The arithmetic of ``lightfield.LightFieldNet`` on channels-last arrays, from its tensors and options."""
+
+    def __init__(self, tensors: Mapping[str, np.ndarray], options: Mapping[str, Any], origin: object) -> None:
+        if options.get("spatial"):
+            raise LfsrError(f"{origin} holds a network with convolutions across lenses, which only training runs: "
+                            "train it again without 'spatial'")
+        self.inputs, self.base = tuple(options["inputs"]), options["base"]
+        self._blocks = int(options["blocks"])
+        # Convolutions as (rows of a patch, outputs) matrices.
+        self._matrix = {name: _matrix(value) for name, value in tensors.items() if name.endswith("weight")}
+        self._bias = {name: value for name, value in tensors.items() if name.endswith("bias")}
+        _check(self, tensors, options, origin)
+
+    @property
+    def input_channels(self) -> int:
+        """Channels of the features, the sample count included."""
+        return sum(1 if name == "alpha" else 3 for name in self.inputs) + 1
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Layers that a frame must have beside colour and alpha."""
+        extra = tuple(name for name in self.inputs if name not in ("oidn", "color", "alpha"))
+        return (*extra, "noisy") if "oidn" in self.inputs else extra
+
+    def __call__(self, features: np.ndarray, base: np.ndarray) -> np.ndarray:
+        """(N, h, w, C) and (N, h, w, 3) -> (N, h, w, 3), in the encoded domain."""
+        h, w = features.shape[1:3]
+        x = _even(_relu(self._conv(features, "stem")))
+        d = _relu(self._dense(_fold(x), "down"))
+        for block in range(self._blocks):
+            for layer in ("angular", "spatial"):
+                d += _relu(self._conv(d, f"body.{block}.{layer}"))
+        x += _unfold(self._dense(d, "up"))
+        correction = self._conv(_relu(x)[:, :h, :w], "out")
+        keep = 1 - np.clip(correction[..., 3:], 0, 1)
+        return base * keep + correction[..., :3]
+
+    def _conv(self, x: np.ndarray, name: str) -> np.ndarray:
+        return self._dense(_patches(x), name)
+
+    def _dense(self, x: np.ndarray, name: str) -> np.ndarray:
+        out = x.reshape(-1, x.shape[-1]) @ self._matrix[f"{name}.weight"]
+        out += self._bias[f"{name}.bias"]
+        return out.reshape(*x.shape[:3], -1)
+
+
+@functools.lru_cache(maxsize=8)
+def load(path: Path) -> ElementalNetwork:
+    """Network of a weights file; LfsrError where it is missing, damaged or another network."""
+    header, tensors = tensor_file.read(path)
+    if header.get("architecture") != "LightFieldNet":
+        raise LfsrError(f"{path} holds weights for architecture {header.get('architecture')!r}, expected "
+                        "'LightFieldNet': choose the file that fits or train it again")
+    return ElementalNetwork(tensors, json.loads(header["options"]), path)
+
+
+def _check(network: ElementalNetwork, tensors: Mapping[str, np.ndarray], options: Mapping[str, Any],
+           origin: object) -> None:
+    """LfsrError unless every tensor has the shape that the options ask for."""
+    width, body = options["width"], options["body_width"]
+    shapes = {"stem": (width, network.input_channels, 3, 3), "down": (body, width, 2, 2), "up": (width * 4, body, 1, 1),
+              "out": (4, width, 3, 3)}
+    shapes |= {f"body.{block}.{layer}": (body, body, 3, 3)
+               for block in range(options["blocks"]) for layer in ("angular", "spatial")}
+    for name, shape in shapes.items():
+        found = tensors.get(f"{name}.weight", np.empty(0)).shape
+        if found != shape or tensors.get(f"{name}.bias", np.empty(0)).shape != shape[:1]:
+            raise LfsrError(f"{origin} has tensor {name!r} of shape {found}, expected {shape}: "
+                            "choose the file that fits or train it again")
+
+
+def _matrix(weight: np.ndarray) -> np.ndarray:
+    """(outputs, inputs, rows, columns) -> (rows·columns·inputs, outputs)."""
+    return np.ascontiguousarray(weight.transpose(2, 3, 1, 0).reshape(-1, len(weight)))
+
+
+def _patches(x: np.ndarray) -> np.ndarray:
+    """(N, h, w, C) -> (N, h, w, 9·C): 3×3 neighbours, the border repeated."""
+    n, h, w, c = x.shape
+    padded = np.pad(x, ((0, 0), (1, 1), (1, 1), (0, 0)), mode="edge")
+    patches = np.empty((n, h, w, 9, c), np.float32)
+    for tap in range(9):
+        row, column = divmod(tap, 3)
+        patches[:, :, :, tap] = padded[:, row:row + h, column:column + w]
+    return patches.reshape(n, h, w, 9 * c)
+
+
+def _even(x: np.ndarray) -> np.ndarray:
+    """The last row and column repeated where their number is odd."""
+    h, w = x.shape[1:3]
+    return np.pad(x, ((0, 0), (0, h % 2), (0, w % 2), (0, 0)), mode="edge") if h % 2 or w % 2 else x
+
+
+def _fold(x: np.ndarray) -> np.ndarray:
+    """(N, 2h, 2w, C) -> (N, h, w, 4·C)."""
+    n, h, w, c = x.shape
+    return x.reshape(n, h // 2, 2, w // 2, 2, c).transpose(0, 1, 3, 2, 4, 5).reshape(n, h // 2, w // 2, 4 * c)
+
+
+def _unfold(x: np.ndarray) -> np.ndarray:
+    """Pixel shuffle: (N, h, w, 4·C), channel c·4 + 2·row + column -> (N, 2h, 2w, C)."""
+    n, h, w, c = x.shape
+    return x.reshape(n, h, w, c // 4, 2, 2).transpose(0, 1, 4, 2, 5, 3).reshape(n, 2 * h, 2 * w, c // 4)
+
+
+def _relu(x: np.ndarray) -> np.ndarray:
+    return np.maximum(x, 0, out=x)
