@@ -14,6 +14,7 @@ import numpy as np
 from lfsr_core.assembly import MAX_WORKERS
 from lfsr_core.color import srgb_encode
 from lfsr_core.comparison import read_half
+from lfsr_core.denoise import denoise_low_resolution, is_available
 from lfsr_core.eia import to_elemental_images
 from lfsr_core.foreground import foreground_mask
 from lfsr_core.frame import LOW_RES_FILE, Frame, read_frame
@@ -30,15 +31,18 @@ FINISHING = ("load", "mask", "assemble", "color", "write")
 
 @dataclasses.dataclass(frozen=True)
 class QuickLook:
-    """What a few samples of every lens tell: ``masks`` (plan_sample.strata_masks), ``features`` (sy, sx, 2), and
-    ``finish``, seconds of the second stage's steps that no method changes."""
+    """What a few samples of every lens tell.
+
+    ``masks``: plan_sample.strata_masks; ``features`` (sy, sx, k): see ``features``;
+    ``finish``: seconds of the second stage's steps that no method changes.
+    """
 
     masks: dict[str, np.ndarray]
     features: np.ndarray
     finish: dict[str, float]
 
     def covariates(self, name: str, lenses: Sequence[Lens]) -> tuple[np.ndarray | None, np.ndarray | None]:
-        """Covariates (n, 2) of sampled foreground lenses and their means over all of them; None for other strata."""
+        """Covariates (n, k) of sampled foreground lenses and their means over all of them; None for other strata."""
         if name != "foreground" or not lenses:
             return None, None
         rows, columns = np.asarray(lenses).T
@@ -86,10 +90,24 @@ def quick_look(folder: Path) -> QuickLook:
     layers, _ = clean(read_layers(folder / LOW_RES_FILE))
     mask, wide = (foreground_mask(layers, frame.rays.tiles, reach) for reach in (0, 1))
     low = low_resolution(layers, frame)
-    shown = srgb_encode(low.color)
-    features = np.stack([low.alpha.mean((2, 3, 4)), shown.std((2, 3)).mean(-1)], -1)
     seconds = upscale_frame(folder, FILL_METHOD if frame.scale > 1 else "none")["seconds"]
-    return QuickLook(strata_masks(mask, wide), features, {name: seconds[name] for name in FINISHING})
+    return QuickLook(strata_masks(mask, wide), features(low), {name: seconds[name] for name in FINISHING})
+
+
+def features(low: LowResEIA) -> np.ndarray:
+    """What may explain a lens's accuracy, (sy, sx, 3): its coverage, how noisy it is, how much detail it shows.
+
+    Noise: split SSIM of the quick look against itself denoised; detail: mean step
+    between pixels of the denoised one. Where no denoiser is, contrast stands for both.
+    """
+    shown, coverage = srgb_encode(low.color), low.alpha.mean((2, 3, 4))
+    if not is_available():
+        return np.stack([coverage, shown.std((2, 3)).mean(-1)], -1)
+    denoised = srgb_encode(denoise_low_resolution(low).color)
+    noisy, smooth = (values.reshape(-1, *values.shape[2:]) for values in (shown, denoised))
+    alike = stacked_ssim(smooth, noisy, noisy).mean((1, 2)).reshape(coverage.shape)
+    detail = sum(np.abs(np.diff(denoised, axis=axis)).mean((2, 3, 4)) for axis in (2, 3))
+    return np.stack([coverage, alike, detail], -1)
 
 
 def score(folder: Path, name: str, mosaic: Mosaic, truth: Truth) -> Scores:
