@@ -7,6 +7,7 @@ measures them, ``plan_times`` predicts times; ``docs/plan.md`` explains the rule
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 
@@ -19,6 +20,7 @@ from lfsr_core.upscale import DEFAULT_METHOD, METHODS, PREFILTERS, method
 METRICS = ("ssim_eia_fg", "ssim_eia")
 SCALES, SAMPLES = (1, 2, 4, 8), (4, 16, 64, 256)
 USUAL_LAYERS = ("albedo", "normal")
+BETWEEN = "between two that were measured"
 AS_GOOD = 1.05  # times of candidates that count as equal: then the simpler method is taken
 MOST_KEPT = 0.8  # of a gain may come again with the next step of samples, when the end of the steps is guessed
 
@@ -52,7 +54,10 @@ class Candidate:
 
 @dataclasses.dataclass(frozen=True)
 class Rated:
-    """What is known of a candidate; ``estimate`` None where it was not measured, then ``note`` says why."""
+    """What is known of a candidate; ``estimate`` None where it was not measured, then ``note`` says why.
+
+    The note of one that lies between two measured ones is BETWEEN.
+    """
 
     candidate: Candidate
     seconds: float
@@ -121,6 +126,20 @@ def default_methods() -> tuple[str, ...]:
     return tuple(dict.fromkeys(usable))
 
 
+def between(spps: Sequence[int], steps: int) -> list[tuple[int, int, int, float]]:
+    """(samples, fewer, more, weight of more): ``steps`` counts between each two of ``spps``, in equal ratios.
+
+    Accuracy grows with the logarithm of the samples, and ever more slowly: the
+    weighted mean of both neighbours is near it and rather too low.
+    """
+    found = []
+    for fewer, more in itertools.pairwise(sorted(spps)):
+        counts = {round(fewer * (more / fewer) ** (step / (steps + 1))) for step in range(1, steps + 1)}
+        found += [(spp, fewer, more, math.log(spp / fewer) / math.log(more / fewer))
+                  for spp in sorted(counts - {fewer, more})]
+    return found
+
+
 def layers_of(names: Iterable[str]) -> tuple[str, ...]:
     """Auxiliary layers to render for these methods: what denoisers look at, and what a network asks for."""
     parts = {part for name in names for part in name.split("+")}
@@ -179,7 +198,8 @@ def _limit(best: Rated, rated: Sequence[Rated], target: float, most_seconds: flo
     if best.estimate.mean >= target:
         return ("certainty: the best candidate's mean reaches the target, its lower bound does not; "
                 "look at more lenses (--lenses)")
-    if asymptote([row.estimate.mean for row in chain(best, rated)]) >= target:
+    means = [row.estimate.mean for row in chain(best, rated) if row.note != BETWEEN]
+    if asymptote(means) >= target:
         return f"noise: accuracy still grows with the samples; try more than {best.candidate.spp}"
     if best.candidate.scale == 1:
         return "noise: more samples hardly help any more at full resolution; try another method"

@@ -21,7 +21,7 @@ from lfsr_core.files import read_json, write_json
 from lfsr_core.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame
 from lfsr_core.plan import Candidate, Choice, Rated
 from lfsr_core.plan_options import Options
-from lfsr_core.plan_score import Scores, Truth, quick_look, score, stage_time
+from lfsr_core.plan_score import Truth, quick_look, score, stage_time
 from lfsr_core.plan_statistics import Estimate, Stratum, estimate
 from lfsr_core.plan_times import TimeModel, path_samples
 from lfsr_core.render_job import Job
@@ -235,21 +235,30 @@ class _Planner:
     def rated(self) -> list[Rated]:
         """What is known by now, cheapest first."""
         times = self._times()
-        rows = [Rated(candidate, times.seconds(candidate, self.display), self._estimate(candidate),
+        rows = [Rated(candidate, times.seconds(candidate, self.display),
+                      self._estimate(self.scores[candidate].values) if candidate in self.scores else None,
                       self.notes.get(candidate, "")) for candidate in self.wanted]
+        rows += [Rated(candidate, times.seconds(candidate, self.display), self._estimate(values), plan.BETWEEN)
+                 for candidate, values in self._between()]
         return sorted(rows, key=lambda row: row.seconds)
 
-    def _estimate(self, candidate: Candidate) -> Estimate | None:
-        scores: Scores | None = self.scores.get(candidate)
-        if scores is None:
-            return None
+    def _between(self) -> Iterator[tuple[Candidate, np.ndarray]]:
+        """Candidates between measured ones, and the accuracy (n,) of each lens there."""
+        for scale, method in sorted({(candidate.scale, candidate.method) for candidate in self.scores}):
+            known = {candidate.spp: scores.values for candidate, scores in self.scores.items()
+                     if (candidate.scale, candidate.method) == (scale, method)}
+            for spp, fewer, more, weight in plan.between(list(known), self.options.between):
+                yield Candidate(scale, spp, method), (1 - weight) * known[fewer] + weight * known[more]
+
+    def _estimate(self, of_lenses: np.ndarray) -> Estimate:
+        """Mean over the display from the accuracy (n,) of every sampled lens."""
         whole, strata, start = self.options.metric == "ssim_eia", [], 0
         for name in plan_sample.STRATA:
             rows = slice(start, start + len(self.strata[name]))
             start = rows.stop
             if name == "rest" and not whole:
                 continue
-            values = scores.values[rows]
+            values = of_lenses[rows]
             inside = np.ones(len(values), bool) if whole or name == "foreground" else self.truth.hits[rows]
             strata.append(Stratum(int(self.quick.masks[name].sum()), values, inside,
                                   *self.quick.covariates(name, self.strata[name])))

@@ -17,7 +17,8 @@ class Options:
 
     ``target``: accuracy by ``metric`` of plan.METRICS, in (0, 1). ``scales``,
     ``spps``, ``methods``: as for ``plan.candidates``; ``renders``: of those only
-    these pairs of scale and samples. ``most_seconds``: longest
+    these pairs of scale and samples; ``between``: sample counts judged between
+    each two that are measured. ``most_seconds``: longest
     time of a frame. ``share``: of the dearest candidate's path samples that the
     sample may take. ``lenses``: sample just so many instead. ``reference_spp``:
     of the sampled lenses' reference. LfsrError for what cannot be.
@@ -29,6 +30,7 @@ class Options:
     spps: tuple[int, ...] = plan.SAMPLES
     methods: tuple[str, ...] | None = None
     renders: tuple[tuple[int, int], ...] | None = None
+    between: int = 3
     most_seconds: float = math.inf
     share: float = 0.05
     lenses: int | None = None
@@ -45,6 +47,8 @@ class Options:
             raise LfsrError(f"number of lenses is {self.lenses}, but a plan needs at least 4 to know how sure it is")
         if self.reference_spp < 4:
             raise LfsrError(f"reference samples are {self.reference_spp}, but its four quarters need at least 4")
+        if self.between < 0:
+            raise LfsrError(f"between is {self.between}, but it must be 0 or more sample counts")
         if not self.most_seconds > 0:
             raise LfsrError(f"seconds are {self.most_seconds}, but a frame takes more than 0")
 

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from typing import Any
 
-from lfsr_core.plan import Choice, Rated
+from lfsr_core.plan import BETWEEN, Choice, Rated
 from lfsr_core.plan_measure import Planned
 from lfsr_core.plan_options import Options
 from lfsr_core.render_job import Job
@@ -15,8 +15,9 @@ HEADINGS = ("", "scale", "spp", "method", "seconds", "accuracy", "95 % above", "
 
 
 def table(planned: Planned, options: Options) -> str:
-    """Candidates, cheapest first, then what the sample cost and the choice in a sentence."""
-    rows = [HEADINGS, *(_row(row, planned.choice, options) for row in planned.rated)]
+    """Measured candidates and the chosen one, cheapest first, what the sample cost, the choice in a sentence."""
+    shown = [row for row in planned.rated if row.note != BETWEEN or row is planned.choice.chosen]
+    rows = [HEADINGS, *(_row(row, planned.choice, options) for row in shown)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(HEADINGS))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     return "\n".join([*lines, "", cost(planned), sentence(planned.choice, options)])

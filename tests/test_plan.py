@@ -92,6 +92,18 @@ def test_gains_that_shrink_end_where_their_sum_does():
     assert asymptote([0.9, 0.95, 0.94]) == 0.94
 
 
+@given(st.lists(st.integers(1, 4096), min_size=1, max_size=5, unique=True), st.integers(0, 5))
+def test_between_lies_between(spps, steps):
+    for spp, fewer, more, weight in plan.between(spps, steps):
+        assert fewer < spp < more and 0 < weight < 1
+        assert fewer in spps and more in spps and not any(fewer < other < more for other in spps)
+    assert plan.between(spps, 0) == []
+
+
+def test_between_goes_in_equal_ratios():
+    assert [(spp, weight) for spp, _, _, weight in plan.between([4, 64], 3)] == [(8, 0.25), (16, 0.5), (32, 0.75)]
+
+
 def test_candidates_are_all_combinations_the_display_and_methods_allow():
     found = candidates(MINI, None, (4, 16), ("bilinear", "oidn+bilinear"))
     assert {candidate.scale for candidate in found} == {1, 2, 4, 8}
@@ -131,7 +143,7 @@ def test_impossible_candidates_are_refused(arguments, told):
 
 
 @pytest.mark.parametrize("wrong", [{"target": 1.0}, {"target": 0.0}, {"metric": "psnr"}, {"share": 0.0}, {"lenses": 3},
-                                   {"reference_spp": 3}, {"most_seconds": 0.0}])
+                                   {"reference_spp": 3}, {"between": -1}, {"most_seconds": 0.0}])
 def test_impossible_options_are_refused(wrong):
     with pytest.raises(LfsrError, match="but"):
         Options(**wrong)

@@ -18,7 +18,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frame import LOW_RES_FILE, REFERENCE_FILES, write_frame
 from lfsr_core.image_io import write_layers
 from lfsr_core.pipeline import finished_linear
-from lfsr_core.plan import Candidate
+from lfsr_core.plan import BETWEEN, Candidate
 from lfsr_core.plan_measure import make_plan
 from lfsr_core.plan_options import Options
 from lfsr_core.plan_report import as_json, sentence, table
@@ -31,7 +31,7 @@ NOISE = 0.3  # of one sample
 SECONDS_PER_SAMPLE = 1e-5
 JOB = Job(output=".", display=MINI, scene="scene.blend", seed=5)
 OPTIONS = Options(target=0.9, scales=(2, 4), spps=(4, 16, 64), methods=("nearest", "bilinear"), lenses=40,
-                  reference_spp=1024)
+                  reference_spp=1024, between=0)
 
 
 def noisy(image: np.ndarray, spp: int, seed: int) -> np.ndarray:
@@ -109,6 +109,18 @@ def test_chosen_meets_the_target_and_dearer_candidates_were_not_rendered(tmp_pat
     assert (2, 64) not in {(job.scale, job.spp) for job in jobs}
     skipped = [row for row in planned.rated if row.note.startswith("not needed")]
     assert skipped and all(row.estimate is None and row.seconds > chosen.seconds for row in skipped)
+
+
+def test_between_measured_sample_counts_the_estimates_are_near_the_truth_too(tmp_path):
+    options = dataclasses.replace(OPTIONS, scales=(2,), methods=("bilinear",), between=1)
+    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    found = [row for row in planned.rated if row.note == BETWEEN]
+    assert [row.candidate.spp for row in found] == [8, 32]
+    for row in found:
+        true = truth(tmp_path / f"truth{row.candidate.spp}", row.candidate)
+        assert -0.02 < row.estimate.mean - true < 3 * row.estimate.error + 0.004
+    text = table(planned, options)
+    assert len(text.splitlines()) == 1 + 3 + 3
 
 
 def test_random_numbers_of_every_render_are_its_own(tmp_path, rendered):

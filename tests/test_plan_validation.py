@@ -13,7 +13,7 @@ from test_plan_measure import JOB, render
 
 from lfsr_core.bench import plan_blocks, plan_truth
 from lfsr_core.bench.plan_truth import Actual
-from lfsr_core.bench.plan_validation import judge, main, summary
+from lfsr_core.bench.plan_validation import judge, main, summary, with_between
 from lfsr_core.eia import to_elemental_images
 from lfsr_core.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame
 from lfsr_core.image_io import read_layers
@@ -66,7 +66,7 @@ def test_replayed_references_show_both_halves(bench, tmp_path):
 
 def test_plans_are_held_against_the_truth(bench, tmp_path, capsys):
     arguments = [str(bench), "-o", str(tmp_path / "out"), "--json", str(tmp_path / "plans.json"), "--replay", "--seeds",
-                 "0-3", "--targets", "0.5,0.6,0.9", "--methods", "nearest,bilinear", "--lenses", "40"]
+                 "0-3", "--targets", "0.5,0.6,0.9", "--methods", "nearest,bilinear", "--lenses", "40", "--between", "1"]
     assert main(arguments) == 0
     data = json.loads((tmp_path / "plans.json").read_text())
     rows, whole = data["plans"], data["summary"]
@@ -98,6 +98,12 @@ def test_a_plan_that_promises_too_much_is_found_out():
     found = summary([wrong, wasteful, nothing])
     assert (found["met"], found["nothing_chosen_though_possible"], found["cheap_enough"]) == (0.5, 1, 0.0)
     assert found["bounds_below_the_truth"] == 0.5 and math.isclose(found["mean_share_of_seconds"], 0.04)
+
+
+def test_truths_between_are_means_of_both():
+    truths = {Candidate(4, 4, "bilinear"): Actual(0.9, 2.0), Candidate(4, 16, "bilinear"): Actual(0.94, 5.0)}
+    found = with_between(truths, 1)
+    assert len(found) == 3 and found[Candidate(4, 8, "bilinear")] == Actual(pytest.approx(0.92), pytest.approx(3.0))
 
 
 def test_a_method_of_single_lenses_needs_no_neighbours(bench, capsys):

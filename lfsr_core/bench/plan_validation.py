@@ -23,7 +23,7 @@ from lfsr_core.bench import plan_truth
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import write_json
 from lfsr_core.frame import read_frame
-from lfsr_core.plan import Candidate, samples_of
+from lfsr_core.plan import BETWEEN, Candidate, between, samples_of
 from lfsr_core.plan_measure import Planned, Render, make_plan, rendering
 from lfsr_core.plan_options import Options
 from lfsr_core.render_job import Job
@@ -40,7 +40,7 @@ def validate(folder: Path, render: Render, options: Options, targets: Sequence[f
     frame = read_frame(folder / plan_truth.REFERENCE)
     options = dataclasses.replace(options, renders=tuple(plan_truth.renders(folder)))
     job = Job(output=str(work), display=frame.display, scene=scene_file, layers=("albedo", "normal"), seed=seed)
-    truths = _truths(folder, options.candidates(job.display), options.metric, cache)
+    truths = with_between(_truths(folder, options.candidates(job.display), options.metric, cache), options.between)
     rows = []
     for target in targets:
         planned = make_plan(job, dataclasses.replace(options, target=target), render, work)
@@ -53,7 +53,7 @@ def judge(planned: Planned, truths: Truths, target: float, job: Job) -> dict[str
     meeting = [candidate for candidate, true in truths.items() if true.accuracy >= target]
     best = min(meeting, key=lambda candidate: truths[candidate].seconds, default=None)
     row = planned.choice.chosen
-    measured = [r for r in planned.rated if r.estimate is not None and r.candidate in truths]
+    measured = [r for r in planned.rated if r.estimate is not None and r.note != BETWEEN and r.candidate in truths]
     result = {"chosen": row and row.candidate.name, "hindsight": best and best.name, "met": None, "cost": None,
               "samples": None, "sample": planned.sample, "limit": planned.choice.limit,
               "covered": [r.estimate.low <= truths[r.candidate].accuracy for r in measured],
@@ -68,6 +68,19 @@ def judge(planned: Planned, truths: Truths, target: float, job: Job) -> dict[str
         result |= {"cost": true.seconds / truths[best].seconds,
                    "samples": samples_of(row.candidate, job.display) / samples_of(best, job.display)}
     return result
+
+
+def with_between(truths: Truths, steps: int) -> Truths:
+    """``truths`` and those between them, by the same rule as a plan's (plan.between); seconds grow with the samples."""
+    found = dict(truths)
+    for scale, method in {(candidate.scale, candidate.method) for candidate in truths}:
+        known = {c.spp: true for c, true in truths.items() if (c.scale, c.method) == (scale, method)}
+        for spp, fewer, more, weight in between(list(known), steps):
+            low, high, share = known[fewer], known[more], (spp - fewer) / (more - fewer)
+            accuracy = low.accuracy + weight * (high.accuracy - low.accuracy)
+            seconds = low.seconds + share * (high.seconds - low.seconds)
+            found[Candidate(scale, spp, method)] = plan_truth.Actual(accuracy, seconds)
+    return found
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -133,7 +146,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     folders = plan_truth.scenes(options.bench)
     files = {path.stem: str(path.resolve()) for path in options.scenes}
     wanted = Options(metric=options.metric, spps=options.spps, methods=options.methods, lenses=options.lenses,
-                     share=options.budget, reference_spp=options.reference_spp)
+                     between=options.between, share=options.budget, reference_spp=options.reference_spp)
     rows: list[dict[str, Any]] = []
     try:
         for folder in folders:
@@ -177,6 +190,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seeds", type=_ints, default=(101,))
     parser.add_argument("--metric", default=Options.metric)
     parser.add_argument("--spps", type=_ints, default=Options.spps)
+    parser.add_argument("--between", type=int, default=Options.between)
     parser.add_argument("--methods", type=lambda text: tuple(text.split(",")), default=None)
     parser.add_argument("--lenses", type=int, default=None)
     parser.add_argument("--budget", type=float, default=Options.share)

@@ -20,6 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--metric", metavar="NAME", help="ssim_eia_fg (default) or ssim_eia, see docs/metrics.md")
     parser.add_argument("--scales", type=_numbers, metavar="N,N", help="default: those of 1,2,4,8 the display has")
     parser.add_argument("--spps", type=_numbers, metavar="N,N", help="samples per pixel, default: 4,16,64,256")
+    parser.add_argument("--between", type=int, metavar="N",
+                        help="sample counts judged between each two of --spps, default: 3")
     parser.add_argument("--methods", type=_names, metavar="NAME,NAME", help="default: the default method and its parts")
     parser.add_argument("--seconds", dest="most_seconds", type=float, metavar="N", help="longest time of a frame")
     parser.add_argument("--budget", dest="share", type=float, metavar="0..1",
@@ -39,7 +41,8 @@ def run(arguments: argparse.Namespace) -> None:
     from lfsr_core.plan_options import Options
     from lfsr_core.plan_report import as_json, table
 
-    names = ("target", "metric", "scales", "spps", "methods", "most_seconds", "share", "lenses", "reference_spp")
+    names = ("target", "metric", "scales", "spps", "between", "methods", "most_seconds", "share", "lenses",
+             "reference_spp")
     options = Options(**{name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None})
     layers = layers_of(options.methods or default_methods())
     job = _scene.make_job(arguments, output=".", spp=1, layers=layers, scale=1)
