@@ -114,10 +114,11 @@ def test_candidates_are_all_combinations_the_display_and_methods_allow():
 
 
 def test_a_network_is_a_candidate_only_where_it_was_trained():
-    found = candidates(MINI, (2, 4), (4,), ("bilinear", "paper"))
-    assert {candidate.scale for candidate in found if candidate.method == "paper"} == {4}
-    with pytest.raises(LfsrError, match="no method of paper works at scale 2"):
-        candidates(MINI, (2,), (4,), ("paper",))
+    assert plan.methods_at(4, ("bilinear", "paper")) == ("bilinear", "paper")
+    assert plan.methods_at(2, ("bilinear", "paper")) == ("bilinear",)
+    assert plan.methods_at(1, ("bilinear", "oidn+bilinear")) == ("none", "oidn")
+    with pytest.raises(LfsrError, match="no method of none works at scale 2"):
+        candidates(MINI, (2,), (4,), ("none",))
 
 
 def test_layers_are_what_denoisers_and_networks_look_at(monkeypatch):
