@@ -9,6 +9,11 @@ from lfsr_core.errors import LfsrError
 
 DENOISER = "oidn"
 # The pure second stage knows more; these are worth a menu entry, best first.
+OURS = {
+    "oidn+refine": ("Denoise + Refine", "Open Image Denoise on the whole array, then our network gives back the detail "
+                                        "that it took away"),
+    "light": ("Light", "Our network alone denoises and upscales each elemental image: no Open Image Denoise, fastest"),
+}
 CLASSICAL = {
     "oidn+bilinear": ("Denoise + Bilinear", "Open Image Denoise on the whole array, then linear views"),
     "oidn+bicubic": ("Denoise + Bicubic", "Open Image Denoise on the whole array, then sharper bicubic views"),
@@ -25,9 +30,9 @@ FEATURES = ("albedo", "normal")
 
 def method_items() -> list[tuple[str, str, str, str, int]]:
     """Enum items; each has a number of its own, so that new methods do not change saved scenes."""
-    entries = {name: (title, text, "NONE") for name, (title, text) in CLASSICAL.items()}
+    entries = {name: (title, text, "NONE") for name, (title, text) in (OURS | CLASSICAL).items()}
     for name, text in networks.NAMES.items():
-        if networks.trained_scales(name):
+        if networks.trained_scales(name) and not networks.NETWORKS[name].light_field:
             entries[name] = (name.replace("-", " ").title(), text[:1].upper() + text[1:], "NODETREE")
     return [(name, *entry, zlib.crc32(name.encode()) & 0x7FFFFFFF) for name, entry in entries.items()]
 

@@ -8,11 +8,11 @@ import sys
 from collections.abc import Sequence
 
 from lfsr_core import __version__
-from lfsr_core.commands import chart, compare, displays, plan, reference, render, stress, train, upscale, views
+from lfsr_core.commands import chart, compare, displays, fit, plan, reference, render, stress, train, upscale, views
 from lfsr_core.errors import LfsrError
 
 # A verb is a module with NAME, HELP, add_arguments(parser) and run(args); it imports what is slow inside run.
-VERBS = (displays, render, upscale, plan, reference, compare, chart, views, stress, train)
+VERBS = (displays, render, upscale, plan, reference, compare, chart, views, stress, train, fit)
 
 EXIT_BAD_INPUT, EXIT_INTERRUPTED = 2, 130
 

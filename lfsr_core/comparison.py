@@ -30,7 +30,7 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
     frame, truth = read_frame(folder), read_frame(reference)
     check_reference(frame, truth)
     report = read_json(folder / REPORT_FILE, "the report of `lfsr render` or `lfsr upscale`")
-    image = finished_linear(folder, report["method"], dilate=report.get("dilate", 0))
+    image = finished_linear(folder, report["method"], dilate=report.get("dilate", 0), weights=report.get("weights"))
     (half_a, hit_a), (half_b, hit_b) = (read_half(reference / name, truth) for name in REFERENCE_FILES)
     mask, true_mask = read_mask(folder / MASK_FILE), hit_a | hit_b
     lenses = frame.display.lenses

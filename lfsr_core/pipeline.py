@@ -17,22 +17,24 @@ from lfsr_core.foreground import foreground_mask
 from lfsr_core.frame import EIA_FILE, EIA_LINEAR_FILE, LOW_RES_FILE, MASK_FILE, REPORT_FILE, Frame, read_frame
 from lfsr_core.image_io import HALF_MAX, clean, read_layers, write_layers, write_mask, write_png
 from lfsr_core.stages import Progress, StageClock, peak_bytes, silent
-from lfsr_core.upscale import LowResEIA, Method, method
+from lfsr_core.upscale import PLAIN_METHOD, LowResEIA, Method, method
 
-FILL_METHOD = "bilinear"
+FILL_METHOD = PLAIN_METHOD
 
 
 def upscale_frame(folder: str | Path, method_name: str, *, step: int | None = None, dilate: int = 0,
-                  linear_exr: bool = False, progress: Progress | None = None) -> dict[str, Any]:
+                  linear_exr: bool = False, weights: str | Path | None = None,
+                  progress: Progress | None = None) -> dict[str, Any]:
     """Write eia.png, mask.png and report.json (and eia.exr) of a rendered frame folder; return the report.
 
     ``method_name`` as in ``upscale.METHODS``; ``step``: elemental images per
     call of the method (default: one row of lenses); ``dilate``: lenses by which
-    the foreground mask grows; ``progress(stage, fraction, message)``. LfsrError
-    for bad input; then nothing in the folder is half-written.
+    the foreground mask grows; ``weights``: file for the method's network instead of
+    the shipped one; ``progress(stage, fraction, message)``. LfsrError for bad input;
+    then nothing in the folder is half-written.
     """
     folder, clock, progress = Path(folder), StageClock(), progress or silent
-    chosen, frame = method(method_name), read_frame(folder)
+    chosen, frame = method(method_name, weights), read_frame(folder)
     show = ViewTransform(frame.color)
     plan, replaced = _prepare(folder, frame, chosen, dilate, clock, progress)
     background = np.asarray(frame.display.background, np.float32)
@@ -52,17 +54,18 @@ def upscale_frame(folder: str | Path, method_name: str, *, step: int | None = No
     upscale_all(plan, step, finish, clock, progress)
     with clock("write"):
         _write(folder, pixels, linear, plan.mask, progress)
-    report = _report(method_name, plan, frame, clock) | {"replaced_pixels": replaced, "dilate": dilate}
+    report = _report(method_name, plan, frame, clock) | {
+        "replaced_pixels": replaced, "dilate": dilate, "weights": str(weights) if weights else None}
     write_json(folder / REPORT_FILE, report)
     return report
 
 
 def finished_linear(folder: str | Path, method_name: str, *, step: int | None = None, dilate: int = 0,
-                    progress: Progress | None = None) -> np.ndarray:
+                    weights: str | Path | None = None, progress: Progress | None = None) -> np.ndarray:
     """The finished EIA, (H, W, 3) float32, scene-linear, in view order: what metrics compare. Writes nothing."""
     folder, clock, progress = Path(folder), StageClock(), progress or silent
     frame = read_frame(folder)
-    plan, _ = _prepare(folder, frame, method(method_name), dilate, clock, progress)
+    plan, _ = _prepare(folder, frame, method(method_name, weights), dilate, clock, progress)
     result = filled(plan.size, np.asarray(frame.display.background, np.float32))
 
     def finish(lenses: np.ndarray, images: np.ndarray) -> None:

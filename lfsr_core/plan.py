@@ -15,7 +15,7 @@ from lfsr_core import networks
 from lfsr_core.display import DisplayProfile
 from lfsr_core.errors import LfsrError
 from lfsr_core.plan_statistics import Estimate
-from lfsr_core.upscale import DEFAULT_METHOD, METHODS, PREFILTERS, method
+from lfsr_core.upscale import DEFAULT_METHOD, METHODS, PLAIN_METHOD, PREFILTERS, method
 
 METRICS = ("ssim_eia_fg", "ssim_eia")
 SCALES, SAMPLES = (1, 2, 4, 8), (4, 16, 64, 256)
@@ -113,15 +113,13 @@ def candidates(display: DisplayProfile, scales: Sequence[int] | None = None, spp
 
 
 def default_methods() -> tuple[str, ...]:
-    """The default method, its upscaler alone, and every prefilter before that upscaler, alone and after the denoiser.
-
-    Whatever prefilters exist; those that need Open Image Denoise only where it is there.
-    """
+    """Simple upscaling and our networks, each where it belongs, without and with the denoiser if it is there."""
     from lfsr_core.denoise import is_available
 
-    simple, denoiser = DEFAULT_METHOD.split("+")[-1], next(iter(PREFILTERS))
-    names = [simple, *(f"{name}+{simple}" for name in PREFILTERS), DEFAULT_METHOD]
-    names += [f"{denoiser}+{name}+{simple}" for name in PREFILTERS if name != denoiser]
+    ours = [f"{entry.after}+{name}" if entry.after else name for name, entry in networks.NETWORKS.items()
+            if entry.light_field]
+    names = [PLAIN_METHOD, *ours, *(f"{name}+{PLAIN_METHOD}" for name in PREFILTERS), DEFAULT_METHOD]
+    denoiser = next(iter(PREFILTERS))
     usable = [name for name in names if denoiser not in name.split("+") or is_available()]
     return tuple(dict.fromkeys(usable))
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -119,7 +120,8 @@ PREFILTERS: dict[str, tuple[str, Callable[[LowResEIA], LowResEIA]]] = {
     "oidn": ("Open Image Denoise on the whole array", denoise_low_resolution),
 }
 METHODS: dict[str, str] = {**{name: entry[0] for name, entry in (CLASSICAL | PREFILTERS).items()}, **networks.NAMES}
-DEFAULT_METHOD = "oidn+bilinear"  # more accurate than oidn+bicubic, see docs/measurements.md
+PLAIN_METHOD = "bilinear"  # after OIDN more accurate than bicubic, see docs/measurements.md
+DEFAULT_METHOD = "oidn+refine"  # see docs/networks.md
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,10 +139,11 @@ class Method:
         return low
 
 
-def method(name: str) -> Method:
+def method(name: str, weights: str | Path | None = None) -> Method:
     """Method of a name such as "bicubic" or "oidn+bicubic"; "oidn" alone upscales nothing.
 
-    LfsrError for an unknown part, with the nearest name, or a wrong order.
+    ``weights``: a file for its network instead of the shipped one. LfsrError for
+    an unknown part, with the nearest name, a wrong order, or weights without a network.
     """
     parts = [part.strip() for part in name.split("+")]
     for part in parts:
@@ -152,7 +155,7 @@ def method(name: str) -> Method:
             raise LfsrError(f"method {name!r} has upscaler {part!r} before its last part, but only "
                             f"{', '.join(PREFILTERS)} can stand there: put one upscaler last")
     _check_order(name, parts)
-    return Method(name, tuple(PREFILTERS[part][1] for part in parts[:-1]), _load(parts[-1]))
+    return Method(name, tuple(PREFILTERS[part][1] for part in parts[:-1]), _load(parts[-1], weights))
 
 
 def _check_order(name: str, parts: Sequence[str]) -> None:
@@ -168,10 +171,13 @@ def _check_known(part: str) -> None:
         raise LfsrError(f"unknown method {part!r}: {hint}Choose from {', '.join(METHODS)}, joined by '+'")
 
 
-def _load(name: str) -> Upscaler:
-    if name in CLASSICAL:
-        return CLASSICAL[name][1]
-    return networks.upscaler(name)
+def _load(name: str, weights: str | Path | None) -> Upscaler:
+    if name in networks.NETWORKS:
+        return networks.upscaler(name, **({"weights": weights} if weights else {}))
+    if weights:
+        raise LfsrError(f"weights {weights} were given, but {name!r} is no network: choose one of "
+                        f"{', '.join(networks.NETWORKS)} or leave them out")
+    return CLASSICAL[name][1]
 
 
 def encode(linear: np.ndarray) -> np.ndarray:

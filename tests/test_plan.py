@@ -15,9 +15,9 @@ from lfsr_core.plan import Candidate, Rated, asymptote, candidates, chain, choos
 from lfsr_core.plan_options import Options
 from lfsr_core.plan_statistics import Estimate
 from lfsr_core.plan_times import StageTime, TimeModel, path_samples
-from lfsr_core.upscale import DEFAULT_METHOD
+from lfsr_core.upscale import DEFAULT_METHOD, PLAIN_METHOD
 
-SIMPLE = DEFAULT_METHOD.split("+")[-1]
+SIMPLE = PLAIN_METHOD
 METHODS = ("bilinear", "oidn+bilinear", "bicubic")
 
 

@@ -86,23 +86,20 @@ def render_folder(scene_folder: Path, scale: int, samples: int) -> Path:
 
 
 def default_methods() -> tuple[str, ...]:
-    """Every upscaler alone and after the denoiser, as far as it is meant to be; other prefilters before the default's.
+    """Every upscaler alone and after the denoiser, as far as it is meant to be; the default method first.
 
     Taken from ``upscale.METHODS``, so that a method that is added there is measured without being named here.
     """
-    last = DEFAULT_METHOD.rsplit("+", maxsplit=1)[-1]
     upscalers = [name for name in METHODS if name not in PREFILTERS and name != AS_RENDERED]
-    chains = [chain for name in upscalers for chain in _chains(name)]
-    chains += [f"{name}+{last}" for name in PREFILTERS if name != DENOISER]
-    return tuple(dict.fromkeys([DEFAULT_METHOD, *chains]))
+    return tuple(dict.fromkeys([DEFAULT_METHOD, *(chain for name in upscalers for chain in _chains(name))]))
 
 
 def _chains(upscaler: str) -> tuple[str, ...]:
     """The ways to use one upscaler: networks of ours were trained for one of them only."""
     network = networks.NETWORKS.get(upscaler)
-    if network.after:
+    if network and network.after:
         return (f"{network.after}+{upscaler}",)
-    if network.light_field:
+    if network and network.light_field:
         return (upscaler,)
     return upscaler, f"{DENOISER}+{upscaler}"
 

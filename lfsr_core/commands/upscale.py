@@ -10,7 +10,7 @@ from lfsr_core.progress import ProgressBar
 
 NAME = "upscale"
 HELP = "redo only the second stage of a rendered frame folder"
-METHOD_WITHOUT_DENOISER, METHOD_AT_FULL_RESOLUTION = "bicubic", "oidn"
+METHOD_WITHOUT_DENOISER, METHOD_AT_FULL_RESOLUTION = "light", "oidn"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,6 +24,8 @@ def add_method_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--method", metavar="NAME", help="joined by +, as in oidn+bicubic; default: the best there is")
     parser.add_argument("--dilate", type=int, default=0, metavar="N",
                         help="grow the foreground mask by N lenses, for parts too thin for sparse views")
+    parser.add_argument("--weights", type=Path, metavar="FILE", help="weights of `lfsr fit` or `lfsr train` "
+                                                                    "for the method's network")
     parser.add_argument("--step", type=int, metavar="N", help="elemental images per call of the method")
     parser.add_argument("--linear-exr", action="store_true", help="also write the scene-linear eia.exr")
 
@@ -53,7 +55,7 @@ def upscale(folder: Path, method: str, arguments: argparse.Namespace) -> None:
     progress = ProgressBar()
     try:
         report = upscale_frame(folder, method, step=arguments.step, dilate=arguments.dilate,
-                               linear_exr=arguments.linear_exr, progress=progress)
+                               linear_exr=arguments.linear_exr, weights=arguments.weights, progress=progress)
     finally:
         progress.close()
     times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report["seconds"].items())

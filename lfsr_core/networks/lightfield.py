@@ -50,6 +50,12 @@ def decode(encoded: Tensor) -> Tensor:
     return encoded.clamp(0, 1).square() * (2 * (encoded.clamp_min(1) - 1)).exp()
 
 
+def display_values(encoded: Tensor) -> Tensor:
+    """Working domain to what metrics see: sRGB values clipped to [0, 1]."""
+    linear = encoded.clamp(0, 1).square()
+    return torch.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear.clamp_min(0.0031308) ** (1 / 2.4) - 0.055)
+
+
 def upscale(low: Tensor, scale: int) -> Tensor:
     """Linear inside each EI, as the method "bilinear": (N, C, h, w) -> (N, C, s·h, s·w)."""
     return F.interpolate(low, scale_factor=scale, mode="bilinear", align_corners=False)

@@ -13,32 +13,34 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from lfsr_core.networks.lightfield import LightFieldNet, encode, upscale
+from lfsr_core.networks.lightfield import LightFieldNet, display_values, encode, upscale
 from lfsr_core.train.lightfield_config import LightFieldTrainConfig
 from lfsr_core.train.lightfield_data import Batch, Scene, from_eis, make_batch, network_inputs, to_eis
-from lfsr_core.train.split_ssim import masked_mean, split_squared_error, split_ssim_map
+from lfsr_core.train.split_ssim import masked_mean, split_error_map
 
 EMA_DECAY = 0.998
 VALIDATION_SHARE = 12
 WARM_UP_STEPS = 200
 LEAST_RATE = 0.01
+SAMPLE_WEIGHT = 0.4
 RIVAL = "oidn"
 
 
 def loss_terms(output: Tensor, batch: Batch) -> dict[str, Tensor]:
-    """Losses of upscaled output (N, 3, H', W') over foreground EIs, in the working domain clipped to [0, 1].
+    """Losses of upscaled output (N, 3, H', W') over foreground EIs.
 
-    ``eia`` and ``views``: 1 - split SSIM; ``pixel``: L1 to the halves' mean;
-    ``error``: split squared error, reported only.
+    ``eia`` and ``views``: normalised errors of what metrics see, near 1 - SSIM;
+    ``pixel``: split squared error in the working domain, where highlights count.
     """
     raw = from_eis(output.float(), batch.lenses)
-    image, halves = raw.clamp(0, 1), encode(batch.halves)
-    a, b = halves[:, 0].clamp(0, 1), halves[:, 1].clamp(0, 1)
-    mask = foreground(batch, raw.shape)
-    pixel = (raw - encode(batch.halves.mean(1))).abs().clamp_max(1)
-    return {"eia": 1 - masked_mean(split_ssim_map(image, a, b), mask),
-            "views": 1 - _view_ssim(image, a, b, mask, batch.lenses),
-            "pixel": masked_mean(pixel, mask), "error": masked_mean(split_squared_error(image, a, b), mask)}
+    halves = [encode(half) for half in batch.halves.unbind(1)]
+    a, b = (display_values(half) for half in halves)
+    guide = upscale(encode(batch.layers["guide"]), raw.shape[-1] // _width(batch))
+    guide = display_values(from_eis(guide, batch.lenses))
+    image, mask = display_values(raw), foreground(batch, raw.shape)
+    return {"eia": masked_mean(split_error_map(image, a, b, guide), mask),
+            "views": _views_error((image, a, b, guide), mask, batch.lenses),
+            "pixel": masked_mean((raw - halves[0]) * (raw - halves[1]), mask)}
 
 
 def foreground(batch: Batch, shape: torch.Size) -> Tensor:
@@ -49,9 +51,14 @@ def foreground(batch: Batch, shape: torch.Size) -> Tensor:
     return from_eis(hit.float().expand(-1, 1, *size), batch.lenses)
 
 
-def _view_ssim(image: Tensor, a: Tensor, b: Tensor, mask: Tensor, lenses: tuple[int, int], stride: int = 3) -> Tensor:
-    """Mean split SSIM of every ``stride``-th decoded view: small pictures, one pixel per lens."""
-    px, py = image.shape[-1] // lenses[0], image.shape[-2] // lenses[1]
+def _width(batch: Batch) -> int:
+    """Low-resolution columns of the whole EIA."""
+    return batch.layers["guide"].shape[-1] * batch.lenses[0]
+
+
+def _views_error(images: tuple[Tensor, ...], mask: Tensor, lenses: tuple[int, int], stride: int = 3) -> Tensor:
+    """Mean normalised error of every ``stride``-th decoded view: small pictures, one pixel per lens."""
+    px, py = mask.shape[-1] // lenses[0], mask.shape[-2] // lenses[1]
     rows = torch.arange(torch.randint(stride, ()).item(), py, stride)
     columns = torch.arange(torch.randint(stride, ()).item(), px, stride)
 
@@ -59,7 +66,7 @@ def _view_ssim(image: Tensor, a: Tensor, b: Tensor, mask: Tensor, lenses: tuple[
         x = x.view(x.shape[0], x.shape[1], lenses[1], py, lenses[0], px)[:, :, :, rows][..., columns]
         return x.permute(0, 3, 5, 1, 2, 4).reshape(-1, x.shape[1], lenses[1], lenses[0])
 
-    return masked_mean(split_ssim_map(views(image), views(a), views(b)), views(mask))
+    return masked_mean(split_error_map(*map(views, images)), views(mask))
 
 
 def _clean(batch: Batch, scale: int) -> Batch:
@@ -100,12 +107,14 @@ class LightFieldTask:
             batch = _clean(batch, self.config.scale)
         terms = loss_terms(self.run(self.network, batch), batch)
         loss = terms["eia"] + self.config.view_weight * terms["views"] + self.config.pixel_weight * terms["pixel"]
+        # Errors shrink with the samples; all sample counts should matter alike.
+        loss = loss * batch.samples**SAMPLE_WEIGHT
         self._optimizer.zero_grad(set_to_none=True)
         loss.backward()
         if torch.isfinite(torch.nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)):
             self._optimizer.step()
         self._follow(self._epoch * self.config.steps_per_epoch + index)
-        return {name: value.detach() for name, value in terms.items() if name != "error"}
+        return {name: value.detach() for name, value in terms.items()}
 
     def draw(self) -> Batch:
         """Random augmented batch of equal-shaped scenes at one sample count."""
@@ -124,7 +133,7 @@ class LightFieldTask:
 
     @torch.no_grad()
     def validate(self) -> dict[str, float]:
-        """Mean split SSIM over validation scenes at each sample count, of the network and of OIDN alone."""
+        """Mean losses over validation scenes at each sample count, of the network and of OIDN alone."""
         sums: dict[str, list[float]] = defaultdict(list)
         for scene in self.validation:
             for samples in sorted(scene.low):
@@ -132,9 +141,8 @@ class LightFieldTask:
                 outputs = {self.config.network: self.run(self.average, batch),
                            RIVAL: upscale(encode(batch.layers["oidn"]), self.config.scale)}
                 for name, output in outputs.items():
-                    terms = loss_terms(output, batch)
-                    sums[f"{name}.ssim_eia_{samples}"].append(1 - terms["eia"].item())
-                    sums[f"{name}.ssim_views_{samples}"].append(1 - terms["views"].item())
+                    for term, value in loss_terms(output, batch).items():
+                        sums[f"{name}.{term}_{samples}"].append(value.item())
         return {name: round(float(np.mean(values)), 5) for name, values in sums.items()}
 
     def state(self) -> dict[str, Any]:

@@ -17,8 +17,8 @@ class LightFieldTrainConfig:
 
     ``scale``: of those scenes. An epoch is ``steps_per_epoch`` batches of
     ``batch`` whole scenes at one sample count each. ``view_weight``,
-    ``pixel_weight``: of the loss over decoded views and of L1 per pixel, beside 1
-    for the split SSIM of the EIA. ``clean_inputs``: the ablation that trains on
+    ``pixel_weight``: of the loss over decoded views and of the squared error, beside 1
+    for the EIA. ``clean_inputs``: the ablation that trains on
     downsampled references instead of renders. ``without``: inputs to leave out;
     ``spatial``, ``width``, ``body_width``, ``blocks``: another architecture than the registered one.
     """
@@ -32,14 +32,14 @@ class LightFieldTrainConfig:
     batch: int = 1
     rate: float = 2e-3
     view_weight: float = 0.5
-    pixel_weight: float = 1.0
+    pixel_weight: float = 10.0
     clean_inputs: bool = False
     without: str = ""
     spatial: bool = False
     width: int = 0
     body_width: int = 0
     blocks: int = -1
-    validate_every: int = 5
+    validate_every: int = 2
     checkpoint_every: int = 1
 
     @property

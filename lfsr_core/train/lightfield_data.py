@@ -33,7 +33,10 @@ class Scene:
 
 @dataclasses.dataclass
 class Batch:
-    """Per-EI inputs of B scenes (N = B·sy·sx) and the images they should become."""
+    """Per-EI inputs of B scenes (N = B·sy·sx) and the images they should become.
+
+    ``layers``: those a network sees, and "guide", the colour of the render with most samples, denoised.
+    """
 
     layers: dict[str, Tensor]
     samples: int
@@ -74,13 +77,14 @@ def _planes(array: np.ndarray) -> Tensor:
 def make_batch(scenes: list[Scene], samples: int, device: torch.device | str = "cpu",
                rng: np.random.Generator | None = None) -> Batch:
     """Layers and halves of equal-shaped ``scenes`` on ``device``; with ``rng``, augmented as one."""
-    low, oidn, halves = (torch.stack(planes).to(device).float() for planes in (
+    low, oidn, guide, halves = (torch.stack(planes).to(device).float() for planes in (
         [scene.low[samples] for scene in scenes], [scene.oidn[samples] for scene in scenes],
-        [scene.halves for scene in scenes]))
-    lenses = scenes[0].lenses
+        [scene.oidn[max(scene.oidn)] for scene in scenes], [scene.halves for scene in scenes]))
+    lenses, oidn = scenes[0].lenses, torch.cat([oidn, guide], 1)
     if rng is not None:
         low, oidn, halves, lenses = _augment(low, oidn, halves, lenses, rng)
-    layers = {name: low[:, part] for name, part in LAYER_CHANNELS.items()} | {"oidn": oidn}
+    layers = {name: low[:, part] for name, part in LAYER_CHANNELS.items()}
+    layers |= {"oidn": oidn[:, :3], "guide": oidn[:, 3:]}
     return Batch({name: to_eis(value, lenses) for name, value in layers.items()}, samples, halves, lenses)
 
 
@@ -103,7 +107,8 @@ def _augment(low: Tensor, oidn: Tensor, halves: Tensor, lenses: tuple[int, int],
     gain = torch.as_tensor(2 ** (rng.normal(0, 0.5, (low.shape[0], 1)) + rng.normal(0, 0.15, (low.shape[0], 3))),
                            device=low.device, dtype=torch.float32)[:, :, None, None]
     low = torch.cat([low[:, order] * gain, low[:, 3:4], low[:, 4 + order], low[:, 7:]], 1)
-    return low, oidn[:, order] * gain, halves[:, :, order] * gain[:, None], lenses
+    oidn = torch.cat([oidn[:, order], oidn[:, 3 + order]], 1) * gain.repeat(1, 2, 1, 1)
+    return low, oidn, halves[:, :, order] * gain[:, None], lenses
 
 
 def to_eis(image: Tensor, lenses: tuple[int, int]) -> Tensor:

@@ -72,9 +72,24 @@ def split_ssim_map(x: Tensor, a: Tensor, b: Tensor) -> Tensor:
     return (2 * mx * mm + C1) * (2 * cov_x + C2) / bottom
 
 
-def split_squared_error(x: Tensor, a: Tensor, b: Tensor) -> Tensor:
-    """Unbiased squared error map (x - a)·(x - b)."""
-    return (x - a) * (x - b)
+def split_error_map(x: Tensor, a: Tensor, b: Tensor, guide: Tensor) -> Tensor:
+    """What SSIM punishes, as a loss for noisy halves: local split errors of structure and of mean, normalised.
+
+    1 - SSIM is near their sum over the energies of image and reference. With few samples
+    the reference's own energy is too noisy for a denominator: small values count too
+    much, and a network learns to sharpen. So the energy of ``guide`` stands for it, a
+    cleaner if softer picture, and all energies are constants: what is left is linear in
+    the reference.
+    """
+    channels = x.shape[1]
+    mean = (a + b) / 2
+    mx, xx, xm = blur(torch.cat([x, x * x, x * mean], 1)).split(channels, 1)
+    ma, mb, ab, mg, gg = blur(torch.cat([a, b, a * b, guide, guide * guide], 1)).split(channels, 1)
+    mm = (ma + mb) / 2
+    structure = (xx - mx * mx) + (ab - ma * mb) - 2 * (xm - mx * mm)
+    level = mx * mx + ma * mb - 2 * mx * mm
+    contrast = ((xx - mx * mx).clamp_min(0) + (gg - mg * mg).clamp_min(0)).detach()
+    return structure / (contrast + C2) + level / ((mx * mx).detach() + mg * mg + C1)
 
 
 def masked_mean(values: Tensor, mask: Tensor) -> Tensor:

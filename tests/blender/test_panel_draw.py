@@ -50,8 +50,8 @@ def properties(drawn: list) -> set[str]:
 
 def test_with_an_array(scene):
     drawn = draw_all()
-    assert list(drawn) == ["Display", "Camera Array", "Scene Check", "Quality", "Least That Will Do", "Render", "Preview",
-                           "Reference"]
+    assert list(drawn) == ["Display", "Camera Array", "Scene Check", "Quality", "Least That Will Do", "Render",
+                           "Preview", "Reference"]
     assert "16 × 12" in labels(drawn["Display"]) and "64 × 48 px" in labels(drawn["Display"])
     assert {"lfsr.array_fit", "lfsr.array_remove"} <= operators(drawn["Camera Array"])
     assert {"distance", "spacing", "show_frustum"} <= properties(drawn["Camera Array"])

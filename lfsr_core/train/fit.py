@@ -1,0 +1,136 @@
+"""Fitting one of our networks to the scene at hand: a few reference lenses, seconds to a minute.
+
+The result serves that scene only, also over an animation; it is reported apart
+from the general weights, on lenses that the fit has not seen.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from lfsr_core import networks
+from lfsr_core.comparison import read_half
+from lfsr_core.eia import to_elemental_images
+from lfsr_core.errors import LfsrError
+from lfsr_core.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame
+from lfsr_core.image_io import clean, read_layers
+from lfsr_core.metrics import check_reference
+from lfsr_core.networks import elemental, weights
+from lfsr_core.networks.lightfield import LightFieldNet, encode, upscale
+from lfsr_core.pipeline import low_resolution
+from lfsr_core.stages import Progress, silent
+from lfsr_core.train.split_ssim import split_ssim_map
+from lfsr_core.upscale import method
+
+BATCH, RATE, HELD_OUT_SHARE, LEAST_LENSES = 16, 5e-4, 4, 8
+STEPS_PER_MESSAGE = 25
+
+
+@dataclasses.dataclass(frozen=True)
+class Lenses:
+    """Network inputs and both reference halves of N foreground lenses, (N, C, h, w) and (N, 3, h·s, w·s)."""
+
+    features: Tensor
+    base: Tensor
+    halves: tuple[Tensor, Tensor]
+    scale: int
+
+    def take(self, index: np.ndarray) -> Lenses:
+        """The lenses of ``index``."""
+        chosen = torch.from_numpy(index)
+        return dataclasses.replace(self, features=self.features[chosen], base=self.base[chosen],
+                                   halves=tuple(half[chosen] for half in self.halves))
+
+
+def fit(folder: str | Path, reference: str | Path, output: str | Path, *, name: str = "refine", lenses: int = 24,
+        seconds: float = 60.0, seed: int = 0, progress: Progress | None = None) -> dict[str, Any]:
+    """Continue training network ``name`` on ``lenses`` foreground lenses of ``reference`` and write it to ``output``.
+
+    Returns what the provenance says: "before" and "after", mean split SSIM of EIs
+    over the other foreground lenses of the reference. LfsrError if there are too few.
+    """
+    data = lenses_of(Path(folder), Path(reference), name)
+    order = np.random.default_rng(seed).permutation(len(data.features))
+    count = min(lenses, len(order) - max(1, len(order) // HELD_OUT_SHARE))
+    if count < LEAST_LENSES:
+        raise LfsrError(f"{reference} shows {len(order)} foreground lenses, but a fit needs {LEAST_LENSES} and some to "
+                        "check it: render a reference of more lenses")
+    seen, unseen = data.take(order[:count]), data.take(order[count:])
+    network = networks.load(name, data.scale)
+    torch.manual_seed(seed)
+    before = score(network, unseen)
+    fitted, steps = _descend(network, seen, seconds, progress or silent)
+    facts = {"network": name, "fitted_to": str(folder), "lenses": count, "seconds": seconds, "steps": steps,
+             "seed": seed, "unseen_lenses": len(order) - count, "before": before, "after": score(fitted, unseen)}
+    weights.save(output, fitted, networks.spec(name).trained_at or data.scale, facts, networks.spec(name).options)
+    return facts
+
+
+def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
+    """Foreground lenses of ``reference``, as network ``name`` sees them in ``folder``; LfsrError if they differ."""
+    frame, truth = read_frame(folder), read_frame(reference)
+    check_reference(frame, truth)
+    low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame)
+    before = networks.spec(name).after
+    low = method(f"{before}+{name}" if before else name).prepare(low)
+    halves, hits = zip(*(read_half(reference / file, truth) for file in REFERENCE_FILES), strict=True)
+    py, px = low.color.shape[2] * frame.scale, low.color.shape[3] * frame.scale
+    tiles = [to_elemental_images(half, (half.shape[1] // px, half.shape[0] // py)).reshape(-1, py, px, 3)
+             for half in halves]
+    places = np.array(truth.lens_list if truth.lens_list is not None else list(np.ndindex(low.color.shape[:2])))
+    chosen = np.flatnonzero((hits[0] | hits[1]).reshape(-1)[:len(places)])
+    shipped = elemental.load(networks.weights_path(name, frame.scale))
+    missing = [layer for layer in shipped.layers if layer not in low.aux]
+    if missing:
+        raise LfsrError(f"{folder} lacks the layers {', '.join(missing)} that {name!r} needs: "
+                        "render it again with --layers albedo,normal")
+    features, base = elemental.network_inputs(shipped, low, places[chosen])
+    return Lenses(_planes(features), _planes(base), tuple(encode(_planes(tile[chosen])).clamp(0, 1) for tile in tiles),
+                  frame.scale)
+
+
+def score(network: LightFieldNet, data: Lenses) -> float:
+    """Mean split SSIM of the EIs, in the working domain."""
+    with torch.no_grad():
+        parts = [_losses(network, data.take(index))[0] * len(index)
+                 for index in np.array_split(np.arange(len(data.base)), -(-len(data.base) // BATCH))]
+    return round(float(sum(parts)) / len(data.base), 5)
+
+
+def _losses(network: LightFieldNet, data: Lenses) -> tuple[Tensor, Tensor]:
+    """Mean split SSIM, and L1 to the halves' mean."""
+    image = upscale(network(data.features, data.base, (len(data.base), 1)), data.scale)
+    a, b = data.halves
+    return split_ssim_map(image.clamp(0, 1), a, b).mean(), F.l1_loss(image, (a + b) / 2)
+
+
+def _descend(network: LightFieldNet, seen: Lenses, seconds: float, progress: Progress) -> tuple[LightFieldNet, int]:
+    """Gradient steps for ``seconds``; the network and their number."""
+    network = copy.deepcopy(network).train()
+    optimizer = torch.optim.Adam(network.parameters(), RATE)
+    started, steps, rng = time.monotonic(), 0, np.random.default_rng(torch.initial_seed() % 2**32)
+    while (elapsed := time.monotonic() - started) < seconds:
+        for group in optimizer.param_groups:
+            group["lr"] = RATE * max(0.05, 1 - elapsed / seconds)
+        batch = seen.take(rng.choice(len(seen.base), min(BATCH, len(seen.base)), replace=False))
+        ssim, pixel = _losses(network, batch)
+        optimizer.zero_grad(set_to_none=True)
+        (1 - ssim + pixel).backward()
+        optimizer.step()
+        steps += 1
+        if steps % STEPS_PER_MESSAGE == 0:
+            progress("fit", elapsed / seconds, f"{steps} steps")
+    return network.eval(), steps
+
+
+def _planes(values: np.ndarray) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(values.transpose(0, 3, 1, 2)))
