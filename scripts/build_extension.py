@@ -57,8 +57,8 @@ RUNTIME_WHEELS = (
     Wheel("threadpoolctl", "one BLAS thread per worker: cores would wait for each other without it; 0.03 MB"),
 )
 # Left out, since Blender brings them: NumPy, OpenImageIO, OpenColorIO, Open Image Denoise (libOpenImageDenoise, read
-# by lfsr_core/oidn.py; the pyoidn wheel would add 48 to 88 MB per platform). Left out, since no shipped method runs
-# on it without PyTorch: ONNX Runtime, 15 to 24 MB per platform and Python. docs/extension.md has the measurements.
+# by lfsr_core/oidn.py; the pyoidn wheel would add 48 to 88 MB per platform). Left out, since our networks run in NumPy:
+# ONNX Runtime, 15 to 24 MB per platform and Python. docs/extension.md has the measurements.
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -10,10 +10,10 @@ import torch
 
 from lfsr_core import networks
 from lfsr_core.errors import LfsrError
-from lfsr_core.networks import elemental, weights
+from lfsr_core.networks import elemental, lightfield, weights
 from lfsr_core.networks.elemental import ElementalNetwork, ElementalUpscaler, needs_network, network_inputs
 from lfsr_core.train.lightfield_data import network_inputs as training_inputs
-from lfsr_core.upscale import LowResEIA, method
+from lfsr_core.upscale import LowResEIA, decode, method
 
 GRID, SIDE = (3, 4), 6
 LENSES = np.array([(0, 0), (2, 3), (1, 1), (0, 2), (2, 0)])
@@ -105,6 +105,23 @@ def test_flat_elemental_images_need_no_network(low, file):
     everywhere = ElementalUpscaler("refine", weights=file, flat=-1)(low, LENSES)
     np.testing.assert_array_equal(everywhere[1:], result[1:])
     assert np.abs(everywhere[0] - result[0]).max() > 1e-3
+
+
+def test_each_elemental_image_keeps_the_light_it_was_rendered_with(low, file):
+    weights.save(file, networks.build("refine", 4), 4, {}, networks.spec("refine").options)
+    rendered = low.color * np.random.default_rng(3).uniform(0.9, 1.1, (*GRID, 1, 1, 3)).astype(np.float32)
+    low = dataclasses.replace(low, aux={**low.aux, "noisy": rendered})
+    kept = decode(ElementalUpscaler("refine", weights=file, flat=-1).clean(low, LENSES)).mean((1, 2))
+    np.testing.assert_allclose(kept, rendered[LENSES[:, 0], LENSES[:, 1]].mean((1, 2)), rtol=1e-3)
+
+
+def test_light_is_kept_as_in_training():
+    rng = np.random.default_rng(4)
+    encoded, light = (rng.uniform(0, 1.5, shape).astype(np.float32) for shape in ((5, 6, 7, 3), (5, 1, 1, 3)))
+    planes = [torch.from_numpy(np.ascontiguousarray(v.transpose(0, 3, 1, 2))) for v in (encoded, light)]
+    expected = lightfield.conserve(*planes).permute(0, 2, 3, 1).numpy()
+    np.testing.assert_allclose(elemental.conserve(encoded, light), expected, rtol=1e-4, atol=2e-4)
+    assert np.isfinite(elemental.conserve(np.zeros((1, 4, 4, 3), np.float32), light[:1])).all()
 
 
 def test_flatness_is_judged_per_channel():

@@ -21,6 +21,7 @@ from lfsr_core.networks.lightfield import (
     upscale,
 )
 from lfsr_core.split_estimates import split_ssim_map as reference_ssim_map
+from lfsr_core.train import lightfield as training
 from lfsr_core.train import session
 from lfsr_core.train.config import from_values
 from lfsr_core.train.lightfield import LightFieldTask
@@ -54,7 +55,7 @@ def folder(tmp_path):
 def test_working_domain_is_that_of_the_second_stage():
     linear = torch.linspace(0, 60, 5001)
     assert torch.allclose(decode(encode(linear)), linear, rtol=1e-4, atol=1e-5)
-    np.testing.assert_allclose(encode(linear).numpy(), interpolation.encode(linear.numpy()), atol=1e-6)
+    np.testing.assert_allclose(encode(linear).numpy(), interpolation.encode(linear.numpy()), atol=2e-4)
 
 
 def test_losses_see_what_metrics_see():
@@ -136,6 +137,16 @@ def test_loss_of_noisy_halves_is_lowest_at_the_truth():
                   for gain in (0.8, 1.0, 1.25)}
         assert losses[1.0] == min(losses.values()), noise
         assert losses[1.0] == pytest.approx(0, abs=0.02)
+
+
+def test_the_curve_darkens_noise_as_much_as_is_added_back():
+    torch.manual_seed(0)
+    linear = torch.full((1, 3, 96, 96), 0.3)
+    a, b = linear * (1 + 0.3 * torch.randn(2, 1, 3, 96, 96))
+    curve = [display_values(encode(x)).mean() for x in (linear, a, b)]
+    lost = curve[0] - (curve[1] + curve[2]) / 2
+    assert training.noise_darkening(a, b).mean().item() == pytest.approx(lost.item(), rel=0.25)
+    assert lost > 0.004
 
 
 def test_elemental_images_and_back():

@@ -212,7 +212,7 @@ def test_prefilters_see_the_low_resolution_eia_before_the_upscaler(tmp_path, mon
     def doubled(low):
         return dataclasses.replace(low, color=2 * low.color)
 
-    monkeypatch.setattr(pipeline, "method", lambda name: Method(name, (doubled,), method("nearest").upscaler))
+    monkeypatch.setattr(pipeline, "method", lambda name, *_: Method(name, (doubled,), method("nearest").upscaler))
     np.testing.assert_allclose(pipeline.finished_linear(tmp_path, "doubled+nearest"), expected, rtol=1e-6)
 
 
@@ -236,7 +236,7 @@ class OneAtATime:
 def test_an_upscaler_that_is_not_thread_safe_runs_alone_in_steps(tmp_path, monkeypatch):
     write_render(tmp_path)
     upscaler = OneAtATime()
-    monkeypatch.setattr(pipeline, "method", lambda name: Method(name, (), upscaler))
+    monkeypatch.setattr(pipeline, "method", lambda name, *_: Method(name, (), upscaler))
     report = pipeline.upscale_frame(tmp_path, "anything", step=5)
     assert not upscaler.overlapped
     assert max(upscaler.calls) == 5

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from lfsr_core.upscale import LowResEIA
 
 MAX_LOG2_SAMPLES = 12.0
+LEAST_LIGHT, MAX_GAIN = 1e-4, 2.0
 EIS_IN_CACHE = 4  # per step: the widest layer's patches of 20×20 pixels stay near 1 MB
 KERNEL = "linear"
 ENCODED = ("oidn", "color")
@@ -83,7 +84,9 @@ class ElementalUpscaler:
         images = encode(low.color[lenses[:, 0], lenses[:, 1]])
         busy = needs_network(images, self._flat) & (network is not None)
         if network is not None and busy.any():
-            images[busy] = network(*network_inputs(network, low, lenses[busy]))
+            cleaned = network(*network_inputs(network, low, lenses[busy]))
+            rendered = low.aux.get("noisy", low.color) if "oidn" in network.inputs else low.color
+            images[busy] = conserve(cleaned, rendered[lenses[busy, 0], lenses[busy, 1]].mean((1, 2), keepdims=True))
         with self._lock:
             self.counts["network"] += int(busy.sum())
             self.counts["linear"] += int((~busy).sum())
@@ -93,6 +96,18 @@ class ElementalUpscaler:
 def needs_network(images: np.ndarray, flat: float) -> np.ndarray:
     """(N,) bool: EIs (N, h, w, 3), encoded, whose values differ by more than ``flat`` in some channel."""
     return (images.max((1, 2)) - images.min((1, 2))).max(-1) > flat
+
+
+def conserve(encoded: np.ndarray, light: np.ndarray) -> np.ndarray:
+    """EIs (N, h, w, 3), encoded, scaled to the mean scene-linear ``light`` (N, 1, 1, 3) they were rendered with.
+
+    The render's mean over an EI is unbiased and has little noise; a network's is neither.
+    """
+    from lfsr_core.upscale import decode, encode
+
+    linear = decode(encoded)
+    gain = (light + LEAST_LIGHT) / (linear.mean((1, 2), keepdims=True) + LEAST_LIGHT)
+    return encode(linear * np.clip(gain, 1 / MAX_GAIN, MAX_GAIN))
 
 
 def network_inputs(network: ElementalNetwork, low: LowResEIA, lenses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

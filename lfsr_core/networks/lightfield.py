@@ -14,6 +14,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 MAX_LOG2_SAMPLES = 12.0
+LEAST_LIGHT, MAX_GAIN = 1e-4, 2.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,7 +43,8 @@ class LightFieldConfig:
 
 def encode(linear: Tensor) -> Tensor:
     """Scene-linear >= 0 to the working domain of ``upscale.encode``: √x up to 1, 1 + ½·ln x above."""
-    return linear.clamp(0, 1).sqrt() + 0.5 * linear.clamp_min(1).log()
+    # The slope of a root at 0 has no end.
+    return linear.clamp(1e-8, 1).sqrt() + 0.5 * linear.clamp_min(1).log()
 
 
 def decode(encoded: Tensor) -> Tensor:
@@ -54,6 +56,16 @@ def display_values(encoded: Tensor) -> Tensor:
     """Working domain to what metrics see: sRGB values clipped to [0, 1]."""
     linear = encoded.clamp(0, 1).square()
     return torch.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear.clamp_min(0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def conserve(encoded: Tensor, light: Tensor) -> Tensor:
+    """EIs (N, 3, h, w) of the working domain, scaled to their rendered mean, scene-linear ``light`` (N, 3, 1, 1).
+
+    The render's mean over an EI is unbiased and has little noise; a network's is neither.
+    """
+    linear = decode(encoded)
+    gain = (light + LEAST_LIGHT) / (linear.mean((2, 3), keepdim=True) + LEAST_LIGHT)
+    return encode(linear * gain.clamp(1 / MAX_GAIN, MAX_GAIN))
 
 
 def upscale(low: Tensor, scale: int) -> Tensor:

@@ -13,16 +13,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from lfsr_core.networks.lightfield import LightFieldNet, display_values, encode, upscale
+from lfsr_core.networks.lightfield import LightFieldNet, conserve, display_values, encode, upscale
 from lfsr_core.train.lightfield_config import LightFieldTrainConfig
 from lfsr_core.train.lightfield_data import Batch, Scene, from_eis, make_batch, network_inputs, to_eis
-from lfsr_core.train.split_ssim import masked_mean, split_error_map
+from lfsr_core.train.split_ssim import blur, masked_mean, split_error_map
 
 EMA_DECAY = 0.998
 VALIDATION_SHARE = 12
 WARM_UP_STEPS = 200
 LEAST_RATE = 0.01
 SAMPLE_WEIGHT = 0.4
+MOST_DARKENING = 0.1
 RIVAL = "oidn"
 
 
@@ -34,13 +35,24 @@ def loss_terms(output: Tensor, batch: Batch) -> dict[str, Tensor]:
     """
     raw = from_eis(output.float(), batch.lenses)
     halves = [encode(half) for half in batch.halves.unbind(1)]
-    a, b = (display_values(half) for half in halves)
     guide = upscale(encode(batch.layers["guide"]), raw.shape[-1] // _width(batch))
     guide = display_values(from_eis(guide, batch.lenses))
+    lost = noise_darkening(*batch.halves.unbind(1))
+    a, b = (display_values(half) + lost for half in halves)
     image, mask = display_values(raw), foreground(batch, raw.shape)
     return {"eia": masked_mean(split_error_map(image, a, b, guide), mask),
             "views": _views_error((image, a, b, guide), mask, batch.lenses),
             "pixel": masked_mean((raw - halves[0]) * (raw - halves[1]), mask)}
+
+
+def noise_darkening(a: Tensor, b: Tensor) -> Tensor:
+    """What the sRGB curve takes from the mean of a noisy half, to second order: -½·f''(x)·σ², f = 1.055·x^(1/2.4).
+
+    ``a``, ``b`` (B, 3, H, W) scene-linear; σ² of a half from their differences nearby.
+    """
+    variance, level = blur((a - b).square() / 2), blur((a + b) / 2).clamp_min(0.01)
+    curvature = 1.055 / 2.4 * (1 - 1 / 2.4) * level ** (1 / 2.4 - 2)
+    return (curvature / 2 * variance).clamp_max(MOST_DARKENING) * (level < 1)
 
 
 def foreground(batch: Batch, shape: torch.Size) -> Tensor:
@@ -95,12 +107,14 @@ class LightFieldTask:
         return self._identity
 
     def begin(self, epoch: int) -> int:
-        """Seed this epoch's batches; their number."""
-        self._epoch, self._rng = epoch, np.random.default_rng((self.config.seed, epoch))
+        """Number of batches in an epoch."""
+        self._epoch = epoch
         return self.config.steps_per_epoch
 
     def step(self, index: int) -> dict[str, Tensor]:
-        """One update on one random batch."""
+        """One update on a random batch that depends on the numbers of epoch and step alone."""
+        self._rng = np.random.default_rng((self.config.seed, self._epoch, index))
+        torch.manual_seed(int(self._rng.integers(2**63)))
         self._set_rate(self._epoch * self.config.steps_per_epoch + index)
         batch = self.draw()
         if self.config.clean_inputs:
@@ -128,8 +142,9 @@ class LightFieldTask:
         features, base = network_inputs(batch.layers, batch.samples, self.config.architecture)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
             clean = network(features, base, batch.lenses)
-        # Eight bits of mantissa would show in smooth gradients: the last step stays in single precision.
-        return upscale(clean.float(), self.config.scale)
+        # Eight bits of mantissa would show in smooth gradients: the last steps stay in single precision.
+        clean = conserve(clean.float(), batch.layers["color"].mean((2, 3), keepdim=True))
+        return upscale(clean, self.config.scale)
 
     @torch.no_grad()
     def validate(self) -> dict[str, float]:

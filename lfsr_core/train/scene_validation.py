@@ -23,7 +23,7 @@ class SceneValidation:
     """
 
     def __init__(self, folder: str | Path, scale: int, device: torch.device) -> None:
-        self._scenes = load_scenes(folder, str(device))
+        self._scenes, self._device = load_scenes(folder), device
         for scene in self._scenes:
             found = scene.halves.shape[-1] // next(iter(scene.low.values())).shape[-1]
             if found != scale:
@@ -33,13 +33,13 @@ class SceneValidation:
     @torch.no_grad()
     def figures(self, network: nn.Module) -> dict[str, float]:
         """Mean split SSIM and PSNR over foreground EIs, for noisy and for denoised input at 16 samples or the most."""
-        rows = [_score(network, scene) for scene in self._scenes]
+        rows = [_score(network, scene, self._device) for scene in self._scenes]
         return {f"scenes.{name}": round(sum(row[name] for row in rows) / len(rows), 5) for name in rows[0]}
 
 
-def _score(network: nn.Module, scene: Scene) -> dict[str, float]:
+def _score(network: nn.Module, scene: Scene, device: torch.device) -> dict[str, float]:
     samples = PREFERRED_SAMPLES if PREFERRED_SAMPLES in scene.low else max(scene.low)
-    batch = make_batch([scene], samples)
+    batch = make_batch([scene], samples, device)
     a, b = (linear_to_srgb(half) for half in batch.halves.unbind(1))
     mask = foreground(batch, a.shape)
     scores = {}

@@ -55,6 +55,9 @@ def schedule(path: Path | None) -> str:
         return "no weights"
     facts = read_json(path.with_suffix(".json"), "the provenance beside the weights")
     config, seconds = facts.get("config", {}), facts.get("seconds", 0.0)
+    if "steps_per_epoch" in config:
+        return (f"on rendered light fields: {config['epochs']} epochs of {config['steps_per_epoch']} batches, "
+                f"{seconds:.0f} s on {facts.get('device')}")
     if not {"epochs", "crop", "rate", "schedule"} <= config.keys():
         return "schedule not recorded"
     kind = "the paper's recipe" if _is_full(config) else "short schedule"
@@ -88,8 +91,8 @@ def method(settings: Settings, name: str) -> upscale.Method | None:
     if path is None:
         return None
     frame = upscale.method("+".join([*prefilters, "bilinear"]))
-    upscaler = networks.upscaler(network, weights=path, device=settings.device)
-    return dataclasses.replace(frame, name=name, upscaler=upscaler)
+    device = {} if networks.spec(network).light_field else {"device": settings.device}
+    return dataclasses.replace(frame, name=name, upscaler=networks.upscaler(network, weights=path, **device))
 
 
 def untrained(name: str, scale: int) -> Any:
