@@ -28,7 +28,7 @@ LEAST_LIGHT, MAX_GAIN = 1e-4, 2.0
 EIS_IN_CACHE = 4  # per step: the widest layer's patches of 20×20 pixels stay near 1 MB
 KERNEL = "linear"
 ENCODED = ("oidn", "color")
-FLAT = 0.02  # range of encoded values below which an EI has nothing to restore, see docs/networks.md
+FLAT = 0.05  # range of encoded values below which an EI has little to restore, see docs/networks.md
 
 
 class ElementalUpscaler:
