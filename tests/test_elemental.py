@@ -143,6 +143,13 @@ def test_refine_without_denoiser_is_refused():
         method("refine")
 
 
+def test_weights_written_again_are_read_again(file):
+    before = elemental.load(file)
+    assert elemental.load(file) is before
+    weights.save(file, random_network(seed=1), 4, {}, networks.spec("refine").options)
+    assert elemental.load(file) is not before
+
+
 def test_wrong_files_are_told(tmp_path, file):
     with pytest.raises(LfsrError, match="does not exist"):
         elemental.load(tmp_path / "no.safetensors")

@@ -182,9 +182,13 @@ class ElementalNetwork:
         return out.reshape(*x.shape[:3], -1)
 
 
-@functools.lru_cache(maxsize=8)
 def load(path: Path) -> ElementalNetwork:
     """Network of a weights file; LfsrError where it is missing, damaged or another network."""
+    return _load(path, path.stat().st_mtime_ns if path.exists() else 0)
+
+
+@functools.lru_cache(maxsize=8)
+def _load(path: Path, _written: int) -> ElementalNetwork:
     header, tensors = tensor_file.read(path)
     if header.get("architecture") != "LightFieldNet":
         raise LfsrError(f"{path} holds weights for architecture {header.get('architecture')!r}, expected "

@@ -13,8 +13,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-MAX_LOG2_SAMPLES = 12.0
-LEAST_LIGHT, MAX_GAIN = 1e-4, 2.0
+from lfsr_core.networks.elemental import LEAST_LIGHT, MAX_GAIN
 
 
 @dataclasses.dataclass(frozen=True)

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from lfsr_core import networks
@@ -25,10 +24,10 @@ from lfsr_core.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame
 from lfsr_core.image_io import clean, read_layers
 from lfsr_core.metrics import check_reference
 from lfsr_core.networks import elemental, weights
-from lfsr_core.networks.lightfield import LightFieldNet, encode, upscale
+from lfsr_core.networks.lightfield import LightFieldNet, conserve, display_values, encode, upscale
 from lfsr_core.pipeline import low_resolution
 from lfsr_core.stages import Progress, silent
-from lfsr_core.train.split_ssim import split_ssim_map
+from lfsr_core.train.split_ssim import split_error_map, split_ssim_map
 from lfsr_core.upscale import method
 
 BATCH, RATE, HELD_OUT_SHARE, LEAST_LENSES = 16, 5e-4, 4, 8
@@ -37,10 +36,14 @@ STEPS_PER_MESSAGE = 25
 
 @dataclasses.dataclass(frozen=True)
 class Lenses:
-    """Network inputs and both reference halves of N foreground lenses, (N, C, h, w) and (N, 3, h·s, w·s)."""
+    """Network inputs (N, C, h, w), rendered mean light (N, 3, 1, 1) and both reference halves (N, 3, h·s, w·s).
+
+    Of N foreground lenses; the halves as sRGB values.
+    """
 
     features: Tensor
     base: Tensor
+    light: Tensor
     halves: tuple[Tensor, Tensor]
     scale: int
 
@@ -48,7 +51,7 @@ class Lenses:
         """The lenses of ``index``."""
         chosen = torch.from_numpy(index)
         return dataclasses.replace(self, features=self.features[chosen], base=self.base[chosen],
-                                   halves=tuple(half[chosen] for half in self.halves))
+                                   light=self.light[chosen], halves=tuple(half[chosen] for half in self.halves))
 
 
 def fit(folder: str | Path, reference: str | Path, output: str | Path, *, name: str = "refine", lenses: int = 24,
@@ -94,23 +97,33 @@ def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
         raise LfsrError(f"{folder} lacks the layers {', '.join(missing)} that {name!r} needs: "
                         "render it again with --layers albedo,normal")
     features, base = elemental.network_inputs(shipped, low, places[chosen])
-    return Lenses(_planes(features), _planes(base), tuple(encode(_planes(tile[chosen])).clamp(0, 1) for tile in tiles),
-                  frame.scale)
+    rendered = low.aux.get("noisy", low.color)[places[chosen, 0], places[chosen, 1]]
+    halves = tuple(display_values(encode(_planes(tile[chosen]))) for tile in tiles)
+    return Lenses(_planes(features), _planes(base), _planes(rendered).mean((2, 3), keepdim=True), halves, frame.scale)
 
 
 def score(network: LightFieldNet, data: Lenses) -> float:
-    """Mean split SSIM of the EIs, in the working domain."""
+    """Mean split SSIM of the EIs as the second stage makes them."""
     with torch.no_grad():
-        parts = [_losses(network, data.take(index))[0] * len(index)
+        parts = [_ssim(network, data.take(index)) * len(index)
                  for index in np.array_split(np.arange(len(data.base)), -(-len(data.base) // BATCH))]
     return round(float(sum(parts)) / len(data.base), 5)
 
 
-def _losses(network: LightFieldNet, data: Lenses) -> tuple[Tensor, Tensor]:
-    """Mean split SSIM, and L1 to the halves' mean."""
-    image = upscale(network(data.features, data.base, (len(data.base), 1)), data.scale)
-    a, b = data.halves
-    return split_ssim_map(image.clamp(0, 1), a, b).mean(), F.l1_loss(image, (a + b) / 2)
+def _image(network: LightFieldNet, data: Lenses) -> Tensor:
+    """Finished EIs (N, 3, h·s, w·s), sRGB values."""
+    clean = conserve(network(data.features, data.base, (len(data.base), 1)), data.light)
+    return display_values(upscale(clean, data.scale))
+
+
+def _ssim(network: LightFieldNet, data: Lenses) -> Tensor:
+    return split_ssim_map(_image(network, data), *data.halves).mean()
+
+
+def _error(network: LightFieldNet, data: Lenses) -> Tensor:
+    """The loss of training, see split_error_map."""
+    guide = display_values(upscale(data.base, data.scale))
+    return split_error_map(_image(network, data), *data.halves, guide).mean()
 
 
 def _descend(network: LightFieldNet, seen: Lenses, seconds: float, progress: Progress) -> tuple[LightFieldNet, int]:
@@ -122,9 +135,8 @@ def _descend(network: LightFieldNet, seen: Lenses, seconds: float, progress: Pro
         for group in optimizer.param_groups:
             group["lr"] = RATE * max(0.05, 1 - elapsed / seconds)
         batch = seen.take(rng.choice(len(seen.base), min(BATCH, len(seen.base)), replace=False))
-        ssim, pixel = _losses(network, batch)
         optimizer.zero_grad(set_to_none=True)
-        (1 - ssim + pixel).backward()
+        _error(network, batch).backward()
         optimizer.step()
         steps += 1
         if steps % STEPS_PER_MESSAGE == 0:

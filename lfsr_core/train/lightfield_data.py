@@ -11,7 +11,8 @@ import torch
 from torch import Tensor
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.networks.lightfield import MAX_LOG2_SAMPLES, LightFieldConfig, encode
+from lfsr_core.networks.elemental import MAX_LOG2_SAMPLES
+from lfsr_core.networks.lightfield import LightFieldConfig, encode
 
 LAYER_CHANNELS = {"color": slice(0, 3), "alpha": slice(3, 4), "albedo": slice(4, 7), "normal": slice(7, 10)}
 
