@@ -7,6 +7,7 @@ import os
 import shutil
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ from typing import Any
 SIZE = (1280, 1000)   # software OpenGL pays for every pixel
 AGENT = Path(__file__).with_name("agent.py")
 SECONDS_TO_START = 120
-PROGRAMS = ("blender", "Xvfb", "xdotool")
+PROGRAMS = ("blender", "Xvfb", "xdotool", "import")   # import: ImageMagick's
 
 
 def missing_programs() -> list[str]:
@@ -84,8 +85,10 @@ class Window:
 def blender_window(folder: Path, variables: dict[str, str]) -> Iterator[Window]:
     """A fresh Blender with factory settings and the add-on registered, in a window that fills the screen."""
     with _screen() as display, socket.create_server(("127.0.0.1", 0)) as server:
-        environment = os.environ | {"DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1", "HOME": str(folder),
-                                    "BLENDER_USER_RESOURCES": str(folder / "blender")} | variables
+        # Debian's Blender takes the packages of the first python3.11 on PATH, and brings no OpenImageIO of its own.
+        path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
+        environment = os.environ | {"PATH": path, "DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1",
+                                    "HOME": str(folder), "BLENDER_USER_RESOURCES": str(folder / "blender")} | variables
         command = ["blender", "--factory-startup", "--window-geometry", "0", "0", *map(str, SIZE), "--python",
                    str(AGENT), "--", str(server.getsockname()[1])]
         with (folder / "blender.log").open("w") as log:
