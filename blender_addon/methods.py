@@ -7,15 +7,17 @@ import zlib
 from lfsr_core import networks
 from lfsr_core.errors import LfsrError
 
-DENOISER = "oidn"
 # The pure second stage knows more; these are worth a menu entry, best first.
 OURS = {
-    "oidn+refine": ("Denoise + Refine", "Open Image Denoise on the whole array, then our network gives back the detail "
-                                        "that it took away"),
-    "light": ("Light", "Our network alone denoises and upscales each elemental image: no Open Image Denoise, fastest"),
+    "oidn-both+refine": ("Denoise + Refine", "Open Image Denoise without and with albedo and normal, then our network "
+                                             "takes the best of both"),
+    "light": ("Light", "Our network alone denoises and upscales each elemental image, without Open Image Denoise"),
 }
 CLASSICAL = {
     "oidn+bilinear": ("Denoise + Bilinear", "Open Image Denoise on the whole array, then linear views"),
+    "oidn-fast+bilinear": ("Fast Denoise + Bilinear", "Open Image Denoise in half the time, then linear views"),
+    "oidn-guided+bilinear": ("Guided Denoise + Bilinear", "Open Image Denoise with albedo and normal: best for plain, "
+                                                          "matte surfaces"),
     "oidn+bicubic": ("Denoise + Bicubic", "Open Image Denoise on the whole array, then sharper bicubic views"),
     "oidn+lanczos": ("Denoise + Lanczos", "Open Image Denoise on the whole array, then the sharpest, Lanczos views"),
     "bicubic": ("Bicubic", "Bicubic views, noise kept"),
@@ -25,7 +27,7 @@ CLASSICAL = {
     "oidn": ("Denoise Only", "For scale 1×: every view was rendered"),
     "none": ("None", "For scale 1×: every view was rendered, noise kept"),
 }
-FEATURES = ("albedo", "normal")
+GUIDED, GUIDES = "oidn-guided", ("albedo", "normal")
 
 
 def method_items() -> list[tuple[str, str, str, str, int]]:
@@ -40,7 +42,7 @@ def method_items() -> list[tuple[str, str, str, str, int]]:
 def layers_of(method: str) -> tuple[str, ...]:
     """Auxiliary layers to render for ``method``: none where nothing looks at them."""
     parts = method.split("+")
-    layers = set(FEATURES) if DENOISER in parts else set()
+    layers = set(GUIDES) if GUIDED in parts else set()
     layers |= {layer for part in parts if part in networks.NETWORKS for layer in networks.NETWORKS[part].layers}
     return tuple(sorted(layers))
 

@@ -1,7 +1,9 @@
 """Open Image Denoise on a whole EIA.
 
 The EIA, not decoded views: views of the low-resolution array lie far apart, the
-pixels inside one EI do not, so the EIA keeps far more detail (measured).
+pixels inside one EI do not, so the EIA keeps far more detail (measured). Colour
+alone: a pixel of an EIA covers a whole lens, so albedo and normal are noisy too,
+and as guides they take away more than they give (docs/networks.md).
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import importlib.util
+from collections.abc import Mapping
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -22,30 +25,58 @@ if TYPE_CHECKING:
     from lfsr_core.upscale import LowResEIA
 
 
-def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.ndarray | None = None) -> np.ndarray:
+VERSION = 2  # of what comes out: figures measured with another one are out of date
+
+
+def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.ndarray | None = None, *,
+                quality: str = "high") -> np.ndarray:
     """Denoised scene-linear colour, (H, W, 3) float32 >= 0.
 
     ``color`` (H, W, 3) scene-linear >= 0, any range; ``albedo`` (H, W, 3) in
-    [0, 1] and ``normal`` (H, W, 3) in [-1, 1] of the same noisy render help where
-    present; a normal counts only together with an albedo, as the library asks.
-    LfsrError where the library is missing or fails.
+    [0, 1] and ``normal`` (H, W, 3) in [-1, 1], noise-free, guide where present; a
+    normal counts only together with an albedo, as the library asks. ``quality``:
+    "high" or "fast". LfsrError where the library is missing or fails.
     """
     guides = {"albedo": albedo, "normal": normal} if albedo is not None else {}
     guides = {name: np.asarray(image, np.float32) for name, image in guides.items() if image is not None}
     try:
-        denoised = _library().denoise(np.asarray(color, np.float32), **guides, hdr=True)
+        denoised = _library().denoise(np.asarray(color, np.float32), **guides, hdr=True, clean_aux=bool(guides),
+                                      quality=quality)
     except (ImportError, RuntimeError) as error:
         raise LfsrError(f"Open Image Denoise failed on an image of shape {color.shape} ({error}): "
                         "choose a method without 'oidn'") from None
     return np.maximum(denoised, 0)
 
 
-def denoise_low_resolution(low: LowResEIA) -> LowResEIA:
-    """The low-resolution EIA with denoised colour; what was rendered stays in the layer "noisy"."""
+def clean_guides(guides: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Noisy "albedo" and "normal" (H, W, 3) without their noise, each as an image of its own."""
+    cleaned = {}
+    if "albedo" in guides:
+        # Cycles adds emission to it.
+        cleaned["albedo"] = denoise_eia(np.clip(guides["albedo"], 0, 1), quality="fast")
+    if "normal" in guides:
+        cleaned["normal"] = denoise_eia(np.clip(guides["normal"], -1, 1) / 2 + 0.5, quality="fast") * 2 - 1
+    return cleaned
+
+
+def denoise_low_resolution(low: LowResEIA, *, quality: str = "high", guided: bool = False) -> LowResEIA:
+    """The low-resolution EIA with denoised colour; what was rendered stays in the layer "noisy".
+
+    ``guided``: by its albedo and normal, cleaned first, where it has them.
+    """
+    layers = {name: from_elemental_images(low.aux[name]) for name in ("albedo", "normal") if guided and name in low.aux}
+    denoised = denoise_eia(from_elemental_images(low.color), **clean_guides(layers), quality=quality)
     sy, sx = low.color.shape[:2]
-    guides = {name: from_elemental_images(low.aux[name]) for name in ("albedo", "normal") if name in low.aux}
-    denoised = denoise_eia(from_elemental_images(low.color), **guides)
     return dataclasses.replace(low, color=to_elemental_images(denoised, (sx, sy)), aux={**low.aux, "noisy": low.color})
+
+
+def denoise_both_ways(low: LowResEIA) -> LowResEIA:
+    """``denoise_low_resolution`` without guides, and with them as the layer "guided" where the frame has any."""
+    plain = denoise_low_resolution(low)
+    if not {"albedo", "normal"} & low.aux.keys():
+        return plain
+    guided = denoise_low_resolution(low, guided=True).color
+    return dataclasses.replace(plain, aux={**plain.aux, "guided": guided})
 
 
 def is_available() -> bool:

@@ -19,6 +19,7 @@ import numpy as np
 PLACES = ("lib/libOpenImageDenoise.so.2", "lib/libOpenImageDenoise.dylib", "blender.shared/OpenImageDenoise.dll",
           "OpenImageDenoise.dll")
 CPU_DEVICE, FLOAT3 = 1, 3  # OIDNDeviceType, OIDNFormat
+QUALITIES = {"fast": 4, "balanced": 5, "high": 6}  # OIDNQuality; "fast" is that from library 2.3 on
 LEVELS_UP = 6  # from site-packages to the folder that Blender is installed in
 
 _HANDLE, _SIZE, _NAME = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
@@ -30,6 +31,7 @@ SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
     "oidnNewFilter": (_HANDLE, (_HANDLE, _NAME)),
     "oidnSetSharedFilterImage": (None, (_HANDLE, _NAME, _HANDLE, ctypes.c_int, *(_SIZE,) * 5)),
     "oidnSetFilterBool": (None, (_HANDLE, _NAME, ctypes.c_bool)),
+    "oidnSetFilterInt": (None, (_HANDLE, _NAME, ctypes.c_int)),
     "oidnCommitFilter": (None, (_HANDLE,)),
     "oidnExecuteFilter": (None, (_HANDLE,)),
     "oidnReleaseFilter": (None, (_HANDLE,)),
@@ -37,8 +39,8 @@ SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
 
 
 def denoise(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.ndarray | None = None, *,
-            hdr: bool = False) -> np.ndarray:
-    """Denoised colour, (H, W, 3) float32, on the CPU; guides as in ``denoise.denoise_eia``.
+            hdr: bool = False, clean_aux: bool = False, quality: str = "high") -> np.ndarray:
+    """Denoised colour, (H, W, 3) float32, on the CPU: the function of the same name in the package pyoidn.
 
     ImportError where Blender's library is not there or does not load, RuntimeError where it fails.
     """
@@ -48,7 +50,7 @@ def denoise(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.ndar
     device = library.oidnNewDevice(CPU_DEVICE)
     try:
         library.oidnCommitDevice(device)
-        _run(library, device, images, hdr)
+        _run(library, device, images, {b"hdr": hdr, b"cleanAux": clean_aux}, QUALITIES[quality])
         _check(library, device)
     finally:
         library.oidnReleaseDevice(device)
@@ -84,14 +86,17 @@ def _load() -> ctypes.CDLL:
     return library
 
 
-def _run(library: ctypes.CDLL, device: int, images: dict[str, np.ndarray], hdr: bool) -> None:
+def _run(library: ctypes.CDLL, device: int, images: dict[str, np.ndarray], flags: dict[bytes, bool],
+         quality: int) -> None:
     height, width, _ = images["color"].shape
     work = library.oidnNewFilter(device, b"RT")
     _check(library, device)
     try:
         for name, image in images.items():
             library.oidnSetSharedFilterImage(work, name.encode(), image.ctypes.data, FLOAT3, width, height, 0, 0, 0)
-        library.oidnSetFilterBool(work, b"hdr", hdr)
+        for name, value in flags.items():
+            library.oidnSetFilterBool(work, name, value)
+        library.oidnSetFilterInt(work, b"quality", quality)
         library.oidnCommitFilter(work)
         library.oidnExecuteFilter(work)
     finally:

@@ -15,7 +15,7 @@ from lfsr_core import networks
 from lfsr_core.display import DisplayProfile
 from lfsr_core.errors import LfsrError
 from lfsr_core.plan_statistics import Estimate
-from lfsr_core.upscale import DEFAULT_METHOD, METHODS, PLAIN_METHOD, PREFILTERS, method
+from lfsr_core.upscale import DEFAULT_METHOD, DENOISERS, PLAIN_METHOD, PREFILTERS, method
 
 METRICS = ("ssim_eia_fg", "ssim_eia")
 SCALES, SAMPLES = (1, 2, 4, 8), (4, 16, 64, 256)
@@ -118,9 +118,8 @@ def default_methods() -> tuple[str, ...]:
 
     ours = [f"{entry.after}+{name}" if entry.after else name for name, entry in networks.NETWORKS.items()
             if entry.light_field]
-    names = [PLAIN_METHOD, *ours, *(f"{name}+{PLAIN_METHOD}" for name in PREFILTERS), DEFAULT_METHOD]
-    denoiser = next(iter(PREFILTERS))
-    usable = [name for name in names if denoiser not in name.split("+") or is_available()]
+    names = [PLAIN_METHOD, *ours, *(f"{name}+{PLAIN_METHOD}" for name in DENOISERS), DEFAULT_METHOD]
+    usable = [name for name in names if PREFILTERS.keys().isdisjoint(name.split("+")) or is_available()]
     return tuple(dict.fromkeys(usable))
 
 
@@ -235,6 +234,4 @@ def _is_trained(name: str, scale: int) -> bool:
 
 
 def _is_network(name: str) -> bool:
-    from lfsr_core.upscale import CLASSICAL
-
-    return name not in CLASSICAL and name != next(iter(PREFILTERS)) and name in METHODS
+    return name in networks.NETWORKS

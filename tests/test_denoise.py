@@ -1,3 +1,4 @@
+import dataclasses
 import sys
 
 import numpy as np
@@ -5,7 +6,7 @@ import pytest
 from prerequisites import needs_bpy
 
 from lfsr_core import oidn
-from lfsr_core.denoise import denoise_eia, denoise_low_resolution
+from lfsr_core.denoise import clean_guides, denoise_both_ways, denoise_eia, denoise_low_resolution
 from lfsr_core.errors import LfsrError
 from lfsr_core.upscale import LowResEIA
 
@@ -44,24 +45,69 @@ def test_normal_without_albedo_is_left_out():
     np.testing.assert_array_equal(denoise_eia(noisy, normal=np.ones_like(noisy)), denoise_eia(noisy))
 
 
-def test_low_resolution_eia_is_denoised_as_one_image():
+def low_resolution():
+    """A noisy card as 8×8 lenses, with a noisy albedo."""
     clean, noisy = noisy_card()
-    color = noisy.reshape(8, 8, 12, 8, 3).swapaxes(1, 2)
-    albedo = np.clip(clean / 3, 0, 1).reshape(8, 8, 12, 8, 3).swapaxes(1, 2)
-    low = LowResEIA(color, np.ones((*color.shape[:-1], 1), np.float32), {"albedo": albedo}, 16, 4)
+    albedo = np.clip(clean / 3 + RANDOM.normal(0, 0.1, clean.shape), 0, 1).astype(np.float32)
+    color, albedo = (image.reshape(8, 8, 12, 8, 3).swapaxes(1, 2) for image in (noisy, albedo))
+    return LowResEIA(color, np.ones((*color.shape[:-1], 1), np.float32), {"albedo": albedo}, 16, 4)
+
+
+def whole(images):
+    return images.swapaxes(1, 2).reshape(64, 96, 3)
+
+
+def test_low_resolution_eia_is_denoised_as_one_image():
+    low = low_resolution()
     denoised = denoise_low_resolution(low)
-    expected = denoise_eia(noisy, np.clip(clean / 3, 0, 1))
-    np.testing.assert_allclose(denoised.color.swapaxes(1, 2).reshape(noisy.shape), expected, atol=1e-5)
-    assert denoised.aux["noisy"] is low.color and denoised.aux["albedo"] is albedo and denoised.scale == 4
+    np.testing.assert_allclose(whole(denoised.color), denoise_eia(whole(low.color)), atol=1e-5)
+    assert denoised.aux["noisy"] is low.color and denoised.aux["albedo"] is low.aux["albedo"] and denoised.scale == 4
+
+
+def test_guides_lose_their_noise_first():
+    low = low_resolution()
+    guides = {"albedo": whole(low.aux["albedo"])}
+    cleaned = clean_guides(guides)
+    truth = np.clip(noisy_card()[0] / 3, 0, 1)
+    assert error(cleaned["albedo"], truth) < error(guides["albedo"], truth) / 2
+    expected = denoise_eia(whole(low.color), **cleaned)
+    np.testing.assert_allclose(whole(denoise_low_resolution(low, guided=True).color), expected, atol=1e-5)
+
+
+def test_both_ways_are_the_two_of_them():
+    low = low_resolution()
+    both = denoise_both_ways(low)
+    np.testing.assert_array_equal(both.color, denoise_low_resolution(low).color)
+    np.testing.assert_array_equal(both.aux["guided"], denoise_low_resolution(low, guided=True).color)
+    assert np.abs(both.aux["guided"] - both.color).max() > 1e-3 and both.aux["noisy"] is low.color
+    bare = denoise_both_ways(dataclasses.replace(low, aux={}))
+    assert set(bare.aux) == {"noisy"}
+
+
+def test_cleaned_normals_keep_their_direction():
+    normal = np.zeros((64, 64, 3), np.float32) + np.float32([0, 0, 1])
+    normal[:, 32:] = [-1, 0, 0]
+    noisy = normal + RANDOM.normal(0, 0.2, normal.shape).astype(np.float32)
+    cleaned = clean_guides({"normal": noisy})["normal"]
+    assert np.abs(cleaned - normal).mean() < 0.05 < np.abs(noisy - normal).mean()
+
+
+def test_fast_is_another_and_nearly_as_good_image():
+    clean, noisy = noisy_card()
+    fast, high = denoise_eia(noisy, quality="fast"), denoise_eia(noisy)
+    assert not np.array_equal(fast, high) and error(fast, clean) < 2 * error(high, clean)
 
 
 @needs_bpy
 def test_library_of_blender_gives_the_same_image(monkeypatch):
     clean, noisy = noisy_card()
     albedo, normal = np.clip(clean / 3, 0, 1), np.zeros_like(clean) + np.float32([0, 0, 1])
-    expected = denoise_eia(noisy), denoise_eia(noisy, albedo, normal)
+    def images():
+        return denoise_eia(noisy), denoise_eia(noisy, albedo, normal), denoise_eia(noisy, quality="fast")
+
+    expected = images()
     monkeypatch.setitem(sys.modules, "pyoidn", None)
-    for found, wanted in zip((denoise_eia(noisy), denoise_eia(noisy, albedo, normal)), expected, strict=True):
+    for found, wanted in zip(images(), expected, strict=True):
         np.testing.assert_allclose(found, wanted, rtol=1e-3, atol=1e-4)
 
 

@@ -35,7 +35,7 @@ def low():
     def image(channels, top=1.0):
         return rng.uniform(0, top, (*GRID, SIDE, SIDE, channels)).astype(np.float32)
 
-    aux = {"albedo": image(3, 1.5), "normal": image(3) - 0.5, "noisy": image(3, 3)}
+    aux = {"albedo": image(3, 1.5), "normal": image(3) - 0.5, "noisy": image(3, 3), "guided": image(3, 2)}
     return LowResEIA(image(3, 2), image(1), aux, 16, 4)
 
 
@@ -71,7 +71,8 @@ def test_inputs_are_those_of_training(low, name):
 
     noisy = low.aux["noisy"] if name == "refine" else low.color
     layers = {"oidn": planes(low.color), "color": planes(noisy), "alpha": planes(low.alpha),
-              "albedo": planes(np.minimum(low.aux["albedo"], 1)), "normal": planes(low.aux["normal"])}
+              "guided": planes(low.aux["guided"]), "albedo": planes(np.minimum(low.aux["albedo"], 1)),
+              "normal": planes(low.aux["normal"])}
     expected, expected_base = training_inputs(layers, 16, net.config)
     np.testing.assert_allclose(features, expected.permute(0, 2, 3, 1).numpy(), atol=1e-6)
     np.testing.assert_allclose(base, expected_base.permute(0, 2, 3, 1).numpy(), atol=1e-6)
@@ -135,11 +136,11 @@ def test_missing_layers_fall_back_and_say_so(low, file):
     bare = dataclasses.replace(low, aux={"noisy": low.aux["noisy"]})
     upscaler = ElementalUpscaler("refine", weights=file)
     np.testing.assert_array_equal(upscaler(bare, LENSES), method("bilinear").upscaler(bare, LENSES))
-    assert "albedo, normal" in upscaler.notes[0] and "linearly instead" in upscaler.notes[0]
+    assert "needs the layers albedo, normal," in upscaler.notes[0] and "linearly instead" in upscaler.notes[0]
 
 
 def test_refine_without_denoiser_is_refused():
-    with pytest.raises(LfsrError, match=r"use 'oidn\+refine'"):
+    with pytest.raises(LfsrError, match=r"use 'oidn-both\+refine'"):
         method("refine")
 
 
@@ -158,7 +159,7 @@ def test_wrong_files_are_told(tmp_path, file):
     with pytest.raises(LfsrError, match="expected 'LightFieldNet'"):
         elemental.load(other)
     weights.save(other, random_network(), 4, {}, {**networks.spec("refine").options, "width": 12})
-    with pytest.raises(LfsrError, match=r"'stem' of shape \(8, 14, 3, 3\), expected \(12, 14, 3, 3\)"):
+    with pytest.raises(LfsrError, match=r"'stem' of shape \(8, 17, 3, 3\), expected \(12, 17, 3, 3\)"):
         elemental.load(other)
     weights.save(other, random_network(), 4, {}, {**networks.spec("refine").options, "spatial": True})
     with pytest.raises(LfsrError, match="across lenses"):

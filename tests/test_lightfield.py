@@ -46,7 +46,8 @@ def folder(tmp_path):
         layers = np.concatenate([noisy, np.ones_like(low[..., :1]), low * 3, normal], -1)
         halves = {f"ref_{half}": np.concatenate([image * rng.normal(1, 0.02, image.shape), image[..., :1] * 0 + 1], -1)
                   for half in "ab"}
-        arrays = {"lr_4": layers, "oidn_4": low * rng.normal(1, 0.2, low.shape), **halves}
+        denoised = {f"{kind}_4": low * rng.normal(1, 0.2, low.shape) for kind in ("oidn", "guided")}
+        arrays = {"lr_4": layers, **denoised, **halves}
         meta = json.dumps({"spps": [4], "lenses": LENSES})
         np.savez(tmp_path / f"scene_{index}.npz", meta=meta, **{k: v.astype(np.float16) for k, v in arrays.items()})
     return tmp_path
@@ -170,10 +171,21 @@ def test_augmentation_keeps_input_and_reference_the_same_light_field(folder):
 
 def test_inputs_have_the_channels_that_the_network_expects(folder):
     batch = make_batch(load_scenes(folder)[:1], 4)
-    config = LightFieldConfig(inputs=("oidn", "color", "alpha", "albedo", "normal"), base="oidn")
+    config = LightFieldConfig(inputs=("oidn", "guided", "color", "alpha", "albedo", "normal"), base="oidn")
     features, base = network_inputs(batch.layers, 4, config)
     assert features.shape[1] == config.input_channels
     assert torch.equal(base, features[:, :3])
+
+
+def test_second_base_is_mixed_in():
+    torch.manual_seed(0)
+    config = LightFieldConfig(inputs=("oidn", "color", "guided"), base="oidn", second_base="guided", width=4,
+                              body_width=4)
+    network, features = LightFieldNet(config), torch.rand(3, config.input_channels, 6, 6)
+    for share, expected in ((0.0, features[:, :3]), (1.0, features[:, 6:9]), (0.25, None)):
+        network.out.bias.data[4] = share
+        expected = 0.75 * features[:, :3] + 0.25 * features[:, 6:9] if expected is None else expected
+        assert torch.allclose(network(features, features[:, :3], (3, 1)), expected, atol=1e-6)
 
 
 TINY = {"network": "light", "width": 4, "body_width": 8, "blocks": 1, "epochs": 2, "steps_per_epoch": 20, "batch": 2}
@@ -222,6 +234,9 @@ def test_wrong_training_input_is_told(tmp_path):
 
 def test_ablations_change_the_architecture():
     config = from_values({"network": "refine", "scenes": "x", "without": "albedo,normal", "spatial": True}, "test")
-    assert config.architecture.inputs == ("oidn", "color", "alpha") and config.architecture.spatial
+    assert config.architecture.inputs == ("oidn", "guided", "color", "alpha") and config.architecture.spatial
+    alone = from_values({"network": "refine", "scenes": "x", "without": "guided"}, "test").architecture
+    assert alone.inputs == ("oidn", "color", "alpha", "albedo", "normal") and not alone.second_base
     shipped = from_values({"network": "refine", "scenes": "x"}, "test").architecture
-    assert shipped.inputs == ("oidn", "color", "alpha", "albedo", "normal") and not shipped.spatial
+    assert shipped.inputs == ("oidn", "guided", "color", "alpha", "albedo", "normal") and not shipped.spatial
+    assert shipped.second_base == "guided"

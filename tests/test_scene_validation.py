@@ -27,7 +27,8 @@ def write_scene(path, noise=0.02, seed=0):  # within what docs/metrics.md asks o
     layers = np.concatenate([low + random.normal(0, 0.2, low.shape), alpha, np.zeros((*low.shape[:2], 6))], -1)
     halves = [high + random.normal(0, noise, high.shape) for _ in range(2)]
     meta = json.dumps({"spps": [16], "lenses": [SX, SY]})
-    np.savez(path, meta=meta, lr_16=layers.astype(np.float16), oidn_16=low.astype(np.float16),
+    clean = low.astype(np.float16)
+    np.savez(path, meta=meta, lr_16=layers.astype(np.float16), oidn_16=clean, guided_16=clean,
              ref_a=halves[0].astype(np.float16), ref_b=halves[1].astype(np.float16))
 
 

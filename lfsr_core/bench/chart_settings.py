@@ -9,7 +9,7 @@ from typing import Any
 from lfsr_core import networks
 from lfsr_core.display import DisplayProfile, load_display
 from lfsr_core.errors import LfsrError
-from lfsr_core.upscale import DEFAULT_METHOD, METHODS, PREFILTERS, method
+from lfsr_core.upscale import DEFAULT_METHOD, DENOISERS, METHODS, PLAIN_METHOD, PREFILTERS, method
 
 DENOISER, AS_RENDERED = "oidn", "none"
 DIRECT_METHODS = (AS_RENDERED, DENOISER)
@@ -101,7 +101,8 @@ def _chains(upscaler: str) -> tuple[str, ...]:
         return (f"{network.after}+{upscaler}",)
     if network and network.light_field:
         return (upscaler,)
-    return upscaler, f"{DENOISER}+{upscaler}"
+    prefilters = DENOISERS if upscaler == PLAIN_METHOD else (DENOISER,)
+    return upscaler, *(f"{prefilter}+{upscaler}" for prefilter in prefilters)
 
 
 def check_methods(names: tuple[str, ...]) -> None:

@@ -30,7 +30,7 @@ from lfsr_core.files import read_json, write_json
 from lfsr_core.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES
 from lfsr_core.progress import ProgressBar
 from lfsr_core.render_job import Job
-from lfsr_core.upscale import DEFAULT_METHOD, PLAIN_METHOD, PREFILTERS, method
+from lfsr_core.upscale import DEFAULT_METHOD, DENOISERS, PLAIN_METHOD, method
 
 DISPLAY_FILE = Path(__file__).parent / "stress.toml"
 SCENE_SCRIPT = Path(__file__).parents[2] / "scripts" / "stress_scenes.py"
@@ -67,7 +67,7 @@ class Settings:
 
 def default_methods(scale: int) -> list[str]:
     """Bicubic, plain upscaling after each prefilter, the default, and every network with weights at ``scale``."""
-    names = [BASELINE, *(f"{name}+{PLAIN_METHOD}" for name in PREFILTERS), DEFAULT_METHOD]
+    names = [BASELINE, *(f"{name}+{PLAIN_METHOD}" for name in DENOISERS), DEFAULT_METHOD]
     torch = importlib.util.find_spec("torch") is not None
     names += [f"{entry.after}+{name}" if entry.after else name for name, entry in networks.NETWORKS.items()
               if scale in networks.trained_scales(name) and (torch or entry.light_field)]

@@ -27,7 +27,7 @@ MAX_LOG2_SAMPLES = 12.0
 LEAST_LIGHT, MAX_GAIN = 1e-4, 2.0
 EIS_IN_CACHE = 4  # per step: the widest layer's patches of 20×20 pixels stay near 1 MB
 KERNEL = "linear"
-ENCODED = ("oidn", "color")
+ENCODED = ("oidn", "guided", "color")
 FLAT = 0.05  # range of encoded values below which an EI has little to restore, see docs/networks.md
 
 
@@ -144,6 +144,8 @@ class ElementalNetwork:
                             "train it again without 'spatial'")
         self.inputs, self.base = tuple(options["inputs"]), options["base"]
         self._blocks = int(options["blocks"])
+        second = options.get("second_base")
+        self._second = _first_channel(self.inputs, second) if second else None
         # Convolutions as (rows of a patch, outputs) matrices.
         self._matrix = {name: _matrix(value) for name, value in tensors.items() if name.endswith("weight")}
         self._bias = {name: value for name, value in tensors.items() if name.endswith("bias")}
@@ -152,12 +154,17 @@ class ElementalNetwork:
     @property
     def input_channels(self) -> int:
         """Channels of the features, the sample count included."""
-        return sum(1 if name == "alpha" else 3 for name in self.inputs) + 1
+        return _first_channel(self.inputs, "samples") + 1
+
+    @property
+    def outputs(self) -> int:
+        """Channels of the last convolution: correction, share of the base to drop, share of the second base."""
+        return 4 if self._second is None else 5
 
     @property
     def layers(self) -> tuple[str, ...]:
         """Layers that a frame must have beside colour and alpha."""
-        extra = tuple(name for name in self.inputs if name not in ("oidn", "color", "alpha"))
+        extra = tuple(name for name in self.inputs if name not in (*ENCODED, "alpha"))
         return (*extra, "noisy") if "oidn" in self.inputs else extra
 
     def __call__(self, features: np.ndarray, base: np.ndarray) -> np.ndarray:
@@ -170,7 +177,10 @@ class ElementalNetwork:
                 d += _relu(self._conv(d, f"body.{block}.{layer}"))
         x += _unfold(self._dense(d, "up"))
         correction = self._conv(_relu(x)[:, :h, :w], "out")
-        keep = 1 - np.clip(correction[..., 3:], 0, 1)
+        keep = 1 - np.clip(correction[..., 3:4], 0, 1)
+        if self._second is not None:
+            second = features[..., self._second:self._second + 3]
+            base = base + (second - base) * np.clip(correction[..., 4:], 0, 1)
         return base * keep + correction[..., :3]
 
     def _conv(self, x: np.ndarray, name: str) -> np.ndarray:
@@ -201,7 +211,7 @@ def _check(network: ElementalNetwork, tensors: Mapping[str, np.ndarray], options
     """LfsrError unless every tensor has the shape that the options ask for."""
     width, body = options["width"], options["body_width"]
     shapes = {"stem": (width, network.input_channels, 3, 3), "down": (body, width, 2, 2), "up": (width * 4, body, 1, 1),
-              "out": (4, width, 3, 3)}
+              "out": (network.outputs, width, 3, 3)}
     shapes |= {f"body.{block}.{layer}": (body, body, 3, 3)
                for block in range(options["blocks"]) for layer in ("angular", "spatial")}
     for name, shape in shapes.items():
@@ -209,6 +219,12 @@ def _check(network: ElementalNetwork, tensors: Mapping[str, np.ndarray], options
         if found != shape or tensors.get(f"{name}.bias", np.empty(0)).shape != shape[:1]:
             raise LfsrError(f"{origin} has tensor {name!r} of shape {found}, expected {shape}: "
                             "choose the file that fits or train it again")
+
+
+def _first_channel(inputs: tuple[str, ...], layer: str) -> int:
+    """Where a layer starts among the features; those of no layer start at the end."""
+    before = inputs[:inputs.index(layer)] if layer in inputs else inputs
+    return sum(1 if name == "alpha" else 3 for name in before)
 
 
 def _matrix(weight: np.ndarray) -> np.ndarray:

@@ -21,7 +21,8 @@ class LightFieldConfig:
     """Size and inputs of one network.
 
     ``inputs`` are layers of the low-resolution EIA in the order the first
-    convolution sees them. ``base`` is the layer that the network corrects.
+    convolution sees them. ``base`` is the layer that the network corrects; ``second_base``
+    another picture of the same, which it mixes in pixel by pixel.
     ``width``: channels at full angular resolution; ``body_width``: at half.
     ``blocks``: residual pairs of convolutions; ``spatial`` takes every second one
     across lenses.
@@ -29,6 +30,7 @@ class LightFieldConfig:
 
     inputs: tuple[str, ...] = ("color", "alpha", "albedo", "normal")
     base: str = "color"
+    second_base: str = ""
     width: int = 16
     body_width: int = 32
     blocks: int = 2
@@ -37,7 +39,12 @@ class LightFieldConfig:
     @property
     def input_channels(self) -> int:
         """Channels of the first convolution: three per layer, one for alpha, one for samples."""
-        return sum(1 if name == "alpha" else 3 for name in self.inputs) + 1
+        return self.first_channel("samples") + 1
+
+    def first_channel(self, layer: str) -> int:
+        """Where a layer starts among them; those of no layer start at the end."""
+        before = self.inputs[:self.inputs.index(layer)] if layer in self.inputs else self.inputs
+        return sum(1 if name == "alpha" else 3 for name in before)
 
 
 def encode(linear: Tensor) -> Tensor:
@@ -122,7 +129,7 @@ class LightFieldNet(nn.Module):
         self.down = nn.Conv2d(width, body, 2, stride=2)
         self.body = nn.ModuleList(Block(body, config.spatial) for _ in range(config.blocks))
         self.up = nn.Conv2d(body, width * 4, 1)
-        self.out = ReplicateConv(width, 4)
+        self.out = ReplicateConv(width, 5 if config.second_base else 4)
         nn.init.zeros_(self.out.weight)
         nn.init.zeros_(self.out.bias)
 
@@ -137,8 +144,14 @@ class LightFieldNet(nn.Module):
         x = F.relu(x + F.pixel_shuffle(self.up(d), 2))[..., :h, :w]
         correction = self.out(x)
         # A gate lets the network drop a hopeless base instead of subtracting it.
-        keep = 1 - correction[:, 3:].clamp(0, 1)
+        keep = 1 - correction[:, 3:4].clamp(0, 1)
+        if self.config.second_base:
+            base = torch.lerp(base, self._second_base(features), correction[:, 4:].clamp(0, 1))
         return base * keep + correction[:, :3]
+
+    def _second_base(self, features: Tensor) -> Tensor:
+        start = self.config.first_channel(self.config.second_base)
+        return features[:, start:start + 3]
 
 
 def build(scale: int, **options: object) -> LightFieldNet:

@@ -53,6 +53,8 @@ class LightFieldTrainConfig:
         """The same as plain values, for the header of the weights."""
         options = dict(networks.spec(self.network).options)
         options["inputs"] = tuple(name for name in options["inputs"] if name not in self.without.split(","))
+        if options.get("second_base") not in options["inputs"]:
+            options.pop("second_base", None)
         own = {"width": self.width or None, "body_width": self.body_width or None,
                "blocks": None if self.blocks < 0 else self.blocks, "spatial": self.spatial or None}
         return options | {name: value for name, value in own.items() if value is not None}

@@ -14,6 +14,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.networks.elemental import MAX_LOG2_SAMPLES
 from lfsr_core.networks.lightfield import LightFieldConfig, encode
 
+DENOISED = ("oidn", "guided")  # Open Image Denoise alone, and with albedo and normal
 LAYER_CHANNELS = {"color": slice(0, 3), "alpha": slice(3, 4), "albedo": slice(4, 7), "normal": slice(7, 10)}
 
 
@@ -21,14 +22,14 @@ LAYER_CHANNELS = {"color": slice(0, 3), "alpha": slice(3, 4), "albedo": slice(4,
 class Scene:
     """One rendered scene, half floats.
 
-    ``low``: {spp: (10, H/s, W/s)} RGBA, albedo, normal; ``oidn``: {spp: (3, ...)};
-    ``halves``: (2, 3, H, W), composited over black.
+    ``low``: {spp: (10, H/s, W/s)} RGBA, albedo, normal; ``denoised``: {spp: (6, ...)}
+    without and with guides; ``halves``: (2, 3, H, W), composited over black.
     """
 
     name: str
     lenses: tuple[int, int]
     low: dict[int, Tensor]
-    oidn: dict[int, Tensor]
+    denoised: dict[int, Tensor]
     halves: Tensor
 
 
@@ -59,11 +60,11 @@ def load_scene(path: Path) -> Scene:
         with np.load(path) as data:
             meta = json.loads(str(data["meta"]))
             low = {spp: _planes(_bounded_albedo(data[f"lr_{spp}"])) for spp in meta["spps"]}
-            oidn = {spp: _planes(data[f"oidn_{spp}"]) for spp in meta["spps"]}
+            denoised = {spp: torch.cat([_planes(data[f"{kind}_{spp}"]) for kind in DENOISED]) for spp in meta["spps"]}
             halves = torch.stack([_planes(data[key])[:3] for key in ("ref_a", "ref_b")])
     except (OSError, ValueError, KeyError) as error:
         raise LfsrError(f"{path} cannot be read as a training scene ({error}): render it again") from None
-    return Scene(path.stem, tuple(meta["lenses"]), low, oidn, halves)
+    return Scene(path.stem, tuple(meta["lenses"]), low, denoised, halves)
 
 
 def _bounded_albedo(low: np.ndarray) -> np.ndarray:
@@ -78,29 +79,29 @@ def _planes(array: np.ndarray) -> Tensor:
 def make_batch(scenes: list[Scene], samples: int, device: torch.device | str = "cpu",
                rng: np.random.Generator | None = None) -> Batch:
     """Layers and halves of equal-shaped ``scenes`` on ``device``; with ``rng``, augmented as one."""
-    low, oidn, guide, halves = (torch.stack(planes).to(device).float() for planes in (
-        [scene.low[samples] for scene in scenes], [scene.oidn[samples] for scene in scenes],
-        [scene.oidn[max(scene.oidn)] for scene in scenes], [scene.halves for scene in scenes]))
-    lenses, oidn = scenes[0].lenses, torch.cat([oidn, guide], 1)
+    low, denoised, guide, halves = (torch.stack(planes).to(device).float() for planes in (
+        [scene.low[samples] for scene in scenes], [scene.denoised[samples] for scene in scenes],
+        [scene.denoised[max(scene.denoised)][:3] for scene in scenes], [scene.halves for scene in scenes]))
+    lenses, clean = scenes[0].lenses, torch.cat([denoised, guide], 1)
     if rng is not None:
-        low, oidn, halves, lenses = _augment(low, oidn, halves, lenses, rng)
+        low, clean, halves, lenses = _augment(low, clean, halves, lenses, rng)
     layers = {name: low[:, part] for name, part in LAYER_CHANNELS.items()}
-    layers |= {"oidn": oidn[:, :3], "guide": oidn[:, 3:]}
+    layers |= dict(zip((*DENOISED, "guide"), clean.split(3, 1), strict=True))
     return Batch({name: to_eis(value, lenses) for name, value in layers.items()}, samples, halves, lenses)
 
 
-def _augment(low: Tensor, oidn: Tensor, halves: Tensor, lenses: tuple[int, int], rng: np.random.Generator):
+def _augment(low: Tensor, clean: Tensor, halves: Tensor, lenses: tuple[int, int], rng: np.random.Generator):
     """Mirrors, transposition, exposure and tint: each maps a light field to a light field."""
     normal_x, normal_y = 7, 8
     low = low.clone()
     if rng.random() < 0.5:
-        low, oidn, halves = low.flip(-1), oidn.flip(-1), halves.flip(-1)
+        low, clean, halves = low.flip(-1), clean.flip(-1), halves.flip(-1)
         low[:, normal_x] *= -1
     if rng.random() < 0.5:
-        low, oidn, halves = low.flip(-2), oidn.flip(-2), halves.flip(-2)
+        low, clean, halves = low.flip(-2), clean.flip(-2), halves.flip(-2)
         low[:, normal_y] *= -1
     if rng.random() < 0.5:
-        low, oidn, halves = low.transpose(-1, -2), oidn.transpose(-1, -2), halves.transpose(-1, -2)
+        low, clean, halves = low.transpose(-1, -2), clean.transpose(-1, -2), halves.transpose(-1, -2)
         # Rows count downwards and Y upwards: transposing the image maps (x, y) to (-y, -x).
         low = torch.cat([low[:, :7], -low[:, 8:9], -low[:, 7:8], low[:, 9:]], 1)
         lenses = lenses[::-1]
@@ -108,8 +109,8 @@ def _augment(low: Tensor, oidn: Tensor, halves: Tensor, lenses: tuple[int, int],
     gain = torch.as_tensor(2 ** (rng.normal(0, 0.5, (low.shape[0], 1)) + rng.normal(0, 0.15, (low.shape[0], 3))),
                            device=low.device, dtype=torch.float32)[:, :, None, None]
     low = torch.cat([low[:, order] * gain, low[:, 3:4], low[:, 4 + order], low[:, 7:]], 1)
-    oidn = torch.cat([oidn[:, order], oidn[:, 3 + order]], 1) * gain.repeat(1, 2, 1, 1)
-    return low, oidn, halves[:, :, order] * gain[:, None], lenses
+    clean = torch.cat([image[:, order] * gain for image in clean.split(3, 1)], 1)
+    return low, clean, halves[:, :, order] * gain[:, None], lenses
 
 
 def to_eis(image: Tensor, lenses: tuple[int, int]) -> Tensor:
@@ -130,7 +131,7 @@ def from_eis(eis: Tensor, lenses: tuple[int, int]) -> Tensor:
 
 def network_inputs(layers: dict[str, Tensor], samples: int, config: LightFieldConfig) -> tuple[Tensor, Tensor]:
     """Features (N, C, h, w) and base (N, 3, h, w) of ``config`` from linear layers of EIs."""
-    values = {name: encode(layers[name]) if name in ("color", "oidn") else layers[name] for name in config.inputs}
+    values = {name: encode(layers[name]) if name in ("color", *DENOISED) else layers[name] for name in config.inputs}
     level = torch.full_like(layers["alpha"], float(np.log2(samples)) / MAX_LOG2_SAMPLES)
     base = values[config.base] if config.base in values else encode(layers[config.base])
     return torch.cat([values[name] for name in config.inputs] + [level], 1), base

@@ -4,7 +4,8 @@
 
     lr_{spp}    (H/s, W/s, 10)  R G B A (premultiplied), albedo R G B (above 1 on emitters: clip it),
                                 normal X Y Z (world space, zero where nothing was hit)
-    oidn_{spp}  (H/s, W/s, 3)   lr_{spp} over black, denoised with its albedo and normal
+    oidn_{spp}  (H/s, W/s, 3)   lr_{spp} over black, denoised
+    guided_{spp} (H/s, W/s, 3)  the same with albedo and normal as guides, which were denoised themselves
     ref_a, ref_b (H, W, 4)      two independent full-resolution halves, R G B A
     meta        ()              text, JSON: see ``_meta``
 """
@@ -25,10 +26,10 @@ from training_parts.build import build_scene
 from training_parts.capture import Capture, expose, half_floats, occupancy
 from training_parts.device import use_device
 
-from lfsr_core.denoise import denoise_eia
+from lfsr_core.denoise import clean_guides, denoise_eia
 from lfsr_core.files import atomic_path
 
-FORMAT = 1
+FORMAT = 2
 LEAST_OCCUPANCY, EXPOSURES, ATTEMPTS = 0.12, (0.005, 200.0), 8
 
 
@@ -104,7 +105,7 @@ def _render(recipe: Recipe, capture: Capture, facts: dict[str, Any], clock: Cloc
             seed = facts["seeds"][f"lr_{samples}"] = _render_seed(capture.stage.rng)
             layers = capture.low(samples, seed)
         with clock.stage("oidn"):
-            arrays[f"oidn_{samples}"] = half_floats(_denoised(layers))
+            arrays |= {f"{name}_{samples}": half_floats(image) for name, image in _denoised(layers).items()}
         arrays[f"lr_{samples}"] = half_floats(np.concatenate([layers[k] for k in ("color", "albedo", "normal")], -1))
     for half in ("ref_a", "ref_b"):
         with clock.stage("high"):
@@ -114,10 +115,11 @@ def _render(recipe: Recipe, capture: Capture, facts: dict[str, Any], clock: Cloc
     return arrays
 
 
-def _denoised(layers: dict[str, np.ndarray]) -> np.ndarray:
+def _denoised(layers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Over black, premultiplied colour is the picture itself."""
-    color, albedo, normal = (np.nan_to_num(layers[name][..., :3], posinf=0.0) for name in ("color", "albedo", "normal"))
-    return denoise_eia(np.maximum(color, 0), np.clip(albedo, 0, 1), np.clip(normal, -1, 1))
+    finite = {name: np.nan_to_num(layers[name][..., :3], posinf=0.0) for name in ("color", "albedo", "normal")}
+    color = np.maximum(finite.pop("color"), 0)
+    return {"oidn": denoise_eia(color), "guided": denoise_eia(color, **clean_guides(finite))}
 
 
 def _render_seed(rng: np.random.Generator) -> int:
@@ -132,7 +134,8 @@ def _meta(recipe: Recipe, capture: Capture, facts: dict[str, Any], clock: Clock)
         "profile": stage.profile.to_dict(), "array": dataclasses.asdict(stage.array),
         "matrix_world": [list(row) for row in stage.matrix_world], "convention": "centred", "view_aperture": 1.0,
         "channels": {"lr": ["R", "G", "B", "A", "albedo.R", "albedo.G", "albedo.B", "normal.X", "normal.Y", "normal.Z"],
-                     "oidn": ["R", "G", "B"], "ref": ["R", "G", "B", "A"]},
+                     "oidn": ["R", "G", "B"], "guided": ["R", "G", "B"],
+                     "ref": ["R", "G", "B", "A"]},
         "layout": stage.layout, "scene": stage.notes, "device": recipe.device, "blender": bpy.app.version_string,
         "seconds": clock.seconds}
 

@@ -85,7 +85,8 @@ def test_a_file_holds_every_render_and_how_it_was_made(scenes, index):
     arrays, meta = load(scenes, index)
     width, height = (lens * view for lens, view in zip(LENSES, VIEWS, strict=True))
     low = (height // SCALE, width // SCALE)
-    expected = {f"lr_{n}": (*low, 10) for n in SPPS} | {f"oidn_{n}": (*low, 3) for n in SPPS}
+    denoised = {f"{kind}_{n}": (*low, 3) for n in SPPS for kind in ("oidn", "guided")}
+    expected = {f"lr_{n}": (*low, 10) for n in SPPS} | denoised
     expected |= {"ref_a": (height, width, 4), "ref_b": (height, width, 4)}
     assert {name: array.shape for name, array in arrays.items()} == expected
     assert all(array.dtype == np.float16 and np.isfinite(array).all() for array in arrays.values())
