@@ -120,7 +120,7 @@ CLASSICAL: dict[str, tuple[str, Upscaler]] = {
 PREFILTERS: dict[str, tuple[str, Callable[[LowResEIA], LowResEIA]]] = {
     "oidn": ("Open Image Denoise on the whole array", denoise_low_resolution),
     "oidn-fast": ("the same in half the time, a little less accurate",
-                  functools.partial(denoise_low_resolution, quality="fast")),
+                  functools.partial(denoise_low_resolution, fast=True)),
     "oidn-guided": ("Open Image Denoise with albedo and normal, cleaned first: for plain surfaces",
                     functools.partial(denoise_low_resolution, guided=True)),
     "oidn-both": ("oidn and oidn-guided, for a network that mixes them", denoise_both_ways),

@@ -89,12 +89,12 @@ def test_cleaned_normals_keep_their_direction():
     normal[:, 32:] = [-1, 0, 0]
     noisy = normal + RANDOM.normal(0, 0.2, normal.shape).astype(np.float32)
     cleaned = clean_guides({"normal": noisy})["normal"]
-    assert np.abs(cleaned - normal).mean() < 0.05 < np.abs(noisy - normal).mean()
+    assert np.abs(cleaned - normal).mean() < 0.5 * np.abs(noisy - normal).mean()
 
 
 def test_fast_is_another_and_nearly_as_good_image():
     clean, noisy = noisy_card()
-    fast, high = denoise_eia(noisy, quality="fast"), denoise_eia(noisy)
+    fast, high = denoise_eia(noisy, fast=True), denoise_eia(noisy)
     assert not np.array_equal(fast, high) and error(fast, clean) < 2 * error(high, clean)
 
 
@@ -103,7 +103,7 @@ def test_library_of_blender_gives_the_same_image(monkeypatch):
     clean, noisy = noisy_card()
     albedo, normal = np.clip(clean / 3, 0, 1), np.zeros_like(clean) + np.float32([0, 0, 1])
     def images():
-        return denoise_eia(noisy), denoise_eia(noisy, albedo, normal), denoise_eia(noisy, quality="fast")
+        return denoise_eia(noisy), denoise_eia(noisy, albedo, normal), denoise_eia(noisy, fast=True)
 
     expected = images()
     monkeypatch.setitem(sys.modules, "pyoidn", None)
