@@ -218,7 +218,7 @@ def asymptote(means: Sequence[float]) -> float:
 
 
 def _without_upscaler(name: str) -> str:
-    kept = [part for part in name.split("+") if part in PREFILTERS]
+    kept = [part if part in DENOISERS else DENOISERS[0] for part in name.split("+") if part in PREFILTERS]
     return "+".join(kept) or "none"
 
 

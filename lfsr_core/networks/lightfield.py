@@ -41,6 +41,11 @@ class LightFieldConfig:
         """Channels of the first convolution: three per layer, one for alpha, one for samples."""
         return self.first_channel("samples") + 1
 
+    @property
+    def outputs(self) -> int:
+        """Channels of the last convolution: correction, share of the base to drop, share of the second base."""
+        return 5 if self.second_base else 4
+
     def first_channel(self, layer: str) -> int:
         """Where a layer starts among them; those of no layer start at the end."""
         before = self.inputs[:self.inputs.index(layer)] if layer in self.inputs else self.inputs
@@ -129,7 +134,7 @@ class LightFieldNet(nn.Module):
         self.down = nn.Conv2d(width, body, 2, stride=2)
         self.body = nn.ModuleList(Block(body, config.spatial) for _ in range(config.blocks))
         self.up = nn.Conv2d(body, width * 4, 1)
-        self.out = ReplicateConv(width, 5 if config.second_base else 4)
+        self.out = ReplicateConv(width, config.outputs)
         nn.init.zeros_(self.out.weight)
         nn.init.zeros_(self.out.bias)
 
@@ -162,6 +167,6 @@ def build(scale: int, **options: object) -> LightFieldNet:
 def multiply_adds(config: LightFieldConfig) -> float:
     """Multiply-adds per low-resolution pixel."""
     width, body = config.width, config.body_width
-    full = 9 * config.input_channels * width + 9 * width * 4
+    full = 9 * config.input_channels * width + 9 * width * config.outputs
     half = 4 * width * body + 2 * config.blocks * 9 * body * body + body * width * 4
     return full + half / 4
