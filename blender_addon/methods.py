@@ -27,7 +27,6 @@ CLASSICAL = {
     "oidn": ("Denoise Only", "For scale 1×: every view was rendered"),
     "none": ("None", "For scale 1×: every view was rendered, noise kept"),
 }
-GUIDED, GUIDES = "oidn-guided", ("albedo", "normal")
 
 
 def method_items() -> list[tuple[str, str, str, str, int]]:
@@ -37,14 +36,6 @@ def method_items() -> list[tuple[str, str, str, str, int]]:
         if networks.trained_scales(name) and not networks.NETWORKS[name].light_field:
             entries[name] = (name.replace("-", " ").title(), text[:1].upper() + text[1:], "NODETREE")
     return [(name, *entry, zlib.crc32(name.encode()) & 0x7FFFFFFF) for name, entry in entries.items()]
-
-
-def layers_of(method: str) -> tuple[str, ...]:
-    """Auxiliary layers to render for ``method``: none where nothing looks at them."""
-    parts = method.split("+")
-    layers = set(GUIDES) if GUIDED in parts else set()
-    layers |= {layer for part in parts if part in networks.NETWORKS for layer in networks.NETWORKS[part].layers}
-    return tuple(sorted(layers))
 
 
 def networks_of(method: str) -> list[str]:

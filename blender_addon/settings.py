@@ -12,10 +12,10 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json
 from lfsr_core.frame import EIA_FILE, REPORT_FILE, Frame, read_frame
 from lfsr_core.render_job import Job
-from lfsr_core.upscale import DEFAULT_METHOD
+from lfsr_core.upscale import DEFAULT_METHOD, layers_of
 
 from . import compat, devices, scene_io
-from .methods import check_scale, layers_of
+from .methods import check_scale
 
 PROFILE_FILE = "FILE"
 SCALES = (1, 2, 3, 4, 5, 8)

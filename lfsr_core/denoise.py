@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from lfsr_core.upscale import LowResEIA
 
 
+GUIDES = ("albedo", "normal")
 VERSION = 2  # of what comes out: figures measured with another one are out of date
 
 
@@ -39,7 +40,7 @@ def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.
     """
     guides = {"albedo": albedo, "normal": normal} if albedo is not None else {}
     guides = {name: np.asarray(image, np.float32) for name, image in guides.items() if image is not None}
-    # With guides, "high" takes 2.5 times as long as "balanced" and is .001 better (docs/networks.md).
+    # With guides, "high" takes 2.5 times as long as "balanced" and is no better from 4 samples on (docs/networks.md).
     quality = "fast" if fast else "balanced" if guides else "high"
     try:
         denoised = _library().denoise(np.asarray(color, np.float32), **guides, hdr=True, clean_aux=bool(guides),
@@ -66,7 +67,7 @@ def denoise_low_resolution(low: LowResEIA, *, fast: bool = False, guided: bool =
 
     ``guided``: by its albedo and normal, cleaned first, where it has them.
     """
-    layers = {name: from_elemental_images(low.aux[name]) for name in ("albedo", "normal") if guided and name in low.aux}
+    layers = {name: from_elemental_images(low.aux[name]) for name in GUIDES if guided and name in low.aux}
     denoised = denoise_eia(from_elemental_images(low.color), **clean_guides(layers), fast=fast)
     sy, sx = low.color.shape[:2]
     return dataclasses.replace(low, color=to_elemental_images(denoised, (sx, sy)), aux={**low.aux, "noisy": low.color})
@@ -75,7 +76,7 @@ def denoise_low_resolution(low: LowResEIA, *, fast: bool = False, guided: bool =
 def denoise_both_ways(low: LowResEIA) -> LowResEIA:
     """``denoise_low_resolution`` without guides, and with them as the layer "guided" where the frame has any."""
     plain = denoise_low_resolution(low)
-    if not {"albedo", "normal"} & low.aux.keys():
+    if not low.aux.keys() & set(GUIDES):
         return plain
     guided = denoise_low_resolution(low, guided=True).color
     return dataclasses.replace(plain, aux={**plain.aux, "guided": guided})

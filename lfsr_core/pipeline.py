@@ -17,7 +17,7 @@ from lfsr_core.foreground import foreground_mask
 from lfsr_core.frame import EIA_FILE, EIA_LINEAR_FILE, LOW_RES_FILE, MASK_FILE, REPORT_FILE, Frame, read_frame
 from lfsr_core.image_io import HALF_MAX, clean, read_layers, write_layers, write_mask, write_png
 from lfsr_core.stages import Progress, StageClock, peak_bytes, silent
-from lfsr_core.upscale import PLAIN_METHOD, LowResEIA, Method, method
+from lfsr_core.upscale import PLAIN_METHOD, LowResEIA, Method, guide_notes, method
 
 FILL_METHOD = PLAIN_METHOD
 
@@ -147,6 +147,6 @@ def _report(method_name: str, plan: Plan, frame: Frame, clock: StageClock) -> di
         "seconds": {stage: round(seconds, 4) for stage, seconds in clock.seconds.items()},
         "peak_bytes": peak_bytes(),
         "foreground_share": float(plan.mask.mean()),
-        "notes": list(plan.upscaler.notes),
+        "notes": [*guide_notes(method_name, plan.low.aux), *plan.upscaler.notes],
         "metrics": {},
     }

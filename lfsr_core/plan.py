@@ -49,7 +49,7 @@ class Candidate:
     def parts(self) -> int:
         """How many steps the method has, the measure of its simplicity; a network counts for three."""
         names = [part for part in self.method.split("+") if part != "none"]
-        return len(names) + 2 * sum(_is_network(name) for name in names)
+        return len(names) + 2 * sum(name in networks.NETWORKS for name in names)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -231,7 +231,3 @@ def _works_at(name: str, scale: int) -> bool:
 
 def _is_trained(name: str, scale: int) -> bool:
     return all(scale in networks.trained_scales(part) for part in name.split("+") if part in networks.NETWORKS)
-
-
-def _is_network(name: str) -> bool:
-    return name in networks.NETWORKS

@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 
 from lfsr_core import networks
-from lfsr_core.denoise import denoise_both_ways, denoise_low_resolution
+from lfsr_core.denoise import GUIDES, denoise_both_ways, denoise_low_resolution
 from lfsr_core.errors import LfsrError
 from lfsr_core.kernels import kernel_matrix
 
@@ -125,6 +125,7 @@ PREFILTERS: dict[str, tuple[str, Callable[[LowResEIA], LowResEIA]]] = {
                     functools.partial(denoise_low_resolution, guided=True)),
     "oidn-both": ("oidn and oidn-guided, for a network that mixes them", denoise_both_ways),
 }
+GUIDED = ("oidn-guided", "oidn-both")
 DENOISERS = ("oidn", "oidn-fast", "oidn-guided")  # prefilters that make sense before an interpolation
 METHODS: dict[str, str] = {**{name: entry[0] for name, entry in (CLASSICAL | PREFILTERS).items()}, **networks.NAMES}
 PLAIN_METHOD = "bilinear"  # after OIDN more accurate than bicubic, see docs/measurements.md
@@ -163,6 +164,22 @@ def method(name: str, weights: str | Path | None = None) -> Method:
                             f"{', '.join(PREFILTERS)} can stand there: put one upscaler last")
     _check_order(name, parts)
     return Method(name, tuple(PREFILTERS[part][1] for part in parts[:-1]), _load(parts[-1], weights))
+
+
+def layers_of(name: str) -> tuple[str, ...]:
+    """Auxiliary layers that some part of method ``name`` looks at, sorted."""
+    parts = name.split("+")
+    asked = {layer for part in parts if part in networks.NETWORKS for layer in networks.NETWORKS[part].layers}
+    return tuple(sorted(asked | (set(GUIDES) if set(GUIDED) & set(parts) else set())))
+
+
+def guide_notes(name: str, aux: Mapping[str, np.ndarray]) -> list[str]:
+    """For the report: a sentence if method ``name`` would be guided by layers that ``aux`` lacks."""
+    missing = [layer for layer in GUIDES if layer not in aux]
+    if "oidn-guided" not in name.split("+") or not missing:
+        return []
+    return [f"oidn-guided is guided by the layers {', '.join(missing)}, which this frame lacks: it was denoised "
+            "without them; render it again with --layers albedo,normal"]
 
 
 def _check_order(name: str, parts: Sequence[str]) -> None:

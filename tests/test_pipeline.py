@@ -252,3 +252,10 @@ def test_threads_share_the_clock():
                 time.sleep(0.2)
         list(pool.map(work, range(2)))
     assert clock.seconds["upscale"] == pytest.approx(0.2, abs=0.1)
+
+
+def test_missing_guides_are_told(tmp_path):
+    write_render(tmp_path)
+    notes = pipeline.upscale_frame(tmp_path, "oidn-guided+bilinear")["notes"]
+    assert len(notes) == 1 and "albedo, normal" in notes[0] and "--layers albedo,normal" in notes[0]
+    assert pipeline.upscale_frame(tmp_path, "oidn+bilinear")["notes"] == []

@@ -52,10 +52,11 @@ class NetworkSpec:
         return self.upscaler == LIGHT_FIELD_UPSCALER
 
 
-def _ours(description: str, inputs: tuple[str, ...], size: tuple[int, int, int], after: str | None) -> NetworkSpec:
+def _ours(description: str, inputs: tuple[str, ...], size: tuple[int, int, int], after: str | None,
+          second_base: str = "") -> NetworkSpec:
     width, body_width, blocks = size
     options = {"inputs": inputs, "base": inputs[0], "width": width, "body_width": body_width, "blocks": blocks}
-    options |= {"second_base": inputs[1]} if after == "oidn-both" else {}
+    options |= {"second_base": second_base} if second_base else {}
     return NetworkSpec(description, "lfsr_core.networks.lightfield:build", options, EVERY_SCALE, ("albedo", "normal"),
                        upscaler=LIGHT_FIELD_UPSCALER, trained_at=4, after=after)
 
@@ -66,7 +67,8 @@ def _paper(convolutions: int, description: str) -> NetworkSpec:
 
 NETWORKS: dict[str, NetworkSpec] = {
     "refine": _ours("our network after oidn-both: mixes the two and gives back what they took, per elemental image",
-                    ("oidn", "guided", "color", "alpha", "albedo", "normal"), (8, 16, 1), after="oidn-both"),
+                    ("oidn", "guided", "color", "alpha", "albedo", "normal"), (8, 16, 1), after="oidn-both",
+                    second_base="guided"),
     "light": _ours("our network without oidn: denoises and upscales each elemental image",
                    ("color", "alpha", "albedo", "normal"), (16, 32, 2), after=None),
     "paper": _paper(2, "the paper's generator per EI, trained with MSE only"),

@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import json
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -145,7 +145,7 @@ class ElementalNetwork:
         self.inputs, self.base = tuple(options["inputs"]), options["base"]
         self._blocks = int(options["blocks"])
         second = options.get("second_base")
-        self._second = _first_channel(self.inputs, second) if second else None
+        self._second = channels(self.inputs[:self.inputs.index(second)]) if second else None
         # Convolutions as (rows of a patch, outputs) matrices.
         self._matrix = {name: _matrix(value) for name, value in tensors.items() if name.endswith("weight")}
         self._bias = {name: value for name, value in tensors.items() if name.endswith("bias")}
@@ -154,7 +154,7 @@ class ElementalNetwork:
     @property
     def input_channels(self) -> int:
         """Channels of the features, the sample count included."""
-        return _first_channel(self.inputs, "samples") + 1
+        return channels(self.inputs) + 1
 
     @property
     def outputs(self) -> int:
@@ -221,10 +221,9 @@ def _check(network: ElementalNetwork, tensors: Mapping[str, np.ndarray], options
                             "choose the file that fits or train it again")
 
 
-def _first_channel(inputs: tuple[str, ...], layer: str) -> int:
-    """Where a layer starts among the features; those of no layer start at the end."""
-    before = inputs[:inputs.index(layer)] if layer in inputs else inputs
-    return sum(1 if name == "alpha" else 3 for name in before)
+def channels(layers: Sequence[str]) -> int:
+    """Channels of some input layers: one of alpha, three of every other."""
+    return sum(1 if name == "alpha" else 3 for name in layers)
 
 
 def _matrix(weight: np.ndarray) -> np.ndarray:

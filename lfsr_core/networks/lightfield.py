@@ -13,7 +13,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from lfsr_core.networks.elemental import LEAST_LIGHT, MAX_GAIN
+from lfsr_core.networks.elemental import LEAST_LIGHT, MAX_GAIN, channels
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,17 +39,12 @@ class LightFieldConfig:
     @property
     def input_channels(self) -> int:
         """Channels of the first convolution: three per layer, one for alpha, one for samples."""
-        return self.first_channel("samples") + 1
+        return channels(self.inputs) + 1
 
     @property
     def outputs(self) -> int:
         """Channels of the last convolution: correction, share of the base to drop, share of the second base."""
         return 5 if self.second_base else 4
-
-    def first_channel(self, layer: str) -> int:
-        """Where a layer starts among them; those of no layer start at the end."""
-        before = self.inputs[:self.inputs.index(layer)] if layer in self.inputs else self.inputs
-        return sum(1 if name == "alpha" else 3 for name in before)
 
 
 def encode(linear: Tensor) -> Tensor:
@@ -155,7 +150,8 @@ class LightFieldNet(nn.Module):
         return base * keep + correction[:, :3]
 
     def _second_base(self, features: Tensor) -> Tensor:
-        start = self.config.first_channel(self.config.second_base)
+        inputs = self.config.inputs
+        start = channels(inputs[:inputs.index(self.config.second_base)])
         return features[:, start:start + 3]
 
 

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.networks.elemental import MAX_LOG2_SAMPLES
+from lfsr_core.networks.elemental import ENCODED, MAX_LOG2_SAMPLES
 from lfsr_core.networks.lightfield import LightFieldConfig, encode
 
 DENOISED = ("oidn", "guided")  # Open Image Denoise alone, and with albedo and normal
@@ -131,7 +131,7 @@ def from_eis(eis: Tensor, lenses: tuple[int, int]) -> Tensor:
 
 def network_inputs(layers: dict[str, Tensor], samples: int, config: LightFieldConfig) -> tuple[Tensor, Tensor]:
     """Features (N, C, h, w) and base (N, 3, h, w) of ``config`` from linear layers of EIs."""
-    values = {name: encode(layers[name]) if name in ("color", *DENOISED) else layers[name] for name in config.inputs}
+    values = {name: encode(layers[name]) if name in ENCODED else layers[name] for name in config.inputs}
     level = torch.full_like(layers["alpha"], float(np.log2(samples)) / MAX_LOG2_SAMPLES)
     base = values[config.base] if config.base in values else encode(layers[config.base])
     return torch.cat([values[name] for name in config.inputs] + [level], 1), base

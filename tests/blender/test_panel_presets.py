@@ -65,8 +65,10 @@ def test_methods_name_their_layers_and_have_lasting_numbers():
     assert len({item[4] for item in items}) == len(items)
     # The number stored in artists' files: a new method must not shift it.
     assert {item[0]: item[4] for item in items}["oidn+bicubic"] == zlib.crc32(b"oidn+bicubic") & 0x7FFFFFFF
-    assert methods.layers_of("oidn-guided+bicubic") == methods.layers_of("light") == ("albedo", "normal")
-    assert methods.layers_of("oidn+bicubic") == methods.layers_of("bicubic") == ()
+    from lfsr_core.upscale import layers_of
+
+    assert layers_of("oidn-guided+bicubic") == layers_of("light") == ("albedo", "normal")
+    assert layers_of("oidn+bicubic") == layers_of("bicubic") == ()
 
 
 def test_every_method_of_the_menu_is_one_of_the_second_stage():
