@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Iterable, Sequence
 
-from lfsr_core import networks
+from lfsr_core import networks, upscale
 from lfsr_core.display import DisplayProfile
 from lfsr_core.errors import LfsrError
 from lfsr_core.plan_statistics import Estimate
@@ -19,7 +19,6 @@ from lfsr_core.upscale import DEFAULT_METHOD, DENOISERS, PLAIN_METHOD, PREFILTER
 
 METRICS = ("ssim_eia_fg", "ssim_eia")
 SCALES, SAMPLES = (1, 2, 4, 8), (4, 16, 64, 256)
-USUAL_LAYERS = ("albedo", "normal")
 BETWEEN = "between two that were measured"
 AS_GOOD = 1.05  # times of candidates that count as equal: then the simpler method is taken
 MOST_KEPT = 0.8  # of a gain may come again with the next step of samples, when the end of the steps is guessed
@@ -41,9 +40,7 @@ class Candidate:
     @property
     def options(self) -> tuple[str, ...]:
         """Words of `lfsr render` that make it."""
-        more = layers_of([self.method])
-        words = ("--layers", ",".join(more)) if set(more) > set(USUAL_LAYERS) else ()
-        return "--scale", str(self.scale), "--spp", str(self.spp), "--method", self.method, *words
+        return "--scale", str(self.scale), "--spp", str(self.spp), "--method", self.method
 
     @property
     def parts(self) -> int:
@@ -138,10 +135,8 @@ def between(spps: Sequence[int], steps: int) -> list[tuple[int, int, int, float]
 
 
 def layers_of(names: Iterable[str]) -> tuple[str, ...]:
-    """Auxiliary layers to render for these methods: what denoisers look at, and what a network asks for."""
-    parts = {part for name in names for part in name.split("+")}
-    asked = {layer for part in parts & set(networks.NETWORKS) for layer in networks.NETWORKS[part].layers}
-    return (*USUAL_LAYERS, *sorted(asked - set(USUAL_LAYERS)))
+    """Auxiliary layers to render for these methods, sorted."""
+    return tuple(sorted({layer for name in names for layer in upscale.layers_of(name)}))
 
 
 def methods_at(scale: int, names: Iterable[str]) -> tuple[str, ...]:

@@ -116,6 +116,13 @@ def test_render_defaults(scene, blender, tmp_path):
     assert json.loads((tmp_path / "frame" / "report.json").read_text())["method"] == DEFAULT_METHOD
 
 
+def test_render_has_the_layers_that_its_method_looks_at(scene, blender, tmp_path):
+    assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--method", "bilinear",
+                 "--blender", blender]) == 0
+    (job,) = jobs(blender)
+    assert job["layers"] == []
+
+
 def test_render_at_scale_1_needs_no_upscaler(scene, blender, tmp_path):
     folder = tmp_path / "frame"
     assert main(["render", scene, "-o", str(folder), "--display", "mini", "--scale", "1", "--spp", "1",

@@ -122,12 +122,11 @@ def test_a_network_is_a_candidate_only_where_it_was_trained():
 
 
 def test_layers_are_what_denoisers_and_networks_look_at(monkeypatch):
-    assert plan.layers_of(["bilinear", "oidn+bilinear"]) == ("albedo", "normal")
-    assert Candidate(4, 16, "oidn+bilinear").options == ("--scale", "4", "--spp", "16", "--method", "oidn+bilinear")
+    assert plan.layers_of(["bilinear", "oidn+bilinear"]) == ()
+    assert plan.layers_of(["bilinear", "oidn-guided+bilinear"]) == ("albedo", "normal")
     spec = dataclasses.replace(plan.networks.NETWORKS["paper"], layers=("normal", "position"))
     monkeypatch.setitem(plan.networks.NETWORKS, "paper", spec)
-    assert plan.layers_of(["bilinear", "paper"]) == ("albedo", "normal", "position")
-    assert Candidate(4, 16, "paper").options[-2:] == ("--layers", "albedo,normal,position")
+    assert plan.layers_of(["oidn-guided+bilinear", "paper"]) == ("albedo", "normal", "position")
 
 
 def test_default_methods_hold_the_simple_one_and_the_default():

@@ -31,7 +31,7 @@ def measure(scene: Path, options: argparse.Namespace) -> dict[str, Any]:
     display = ("--display", options.display)
     if not (folder / REPORT_FILE).exists():
         _lfsr("render", scene, "-o", folder, *display, "--scale", options.scale, "--spp", options.spp,
-              "--method", options.methods[0])
+              "--layers", "albedo,normal", "--method", options.methods[0])
     if not all((reference / name).exists() for name in REFERENCE_FILES):
         _lfsr("reference", scene, "-o", reference, *display, "--spp", options.reference_spp, "--lenses", options.lenses)
     return {"scene": scene.stem, "reference_seconds": read_frame(reference).seconds,

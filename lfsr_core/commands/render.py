@@ -10,7 +10,6 @@ from lfsr_core.render_job import LAYERS
 NAME = "render"
 HELP = "render a scene's low-resolution EIA with Blender and upscale it to eia.png"
 DEFAULT_SAMPLES = 16
-DEFAULT_LAYERS = ("albedo", "normal")  # what the denoiser wants to see
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,16 +18,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scale", type=int, default=4, metavar="2|3|4|5|8",
                         help="views are divided by it for the render, default: %(default)s; "
                              "1 renders every view (with --method oidn or none)")
-    parser.add_argument("--layers", type=_layers, default=DEFAULT_LAYERS, metavar="NAME,NAME",
+    parser.add_argument("--layers", type=_layers, metavar="NAME,NAME",
                         help=f"auxiliary layers from the same render, of {', '.join(LAYERS)}, "
-                             f"or `none`; default: {','.join(DEFAULT_LAYERS)}")
+                             "or `none`; default: those that the method looks at")
     upscale.add_method_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Render, then upscale; a bad method is refused before any time is spent on rendering."""
+    from lfsr_core.upscale import layers_of
+
     method = upscale.chosen_method(arguments.method, arguments.scale)
-    job = _scene.make_job(arguments, scale=arguments.scale, layers=arguments.layers)
+    layers = layers_of(method) if arguments.layers is None else arguments.layers
+    job = _scene.make_job(arguments, scale=arguments.scale, layers=layers)
     _scene.render(arguments, job)
     upscale.upscale(arguments.output, method, arguments)
 
