@@ -16,7 +16,8 @@ from lfsr_core.files import atomic_path, read_json
 
 PAGE_FILE, PICTURES = "index.html", "pictures"
 LENSES_IN_CROP, LEAST_CROP, GAP = 3, 240, 6
-COLORS = ("#555555", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7b3294", "#a6761d", "#1b1b1b")
+COLORS = ("#222222", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
+DASHES = (("solid", "none"), ("dashed", "7 4"), ("dotted", "2 3"))  # after each round of colours, in CSS and SVG
 WIDTH, HEIGHT, LEFT, BOTTOM, TOP, RIGHT = 640, 300, 60, 34, 12, 12
 STYLE = """body{font:15px/1.45 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#222}
 table{border-collapse:collapse;font-variant-numeric:tabular-nums;margin:.6em 0}td,th{border:1px solid #ccc;
@@ -24,7 +25,7 @@ padding:.15em .5em;text-align:right}td:first-child,th:first-child{text-align:lef
 vertical-align:top;margin-right:1.5em}.b{background:#fbdcd0}
 figure{display:inline-block;margin:.4em 1em .8em 0;vertical-align:top}figcaption{font-size:13px}
 img{image-rendering:pixelated;max-width:100%}svg text{font:11px system-ui,sans-serif}.key i{display:inline-block;
-width:1.2em;height:.5em;margin:0 .3em 0 1em}.wide{overflow-x:auto}"""
+width:2em;margin:0 .3em .25em 1em}.key span{white-space:nowrap}.wide{overflow-x:auto}"""
 
 
 def write_pages(bench: Bench, report_file: Path) -> Path:
@@ -110,7 +111,7 @@ def _bold(text: str) -> str:
 
 
 def _break_table(report: dict[str, Any]) -> str:
-    head = "".join(f"<th>{html.escape(name)}" for name in ("dial", "values", *report["methods"]))
+    head = "".join(f"<th>{_breakable(name)}" for name in ("dial", "values", *report["methods"]))
     rows = []
     for dial in report["dials"]:
         cells = "".join(f"<td{' class=b' if dial['breaks'][method] else ''}>{break_text(dial, method)}"
@@ -120,8 +121,14 @@ def _break_table(report: dict[str, Any]) -> str:
     return f"<div class=wide><table><tr>{head}{''.join(rows)}</table></div>"
 
 
+def _breakable(name: str) -> str:
+    """A method's name whose parts may stand below each other."""
+    return html.escape(name).replace("+", "+<wbr>")
+
+
 def _section(dial: dict[str, Any], methods: Sequence[str]) -> str:
-    key = "".join(f"<i style='background:{color(index)}'></i>{html.escape(name)}" for index, name in enumerate(methods))
+    key = " ".join(f"<span><i style='border-top:3px {DASHES[dash][0]} {color}'></i>{html.escape(name)}</span>"
+                   for name, (color, dash) in zip(methods, map(stroke, range(len(methods))), strict=True))
     tables = "".join(_metric_table(dial, methods, metric)
                      for metric in (dial["judged"], *EXTRAS.get(dial["name"], ()), "ssim_ceiling"))
     return (f"<h2 id='{dial['name']}'>{dial['name']}</h2><p>{html.escape(dial['meaning'].capitalize())}; values are "
@@ -135,7 +142,7 @@ def _metric_table(dial: dict[str, Any], methods: Sequence[str], metric: str) -> 
     shown = ("all",) if metric == "ssim_ceiling" else methods
     rows = "".join("<tr><td>" + label(value) + "".join(_value_cell(dial, method, metric, index) for method in methods)
                    for index, value in enumerate(dial["values"]))
-    return f"<table><tr>{''.join(f'<th>{html.escape(name)}' for name in (metric, *shown))}{rows}</table>"
+    return f"<table><tr>{''.join(f'<th>{_breakable(name)}' for name in (metric, *shown))}{rows}</table>"
 
 
 def _value_cell(dial: dict[str, Any], method: str, metric: str, index: int) -> str:
@@ -144,9 +151,9 @@ def _value_cell(dial: dict[str, Any], method: str, metric: str, index: int) -> s
     return f"<td{' class=b' if broken else ''}>{number(series(dial, method, metric)[index])}"
 
 
-def color(index: int) -> str:
-    """Colour of a method's curve."""
-    return COLORS[index % len(COLORS)]
+def stroke(index: int) -> tuple[str, int]:
+    """Colour of a method's curve and its place in DASHES."""
+    return COLORS[index % len(COLORS)], index // len(COLORS) % len(DASHES)
 
 
 def curves(dial: dict[str, Any], methods: Sequence[str]) -> str:
@@ -163,7 +170,7 @@ def curves(dial: dict[str, Any], methods: Sequence[str]) -> str:
         across = LEFT + (WIDTH - LEFT - RIGHT) * (index + 0.2) / (steps + 0.4)
         return across, TOP + (HEIGHT - TOP - BOTTOM) * (high - value) / (high - low)
 
-    drawn = [_curve(line, [place(i, v) for i, v in enumerate(line) if v is not None], dial, method, color(number_))
+    drawn = [_curve(line, [place(i, v) for i, v in enumerate(line) if v is not None], dial, method, stroke(number_))
              for number_, (method, line) in enumerate(lines.items())]
     ticks = [f"<text x='{place(i, low)[0]:.1f}' y='{HEIGHT - 14}' text-anchor=middle>{label(value)}</text>"
              for i, value in enumerate(dial["values"])]
@@ -181,14 +188,15 @@ def _scale(low: float, high: float) -> str:
 
 
 def _curve(line: Sequence[float | None], points: Sequence[tuple[float, float]], dial: dict[str, Any], method: str,
-           stroke: str) -> str:
+           style: tuple[str, int]) -> str:
+    ink, dash = style[0], DASHES[style[1]][1]
     path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-    dots = "".join(f"<circle cx={x:.1f} cy={y:.1f} r=2.5 fill='{stroke}'/>" for x, y in points)
+    dots = "".join(f"<circle cx={x:.1f} cy={y:.1f} r=2.5 fill='{ink}'/>" for x, y in points)
     found, told = dial["breaks"][method], [v for v, q in zip(dial["values"], line, strict=True) if q is not None]
     if found is not None:
         x, y = points[told.index(found["value"])]
-        dots += f"<circle cx={x:.1f} cy={y:.1f} r=7 fill=none stroke='{stroke}' stroke-width=1.5 />"
-    return f"<polyline points='{path}' fill=none stroke='{stroke}' stroke-width=1.6 />{dots}"
+        dots += f"<circle cx={x:.1f} cy={y:.1f} r=7 fill=none stroke='{ink}' stroke-width=1.5 />"
+    return f"<polyline points='{path}' fill=none stroke='{ink}' stroke-dasharray='{dash}' stroke-width=1.6 />{dots}"
 
 
 def _figures(dial: dict[str, Any], methods: Sequence[str],
