@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import importlib.util
+import math
 from collections.abc import Mapping
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -26,7 +27,9 @@ if TYPE_CHECKING:
 
 
 GUIDES = ("albedo", "normal")
-VERSION = 2  # of what comes out: figures measured with another one are out of date
+CONTEXT = 32  # pixels around what is denoised that the library may look at
+POOLED = 16  # pixels that the library's network pools into one
+VERSION = 3  # of what comes out: figures measured with another one are out of date
 
 
 def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.ndarray | None = None, *,
@@ -65,12 +68,36 @@ def clean_guides(guides: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 def denoise_low_resolution(low: LowResEIA, *, fast: bool = False, guided: bool = False) -> LowResEIA:
     """The low-resolution EIA with denoised colour; what was rendered stays in the layer "noisy".
 
-    ``guided``: by its albedo and normal, cleaned first, where it has them.
+    ``guided``: by its albedo and normal, cleaned first, where it has them. Only the
+    rectangle of lenses that shows anything is denoised.
     """
-    layers = {name: from_elemental_images(low.aux[name]) for name in GUIDES if guided and name in low.aux}
-    denoised = denoise_eia(from_elemental_images(low.color), **clean_guides(layers), fast=fast)
-    sy, sx = low.color.shape[:2]
-    return dataclasses.replace(low, color=to_elemental_images(denoised, (sx, sy)), aux={**low.aux, "noisy": low.color})
+    part = shown_part(low.color)
+    layers = {name: from_elemental_images(low.aux[name][part]) for name in GUIDES if guided and name in low.aux}
+    rendered = low.color[part]
+    color = low.color.copy()
+    if rendered.size:
+        denoised = denoise_eia(from_elemental_images(rendered), **clean_guides(layers), fast=fast)
+        color[part] = to_elemental_images(denoised, rendered.shape[1::-1])
+    return dataclasses.replace(low, color=color, aux={**low.aux, "noisy": low.color})
+
+
+def shown_part(color: np.ndarray) -> tuple[slice, slice]:
+    """Rows and columns of lenses that hold every EI of ``color`` (sy, sx, h, w, C) that is not of one value.
+
+    With CONTEXT around; empty where all are.
+    """
+    pixels = color.reshape(*color.shape[:2], -1, color.shape[-1])
+    varies = (pixels.max(2) > pixels.min(2)).any(-1)
+    return _span(varies.any(1), color.shape[2]), _span(varies.any(0), color.shape[3])
+
+
+def _span(wanted: np.ndarray, pixels: int) -> slice:
+    """Wanted lenses of ``pixels`` each with CONTEXT around; begins where the library pools as in the whole image."""
+    places = np.flatnonzero(wanted)
+    if not len(places):
+        return slice(0, 0)
+    around, step = math.ceil(CONTEXT / pixels), POOLED // math.gcd(POOLED, pixels)
+    return slice(max(places[0] - around, 0) // step * step, min(places[-1] + 1 + around, len(wanted)))
 
 
 def denoise_both_ways(low: LowResEIA) -> LowResEIA:

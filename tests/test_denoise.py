@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from prerequisites import needs_bpy
 
-from lfsr_core import oidn
-from lfsr_core.denoise import clean_guides, denoise_both_ways, denoise_eia, denoise_low_resolution
+from lfsr_core import denoise, oidn
+from lfsr_core.denoise import clean_guides, denoise_both_ways, denoise_eia, denoise_low_resolution, shown_part
 from lfsr_core.errors import LfsrError
 from lfsr_core.upscale import LowResEIA
 
@@ -62,6 +62,51 @@ def test_low_resolution_eia_is_denoised_as_one_image():
     denoised = denoise_low_resolution(low)
     np.testing.assert_allclose(whole(denoised.color), denoise_eia(whole(low.color)), atol=1e-5)
     assert denoised.aux["noisy"] is low.color and denoised.aux["albedo"] is low.aux["albedo"] and denoised.scale == 4
+
+
+def framed(row=9, column=13):
+    """The noisy card amid 30×40 lenses that show nothing, with its albedo."""
+    card = low_resolution()
+    part = slice(row, row + 8), slice(column, column + 12)
+    images = {}
+    for name, image in (("color", card.color), ("alpha", card.alpha), ("albedo", card.aux["albedo"])):
+        images[name] = np.zeros((30, 40, *image.shape[2:]), np.float32)
+        images[name][part] = image
+    return LowResEIA(images["color"], images["alpha"], {"albedo": images["albedo"]}, 16, 4), part
+
+
+@pytest.mark.parametrize("guided", [False, True])
+def test_only_what_shows_something_is_denoised(monkeypatch, guided):
+    low, part = framed()
+    sizes = []
+
+    def spy(color, *arguments, **options):
+        sizes.append(color.shape[0] * color.shape[1])
+        return denoise_eia(color, *arguments, **options)
+
+    monkeypatch.setattr(denoise, "denoise_eia", spy)
+    denoised = denoise_low_resolution(low, guided=guided).color
+    assert len(sizes) == 1 + guided and max(sizes) < low.alpha.size / 3
+    outside = denoised.copy()
+    outside[part] = 0
+    assert outside.max() < 0.3, "only what spills over a border"
+    monkeypatch.setattr(denoise, "shown_part", lambda color: (slice(None), slice(None)))
+    expected = denoise_low_resolution(low, guided=guided).color
+    np.testing.assert_allclose(denoised[part], expected[part], rtol=0.1, atol=0.05)
+
+
+def test_nothing_to_denoise_stays_as_it_is():
+    low, part = framed()
+    empty = dataclasses.replace(low, color=np.full_like(low.color, 0.25))
+    np.testing.assert_array_equal(denoise_low_resolution(empty, guided=True).color, empty.color)
+
+
+@pytest.mark.parametrize("corner", [(0, 0), (3, 9), (9, 13), (22, 28)])
+def test_part_holds_every_lens_that_shows_something(corner):
+    rows, columns = shown_part(framed(*corner)[0].color)
+    for part, start, length, count in ((rows, corner[0], 8, 30), (columns, corner[1], 12, 40)):
+        assert 0 <= part.start <= max(start - 4, 0) and min(start + length + 4, count) <= part.stop <= count
+        assert part.start * 8 % 16 == 0, "the library pools the same pixels as in the whole image"
 
 
 def test_guides_lose_their_noise_first():
