@@ -146,7 +146,7 @@ class _Planner:
         frame, finish, whole = self.renders.frames["quick"], self.quick.finish, plan.low_pixels(self.display, scale)
         self.times = TimeModel(frame.seconds["open"], 0.0, frame.seconds["render"] / path_samples(frame),
                                finish["load"] / whole, sum(finish.values()) - finish["load"],
-                               int(self.quick.masks["foreground"].sum()))
+                               int(self.quick.masks["foreground"].sum()), self.quick.shown)
 
     def _dearness(self) -> float:
         """How much more a sample costs in a foreground lens than in the mean lens, from a few of them."""

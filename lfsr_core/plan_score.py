@@ -14,7 +14,7 @@ import numpy as np
 from lfsr_core.assembly import MAX_WORKERS
 from lfsr_core.color import srgb_encode
 from lfsr_core.comparison import read_half
-from lfsr_core.denoise import denoise_low_resolution, is_available
+from lfsr_core.denoise import denoise_low_resolution, is_available, shown_part
 from lfsr_core.eia import to_elemental_images
 from lfsr_core.foreground import foreground_mask
 from lfsr_core.frame import LOW_RES_FILE, Frame, read_frame
@@ -34,12 +34,14 @@ class QuickLook:
     """What a few samples of every lens tell.
 
     ``masks``: plan_sample.strata_masks; ``features`` (sy, sx, k): see ``features``;
-    ``finish``: seconds of the second stage's steps that no method changes.
+    ``finish``: seconds of the second stage's steps that no method changes; ``shown``:
+    share of the frame that a denoiser looks at.
     """
 
     masks: dict[str, np.ndarray]
     features: np.ndarray
     finish: dict[str, float]
+    shown: float
 
     def covariates(self, name: str, lenses: Sequence[Lens]) -> tuple[np.ndarray | None, np.ndarray | None]:
         """Covariates (n, k) of sampled foreground lenses and their means over all of them; None for other strata."""
@@ -91,7 +93,8 @@ def quick_look(folder: Path) -> QuickLook:
     mask, wide = (foreground_mask(layers, frame.rays.tiles, reach) for reach in (0, 1))
     low = low_resolution(layers, frame)
     seconds = upscale_frame(folder, FILL_METHOD if frame.scale > 1 else "none")["seconds"]
-    return QuickLook(strata_masks(mask, wide), features(low), {name: seconds[name] for name in FINISHING})
+    shown = low.alpha[shown_part(low.color)].size / low.alpha.size
+    return QuickLook(strata_masks(mask, wide), features(low), {name: seconds[name] for name in FINISHING}, shown)
 
 
 def features(low: LowResEIA) -> np.ndarray:

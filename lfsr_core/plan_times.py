@@ -15,7 +15,7 @@ from lfsr_core.plan import Candidate, low_pixels
 
 @dataclasses.dataclass(frozen=True)
 class StageTime:
-    """Seconds of a second stage: ``fixed``, ``per_pixel`` of the low-resolution EIA, ``per_lens`` of the foreground."""
+    """Seconds of a second stage: ``fixed``, ``per_pixel`` that is denoised, ``per_lens`` of the foreground."""
 
     fixed: float
     per_pixel: float
@@ -29,7 +29,8 @@ class TimeModel:
     ``open``: loading the scene. ``setup``: of a render, whatever its size.
     ``per_sample``: one sample of one pixel, mean over the whole frame. ``load``:
     reading one low-resolution pixel. ``finish``: mask, assembly, colour and
-    writing of a frame. ``foreground``: lenses the method works on.
+    writing of a frame. ``foreground``: lenses the method works on. ``shown``: share
+    of the frame that a denoiser looks at (denoise.shown_part).
     """
 
     open: float
@@ -38,6 +39,7 @@ class TimeModel:
     load: float
     finish: float
     foreground: int
+    shown: float = 1.0
     stages: Mapping[tuple[int, str], StageTime] = dataclasses.field(default_factory=dict)
 
     def seconds(self, candidate: Candidate, display: DisplayProfile) -> float:
@@ -45,7 +47,7 @@ class TimeModel:
         low = low_pixels(display, candidate.scale)
         stage = self.stages.get((candidate.scale, candidate.method), StageTime(0.0, 0.0, 0.0))
         return (self.open + self.setup + self.per_sample * low * candidate.spp + self.load * low + self.finish
-                + stage.fixed + stage.per_pixel * low + stage.per_lens * self.foreground)
+                + stage.fixed + stage.per_pixel * low * self.shown + stage.per_lens * self.foreground)
 
     def refined(self, quick: Frame, sampled: list[Frame], share: float) -> TimeModel:
         """The model with the set-up of a render told apart from its samples, by ``sampled`` renders of several sizes.

@@ -160,11 +160,11 @@ def sampled_renders(setup: float, per_sample: float) -> list:
 
 def test_time_model_finds_setup_and_samples():
     quick = timed(frame_of(4, samples=4), 0.3, 2e-3)
-    start = TimeModel(1.0, 0.0, 0.0, 1e-3, 0.5, 80, {(2, "bilinear"): StageTime(0.1, 1e-4, 1e-2)})
+    start = TimeModel(1.0, 0.0, 0.0, 1e-3, 0.5, 80, 0.5, {(2, "bilinear"): StageTime(0.1, 1e-4, 1e-2)})
     model = start.refined(quick, sampled_renders(0.3, 5e-3), 0.2)
     assert model.setup == pytest.approx(0.3) and model.per_sample == pytest.approx(2e-3)
     pixels = 64 * 48
-    expected = 1.0 + 0.3 + 2e-3 * pixels * 16 + 1e-3 * pixels + 0.5 + 0.1 + 1e-4 * pixels + 1e-2 * 80
+    expected = 1.0 + 0.3 + 2e-3 * pixels * 16 + 1e-3 * pixels + 0.5 + 0.1 + 1e-4 * pixels * 0.5 + 1e-2 * 80
     assert model.seconds(Candidate(2, 16, "bilinear"), MINI) == pytest.approx(expected)
 
 
