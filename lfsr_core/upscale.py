@@ -86,11 +86,16 @@ def interpolate(encoded: np.ndarray, kernel: str, scale: int, out: np.ndarray, m
     """Upscale encoded EIs (n, h + 2·margin, w + 2·margin, C) into scene-linear ``out`` (n, h·s, w·s, C)."""
     count, rows, columns, channels = encoded.shape
     down = kernel_matrix(kernel, rows - 2 * margin, scale, margin)
-    # Channels stay interleaved: the same weights for each, zero between them.
-    across = np.kron(kernel_matrix(kernel, columns - 2 * margin, scale, margin).T, np.eye(channels, dtype=np.float32))
+    across = _interleaved(kernel, columns - 2 * margin, scale, margin, channels)
     tall = (down @ encoded.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
     finished = out.reshape(len(tall), -1)
     decode(np.matmul(tall, across, out=finished), out=finished)
+
+
+@functools.lru_cache(maxsize=16)
+def _interleaved(kernel: str, columns: int, scale: int, margin: int, channels: int) -> np.ndarray:
+    """Matrix that upscales rows of interleaved channels: the same weights for each, zero between them."""
+    return np.kron(kernel_matrix(kernel, columns, scale, margin).T, np.eye(channels, dtype=np.float32))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -86,7 +86,7 @@ class ElementalUpscaler:
         if network is not None and busy.any():
             cleaned = network(*network_inputs(network, low, lenses[busy]))
             rendered = low.aux.get("noisy", low.color) if "oidn" in network.inputs else low.color
-            images[busy] = conserve(cleaned, rendered[lenses[busy, 0], lenses[busy, 1]].mean((1, 2), keepdims=True))
+            images[busy] = conserve(cleaned, _mean_light(rendered[lenses[busy, 0], lenses[busy, 1]]))
         with self._lock:
             self.counts["network"] += int(busy.sum())
             self.counts["linear"] += int((~busy).sum())
@@ -95,7 +95,8 @@ class ElementalUpscaler:
 
 def needs_network(images: np.ndarray, flat: float) -> np.ndarray:
     """(N,) bool: EIs (N, h, w, 3), encoded, whose values differ by more than ``flat`` in some channel."""
-    return (images.max((1, 2)) - images.min((1, 2))).max(-1) > flat
+    # Axis by axis: over whole rows of pixels at once, not over three channels.
+    return (images.max(1).max(1) - images.min(1).min(1)).max(-1) > flat
 
 
 def conserve(encoded: np.ndarray, light: np.ndarray) -> np.ndarray:
@@ -106,8 +107,13 @@ def conserve(encoded: np.ndarray, light: np.ndarray) -> np.ndarray:
     from lfsr_core.upscale import decode, encode
 
     linear = decode(encoded)
-    gain = (light + LEAST_LIGHT) / (linear.mean((1, 2), keepdims=True) + LEAST_LIGHT)
+    gain = (light + LEAST_LIGHT) / (_mean_light(linear) + LEAST_LIGHT)
     return encode(linear * np.clip(gain, 1 / MAX_GAIN, MAX_GAIN))
+
+
+def _mean_light(images: np.ndarray) -> np.ndarray:
+    """(N, h, w, 3) -> (N, 1, 1, 3)."""
+    return images.mean(1, keepdims=True).mean(2, keepdims=True)
 
 
 def network_inputs(network: ElementalNetwork, low: LowResEIA, lenses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -234,12 +240,24 @@ def _matrix(weight: np.ndarray) -> np.ndarray:
 def _patches(x: np.ndarray) -> np.ndarray:
     """(N, h, w, C) -> (N, h, w, 9·C): 3×3 neighbours, the border repeated."""
     n, h, w, c = x.shape
-    padded = np.pad(x, ((0, 0), (1, 1), (1, 1), (0, 0)), mode="edge")
-    patches = np.empty((n, h, w, 9, c), np.float32)
-    for tap in range(9):
-        row, column = divmod(tap, 3)
-        patches[:, :, :, tap] = padded[:, row:row + h, column:column + w]
-    return patches.reshape(n, h, w, 9 * c)
+    padded = _bordered(x)
+    image, row, pixel, value = padded.strides
+    # Three neighbours in a row lie side by side: one run of memory.
+    runs = np.lib.stride_tricks.as_strided(padded, (n, h, w, 3, 3 * c), (image, row, pixel, row, value))
+    return runs.reshape(n, h, w, 9 * c)
+
+
+def _bordered(x: np.ndarray) -> np.ndarray:
+    """(N, h, w, C) -> (N, h + 2, w + 2, C), the border repeated.
+
+    What np.pad does, whose own bookkeeping takes longer than the network's arithmetic.
+    """
+    n, h, w, c = x.shape
+    padded = np.empty((n, h + 2, w + 2, c), x.dtype)
+    padded[:, 1:-1, 1:-1] = x
+    padded[:, 0, 1:-1], padded[:, -1, 1:-1] = x[:, 0], x[:, -1]
+    padded[:, :, 0], padded[:, :, -1] = padded[:, :, 1], padded[:, :, -2]
+    return padded
 
 
 def _even(x: np.ndarray) -> np.ndarray:
