@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import shutil
 
 import numpy as np
 import pytest
@@ -51,6 +52,21 @@ def test_replay_cuts_the_lenses_out_of_the_frame(bench, tmp_path):
     whole = to_elemental_images(read_layers(bench / "toy" / "s2-spp16" / LOW_RES_FILE)["color"], MINI.lenses)
     for number, lens in enumerate(lenses):
         assert np.array_equal(cut[number // cut.shape[1], number % cut.shape[1]], whole[lens])
+
+
+def test_seconds_are_those_of_timed_repeats(bench, tmp_path):
+    scene = bench / "toy"
+    first = read_frame(scene / "s2-spp4").seconds["render"]
+    assert plan_truth.timed_frame(scene / "s2-spp4").seconds["render"] == first
+    (scene / "render-times").mkdir()
+    times = scene / "render-times" / "s2-spp4.json"
+    try:
+        times.write_text(json.dumps({"first": first, "alone": True, "repeats": [7.0, 9.0, 8.0]}))
+        assert plan_truth.timed_frame(scene / "s2-spp4").seconds["render"] == 8
+        times.write_text(json.dumps({"first": first + 1, "alone": True, "repeats": [7.0]}))  # of another render
+        assert plan_truth.timed_frame(scene / "s2-spp4").seconds["render"] == first
+    finally:
+        shutil.rmtree(scene / "render-times")
 
 
 def test_replayed_references_show_both_halves(bench, tmp_path):

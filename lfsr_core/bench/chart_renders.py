@@ -53,17 +53,30 @@ def seconds_of(settings: Settings, scene: Path, folder: Path) -> list[float]:
 
     With ``settings.retime_renders`` of repeats alone: the kept one was made while the machine was busy.
     """
-    path = folder.parent / TIMES_FOLDER / f"{folder.name}.json"
-    first = read_frame(folder).seconds["render"]
-    known = read_json(path, "seconds of repeated renders") if path.exists() else {}
-    if known.get("first") != first:  # the kept render is another one now
-        known = {"first": first, "alone": False, "repeats": []}
+    path, known = _times(folder)
+    first = known["first"]
     if settings.retime_renders and not known["alone"]:
         known = {"first": first, "alone": True, "repeats": []}
     while len(_counted(known)) < settings.render_repeats and not settings.only_measure:
         known["repeats"].append(_timed_again(settings, scene, read_frame(folder)))
         write_json(path, known)
     return _counted(known) or [first]
+
+
+def known_seconds(folder: Path) -> list[float]:
+    """Cycles seconds of a render as far as they are known, those of its repeats too where there are any."""
+    known = _times(folder)[1]
+    return _counted(known) or [known["first"]]
+
+
+def _times(folder: Path) -> tuple[Path, dict[str, Any]]:
+    """Where the seconds of a render and its repeats stand, and what stands there."""
+    path = folder.parent / TIMES_FOLDER / f"{folder.name}.json"
+    first = read_frame(folder).seconds["render"]
+    known = read_json(path, "seconds of repeated renders") if path.exists() else {}
+    if known.get("first") != first:  # the kept render is another one now
+        known = {"first": first, "alone": False, "repeats": []}
+    return path, known
 
 
 def _counted(known: dict[str, Any]) -> list[float]:

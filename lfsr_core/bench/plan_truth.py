@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.bench.chart_renders import known_seconds
 from lfsr_core.color import srgb_encode
 from lfsr_core.comparison import read_half
 from lfsr_core.eia import to_elemental_images
@@ -93,9 +94,15 @@ def _reference(folder: Path) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
 def _seconds(folder: Path, method: str) -> float:
     """Render, as it took then, and second stage, as it takes now; the folder itself stays as it is."""
     with tempfile.TemporaryDirectory(prefix="lfsr-truth-") as name:
-        for file in (FRAME_FILE, LOW_RES_FILE):
-            shutil.copy(folder / file, name)
+        write_frame(name, timed_frame(folder))
+        shutil.copy(folder / LOW_RES_FILE, name)
         return sum(upscale_frame(name, method)["seconds"].values())
+
+
+def timed_frame(folder: Path) -> Frame:
+    """The frame of a bench's render with the seconds of its timed repeats (`lfsr chart --retime-renders`), if any."""
+    frame = read_frame(folder)
+    return dataclasses.replace(frame, seconds={**frame.seconds, "render": float(np.median(known_seconds(folder)))})
 
 
 def replay(scene: Path, job: Job) -> None:
@@ -105,7 +112,7 @@ def replay(scene: Path, job: Job) -> None:
     same half of the bench's, which of them the seed decides.
     """
     source = _source(scene, job)
-    frame, target = read_frame(source), Path(job.output)
+    frame, target = timed_frame(source), Path(job.output)
     tiled = dataclasses.replace(frame, lens_list=job.lens_list, seed=job.seed, samples=job.spp)
     share = np.prod(tiled.rays.size) / np.prod(frame.rays.size) * job.spp / frame.samples
     target.mkdir(parents=True, exist_ok=True)
