@@ -9,7 +9,7 @@ import shutil
 
 import numpy as np
 import pytest
-from synthetic import MINI
+from synthetic import MINI, frame_of
 from test_plan_measure import JOB, render
 
 from lfsr_core import plan_score
@@ -21,6 +21,7 @@ from lfsr_core.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame
 from lfsr_core.image_io import read_layers
 from lfsr_core.plan import Candidate, Choice, Rated
 from lfsr_core.plan_measure import Planned
+from lfsr_core.plan_times import path_samples
 from lfsr_core.plan_statistics import Estimate
 
 RENDERS = [(2, 4), (2, 16), (2, 64), (4, 4), (4, 16)]
@@ -67,6 +68,15 @@ def test_seconds_are_those_of_timed_repeats(bench, tmp_path):
         assert plan_truth.timed_frame(scene / "s2-spp4").seconds["render"] == first
     finally:
         shutil.rmtree(scene / "render-times")
+
+
+def test_setup_is_what_no_sample_costs(tmp_path, monkeypatch):
+    frames = {tmp_path / f"{scale}-{spp}": frame_of(scale, samples=spp) for scale, spp in ((4, 4), (4, 16), (2, 16))}
+    found = {path: dataclasses.replace(frame, seconds={"render": 0.7 + 1e-5 * path_samples(frame)})
+             for path, frame in frames.items()}
+    monkeypatch.setattr(plan_truth, "renders", lambda scene: dict(enumerate(found)))
+    monkeypatch.setattr(plan_truth, "timed_frame", found.get)
+    assert math.isclose(plan_truth.setup_seconds(tmp_path), 0.7, rel_tol=1e-6)
 
 
 def test_replayed_references_show_both_halves(bench, tmp_path):

@@ -27,6 +27,7 @@ from lfsr_core.image_io import read_layers, write_layers
 from lfsr_core.metrics import check_reference
 from lfsr_core.pipeline import finished_linear, upscale_frame
 from lfsr_core.plan import Candidate
+from lfsr_core.plan_times import path_samples
 from lfsr_core.render_job import Job
 from lfsr_core.split_estimates import stacked_ssim
 
@@ -105,10 +106,20 @@ def timed_frame(folder: Path) -> Frame:
     return dataclasses.replace(frame, seconds={**frame.seconds, "render": float(np.median(known_seconds(folder)))})
 
 
+def setup_seconds(scene: Path) -> float:
+    """What a render of the scene takes whatever its size, from the bench's: seconds over path samples, as a line."""
+    frames = [timed_frame(folder) for folder in renders(scene).values()]
+    samples, seconds = np.array([(path_samples(frame), frame.seconds["render"]) for frame in frames], float).T
+    if len(set(samples)) < 2:
+        return 0.0
+    # By their inverse, so that seconds of short renders count as much as those of long ones.
+    return float(np.clip(np.polyfit(samples, seconds, 1, w=1 / np.maximum(seconds, 1e-6))[1], 0, seconds.min()))
+
+
 def replay(scene: Path, job: Job) -> None:
     """Do ``job`` by cutting its lenses out of a whole frame of the bench folder, instead of rendering them.
 
-    Seconds are the frame's, for as many pixels. A reference's two halves show the
+    Seconds are the scene's set-up and what is left of the frame's, for as many pixels. A reference's two halves show the
     same half of the bench's, which of them the seed decides.
     """
     source = _source(scene, job)
@@ -122,7 +133,9 @@ def replay(scene: Path, job: Job) -> None:
     for name, original in files.items():
         write_layers(target / name, {layer: _cut(pixels, frame, tiled)
                                      for layer, pixels in _layers(source / original).items()})
-    seconds = {**frame.seconds, "render": frame.seconds["render"] * float(share)}
+    whole = frame.seconds["render"]
+    setup = min(setup_seconds(scene), whole)
+    seconds = {**frame.seconds, "render": setup + (whole - setup) * float(share)}
     write_frame(target, dataclasses.replace(tiled, seconds=seconds))
 
 
