@@ -21,8 +21,8 @@ from lfsr_core.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame
 from lfsr_core.image_io import read_layers
 from lfsr_core.plan import Candidate, Choice, Rated
 from lfsr_core.plan_measure import Planned
-from lfsr_core.plan_times import path_samples
 from lfsr_core.plan_statistics import Estimate
+from lfsr_core.plan_times import path_samples
 
 RENDERS = [(2, 4), (2, 16), (2, 64), (4, 4), (4, 16)]
 

@@ -119,8 +119,9 @@ def setup_seconds(scene: Path) -> float:
 def replay(scene: Path, job: Job) -> None:
     """Do ``job`` by cutting its lenses out of a whole frame of the bench folder, instead of rendering them.
 
-    Seconds are the scene's set-up and what is left of the frame's, for as many pixels. A reference's two halves show the
-    same half of the bench's, which of them the seed decides.
+    Seconds are the scene's set-up and what is left of the frame's, for as many
+    pixels. A reference's two halves show the same half of the bench's, which of
+    them the seed decides.
     """
     source = _source(scene, job)
     frame, target = timed_frame(source), Path(job.output)
