@@ -8,11 +8,13 @@ and as guides they take away more than they give (docs/networks.md).
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import importlib
 import importlib.util
 import math
-from collections.abc import Mapping
+import sys
+from collections.abc import Iterator, Mapping
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -114,10 +116,28 @@ def is_available() -> bool:
     return importlib.util.find_spec("pyoidn") is not None or oidn.find_library() is not None
 
 
+@contextlib.contextmanager
+def _hidden(package: str) -> Iterator[None]:
+    """Imports do not find ``package`` meanwhile, unless it is loaded already.
+
+    pyoidn imports PyTorch where it is installed, for tensors that it never gets
+    here: a second and 0.2 GiB.
+    """
+    absent = package not in sys.modules
+    if absent:
+        sys.modules[package] = None
+    try:
+        yield
+    finally:
+        if absent:
+            del sys.modules[package]
+
+
 def _library() -> ModuleType:
     """The package pyoidn, else Blender's library; they give the same image."""
     try:
-        return importlib.import_module("pyoidn")
+        with _hidden("torch"):
+            return importlib.import_module("pyoidn")
     except ImportError as error:
         if oidn.find_library() is not None:
             return oidn

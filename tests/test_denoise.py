@@ -1,4 +1,5 @@
 import dataclasses
+import subprocess
 import sys
 
 import numpy as np
@@ -161,3 +162,11 @@ def test_missing_library_is_one_clear_sentence(monkeypatch):
     monkeypatch.setattr(oidn, "find_library", lambda: None)
     with pytest.raises(LfsrError, match="install the package pyoidn"):
         denoise_eia(np.zeros((4, 4, 3), np.float32))
+
+
+def test_denoising_does_not_load_pytorch():
+    program = ("import sys, numpy as np\nfrom lfsr_core.denoise import denoise_eia\n"
+               "denoise_eia(np.ones((16, 16, 3), np.float32))\nassert 'torch' not in sys.modules\n"
+               "import importlib.util\nif importlib.util.find_spec('torch'): import torch; torch.ones(1)\n")
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
