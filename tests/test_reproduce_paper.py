@@ -13,6 +13,7 @@ import pytest
 from synthetic import MINI, write_reference, write_render
 from training_photographs import pictures
 
+from lfsr_core import networks
 from lfsr_core.bench.paper import cells, figure9, figure11, models, page, quality, renders, settings, timing
 
 SCRIPT = Path(__file__).parents[1] / "scripts" / "reproduce_paper.py"
@@ -184,6 +185,11 @@ def test_training_is_planned_labelled_and_done_once(tmp_path, frames):
     given = dataclasses.replace(frames, weights=path.parent)
     assert models.weights(given, "paper-3") == path
     assert models.weights(given, "paper-4") is None
+
+
+def test_networks_of_ours_are_those_that_ship(tmp_path, frames):
+    chosen = dataclasses.replace(frames, output=tmp_path, train_minutes=1e-4)
+    assert models.weights(chosen, "refine") == networks.weights_path("refine", chosen.scale)
 
 
 def test_planned_steps_fit_the_minutes():

@@ -31,14 +31,15 @@ def weights(settings: Settings, name: str) -> Path | None:
     """Weights of a network at the settings' scale, None if there are none.
 
     Those given, else those trained in this output folder (now, if minutes were
-    granted and no folder was given), else those that ship.
+    granted and no folder was given), else those that ship. Ours ship: photographs
+    do not train them.
     """
     places = ([settings.weights] if settings.weights else []) + [trained_folder(settings)]
     for folder in places:
         path = networks.weights_path(name, settings.scale, folder)
         if path.exists():
             return path
-    if settings.train_minutes > 0:
+    if settings.train_minutes > 0 and not networks.spec(name).light_field:
         return train(settings, networks.spec(name).weights or name)
     path = networks.weights_path(name, settings.scale)
     return path if path.exists() else None
