@@ -20,6 +20,7 @@ from typing import Any
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.frame import REFERENCE_FILES, REPORT_FILE, read_frame
+from lfsr_core.plan import layers_of
 
 STAGES = ("render", "load", "mask", "upscale", "assemble", "color", "write")
 METRICS = ("ssim_eia", "ssim_eia_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain", "ssim_ceiling", "flip")
@@ -31,7 +32,7 @@ def measure(scene: Path, options: argparse.Namespace) -> dict[str, Any]:
     display = ("--display", options.display)
     if not (folder / REPORT_FILE).exists():
         _lfsr("render", scene, "-o", folder, *display, "--scale", options.scale, "--spp", options.spp,
-              "--layers", "albedo,normal", "--method", options.methods[0])
+              "--layers", ",".join(layers_of(options.methods)) or "none", "--method", options.methods[0])
     if not all((reference / name).exists() for name in REFERENCE_FILES):
         _lfsr("reference", scene, "-o", reference, *display, "--spp", options.reference_spp, "--lenses", options.lenses)
     return {"scene": scene.stem, "reference_seconds": read_frame(reference).seconds,
