@@ -15,6 +15,7 @@ from training_photographs import pictures
 
 from lfsr_core import networks
 from lfsr_core.bench.paper import cells, figure9, figure11, models, page, quality, renders, settings, timing
+from lfsr_core.bench.paper.figure import CROPS_SEEN
 
 SCRIPT = Path(__file__).parents[1] / "scripts" / "reproduce_paper.py"
 SCALE, SPP, CLEAN = 4, 4, 8
@@ -190,6 +191,20 @@ def test_training_is_planned_labelled_and_done_once(tmp_path, frames):
 def test_networks_of_ours_are_those_that_ship(tmp_path, frames):
     chosen = dataclasses.replace(frames, output=tmp_path, train_minutes=1e-4)
     assert models.weights(chosen, "refine") == networks.weights_path("refine", chosen.scale)
+
+
+def test_a_short_adversary_begins_with_the_generator_of_the_same_run(tmp_path, frames):
+    path = tmp_path / "given" / f"paper-x{frames.scale}.safetensors"
+    models._published(networks.weights_path("paper", frames.scale), path.parent)
+    given = dataclasses.replace(frames, weights=path.parent)
+    assert models._start(given, "paper-gan") == str(path.resolve())
+    assert models._start(given, "paper") == models._start(given, "paper-3") == ""
+    facts = json.loads(path.with_suffix(".json").read_text())
+    facts["config"]["start"] = str(path)
+    path.with_suffix(".json").write_text(json.dumps(facts))
+    label = models.schedule(path)
+    assert label.startswith("short schedule, begun from the generator trained without it: ")
+    assert CROPS_SEEN.search(label)
 
 
 def test_planned_steps_fit_the_minutes():

@@ -164,6 +164,19 @@ def test_adversary_changes_the_generator_and_learns(folder):
     assert all(value.requires_grad for value in judged.discriminator.parameters())
 
 
+def test_a_generator_meets_its_adversary_with_what_it_has_learned(folder, tmp_path):
+    generator = train(small(folder, epochs=2), tmp_path / "generator", device="cpu").weights
+    judged = small(folder, network="paper-gan", crop=32, adversarial=1e-3, start=str(generator))
+    task = ComparatorTask(judged, load_photographs(folder), None, CPU)
+    learned = networks.load("paper", 2, generator).state_dict()
+    assert all(torch.equal(value, learned[name]) for name, value in task.network.state_dict().items())
+    other = train(small(folder, epochs=1, seed=5), tmp_path / "other", device="cpu").weights
+    elsewhere = ComparatorTask(dataclasses.replace(judged, start=str(other)), load_photographs(folder), None, CPU)
+    assert task.identity() != elsewhere.identity()
+    with pytest.raises(LfsrError, match=r"'Paper.*expected 'E"):
+        ComparatorTask(dataclasses.replace(judged, network="espcn"), load_photographs(folder), None, CPU)
+
+
 @pytest.mark.skipif(torch.cuda.is_available(), reason="says what happens without CUDA")
 def test_absent_gpu(folder, tmp_path):
     with pytest.raises(LfsrError, match="'cuda' is not available"):

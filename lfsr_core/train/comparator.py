@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from pathlib import Path
 from typing import Any
 
 import torch
@@ -11,7 +12,9 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from lfsr_core import networks
+from lfsr_core.networks import weights
 from lfsr_core.networks.discriminator import Discriminator
+from lfsr_core.networks.tensor_file import read as read_tensors
 from lfsr_core.train.config import TrainConfig
 from lfsr_core.train.losses import adversarial_loss, discriminator_loss
 from lfsr_core.train.photographs import CropSampler, EpochOfCrops, Photographs, downsample
@@ -34,6 +37,9 @@ class ComparatorTask:
         self._validation = _validation_pairs(validation, config, device) if validation else []
         self._scenes = _validation_scenes(config, device) if config.validation_scenes else None
         self.network = networks.build(config.network, config.scale).to(device)
+        if config.start:
+            weights.load_into(self.network, config.start, config.scale)
+            self._data["start"] = read_tensors(Path(config.start))[0]["sha256"]
         self._optimizer = self._adam(self.network)
         self.discriminator = Discriminator().to(device, memory_format=self._layout) if config.adversarial else None
         self._adversary = self._adam(self.discriminator) if self.discriminator else None
@@ -49,7 +55,7 @@ class ComparatorTask:
     def identity(self) -> dict[str, Any]:
         """Settings and data, without how often to log, and without the length of a constant schedule."""
         values = dataclasses.asdict(self.config)
-        free = {"photographs", "validation", "validation_scenes", "validate_every", "checkpoint_every"}
+        free = {"photographs", "validation", "validation_scenes", "validate_every", "checkpoint_every", "start"}
         free |= {"epochs"} if self.config.schedule == "constant" else set()
         return {**{key: value for key, value in values.items() if key not in free}, **self._data}
 

@@ -27,7 +27,9 @@ class TrainConfig:
     ``downsample``: "box" (what a low-resolution render is) or "bicubic", in linear
     light or on encoded values. ``adversarial``: weight of the adversarial term, 0
     trains without a discriminator. ``rate``: Adam's; ``schedule``: "constant" or
-    "cosine" to 0. ``validate_every``, ``checkpoint_every``: epochs.
+    "cosine" to 0. ``validate_every``, ``checkpoint_every``: epochs. ``start``: weights
+    of the same architecture to begin with, as a generator that meets its adversary
+    (SRGAN, arXiv 1609.04802, section 3.2); empty: random ones.
     """
 
     network: str
@@ -48,6 +50,7 @@ class TrainConfig:
     adversarial: float = 0.0
     validate_every: int = 10
     checkpoint_every: int = 10
+    start: str = ""
 
     def __post_init__(self) -> None:
         problems = (

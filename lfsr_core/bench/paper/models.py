@@ -62,6 +62,7 @@ def schedule(path: Path | None) -> str:
     if not {"epochs", "crop", "rate", "schedule"} <= config.keys():
         return "schedule not recorded"
     kind = "the paper's recipe" if _is_full(config) else "short schedule"
+    kind += ", begun from the generator trained without it" if config.get("start") else ""
     return (f"{kind}: {config['epochs']} epochs of {config['crops_per_photograph']} {config['crop']}-pixel crops per "
             f"photograph, rate {config['rate']:g} {config['schedule']}, {seconds:.0f} s on {facts.get('device')}")
 
@@ -160,12 +161,19 @@ def _planned(settings: Settings, name: str, plan: Path) -> Any:
     changes = [f"network={name}", f"scale={settings.scale}",
                f"adversarial={ADVERSARIAL if name.endswith('-gan') else 0.0}", "validate_every=1000000"]
     changes += [f"{key}={value}" for key, value in (("photographs", settings.photographs),
-                                                    ("validation", settings.validation)) if value]
+                                                    ("validation", settings.validation),
+                                                    ("start", _start(settings, name))) if value]
     config = load_config(SHORT_CONFIG, changes)
     seconds, photographs = _seconds_per_step(settings, config)
     config = fitted(config, 60 * settings.train_minutes / seconds, photographs)
     write_json(plan, dataclasses.asdict(config))
     return config
+
+
+def _start(settings: Settings, name: str) -> str:
+    """Weights that a short run begins with: an adversary meets a generator that is trained, for want of days."""
+    generator = name.removesuffix("-gan")
+    return "" if generator == name else str(weights(settings, generator).resolve())
 
 
 def fitted(config: Any, steps: float, photographs: int) -> Any:

@@ -86,6 +86,8 @@ def test_array_is_added_and_drawn(window):
 
 
 def test_display_plane_is_one_handle(window):
+    if not window.get("'Display Plane' in bpy.data.objects"):
+        window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True)")
     window.run("bpy.ops.lfsr.select_plane('INVOKE_DEFAULT', True)")
     distance = scene_value(window, "lfsr.distance")
     window.xdotool("mousemove", 500, 500)
