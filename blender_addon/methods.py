@@ -9,12 +9,17 @@ from lfsr_core.errors import LfsrError
 
 # The pure second stage knows more; these are worth a menu entry, best first.
 OURS = {
+    "oidn-both+refine+epi": ("Denoise + Refine + Recover", "Open Image Denoise without and with albedo and normal, our "
+                                                           "network takes the best of both, and detail that they took "
+                                                           "for noise comes back along epipolar lines"),
     "oidn-both+refine": ("Denoise + Refine", "Open Image Denoise without and with albedo and normal, then our network "
                                              "takes the best of both"),
     "light": ("Light", "Our network alone denoises and upscales each elemental image, without Open Image Denoise"),
 }
 CLASSICAL = {
     "oidn+bilinear": ("Denoise + Bilinear", "Open Image Denoise on the whole array, then linear views"),
+    "oidn+bilinear+epi": ("Denoise + Bilinear + Recover", "The same, and detail that the denoiser took for noise comes "
+                                                          "back along epipolar lines"),
     "oidn-fast+bilinear": ("Fast Denoise + Bilinear", "Open Image Denoise in half the time, then linear views"),
     "oidn-guided+bilinear": ("Guided Denoise + Bilinear", "Open Image Denoise with albedo and normal: best for plain, "
                                                           "matte surfaces"),

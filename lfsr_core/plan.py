@@ -15,7 +15,7 @@ from lfsr_core import networks, upscale
 from lfsr_core.display import DisplayProfile
 from lfsr_core.errors import LfsrError
 from lfsr_core.plan_statistics import Estimate
-from lfsr_core.upscale import DEFAULT_METHOD, DENOISERS, PLAIN_METHOD, PREFILTERS, method
+from lfsr_core.upscale import DEFAULT_METHOD, DENOISERS, PLAIN_CHAINS, PLAIN_METHOD, PREFILTERS, method
 
 METRICS = ("ssim_eia_fg", "ssim_eia")
 SCALES, SAMPLES = (1, 2, 4, 8), (4, 16, 64, 256)
@@ -113,9 +113,8 @@ def default_methods() -> tuple[str, ...]:
     """Simple upscaling and our networks, each where it belongs, without and with the denoiser if it is there."""
     from lfsr_core.denoise import is_available
 
-    ours = [f"{entry.after}+{name}" if entry.after else name for name, entry in networks.NETWORKS.items()
-            if entry.light_field]
-    names = [PLAIN_METHOD, *ours, *(f"{name}+{PLAIN_METHOD}" for name in DENOISERS), DEFAULT_METHOD]
+    ours = [name for name, entry in networks.NETWORKS.items() if entry.light_field and not entry.after]
+    names = [PLAIN_METHOD, *ours, *PLAIN_CHAINS, DEFAULT_METHOD]
     usable = [name for name in names if PREFILTERS.keys().isdisjoint(name.split("+")) or is_available()]
     return tuple(dict.fromkeys(usable))
 

@@ -16,6 +16,7 @@ from lfsr_core.color import srgb_encode
 from lfsr_core.comparison import read_half
 from lfsr_core.denoise import denoise_low_resolution, is_available, shown_part
 from lfsr_core.eia import to_elemental_images
+from lfsr_core.epipolar import Recovering
 from lfsr_core.foreground import foreground_mask
 from lfsr_core.frame import LOW_RES_FILE, Frame, read_frame
 from lfsr_core.image_io import clean, read_layers
@@ -136,18 +137,26 @@ def split_scores(images: np.ndarray, truth: Truth) -> Scores:
 
 
 def stage_time(folder: Path, name: str, mosaic: Mosaic, one: Mosaic) -> StageTime:
-    """Seconds of method ``name``: prefilters on the whole ``mosaic`` and on ``one`` block of it, upscaler per lens."""
+    """Seconds of method ``name``: prefilters on the whole ``mosaic`` and on ``one`` block of it, the rest per lens."""
     chosen = method(name)
+    recovering = chosen.upscaler if isinstance(chosen.upscaler, Recovering) else None
+    if recovering:
+        # It works on lenses with foreground, not on pixels.
+        chosen = dataclasses.replace(chosen, prefilters=chosen.prefilters[:-1])
     (large, mask), (small, _) = (_sampled(folder, part) for part in (mosaic, one))
     low = chosen.prepare(small)  # what is loaded once is loaded now
-    chosen.upscaler(low, one.centres)
+    chosen.upscaler(recovering.prepare(low) if recovering else low, one.centres)
     few, many = _seconds(lambda: chosen.prepare(small)), _seconds(lambda: chosen.prepare(large))
+    ready, per_lens = chosen.prepare(large), 0.0
+    if recovering:
+        per_lens = _seconds(lambda: recovering.prepare(ready)) / max(int((ready.alpha.max((2, 3, 4)) > 0).sum()), 1)
+        ready = recovering.prepare(ready)
     pixels = [low.alpha.size for low in (small, large)]
     per_pixel = max(many - few, 0.0) / max(pixels[1] - pixels[0], 1)
     lenses = mosaic.centres[mask] if mask.any() else mosaic.centres
-    upscaling = _seconds(lambda: chosen.upscaler(large, lenses)) / len(lenses)
+    upscaling = _seconds(lambda: chosen.upscaler(ready, lenses)) / len(lenses)
     threads = min(os.cpu_count() or 1, MAX_WORKERS) if chosen.upscaler.thread_safe else 1
-    return StageTime(max(few - per_pixel * pixels[0], 0.0), per_pixel, upscaling / threads)
+    return StageTime(max(few - per_pixel * pixels[0], 0.0), per_pixel, per_lens + upscaling / threads)
 
 
 def _sampled(folder: Path, mosaic: Mosaic) -> tuple[LowResEIA, np.ndarray]:

@@ -1,6 +1,7 @@
 """The one contract that every upscaling method obeys, and the classical methods.
 
-A method name is prefilters and one upscaler joined by "+", as ``oidn+bicubic``.
+A method name is prefilters and one upscaler joined by "+", as ``oidn+bicubic``; "epi" after
+them brings back detail that they lost, as in ``oidn+bicubic+epi``.
 Low view k' covers high views s·k' … s·k' + s - 1, so pixels are sampled at
 half-pixel centres.
 """
@@ -16,8 +17,9 @@ from typing import Protocol
 
 import numpy as np
 
-from lfsr_core import networks
+from lfsr_core import denoise, epipolar, networks
 from lfsr_core.denoise import GUIDES, denoise_both_ways, denoise_low_resolution
+from lfsr_core.epipolar import Cleaner, Recovering
 from lfsr_core.errors import LfsrError
 from lfsr_core.kernels import kernel_matrix
 
@@ -81,6 +83,10 @@ class Interpolation:
             interpolate(encode(_gather(low.color, lenses[part], margin)), self.kernel, low.scale, result[part], margin)
         return result
 
+    def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+        """What is interpolated: EIs of ``lenses``, (N, h, w, 3) in the domain of ``encode``."""
+        return encode(low.color[lenses[:, 0], lenses[:, 1]])
+
 
 def interpolate(encoded: np.ndarray, kernel: str, scale: int, out: np.ndarray, margin: int = 0) -> None:
     """Upscale encoded EIs (n, h + 2·margin, w + 2·margin, C) into scene-linear ``out`` (n, h·s, w·s, C)."""
@@ -103,6 +109,7 @@ class NoUpscaling:
     """Scale 1: the render is already at full resolution."""
 
     name: str = "none"
+    kernel: str = "nearest"
     thread_safe: bool = True
     notes: tuple[str, ...] = ()
 
@@ -111,6 +118,10 @@ class NoUpscaling:
             raise LfsrError(f"method {self.name!r} does not upscale, but the frame was rendered at scale {low.scale}: "
                             "choose an upscaling method, or render at scale 1")
         return low.color[lenses[:, 0], lenses[:, 1]]
+
+    def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+        """EIs of ``lenses``, (N, h, w, 3) in the domain of ``encode``."""
+        return encode(self(low, lenses))
 
 
 CLASSICAL: dict[str, tuple[str, Upscaler]] = {
@@ -132,14 +143,19 @@ PREFILTERS: dict[str, tuple[str, Callable[[LowResEIA], LowResEIA]]] = {
 }
 GUIDED = ("oidn-guided", "oidn-both")
 DENOISERS = ("oidn", "oidn-fast", "oidn-guided")  # prefilters that make sense before an interpolation
-METHODS: dict[str, str] = {**{name: entry[0] for name, entry in (CLASSICAL | PREFILTERS).items()}, **networks.NAMES}
+RECOVERY = "epi"
+UPSCALERS: dict[str, str] = {**{name: entry[0] for name, entry in CLASSICAL.items()}, **networks.NAMES}
+METHODS: dict[str, str] = {**UPSCALERS, **{name: entry[0] for name, entry in PREFILTERS.items()},
+                           RECOVERY: "last: detail that was taken for noise comes back along epipolar lines"}
 PLAIN_METHOD = "bilinear"  # after OIDN more accurate than bicubic, see docs/measurements.md
-DEFAULT_METHOD = "oidn-both+refine"  # see docs/networks.md
+# What our networks must beat.
+PLAIN_CHAINS = (*(f"{name}+{PLAIN_METHOD}" for name in DENOISERS), f"{DENOISERS[0]}+{PLAIN_METHOD}+{RECOVERY}")
+DEFAULT_METHOD = "oidn-both+refine+epi"  # see docs/networks.md
 
 
 @dataclasses.dataclass(frozen=True)
 class Method:
-    """Prefilters for the whole low-resolution EIA, in order, then one upscaler."""
+    """What is done to the whole low-resolution EIA, in order, then one upscaler."""
 
     name: str
     prefilters: tuple[Callable[[LowResEIA], LowResEIA], ...]
@@ -161,14 +177,16 @@ def method(name: str, weights: str | Path | None = None) -> Method:
     parts = [part.strip() for part in name.split("+")]
     for part in parts:
         _check_known(part)
+    recovers = len(parts) > 1 and parts[-1] == RECOVERY
+    parts = parts[:-1] if recovers else parts
     if parts[-1] in PREFILTERS:
         parts.append("none")
-    for part in parts[:-1]:
-        if part not in PREFILTERS:
-            raise LfsrError(f"method {name!r} has upscaler {part!r} before its last part, but only "
-                            f"{', '.join(PREFILTERS)} can stand there: put one upscaler last")
     _check_order(name, parts)
-    return Method(name, tuple(PREFILTERS[part][1] for part in parts[:-1]), _load(parts[-1], weights))
+    prefilters, upscaler = tuple(PREFILTERS[part][1] for part in parts[:-1]), _load(parts[-1], weights)
+    if recovers:
+        upscaler = Recovering(_cleaner(upscaler))
+        prefilters += (upscaler.prepare,)
+    return Method(name, prefilters, upscaler)
 
 
 def layers_of(name: str) -> tuple[str, ...]:
@@ -176,6 +194,13 @@ def layers_of(name: str) -> tuple[str, ...]:
     parts = name.split("+")
     asked = {layer for part in parts if part in networks.NETWORKS for layer in networks.NETWORKS[part].layers}
     return tuple(sorted(asked | (set(GUIDES) if set(GUIDED) & set(parts) else set())))
+
+
+def versions_of(name: str) -> dict[str, int]:
+    """Versions of what method ``name`` is made of, weights aside: figures measured with others are out of date."""
+    parts = set(name.split("+"))
+    return {**({"denoiser": denoise.VERSION} if parts & PREFILTERS.keys() else {}),
+            **({RECOVERY: epipolar.VERSION} if RECOVERY in parts else {})}
 
 
 def guide_notes(name: str, aux: Mapping[str, np.ndarray]) -> list[str]:
@@ -188,9 +213,22 @@ def guide_notes(name: str, aux: Mapping[str, np.ndarray]) -> list[str]:
 
 
 def _check_order(name: str, parts: Sequence[str]) -> None:
+    for part in parts[:-1]:
+        if part not in PREFILTERS:
+            raise LfsrError(f"method {name!r} has {part!r} before its last part, but only {', '.join(PREFILTERS)} can "
+                            f"stand there: put one upscaler last, and {RECOVERY!r} after it")
+    if parts[-1] == RECOVERY:
+        raise LfsrError(f"method {name!r} has nothing before {RECOVERY!r}: use '{PLAIN_METHOD}+{RECOVERY}'")
     before = networks.NETWORKS[parts[-1]].after if parts[-1] in networks.NETWORKS else None
     if before and before not in parts:
         raise LfsrError(f"method {name!r} needs {before!r} before {parts[-1]!r}: use '{before}+{parts[-1]}'")
+
+
+def _cleaner(upscaler: Upscaler) -> Cleaner:
+    if not hasattr(upscaler, "clean") or getattr(upscaler, "crosstalk", False):
+        raise LfsrError(f"{RECOVERY!r} cannot follow {upscaler.name!r}, which does more than interpolate each "
+                        f"elemental image: leave {RECOVERY!r} out")
+    return upscaler
 
 
 def _check_known(part: str) -> None:

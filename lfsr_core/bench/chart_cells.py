@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from lfsr_core import __version__, denoise, networks
+from lfsr_core import __version__, networks
 from lfsr_core.bench.chart_intervals import lens_intervals
 from lfsr_core.bench.chart_settings import CELL_FOLDER
 from lfsr_core.comparison import read_half
@@ -27,7 +27,7 @@ from lfsr_core.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, re
 from lfsr_core.image_io import read_layers
 from lfsr_core.metrics import LensList, check_reference, compare
 from lfsr_core.pipeline import finished_linear, upscale_frame
-from lfsr_core.upscale import PREFILTERS
+from lfsr_core.upscale import versions_of
 
 CELL_FORMAT = 1
 STAGES = ("load", "mask", "upscale", "assemble", "color", "write")
@@ -88,7 +88,7 @@ def fingerprint(folder: Path, name: str, truth: Truth) -> dict[str, Any]:
             "frame": _hash((folder / FRAME_FILE).read_bytes()),
             "reference": _hash((truth.folder / FRAME_FILE).read_bytes()), "mask": _hash(truth.mask.tobytes()),
             "weights": fingerprint_of_weights(name),
-            **({"denoiser": denoise.VERSION} if PREFILTERS.keys() & name.split("+") else {})}
+            **versions_of(name)}
 
 
 def fingerprint_of_weights(name: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 from lfsr_core import networks
 from lfsr_core.display import DisplayProfile, load_display
 from lfsr_core.errors import LfsrError
-from lfsr_core.upscale import DEFAULT_METHOD, DENOISERS, METHODS, PLAIN_METHOD, PREFILTERS, method
+from lfsr_core.upscale import DEFAULT_METHOD, PLAIN_CHAINS, PLAIN_METHOD, UPSCALERS, method
 
 DENOISER, AS_RENDERED = "oidn", "none"
 DIRECT_METHODS = (AS_RENDERED, DENOISER)
@@ -88,9 +88,9 @@ def render_folder(scene_folder: Path, scale: int, samples: int) -> Path:
 def default_methods() -> tuple[str, ...]:
     """Every upscaler alone and after the denoiser, as far as it is meant to be; the default method first.
 
-    Taken from ``upscale.METHODS``, so that a method that is added there is measured without being named here.
+    Taken from ``upscale.UPSCALERS``, so that a method that is added there is measured without being named here.
     """
-    upscalers = [name for name in METHODS if name not in PREFILTERS and name != AS_RENDERED]
+    upscalers = [name for name in UPSCALERS if name != AS_RENDERED]
     return tuple(dict.fromkeys([DEFAULT_METHOD, *(chain for name in upscalers for chain in _chains(name))]))
 
 
@@ -101,8 +101,7 @@ def _chains(upscaler: str) -> tuple[str, ...]:
         return (f"{network.after}+{upscaler}",)
     if network and network.light_field:
         return (upscaler,)
-    prefilters = DENOISERS if upscaler == PLAIN_METHOD else (DENOISER,)
-    return upscaler, *(f"{prefilter}+{upscaler}" for prefilter in prefilters)
+    return upscaler, *(PLAIN_CHAINS if upscaler == PLAIN_METHOD else (f"{DENOISER}+{upscaler}",))
 
 
 def check_methods(names: tuple[str, ...]) -> None:

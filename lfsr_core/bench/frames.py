@@ -91,7 +91,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--scale", type=int, default=4)
     parser.add_argument("--spp", type=int, default=16)
     parser.add_argument("--methods", type=lambda text: text.split(","),
-                        default=["oidn-both+refine", "oidn+bilinear", "oidn-fast+bilinear", "light", "bicubic"])
+                        default=["oidn-both+refine+epi", "oidn+bilinear", "oidn-fast+bilinear", "light", "bicubic"])
     parser.add_argument("--reference-spp", type=int, default=1024)
     parser.add_argument("--lenses", type=int, default=24)
     options = parser.parse_args(argv)

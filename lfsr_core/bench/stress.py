@@ -30,7 +30,7 @@ from lfsr_core.files import read_json, write_json
 from lfsr_core.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES
 from lfsr_core.progress import ProgressBar
 from lfsr_core.render_job import Job
-from lfsr_core.upscale import DEFAULT_METHOD, DENOISERS, PLAIN_METHOD, method
+from lfsr_core.upscale import DEFAULT_METHOD, PLAIN_CHAINS, method, versions_of
 
 DISPLAY_FILE = Path(__file__).parent / "stress.toml"
 SCENE_SCRIPT = Path(__file__).parents[2] / "scripts" / "stress_scenes.py"
@@ -67,7 +67,7 @@ class Settings:
 
 def default_methods(scale: int) -> list[str]:
     """Bicubic, plain upscaling after each prefilter, the default, and every network with weights at ``scale``."""
-    names = [BASELINE, *(f"{name}+{PLAIN_METHOD}" for name in DENOISERS), DEFAULT_METHOD]
+    names = [BASELINE, *PLAIN_CHAINS, DEFAULT_METHOD]
     torch = importlib.util.find_spec("torch") is not None
     names += [f"{entry.after}+{name}" if entry.after else name for name, entry in networks.NETWORKS.items()
               if scale in networks.trained_scales(name) and (torch or entry.light_field)]
@@ -208,7 +208,8 @@ def measure_value(bench: Bench, dial: Dial, value: float, methods: Sequence[str]
         print(f"  {dial.name} {label(value)} {name}: {dial.judged} {shown}", flush=True)
         write_json(cell_path(bench, dial, value, name), {
             "value": value, "scene": dial.scene_name(value), "samples": dial.samples(value), "method": name,
-            "weights": weights_digest(name), "metrics": finite(metrics), "worst_lens": worst})
+            "weights": weights_digest(name), "versions": versions_of(name), "metrics": finite(metrics),
+            "worst_lens": worst})
 
 
 def finite(metrics: dict[str, Any]) -> dict[str, Any]:
@@ -222,12 +223,13 @@ def cell_path(bench: Bench, dial: Dial, value: float, name: str) -> Path:
 
 
 def read_cell(bench: Bench, dial: Dial, value: float, name: str) -> dict[str, Any] | None:
-    """A measured cell; None if it is missing or was measured with other weights."""
+    """A measured cell; None if it is missing or was measured with other weights or another version of the method."""
     path = cell_path(bench, dial, value, name)
     if not path.exists():
         return None
     cell = read_json(path, "a cell of the stability suite")
-    return cell if cell.get("weights") == weights_digest(name) else None
+    current = {"weights": weights_digest(name), "versions": versions_of(name)}
+    return cell if all(cell.get(key) == value for key, value in current.items()) else None
 
 
 def weights_digest(name: str) -> str:

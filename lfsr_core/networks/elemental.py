@@ -40,7 +40,7 @@ class ElementalUpscaler:
     what happened.
     """
 
-    thread_safe = True
+    kernel, thread_safe = KERNEL, True
 
     def __init__(self, name: str, *, weights: str | Path | None = None, flat: float | None = None) -> None:
         self.name, self.counts = name, {"network": 0, "linear": 0}
@@ -66,7 +66,7 @@ class ElementalUpscaler:
         result = np.empty((len(lenses), h * low.scale, w * low.scale, 3), np.float32)
         for start in range(0, len(lenses), EIS_IN_CACHE):
             part = slice(start, start + EIS_IN_CACHE)
-            interpolate(self._clean(network, low, lenses[part]), KERNEL, low.scale, result[part])
+            interpolate(self._clean(network, low, lenses[part]), self.kernel, low.scale, result[part])
         return result
 
     def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:

@@ -27,6 +27,11 @@ def is_network(name: str) -> bool:
     return name.rsplit("+", maxsplit=1)[-1] in networks.NETWORKS
 
 
+def networks_in(name: str) -> list[str]:
+    """The parts of a method that are networks."""
+    return [part for part in name.split("+") if part in networks.NETWORKS]
+
+
 def weights(settings: Settings, name: str) -> Path | None:
     """Weights of a network at the settings' scale, None if there are none.
 

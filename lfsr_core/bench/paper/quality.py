@@ -182,5 +182,5 @@ def inputs(settings: Settings, scene: Path, name: str, **more: Any) -> dict[str,
 
 def schedules(settings: Settings, names: Sequence[str]) -> dict[str, str]:
     """How the network of each method was trained; methods without one are left out."""
-    return {name: models.schedule(models.weights(settings, name.split("+")[-1]))
-            for name in names if models.is_network(name)}
+    return {name: models.schedule(models.weights(settings, part)) for name in names
+            for part in models.networks_in(name)}

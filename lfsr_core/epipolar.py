@@ -1,0 +1,242 @@
+"""Detail that a method took for noise, found and brought back along epipolar lines.
+
+What was rendered minus what a method made of it should be noise, and no two pixels
+share theirs. A point of the scene that was smeared away is in that residual in
+every view that sees it: some views on it lies some lenses on, a line in the
+epipolar-plane image whose slope is its depth (Bolles, Baker and Marimont, IJCV
+1987). So the residual's covariance along such lines is lost detail, and its mean
+along them is that detail with little noise. Adding it is one step of iterative
+back-projection (Irani and Peleg, CVGIP 1991).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from lfsr_core.kernels import kernel_matrix
+
+if TYPE_CHECKING:
+    from lfsr_core.upscale import LowResEIA
+
+# (lenses, views) of a step: points on the display plane, then up to three usable depths off it, on both sides.
+OFF_PLANE = ((1, 3), (1, 2), (2, 3), (1, 1), (3, 2), (2, 1), (5, 2), (3, 1))
+LINES = ((0, 1), (0, 2), *OFF_PLANE, *((-lenses, views) for lenses, views in OFF_PLANE))
+REACH = 2  # steps to each side of a pixel that its mean along a line takes in, in rows and in columns
+AVERAGED = (2 * REACH + 1) ** 2
+NEIGHBOURS = 2  # lenses to each side whose covariances count together
+CERTAIN = 4.0  # standard deviations by which a covariance must exceed noise
+LIMIT = 1.0  # of a residual, in encoded values: a firefly is no detail
+DARK = 1e-3  # scene-linear value below which √x is taken for a line
+KERNEL = "lanczos"  # for detail, which has no edges to ring at: sharper than cubic, see docs/networks.md
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+STEP, MAX_WORKERS = 24, 8
+VERSION = 1  # of what comes out: figures measured with another one are out of date
+
+
+class Cleaner(Protocol):
+    """An upscaler that makes low-resolution EIs (N, h, w, 3), encoded, and then interpolates them by ``kernel``."""
+
+    name: str
+    kernel: str
+    thread_safe: bool
+    notes: Sequence[str]
+
+    def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray: ...
+
+
+class Recovering:
+    """``upscaler`` plus the detail that it and the denoiser before it lost; see ``upscale.Upscaler``.
+
+    Its ``prepare`` comes after the prefilters. Lenses that showed no foreground there are only upscaled.
+    """
+
+    def __init__(self, upscaler: Cleaner) -> None:
+        self.name, self.thread_safe = upscaler.name, upscaler.thread_safe
+        self._upscaler, self._share = upscaler, 0.0
+
+    @property
+    def notes(self) -> list[str]:
+        """For the report: how many elemental images got any detail back."""
+        return [*self._upscaler.notes, f"epi brought detail back in {100 * self._share:.0f} % of the foreground"]
+
+    def prepare(self, low: LowResEIA) -> LowResEIA:
+        """``low`` with the layers "cleaned", what the upscaler interpolates, and "lost", what it lacks; both encoded.
+
+        Both (sy, sx, h, w, 3), zero where the foreground does not show.
+        """
+        covered = low.alpha.max((2, 3, 4)) > 0
+        cleaned = self._clean_all(low, covered)
+        lost, share = lost_detail(low, cleaned, covered, self._upscaler.kernel)
+        self._share = float((share[covered] > 0).mean()) if covered.any() else 0.0
+        return dataclasses.replace(low, aux={**low.aux, "cleaned": cleaned, "lost": lost})
+
+    def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+        """EIs of ``lenses`` (N, 2), (N, h·s, w·s, 3) float32 scene-linear."""
+        from lfsr_core.upscale import EIS_IN_CACHE, decode
+
+        lenses, (h, w) = np.asarray(lenses), low.color.shape[2:4]
+        result = np.empty((len(lenses), h * low.scale, w * low.scale, 3), np.float32)
+        for start in range(0, len(lenses), EIS_IN_CACHE):
+            part = slice(start, start + EIS_IN_CACHE)
+            decode(self._encoded(low, lenses[part]), out=result[part])
+        return result
+
+    def _encoded(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+        rows, columns = lenses.T
+        cleaned, lost = low.aux["cleaned"][rows, columns], low.aux["lost"][rows, columns]
+        uncovered = low.alpha[rows, columns].max((1, 2, 3)) <= 0
+        if uncovered.any():
+            cleaned[uncovered] = self._upscaler.clean(low, lenses[uncovered])
+        finished, some = interpolated(cleaned, self._upscaler.kernel, low.scale), lost.any((1, 2, 3))
+        if some.any():
+            finished[some] += interpolated(lost[some], KERNEL, low.scale)
+        return finished
+
+    def _clean_all(self, low: LowResEIA, covered: np.ndarray) -> np.ndarray:
+        lenses, cleaned = np.argwhere(covered), np.zeros_like(low.color)
+
+        def work(part: np.ndarray) -> None:
+            cleaned[part[:, 0], part[:, 1]] = self._upscaler.clean(low, part)
+
+        workers = max(1, min(os.cpu_count() or 1, MAX_WORKERS)) if self.thread_safe else 1
+        with threadpool_limits(1, "blas"), ThreadPoolExecutor(workers) as pool:
+            list(pool.map(work, [lenses[start:start + STEP] for start in range(0, len(lenses), STEP)]))
+        return cleaned
+
+
+def lost_detail(low: LowResEIA, cleaned: np.ndarray, covered: np.ndarray,
+                kernel: str) -> tuple[np.ndarray, np.ndarray]:
+    """What interpolating ``cleaned`` by ``kernel`` will lack, (sy, sx, h, w, 3) encoded, and its share (sy, sx).
+
+    ``cleaned`` (sy, sx, h, w, 3), encoded; ``covered`` (sy, sx) bool: lenses that
+    count. ``share``, in [0, 1]: of the residual's variance, as ``lost_share``.
+    """
+    from lfsr_core.upscale import decode, encode
+
+    rendered = low.aux.get("noisy", low.color)
+    shown = _averaged(cleaned, kernel, low.scale)
+    # Linear for the test, which must not take the mean of noisy roots, too low as it is, for detail.
+    share, line = lost_share(residual(rendered, decode(shown)) @ LUMINANCE * covered[:, :, None, None], covered)
+    lost = np.zeros_like(cleaned)
+    for index in np.unique(line[share > 0]):
+        chosen = (line == index) & (share > 0)
+        part = _around(chosen, REACH * abs(LINES[index][0]))
+        found = np.clip(encode(rendered[part]) - shown[part], -LIMIT, LIMIT) * covered[part][:, :, None, None, None]
+        mean = _mean_along(found, covered[part], LINES[index])
+        lost[part][chosen[part]] = mean[chosen[part]]
+    # Wiener's weight: detail against what the mean has left of the noise.
+    weight = np.divide(share, share + (1 - share) / AVERAGED, out=np.zeros_like(share), where=share > 0)
+    return lost * weight.astype(np.float32)[:, :, None, None, None], share
+
+
+def residual(rendered: np.ndarray, shown: np.ndarray) -> np.ndarray:
+    """Their difference, both (…, 3) scene-linear, times the slope of ``upscale.encode``; at most LIMIT."""
+    dark = np.maximum(shown, DARK)
+    slope = np.float32(0.5) / np.where(dark < 1, np.sqrt(dark), dark)
+    return np.clip((rendered - shown) * slope, -LIMIT, LIMIT)
+
+
+def lost_share(found: np.ndarray, covered: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Share of a residual's variance that is detail, in [0, 1], and the index into LINES along which; (sy, sx).
+
+    ``found`` (sy, sx, h, w): its luminance, 0 where ``covered`` (sy, sx) is False.
+    """
+    pixels = covered * float(found[0, 0].size)
+    variance = _pooled(np.einsum("yxuv,yxuv->yx", found, found)) / np.maximum(_pooled(pixels), 1)
+    most, line = np.zeros(covered.shape), np.zeros(covered.shape, int)
+    for index, step in enumerate(LINES):
+        products, pairs = (_pooled(part) for part in _products(found, covered, step))
+        pairs = np.maximum(pairs, 1)
+        # A pair counts at both of its ends: half as many are independent.
+        detail = products / pairs - CERTAIN * variance * np.sqrt(2 / pairs)
+        line[detail > most] = index
+        most = np.maximum(most, detail)
+    share = np.divide(most, variance, out=np.zeros_like(most), where=covered & (variance > 0))
+    return np.clip(share, 0, 1), line
+
+
+def interpolated(images: np.ndarray, kernel: str, scale: int) -> np.ndarray:
+    """EIs (N, h, w, 3) -> (N, h·scale, w·scale, 3), in whatever domain they are."""
+    count, rows, columns, channels = images.shape
+    down, across = kernel_matrix(kernel, rows, scale), kernel_matrix(kernel, columns, scale)
+    tall = (down @ images.reshape(count, rows, -1)).reshape(-1, columns, channels)
+    return np.matmul(across, tall).reshape(count, rows * scale, columns * scale, channels)
+
+
+def _averaged(images: np.ndarray, kernel: str, scale: int) -> np.ndarray:
+    """What low-resolution pixels of (sy, sx, h, w, 3) become when they are interpolated and averaged again."""
+    down, across = (_blur(kernel, size, scale) for size in images.shape[2:4])
+    flat = images.reshape(-1, *images.shape[2:])
+    count, rows, columns, channels = flat.shape
+    tall = (down @ flat.reshape(count, rows, -1)).reshape(-1, columns, channels)
+    return np.matmul(across, tall).reshape(images.shape)
+
+
+def _blur(kernel: str, size: int, scale: int) -> np.ndarray:
+    return kernel_matrix(kernel, size, scale).reshape(size, scale, size).mean(1)
+
+
+def _products(found: np.ndarray, covered: np.ndarray, step: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Per lens, sums of its pixels' products with those one ``step`` on and back, and how many; (sy, sx) both."""
+    products, pairs = np.zeros(covered.shape), np.zeros(covered.shape)
+    for axis in (0, 1):
+        lenses, views = _ends(found.shape, axis, step[0]), _ends(found.shape, axis + 2, step[1])
+        (here, there), (across, on) = ([part[:2] for part in lenses], views)
+        product = np.einsum("yxuv,yxuv->yx", found[here][across], found[there][on])
+        both = (covered[here] & covered[there]) * float(found[0, 0][across[2:]].size)
+        for end in (here, there):
+            products[end] += product
+            pairs[end] += both
+    return products, pairs
+
+
+def _mean_along(found: np.ndarray, covered: np.ndarray, step: tuple[int, int]) -> np.ndarray:
+    """Mean over covered pixels up to REACH steps on and back, in rows and in columns: a patch of one point."""
+    count = np.broadcast_to(covered[:, :, None, None, None], (*found.shape[:4], 1)).astype(np.float32)
+    for axis in (0, 1):
+        found, count = (_sum_along(values, axis, step) for values in (found, count))
+    return found / np.maximum(count, 1)
+
+
+def _sum_along(values: np.ndarray, axis: int, step: tuple[int, int]) -> np.ndarray:
+    total = values.copy()
+    for steps in range(1, REACH + 1):
+        lenses = _ends(values.shape, axis, steps * step[0])
+        views = _ends(values.shape, axis + 2, steps * step[1])
+        (here, there), (across, on) = ([part[:2] for part in lenses], views)
+        total[here][across] += values[there][on]
+        total[there][on] += values[here][across]
+    return total
+
+
+def _ends(shape: Sequence[int], axis: int, shift: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+    """Indices of the first four axes that pair an array with itself ``shift`` on along one of them."""
+    length = shape[axis]
+    shift = max(-length, min(shift, length))
+    whole = [slice(None)] * 4
+    first, second = list(whole), list(whole)
+    first[axis] = slice(max(0, -shift), length - max(0, shift))
+    second[axis] = slice(max(0, shift), length - max(0, -shift))
+    return tuple(first), tuple(second)
+
+
+def _pooled(values: np.ndarray) -> np.ndarray:
+    """Sums over each lens and its NEIGHBOURS."""
+    for axis in (0, 1):
+        padded = np.pad(values, [(NEIGHBOURS, NEIGHBOURS) if axis == n else (0, 0) for n in (0, 1)])
+        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1, axis)
+        values = windows.sum(-1)
+    return values
+
+
+def _around(chosen: np.ndarray, margin: int) -> tuple[slice, slice]:
+    """Rectangle of the chosen lenses with ``margin`` around."""
+    places = (np.flatnonzero(chosen.any(1)), np.flatnonzero(chosen.any(0)))
+    return tuple(slice(max(0, where[0] - margin), where[-1] + 1 + margin) for where in places)
