@@ -12,6 +12,8 @@ back-projection (Irani and Peleg, CVGIP 1991).
 from __future__ import annotations
 
 import dataclasses
+import functools
+import math
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -20,7 +22,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from lfsr_core.kernels import kernel_matrix
+from lfsr_core.kernels import KERNELS, kernel_matrix
 
 if TYPE_CHECKING:
     from lfsr_core.upscale import LowResEIA
@@ -34,7 +36,8 @@ NEIGHBOURS = 2  # lenses to each side whose covariances count together
 CERTAIN = 4.0  # standard deviations by which a covariance must exceed noise
 LIMIT = 1.0  # of a residual, in encoded values: a firefly is no detail
 DARK = 1e-3  # scene-linear value below which √x is taken for a line
-KERNEL = "lanczos"  # for detail, which has no edges to ring at: sharper than cubic, see docs/networks.md
+STEEPEST = 1.0  # lenses per view up to which detail is interpolated inside an EI: a point steps over lenses beyond it
+KERNEL, LENS_KERNEL = "lanczos", "cubic"  # for detail, which has no edges to ring at: see docs/networks.md
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 STEP, MAX_WORKERS = 24, 8
 VERSION = 1  # of what comes out: figures measured with another one are out of date
@@ -67,15 +70,16 @@ class Recovering:
         return [*self._upscaler.notes, f"epi brought detail back in {100 * self._share:.0f} % of the foreground"]
 
     def prepare(self, low: LowResEIA) -> LowResEIA:
-        """``low`` with the layers "cleaned", what the upscaler interpolates, and "lost", what it lacks; both encoded.
+        """``low`` with the layers "cleaned", what the upscaler interpolates, "lost", what it lacks, and "line".
 
-        Both (sy, sx, h, w, 3), zero where the foreground does not show.
+        The first two are encoded, (sy, sx, h, w, 3), zero where the foreground does
+        not show; "line" (sy, sx): along which of LINES a lens lost most.
         """
         covered = low.alpha.max((2, 3, 4)) > 0
         cleaned = self._clean_all(low, covered)
-        lost, share = lost_detail(low, cleaned, covered, self._upscaler.kernel)
+        lost, share, line = lost_detail(low, cleaned, covered, self._upscaler.kernel)
         self._share = float((share[covered] > 0).mean()) if covered.any() else 0.0
-        return dataclasses.replace(low, aux={**low.aux, "cleaned": cleaned, "lost": lost})
+        return dataclasses.replace(low, aux={**low.aux, "cleaned": cleaned, "lost": lost, "line": line})
 
     def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
         """EIs of ``lenses`` (N, 2), (N, h·s, w·s, 3) float32 scene-linear."""
@@ -94,9 +98,14 @@ class Recovering:
         uncovered = low.alpha[rows, columns].max((1, 2, 3)) <= 0
         if uncovered.any():
             cleaned[uncovered] = self._upscaler.clean(low, lenses[uncovered])
-        finished, some = interpolated(cleaned, self._upscaler.kernel, low.scale), lost.any((1, 2, 3))
-        if some.any():
-            finished[some] += interpolated(lost[some], KERNEL, low.scale)
+        finished = interpolated(cleaned, self._upscaler.kernel, low.scale)
+        some, line = lost.any((1, 2, 3)), low.aux["line"][rows, columns]
+        for index in np.unique(line[some]):
+            chosen = some & (line == index)
+            if abs(slope(LINES[index])) <= STEEPEST:
+                finished[chosen] += interpolated(lost[chosen], KERNEL, low.scale)
+            else:
+                finished[chosen] += sheared(low, lenses[chosen], slope(LINES[index]))
         return finished
 
     def _clean_all(self, low: LowResEIA, covered: np.ndarray) -> np.ndarray:
@@ -112,11 +121,10 @@ class Recovering:
 
 
 def lost_detail(low: LowResEIA, cleaned: np.ndarray, covered: np.ndarray,
-                kernel: str) -> tuple[np.ndarray, np.ndarray]:
-    """What interpolating ``cleaned`` by ``kernel`` will lack, (sy, sx, h, w, 3) encoded, and its share (sy, sx).
+                kernel: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What interpolating ``cleaned`` by ``kernel`` will lack, (sy, sx, h, w, 3) encoded, and ``lost_share`` of it.
 
-    ``cleaned`` (sy, sx, h, w, 3), encoded; ``covered`` (sy, sx) bool: lenses that
-    count. ``share``, in [0, 1]: of the residual's variance, as ``lost_share``.
+    ``cleaned`` (sy, sx, h, w, 3), encoded; ``covered`` (sy, sx) bool: lenses that count.
     """
     from lfsr_core.upscale import decode, encode
 
@@ -133,7 +141,7 @@ def lost_detail(low: LowResEIA, cleaned: np.ndarray, covered: np.ndarray,
         lost[part][chosen[part]] = mean[chosen[part]]
     # Wiener's weight: detail against what the mean has left of the noise.
     weight = np.divide(share, share + (1 - share) / AVERAGED, out=np.zeros_like(share), where=share > 0)
-    return lost * weight.astype(np.float32)[:, :, None, None, None], share
+    return lost * weight.astype(np.float32)[:, :, None, None, None], share, line
 
 
 def residual(rendered: np.ndarray, shown: np.ndarray) -> np.ndarray:
@@ -168,6 +176,47 @@ def interpolated(images: np.ndarray, kernel: str, scale: int) -> np.ndarray:
     down, across = kernel_matrix(kernel, rows, scale), kernel_matrix(kernel, columns, scale)
     tall = (down @ images.reshape(count, rows, -1)).reshape(-1, columns, channels)
     return np.matmul(across, tall).reshape(count, rows * scale, columns * scale, channels)
+
+
+def slope(step: tuple[int, int]) -> float:
+    """Lenses per view."""
+    return step[0] / step[1]
+
+
+def sheared(low: LowResEIA, lenses: np.ndarray, steep: float) -> np.ndarray:
+    """Lost detail of ``lenses`` (N, 2) at every view, (N, h·s, w·s, 3) encoded, along lines of so many lenses per view.
+
+    Between two rendered views a point stands in other lenses: those are asked.
+    """
+    lost, covered = low.aux["lost"], (low.alpha.max((2, 3, 4)) > 0).astype(np.float32)
+    (sy, sx, h, w, _), reach = lost.shape, _lens_reach(steep)
+    around = np.arange(-reach, reach + 1)
+    rows = np.clip(lenses[:, :1] + around, 0, sy - 1)[:, :, None]
+    columns = np.clip(lenses[:, 1:] + around, 0, sx - 1)[:, None, :]
+    down, across = (_shear(size, low.scale, steep) for size in (h, w))
+    weight = down.sum(2) @ covered[rows, columns] @ across.sum(2).T
+    # (N, lens row, lens column, view row, view column, C): rows of lenses and views first, then columns.
+    tall = np.einsum("aov,noqvuc->nqauc", down, lost[rows, columns], optimize=True)
+    detail = np.einsum("bqu,nqauc->nabc", across, tall, optimize=True)
+    return detail / np.maximum(weight, 0.5)[..., None]
+
+
+def _lens_reach(steep: float) -> int:
+    return math.ceil(abs(steep)) + KERNELS[LENS_KERNEL][0]
+
+
+@functools.lru_cache(maxsize=64)
+def _shear(size: int, scale: int, steep: float) -> np.ndarray:
+    """Weights (size·scale, lenses around, size) of both nearest rendered views, where these show the same point."""
+    reach, weight = _lens_reach(steep), KERNELS[LENS_KERNEL][1]
+    places = (np.arange(size * scale) + 0.5) / scale - 0.5
+    matrix = np.zeros((size * scale, 2 * reach + 1, size))
+    for index, place in enumerate(places):
+        near = kernel_matrix("linear", size, scale)[index]
+        for view in np.flatnonzero(near):
+            of_lenses = weight(steep * (view - place) - np.arange(-reach, reach + 1))
+            matrix[index, :, view] = near[view] * of_lenses / of_lenses.sum()
+    return matrix.astype(np.float32)
 
 
 def _averaged(images: np.ndarray, kernel: str, scale: int) -> np.ndarray:

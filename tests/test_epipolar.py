@@ -99,6 +99,27 @@ def test_upscaled_detail_keeps_its_mean_over_each_rendered_pixel():
     assert close > 0.95
 
 
+@pytest.mark.parametrize("steep", [1.5, -1.5, 2.0, 3.0])
+def test_views_between_the_rendered_ones_are_those_of_the_same_points(steep):
+    """Waves on a plane off the display: what every view of every lens shows is known."""
+    def seen(lens, view):
+        return np.sin(0.9 * (lens - steep * view))
+
+    views, fine = np.arange(SIDE), (np.arange(SIDE * SCALE) + 0.5) / SCALE - 0.5
+    rows, columns = np.arange(SY)[:, None, None, None], np.arange(SX)[None, :, None, None]
+    lost = seen(rows, views[:, None]) * seen(columns, views)
+    truth = seen(rows, fine[:, None]) * seen(columns, fine)
+    low = LowResEIA(*(np.ones((SY, SX, SIDE, SIDE, channels), np.float32) for channels in (3, 1)),
+                    {"lost": np.repeat(lost[..., None], 3, -1).astype(np.float32)}, 16, SCALE)
+    # Away from the display's edge, beyond which nothing is known, and from that of each EI.
+    inside = np.array([[SY // 2, SX // 2]])
+    found = epipolar.sheared(low, inside, steep)[0, :, :, 0]
+    wrong = epipolar.sheared(low, inside, -steep)[0, :, :, 0]
+    expected, middle = truth[SY // 2, SX // 2], np.s_[4:-4, 4:-4]
+    assert np.abs(found - expected)[middle].max() < 0.15
+    assert np.abs(wrong - expected)[middle].max() > 0.5
+
+
 def test_lenses_without_foreground_stay_as_they_are():
     alpha = np.ones((SY, SX, SIDE, SIDE, 1), np.float32)
     alpha[:, :4] = 0
