@@ -263,6 +263,15 @@ def test_report_says_everything(tmp_path):
     assert data["sample"]["lenses"]["foreground"] + data["sample"]["lenses"]["edge"] == 40
 
 
+def test_recovery_is_judged_and_timed_like_any_method(tmp_path):
+    options = dataclasses.replace(OPTIONS, scales=(4,), spps=(4,), methods=("bilinear", "bilinear+epi"))
+    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    rows = {row.candidate.method: row for row in planned.rated}
+    assert all(row.estimate is not None and row.estimate.low < row.estimate.mean for row in rows.values())
+    assert rows["bilinear+epi"].candidate.parts > rows["bilinear"].candidate.parts
+    assert all(0 < row.seconds < 60 for row in rows.values())
+
+
 def test_stage_time_grows_with_the_frame(tmp_path):
     planned = make_plan(JOB, dataclasses.replace(OPTIONS, scales=(4,), spps=(4,)), render, tmp_path / "sample")
     assert all(row.seconds > 1.0 for row in planned.rated), "the scene takes a second to open"

@@ -153,6 +153,13 @@ def test_other_weights_are_measured_again(tmp_path, bench, monkeypatch):
     assert stress.read_cell(folder, dial, 32, "bicubic") is None
 
 
+def test_another_version_of_a_method_is_measured_again(bench, monkeypatch):
+    folder, dial = stress.Bench(bench, stress.Settings(MINI, SCALE, 8, FRAMES)), choose_dials(["samples"])[0]
+    monkeypatch.setattr(stress, "versions_of", lambda name: {"denoiser": -1} if name == "bicubic" else {})
+    assert stress.read_cell(folder, dial, 64, "bicubic") is None
+    assert stress.read_cell(folder, dial, 64, "nearest")["value"] == 64
+
+
 def test_weights_decide_the_digest_and_classical_methods_have_none():
     assert stress.weights_digest("oidn+bicubic") == ""
     assert stress.weights_digest("espcn") == stress.weights_digest("oidn+espcn") != ""

@@ -123,6 +123,12 @@ def test_names_parse_and_compose():
     assert {*PER_EI, "bicubic-eia", "none", "oidn"} <= upscale.METHODS.keys()
 
 
+def test_versions_are_those_of_what_a_method_is_made_of():
+    assert upscale.versions_of("bicubic") == upscale.versions_of("light") == {}
+    assert set(upscale.versions_of("oidn+bilinear")) == {"denoiser"}
+    assert set(upscale.versions_of("oidn-both+refine+epi")) == {"denoiser", "epi"}
+
+
 def test_unknown_method_names_the_nearest():
     with pytest.raises(LfsrError, match=r"unknown method 'bicubik': did you mean 'bicubic'\?"):
         method("oidn+bicubik")
