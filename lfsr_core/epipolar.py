@@ -77,8 +77,12 @@ class Recovering:
         """
         covered = low.alpha.max((2, 3, 4)) > 0
         cleaned = self._clean_all(low, covered)
-        lost, share, line = lost_detail(low, cleaned, covered, self._upscaler.kernel)
-        self._share = float((share[covered] > 0).mean()) if covered.any() else 0.0
+        lost, line = np.zeros_like(cleaned), np.zeros(covered.shape, int)
+        if covered.any():
+            part, rendered = _around(covered, 0), low.aux.get("noisy", low.color)
+            lost[part], share, line[part] = lost_detail(rendered[part], cleaned[part], covered[part],
+                                                        self._upscaler.kernel, low.scale)
+            self._share = float((share[covered[part]] > 0).mean())
         return dataclasses.replace(low, aux={**low.aux, "cleaned": cleaned, "lost": lost, "line": line})
 
     def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
@@ -120,16 +124,15 @@ class Recovering:
         return cleaned
 
 
-def lost_detail(low: LowResEIA, cleaned: np.ndarray, covered: np.ndarray,
-                kernel: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def lost_detail(rendered: np.ndarray, cleaned: np.ndarray, covered: np.ndarray, kernel: str,
+                scale: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What interpolating ``cleaned`` by ``kernel`` will lack, (sy, sx, h, w, 3) encoded, and ``lost_share`` of it.
 
-    ``cleaned`` (sy, sx, h, w, 3), encoded; ``covered`` (sy, sx) bool: lenses that count.
+    ``rendered`` scene-linear and ``cleaned`` encoded, (sy, sx, h, w, 3); ``covered`` (sy, sx) bool: lenses that count.
     """
     from lfsr_core.upscale import decode, encode
 
-    rendered = low.aux.get("noisy", low.color)
-    shown = _averaged(cleaned, kernel, low.scale)
+    shown = _averaged(cleaned, kernel, scale)
     # Linear for the test, which must not take the mean of noisy roots, too low as it is, for detail.
     share, line = lost_share(residual(rendered, decode(shown)) @ LUMINANCE * covered[:, :, None, None], covered)
     lost = np.zeros_like(cleaned)
