@@ -27,9 +27,10 @@ from lfsr_core.kernels import KERNELS, kernel_matrix
 if TYPE_CHECKING:
     from lfsr_core.upscale import LowResEIA
 
-# (lenses, views) of a step: points on the display plane, then up to three usable depths off it, on both sides.
+# (lenses, views) of a step: up to three usable depths off the display plane, on both sides. On the plane denoisers lose
+# little, and what looks like it is what they leave behind (docs/networks.md).
 OFF_PLANE = ((1, 3), (1, 2), (2, 3), (1, 1), (3, 2), (2, 1), (5, 2), (3, 1))
-LINES = ((0, 1), (0, 2), *OFF_PLANE, *((-lenses, views) for lenses, views in OFF_PLANE))
+LINES = (*OFF_PLANE, *((-lenses, views) for lenses, views in OFF_PLANE))
 REACH = 2  # steps to each side of a pixel that its mean along a line takes in, in rows and in columns
 AVERAGED = (2 * REACH + 1) ** 2
 NEIGHBOURS = 2  # lenses to each side whose covariances count together
@@ -40,7 +41,7 @@ STEEPEST = 1.0  # lenses per view up to which detail is interpolated inside an E
 KERNEL, LENS_KERNEL = "lanczos", "cubic"  # for detail, which has no edges to ring at: see docs/networks.md
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 STEP, MAX_WORKERS = 24, 8
-VERSION = 1  # of what comes out: figures measured with another one are out of date
+VERSION = 2  # of what comes out: figures measured with another one are out of date
 
 
 class Cleaner(Protocol):

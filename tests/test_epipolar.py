@@ -56,7 +56,7 @@ def test_noise_alone_is_no_detail(seed):
     np.testing.assert_allclose(image, 0.5, atol=1e-6)
 
 
-@pytest.mark.parametrize("step", epipolar.OFF_PLANE + tuple((-lenses, views) for lenses, views in epipolar.OFF_PLANE))
+@pytest.mark.parametrize("step", LINES)
 def test_every_line_is_told_from_all_others(step):
     share, line = lost_share(0.5 * texture(step) + noise(), EVERY)
     middle = np.s_[2:-2, 3:-3]
@@ -80,7 +80,7 @@ def test_mirrored_light_fields_have_mirrored_lines():
     np.testing.assert_array_equal(mirrored[:, ::-1], line)
 
 
-@pytest.mark.parametrize("step", [(1, 1), (-1, 2), (0, 1), (2, 1)])
+@pytest.mark.parametrize("step", [(1, 1), (-1, 2), (2, 3), (2, 1)])
 def test_detail_comes_back_with_less_noise_than_was_rendered(step):
     detail = 0.1 * texture(step)
     low = light_field(detail)
