@@ -12,8 +12,7 @@ back-projection (Irani and Peleg, CVGIP 1991).
 from __future__ import annotations
 
 import dataclasses
-import functools
-import math
+import itertools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -22,7 +21,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from lfsr_core.kernels import KERNELS, kernel_matrix
+from lfsr_core.epipolar_views import averaged, interpolated, sheared
 
 if TYPE_CHECKING:
     from lfsr_core.upscale import LowResEIA
@@ -38,7 +37,7 @@ CERTAIN = 4.0  # standard deviations by which a covariance must exceed noise
 LIMIT = 1.0  # of a residual, in encoded values: a firefly is no detail
 DARK = 1e-3  # scene-linear value below which √x is taken for a line
 STEEPEST = 1.0  # lenses per view up to which detail is interpolated inside an EI: a point steps over lenses beyond it
-KERNEL, LENS_KERNEL = "lanczos", "cubic"  # for detail, which has no edges to ring at: see docs/networks.md
+KERNEL = "lanczos"  # for detail, which has no edges to ring at: see docs/networks.md
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 STEP, MAX_WORKERS = 24, 8
 VERSION = 2  # of what comes out: figures measured with another one are out of date
@@ -59,11 +58,14 @@ class Recovering:
     """``upscaler`` plus the detail that it and the denoiser before it lost; see ``upscale.Upscaler``.
 
     Its ``prepare`` comes after the prefilters. Lenses that showed no foreground there are only upscaled.
+    ``block``: side of the squares of lenses that lie beside each other by chance, as
+    a plan's samples do; None where all are of one display.
     """
 
     def __init__(self, upscaler: Cleaner) -> None:
         self.name, self.thread_safe = upscaler.name, upscaler.thread_safe
         self._upscaler, self._share = upscaler, 0.0
+        self.block: int | None = None
 
     @property
     def notes(self) -> list[str]:
@@ -79,11 +81,11 @@ class Recovering:
         covered = low.alpha.max((2, 3, 4)) > 0
         cleaned = self._clean_all(low, covered)
         lost, line = np.zeros_like(cleaned), np.zeros(covered.shape, int)
-        if covered.any():
-            part, rendered = _around(covered, 0), low.aux.get("noisy", low.color)
-            lost[part], share, line[part] = lost_detail(rendered[part], cleaned[part], covered[part],
-                                                        self._upscaler.kernel, low.scale)
-            self._share = float((share[covered[part]] > 0).mean())
+        rendered, share = low.aux.get("noisy", low.color), np.zeros(covered.shape)
+        for part in self._parts(covered):
+            lost[part], share[part], line[part] = lost_detail(rendered[part], cleaned[part], covered[part],
+                                                              self._upscaler.kernel, low.scale)
+        self._share = float((share[covered] > 0).mean()) if covered.any() else 0.0
         return dataclasses.replace(low, aux={**low.aux, "cleaned": cleaned, "lost": lost, "line": line})
 
     def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
@@ -100,18 +102,28 @@ class Recovering:
     def _encoded(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
         rows, columns = lenses.T
         cleaned, lost = low.aux["cleaned"][rows, columns], low.aux["lost"][rows, columns]
-        uncovered = low.alpha[rows, columns].max((1, 2, 3)) <= 0
-        if uncovered.any():
-            cleaned[uncovered] = self._upscaler.clean(low, lenses[uncovered])
+        covered = low.alpha.max((2, 3, 4)) > 0
+        rest = ~covered[rows, columns]
+        if rest.any():
+            cleaned[rest] = self._upscaler.clean(low, lenses[rest])
         finished = interpolated(cleaned, self._upscaler.kernel, low.scale)
         some, line = lost.any((1, 2, 3)), low.aux["line"][rows, columns]
         for index in np.unique(line[some]):
             chosen = some & (line == index)
-            if abs(slope(LINES[index])) <= STEEPEST:
+            steep = LINES[index][0] / LINES[index][1]
+            if abs(steep) <= STEEPEST:
                 finished[chosen] += interpolated(lost[chosen], KERNEL, low.scale)
             else:
-                finished[chosen] += sheared(low, lenses[chosen], slope(LINES[index]))
+                finished[chosen] += sheared(low.aux["lost"], covered, lenses[chosen], low.scale, steep)
         return finished
+
+    def _parts(self, covered: np.ndarray) -> list[tuple[slice, slice]]:
+        """Rectangles of lenses with foreground that see nothing of each other."""
+        if self.block is None:
+            return [_around(covered, 0)] if covered.any() else []
+        starts = (range(0, size, self.block) for size in covered.shape)
+        squares = ((slice(y, y + self.block), slice(x, x + self.block)) for y, x in itertools.product(*starts))
+        return [square for square in squares if covered[square].any()]
 
     def _clean_all(self, low: LowResEIA, covered: np.ndarray) -> np.ndarray:
         lenses, cleaned = np.argwhere(covered), np.zeros_like(low.color)
@@ -133,7 +145,7 @@ def lost_detail(rendered: np.ndarray, cleaned: np.ndarray, covered: np.ndarray, 
     """
     from lfsr_core.upscale import decode, encode
 
-    shown = _averaged(cleaned, kernel, scale)
+    shown = averaged(cleaned, kernel, scale)
     # Linear for the test, which must not take the mean of noisy roots, too low as it is, for detail.
     share, line = lost_share(residual(rendered, decode(shown)) @ LUMINANCE * covered[:, :, None, None], covered)
     lost = np.zeros_like(cleaned)
@@ -172,68 +184,6 @@ def lost_share(found: np.ndarray, covered: np.ndarray) -> tuple[np.ndarray, np.n
         most = np.maximum(most, detail)
     share = np.divide(most, variance, out=np.zeros_like(most), where=covered & (variance > 0))
     return np.clip(share, 0, 1), line
-
-
-def interpolated(images: np.ndarray, kernel: str, scale: int) -> np.ndarray:
-    """EIs (N, h, w, 3) -> (N, h·scale, w·scale, 3), in whatever domain they are."""
-    count, rows, columns, channels = images.shape
-    down, across = kernel_matrix(kernel, rows, scale), kernel_matrix(kernel, columns, scale)
-    tall = (down @ images.reshape(count, rows, -1)).reshape(-1, columns, channels)
-    return np.matmul(across, tall).reshape(count, rows * scale, columns * scale, channels)
-
-
-def slope(step: tuple[int, int]) -> float:
-    """Lenses per view."""
-    return step[0] / step[1]
-
-
-def sheared(low: LowResEIA, lenses: np.ndarray, steep: float) -> np.ndarray:
-    """Lost detail of ``lenses`` (N, 2) at every view, (N, h·s, w·s, 3) encoded, along lines of so many lenses per view.
-
-    Between two rendered views a point stands in other lenses: those are asked.
-    """
-    lost, covered = low.aux["lost"], (low.alpha.max((2, 3, 4)) > 0).astype(np.float32)
-    (sy, sx, h, w, _), reach = lost.shape, _lens_reach(steep)
-    around = np.arange(-reach, reach + 1)
-    rows = np.clip(lenses[:, :1] + around, 0, sy - 1)[:, :, None]
-    columns = np.clip(lenses[:, 1:] + around, 0, sx - 1)[:, None, :]
-    down, across = (_shear(size, low.scale, steep) for size in (h, w))
-    weight = down.sum(2) @ covered[rows, columns] @ across.sum(2).T
-    # (N, lens row, lens column, view row, view column, C): rows of lenses and views first, then columns.
-    tall = np.einsum("aov,noqvuc->nqauc", down, lost[rows, columns], optimize=True)
-    detail = np.einsum("bqu,nqauc->nabc", across, tall, optimize=True)
-    return detail / np.maximum(weight, 0.5)[..., None]
-
-
-def _lens_reach(steep: float) -> int:
-    return math.ceil(abs(steep)) + KERNELS[LENS_KERNEL][0]
-
-
-@functools.lru_cache(maxsize=64)
-def _shear(size: int, scale: int, steep: float) -> np.ndarray:
-    """Weights (size·scale, lenses around, size) of both nearest rendered views, where these show the same point."""
-    reach, weight = _lens_reach(steep), KERNELS[LENS_KERNEL][1]
-    places = (np.arange(size * scale) + 0.5) / scale - 0.5
-    matrix = np.zeros((size * scale, 2 * reach + 1, size))
-    for index, place in enumerate(places):
-        near = kernel_matrix("linear", size, scale)[index]
-        for view in np.flatnonzero(near):
-            of_lenses = weight(steep * (view - place) - np.arange(-reach, reach + 1))
-            matrix[index, :, view] = near[view] * of_lenses / of_lenses.sum()
-    return matrix.astype(np.float32)
-
-
-def _averaged(images: np.ndarray, kernel: str, scale: int) -> np.ndarray:
-    """What low-resolution pixels of (sy, sx, h, w, 3) become when they are interpolated and averaged again."""
-    down, across = (_blur(kernel, size, scale) for size in images.shape[2:4])
-    flat = images.reshape(-1, *images.shape[2:])
-    count, rows, columns, channels = flat.shape
-    tall = (down @ flat.reshape(count, rows, -1)).reshape(-1, columns, channels)
-    return np.matmul(across, tall).reshape(images.shape)
-
-
-def _blur(kernel: str, size: int, scale: int) -> np.ndarray:
-    return kernel_matrix(kernel, size, scale).reshape(size, scale, size).mean(1)
 
 
 def _products(found: np.ndarray, covered: np.ndarray, step: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:

@@ -133,6 +133,11 @@ class Mosaic:
         places = np.stack(np.divmod(np.arange(count), across), -1) * side + side // 2
         return cls(filled.transpose(0, 2, 1, 3).reshape(down * side, across * side), places)
 
+    @property
+    def side(self) -> int:
+        """Lenses across a block."""
+        return 2 * int(self.centres[0, 0]) + 1
+
     def of_render(self, low: LowResEIA) -> LowResEIA:
         """The mosaic of a rendered list of lenses, whose tiles ``low`` holds in reading order."""
         def arrange(layer: np.ndarray) -> np.ndarray:

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core import epipolar
-from lfsr_core.epipolar import LINES, Recovering, interpolated, lost_share
+from lfsr_core.epipolar import LINES, Recovering, lost_share
+from lfsr_core.epipolar_views import averaged, interpolated, sheared
 from lfsr_core.errors import LfsrError
 from lfsr_core.upscale import CLASSICAL, LowResEIA, decode, encode, method
 
@@ -94,8 +94,8 @@ def test_detail_comes_back_with_less_noise_than_was_rendered(step):
 def test_upscaled_detail_keeps_its_mean_over_each_rendered_pixel():
     low = light_field(0.1 * texture((1, 1)))
     image, _, ready = recovered(low)
-    averaged = image.reshape(SY, SX, SIDE, SCALE, SIDE, SCALE, 3).mean((3, 5))
-    close = np.corrcoef((averaged - 0.5).ravel(), ready.aux["lost"].ravel())[0, 1]
+    rendered = image.reshape(SY, SX, SIDE, SCALE, SIDE, SCALE, 3).mean((3, 5))
+    close = np.corrcoef((rendered - 0.5).ravel(), ready.aux["lost"].ravel())[0, 1]
     assert close > 0.95
 
 
@@ -109,12 +109,11 @@ def test_views_between_the_rendered_ones_are_those_of_the_same_points(steep):
     rows, columns = np.arange(SY)[:, None, None, None], np.arange(SX)[None, :, None, None]
     lost = seen(rows, views[:, None]) * seen(columns, views)
     truth = seen(rows, fine[:, None]) * seen(columns, fine)
-    low = LowResEIA(*(np.ones((SY, SX, SIDE, SIDE, channels), np.float32) for channels in (3, 1)),
-                    {"lost": np.repeat(lost[..., None], 3, -1).astype(np.float32)}, 16, SCALE)
+    lost = np.repeat(lost[..., None], 3, -1).astype(np.float32)
     # Away from the display's edge, beyond which nothing is known, and from that of each EI.
     inside = np.array([[SY // 2, SX // 2]])
-    found = epipolar.sheared(low, inside, steep)[0, :, :, 0]
-    wrong = epipolar.sheared(low, inside, -steep)[0, :, :, 0]
+    found = sheared(lost, EVERY, inside, SCALE, steep)[0, :, :, 0]
+    wrong = sheared(lost, EVERY, inside, SCALE, -steep)[0, :, :, 0]
     expected, middle = truth[SY // 2, SX // 2], np.s_[4:-4, 4:-4]
     assert np.abs(found - expected)[middle].max() < 0.15
     assert np.abs(wrong - expected)[middle].max() > 0.5
@@ -133,6 +132,24 @@ def test_lenses_without_foreground_stay_as_they_are():
     np.testing.assert_array_equal(recovered(low)[0], image)
 
 
+def test_blocks_see_nothing_of_each_other():
+    """Squares of lenses from anywhere give the same detail whatever lies beside them."""
+    side, blocks = 5, [0.1 * texture((1, 1), seed, 5, 5) for seed in range(4)]
+
+    def of(order):
+        rows = [np.concatenate([blocks[n] for n in order[start:start + 2]], 1) for start in (0, 2)]
+        low = light_field(np.concatenate(rows, 0))
+        low.aux["noisy"][:] = decode(np.float32(0.5) + np.concatenate(rows, 0)[..., None])
+        recovering = Recovering(CLASSICAL["bilinear"][1])
+        recovering.block = side
+        return recovering.prepare(low).aux["lost"]
+
+    one, other = of([0, 1, 2, 3]), of([3, 2, 1, 0])
+    np.testing.assert_array_equal(one[:side, :side], other[side:, side:])
+    np.testing.assert_array_equal(one[side:, :side], other[:side, side:])
+    assert one.any((2, 3, 4)).all()
+
+
 def test_a_firefly_is_no_detail():
     low = light_field(np.zeros((SY, SX, SIDE, SIDE), np.float32))
     low.aux["noisy"][4, 5, 3, 3] = 1e4
@@ -148,8 +165,8 @@ def test_where_nothing_was_lost_the_upscaler_has_its_way(kernel):
     weights = CLASSICAL[kernel][1].kernel
     expected = interpolated(encode(color).reshape(-1, SIDE, SIDE, 3), weights, SCALE)
     np.testing.assert_allclose(decode(expected), CLASSICAL[kernel][1](low, lenses), atol=2e-5)
-    averaged = epipolar._averaged(encode(color), weights, SCALE).reshape(-1, SIDE, SIDE, 3)
-    np.testing.assert_allclose(averaged, expected.reshape(-1, SIDE, SCALE, SIDE, SCALE, 3).mean((2, 4)), atol=1e-5)
+    mean = averaged(encode(color), weights, SCALE).reshape(-1, SIDE, SIDE, 3)
+    np.testing.assert_allclose(mean, expected.reshape(-1, SIDE, SCALE, SIDE, SCALE, 3).mean((2, 4)), atol=1e-5)
 
 
 def test_at_full_resolution_too():
