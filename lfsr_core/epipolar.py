@@ -40,7 +40,7 @@ STEEPEST = 1.0  # lenses per view up to which detail is interpolated inside an E
 KERNEL = "lanczos"  # for detail, which has no edges to ring at: see docs/networks.md
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 STEP, MAX_WORKERS = 24, 8
-VERSION = 2  # of what comes out: figures measured with another one are out of date
+VERSION = 3  # of what comes out: figures measured with another one are out of date
 
 
 class Cleaner(Protocol):
@@ -172,32 +172,41 @@ def lost_share(found: np.ndarray, covered: np.ndarray) -> tuple[np.ndarray, np.n
 
     ``found`` (sy, sx, h, w): its luminance, 0 where ``covered`` (sy, sx) is False.
     """
-    pixels = covered * float(found[0, 0].size)
-    variance = _pooled(np.einsum("yxuv,yxuv->yx", found, found)) / np.maximum(_pooled(pixels), 1)
+    squares = found * found
+    variance = _pooled(squares.sum((2, 3), dtype=float)) / np.maximum(_pooled(covered * float(found[0, 0].size)), 1)
     most, line = np.zeros(covered.shape), np.zeros(covered.shape, int)
     for index, step in enumerate(LINES):
-        products, pairs = (_pooled(part) for part in _products(found, covered, step))
-        pairs = np.maximum(pairs, 1)
-        # A pair counts at both of its ends: half as many are independent.
-        detail = products / pairs - CERTAIN * variance * np.sqrt(2 / pairs)
+        pairs = np.maximum(_pooled(_pairs(found.shape[2:], covered, step)), 1)
+        products, spread = (_pooled(_products(values, step)) for values in (found, squares))
+        # Their own spread, for noise has heavy tails; a pair counts at both of its ends: half as many are independent.
+        detail = (products - CERTAIN * np.sqrt(2 * spread)) / pairs
         line[detail > most] = index
         most = np.maximum(most, detail)
     share = np.divide(most, variance, out=np.zeros_like(most), where=covered & (variance > 0))
     return np.clip(share, 0, 1), line
 
 
-def _products(found: np.ndarray, covered: np.ndarray, step: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Per lens, sums of its pixels' products with those one ``step`` on and back, and how many; (sy, sx) both."""
-    products, pairs = np.zeros(covered.shape), np.zeros(covered.shape)
+def _products(values: np.ndarray, step: tuple[int, int]) -> np.ndarray:
+    """Per lens, the sum of its pixels' products with those one ``step`` on and back; (sy, sx)."""
+    sums = np.zeros(values.shape[:2])
     for axis in (0, 1):
-        lenses, views = _ends(found.shape, axis, step[0]), _ends(found.shape, axis + 2, step[1])
+        lenses, views = _ends(values.shape, axis, step[0]), _ends(values.shape, axis + 2, step[1])
         (here, there), (across, on) = ([part[:2] for part in lenses], views)
-        product = np.einsum("yxuv,yxuv->yx", found[here][across], found[there][on])
-        both = (covered[here] & covered[there]) * float(found[0, 0][across[2:]].size)
-        for end in (here, there):
-            products[end] += product
-            pairs[end] += both
-    return products, pairs
+        product = np.einsum("yxuv,yxuv->yx", values[here][across], values[there][on])
+        sums[here] += product
+        sums[there] += product
+    return sums
+
+
+def _pairs(views: tuple[int, ...], covered: np.ndarray, step: tuple[int, int]) -> np.ndarray:
+    """Per lens, how many products ``_products`` adds up where both lenses are ``covered``; (sy, sx)."""
+    pairs = np.zeros(covered.shape)
+    for axis in (0, 1):
+        here, there = (part[:2] for part in _ends((*covered.shape, *views), axis, step[0]))
+        both = (covered[here] & covered[there]) * float(max(views[axis] - step[1], 0) * views[1 - axis])
+        pairs[here] += both
+        pairs[there] += both
+    return pairs
 
 
 def _mean_along(found: np.ndarray, covered: np.ndarray, step: tuple[int, int]) -> np.ndarray:
