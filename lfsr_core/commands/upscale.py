@@ -10,7 +10,7 @@ from lfsr_core.progress import ProgressBar
 
 NAME = "upscale"
 HELP = "redo only the second stage of a rendered frame folder"
-METHOD_WITHOUT_DENOISER, METHOD_AT_FULL_RESOLUTION = "light+epi", "oidn"
+METHOD_WITHOUT_DENOISER, METHOD_AT_FULL_RESOLUTION = "light", "oidn"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
