@@ -76,7 +76,8 @@ class Recovering:
         """``low`` with the layers "cleaned", what the upscaler interpolates, "lost", what it lacks, and "line".
 
         The first two are encoded, (sy, sx, h, w, 3), zero where the foreground does
-        not show; "line" (sy, sx): along which of LINES a lens lost most.
+        not show; "line" (sy, sx): along which of LINES a lens lost most; "covered"
+        (sy, sx): where the foreground shows.
         """
         covered = low.alpha.max((2, 3, 4)) > 0
         cleaned = self._clean_all(low, covered)
@@ -86,7 +87,8 @@ class Recovering:
             lost[part], share[part], line[part] = lost_detail(rendered[part], cleaned[part], covered[part],
                                                               self._upscaler.kernel, low.scale)
         self._share = float((share[covered] > 0).mean()) if covered.any() else 0.0
-        return dataclasses.replace(low, aux={**low.aux, "cleaned": cleaned, "lost": lost, "line": line})
+        return dataclasses.replace(low, aux={**low.aux, "cleaned": cleaned, "lost": lost, "line": line,
+                                             "covered": covered})
 
     def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
         """EIs of ``lenses`` (N, 2), (N, h·s, w·s, 3) float32 scene-linear."""
@@ -102,8 +104,7 @@ class Recovering:
     def _encoded(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
         rows, columns = lenses.T
         cleaned, lost = low.aux["cleaned"][rows, columns], low.aux["lost"][rows, columns]
-        covered = low.alpha.max((2, 3, 4)) > 0
-        rest = ~covered[rows, columns]
+        rest = ~low.aux["covered"][rows, columns]
         if rest.any():
             cleaned[rest] = self._upscaler.clean(low, lenses[rest])
         finished = interpolated(cleaned, self._upscaler.kernel, low.scale)
@@ -114,7 +115,7 @@ class Recovering:
             if abs(steep) <= STEEPEST:
                 finished[chosen] += interpolated(lost[chosen], KERNEL, low.scale)
             else:
-                finished[chosen] += sheared(low.aux["lost"], covered, lenses[chosen], low.scale, steep)
+                finished[chosen] += sheared(low.aux["lost"], low.aux["covered"], lenses[chosen], low.scale, steep)
         return finished
 
     def _parts(self, covered: np.ndarray) -> list[tuple[slice, slice]]:
