@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from typing import TextIO
 
 BAR_WIDTH = 30
@@ -47,3 +48,10 @@ class ProgressBar:
         if self._moving and self._stage:
             print(file=self._stream)
         self._stage = ""
+
+
+Progress = Callable[[str, float, str], None]
+
+
+def silent(stage: str, fraction: float, message: str) -> None:
+    """Progress that nobody watches."""

@@ -125,8 +125,16 @@ def build_core(folder: Path) -> None:
     with tempfile.TemporaryDirectory(prefix="lfsr-core-") as name:
         for file in CORE_FILES:
             shutil.copy(ROOT / file, name)
+        project = Path(name, "pyproject.toml")
+        project.write_text(only_core(project.read_text(encoding="utf-8")), encoding="utf-8")
         shutil.copytree(ROOT / "lfsr_core", Path(name, "lfsr_core"), ignore=NOT_SOURCES)
         run("pip", [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--wheel-dir", str(folder), name])
+
+
+def only_core(project: str) -> str:
+    """pyproject.toml without the packages that lie beside lfsr_core: the add-on is the zip itself."""
+    project = re.sub(r'"(blender_addon|lfsr_scenes)[\w.]*",\s*', "", project)
+    return re.sub(r"\[tool\.setuptools\.package-dir\]\n.*\n", "", project)
 
 
 def download(folder: Path, platform: str, python: str) -> None:

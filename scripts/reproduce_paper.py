@@ -18,12 +18,12 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from lfsr_core.bench import frames
+from lfsr_core.bench.chart import frames
 from lfsr_core.bench.paper import page, renders, settings
 from lfsr_core.bench.paper.figure import Figure, Results
-from lfsr_core.display import load_display
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
+from lfsr_core.optics.display import load_display
 
 RESULTS_FILE, PAGE_FILE, IMAGES = "results.json", "paper.md", "images"
 STOPPED, BAD_INPUT = 130, 2
@@ -116,7 +116,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--reference-spp", type=int, metavar="N", help="default: 1024")
     add("--lenses", type=int, metavar="N", help="lenses of a reference; default: all")
     add("--convention", choices=("centred", "paper"), help="where views lie, default: centred")
-    add("--weights", type=Path, metavar="DIR", help="trained networks, as of lfsr_core.train.paper_suite")
+    add("--weights", type=Path, metavar="DIR", help="trained networks, as of lfsr_core.train.suite")
     add("--train-minutes", type=float, metavar="M", help="train each network that --weights lacks for so long")
     add("--photographs", metavar="DIR|FILE", help="to train with; default: as in lfsr_core/train/configs")
     add("--validation", metavar="DIR|FILE", help="to validate with; default: as in lfsr_core/train/configs")

@@ -54,7 +54,7 @@ def _add_measure_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Measure, then write the tables and pictures and name them."""
-    from lfsr_core.bench import chart
+    from lfsr_core.bench.chart import run as chart
 
     settings = _settings(arguments)
     measured = chart.measure(settings, arguments.scenes, _say)
@@ -63,8 +63,8 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _settings(arguments: argparse.Namespace) -> Any:
-    from lfsr_core.bench.chart_settings import DIRECT_METHODS, Settings, check_methods, default_methods
-    from lfsr_core.upscale import DEFAULT_METHOD
+    from lfsr_core.bench.chart.settings import DIRECT_METHODS, Settings, check_methods, default_methods
+    from lfsr_core.reconstruct.registry import DEFAULT_METHOD
 
     ours = arguments.ours or DEFAULT_METHOD
     methods = tuple(dict.fromkeys([ours, *(arguments.methods or default_methods())]))

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.comparison import compare_folders
+from lfsr_core.metrics.compare import compare_folders
 
 NAME = "compare"
 HELP = "measure a finished frame against a reference; into report.json and as a table"

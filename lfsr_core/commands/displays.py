@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 
-from lfsr_core.display import DisplayProfile, builtin_names, load_display
+from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 
 NAME = "displays"
 HELP = "list the display profiles, or show one with its derived numbers"

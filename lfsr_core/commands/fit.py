@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Fit and print what it gained on lenses it has not seen."""
     from lfsr_core.errors import LfsrError
-    from lfsr_core.networks import resolve, spec
+    from lfsr_core.reconstruct.networks.catalogue import resolve, spec
 
     if not spec(arguments.network).light_field:
         raise LfsrError(f"network {arguments.network!r} was trained on photographs and cannot be fitted: "

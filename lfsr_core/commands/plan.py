@@ -6,7 +6,7 @@ import argparse
 import shlex
 from pathlib import Path
 
-from lfsr_core.commands import _scene
+from lfsr_core.commands import arguments as _scene
 from lfsr_core.progress import ProgressBar
 
 NAME = "plan"
@@ -35,11 +35,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Plan, print the table, and the command that renders the choice."""
-    from lfsr_core.blender_process import find_blender
-    from lfsr_core.plan import default_methods, layers_of
-    from lfsr_core.plan_measure import make_plan, rendering, work_folder
-    from lfsr_core.plan_options import Options
-    from lfsr_core.plan_report import as_json, table
+    from lfsr_core.plan.candidates import default_methods, layers_of
+    from lfsr_core.plan.options import Options
+    from lfsr_core.plan.planner import make_plan, rendering, work_folder
+    from lfsr_core.plan.report import as_json, table
+    from lfsr_core.render.blender import find_blender
 
     names = ("target", "metric", "scales", "spps", "between", "methods", "most_seconds", "share", "lenses",
              "reference_spp")

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.commands import _scene
-from lfsr_core.frame import LOW_RES_FILE
-from lfsr_core.lens_choice import choose_lenses
-from lfsr_core.render_job import Job
+from lfsr_core.commands import arguments as _scene
+from lfsr_core.frames.frame import LOW_RES_FILE
+from lfsr_core.frames.job import Job
+from lfsr_core.optics.lens_sampling import choose_lenses
 
 NAME = "reference"
 HELP = "render the high-resolution reference as two independent halves"
@@ -42,8 +42,8 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _quick_mask(arguments: argparse.Namespace, reference: Job) -> np.ndarray:
     """Foreground mask (sy, sx) from a few samples of every lens, in a folder that is thrown away."""
-    from lfsr_core.foreground import foreground_mask
-    from lfsr_core.image_io import read_layers
+    from lfsr_core.frames.foreground import foreground_mask
+    from lfsr_core.images.exr import read_layers
 
     print(f"choosing {arguments.lenses} lenses from a quick render", file=sys.stderr)
     display = reference.display

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from lfsr_core.commands import _scene, upscale
-from lfsr_core.render_job import LAYERS
+from lfsr_core.commands import arguments as _scene
+from lfsr_core.commands import upscale
+from lfsr_core.frames.job import LAYERS
 
 NAME = "render"
 HELP = "render a scene's low-resolution EIA with Blender and upscale it to eia.png"
@@ -26,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Render, then upscale; a bad method is refused before any time is spent on rendering."""
-    from lfsr_core.upscale import layers_of
+    from lfsr_core.reconstruct.registry import layers_of
 
     method = upscale.chosen_method(arguments.method, arguments.scale)
     layers = layers_of(method) if arguments.layers is None else arguments.layers

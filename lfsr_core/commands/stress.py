@@ -30,8 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Measure what is missing and write tables, curves and pictures."""
-    from lfsr_core.bench.stress import DISPLAY_FILE, Settings, default_methods, run_suite
-    from lfsr_core.display import load_display
+    from lfsr_core.bench.stress.folder import DISPLAY_FILE, Settings
+    from lfsr_core.bench.stress.suite import default_methods, run_suite
+    from lfsr_core.optics.display import load_display
 
     samples = arguments.reference_spp or (QUICK_SAMPLES if arguments.quick else SAMPLES)
     frames = arguments.frames or (QUICK_FRAMES if arguments.quick else FRAMES)

@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def prepare(arguments: argparse.Namespace) -> None:
     """Pack a folder of photographs into one file."""
-    from lfsr_core.train.photographs import load_photographs, write_cache
+    from lfsr_core.train.photographs.data import load_photographs, write_cache
 
     if not arguments.cache:
         raise LfsrError("--prepare-photographs has no file to write: add --cache FILE.npz")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lfsr_core.frame import EIA_FILE, read_frame
+from lfsr_core.frames.frame import EIA_FILE, read_frame
 from lfsr_core.progress import ProgressBar
 
 NAME = "upscale"
@@ -38,8 +38,8 @@ def run(arguments: argparse.Namespace) -> None:
 
 def chosen_method(name: str | None, scale: int) -> str:
     """``name``, or the default for ``scale``; LfsrError if no such method exists."""
-    from lfsr_core import denoise
-    from lfsr_core.upscale import DEFAULT_METHOD, method
+    from lfsr_core.reconstruct.methods import denoise
+    from lfsr_core.reconstruct.registry import DEFAULT_METHOD, method
 
     if name is None:
         name = DEFAULT_METHOD if denoise.is_available() else METHOD_WITHOUT_DENOISER
@@ -50,7 +50,7 @@ def chosen_method(name: str | None, scale: int) -> str:
 
 def upscale(folder: Path, method: str, arguments: argparse.Namespace) -> None:
     """Run the second stage with a progress bar and print its times."""
-    from lfsr_core.pipeline import upscale_frame
+    from lfsr_core.reconstruct.second_stage import upscale_frame
 
     progress = ProgressBar()
     try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lfsr_core.contact_sheet import write_views
+from lfsr_core.frames.contact_sheet import write_views
 
 NAME = "views"
 HELP = "write a contact sheet of decoded views, an EPI pair and what an eye would see"

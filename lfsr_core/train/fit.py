@@ -16,19 +16,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from lfsr_core import networks
-from lfsr_core.comparison import read_half
-from lfsr_core.eia import to_elemental_images
 from lfsr_core.errors import LfsrError
-from lfsr_core.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame
-from lfsr_core.image_io import clean, read_layers
-from lfsr_core.metrics import check_reference
-from lfsr_core.networks import elemental, weights
-from lfsr_core.networks.lightfield import LightFieldNet, conserve, display_values, encode, upscale
-from lfsr_core.pipeline import low_resolution
-from lfsr_core.stages import Progress, silent
-from lfsr_core.train.split_ssim import split_error_map, split_ssim_map
-from lfsr_core.upscale import method
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame
+from lfsr_core.frames.low_res import low_resolution
+from lfsr_core.frames.reference import check_reference, read_half
+from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.progress import Progress, silent
+from lfsr_core.reconstruct.networks import catalogue, numpy_network
+from lfsr_core.reconstruct.networks.pytorch import checkpoint
+from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldNet, conserve, display_values, encode, upscale
+from lfsr_core.reconstruct.registry import method
+from lfsr_core.train.lightfields.split_ssim import split_error_map, split_ssim_map
 
 BATCH, RATE, HELD_OUT_SHARE, LEAST_LENSES = 16, 5e-4, 4, 8
 STEPS_PER_MESSAGE = 25
@@ -68,13 +67,13 @@ def fit(folder: str | Path, reference: str | Path, output: str | Path, *, name: 
         raise LfsrError(f"{reference} shows {len(order)} foreground lenses, but a fit needs {LEAST_LENSES} and some to "
                         "check it: render a reference of more lenses")
     seen, unseen = data.take(order[:count]), data.take(order[count:])
-    network = networks.load(name, data.scale)
+    network = catalogue.load(name, data.scale)
     torch.manual_seed(seed)
     before = score(network, unseen)
     fitted, steps = _descend(network, seen, seconds, progress or silent)
     facts = {"network": name, "fitted_to": str(folder), "lenses": count, "seconds": seconds, "steps": steps,
              "seed": seed, "unseen_lenses": len(order) - count, "before": before, "after": score(fitted, unseen)}
-    weights.save(output, fitted, networks.spec(name).trained_at or data.scale, facts, networks.spec(name).options)
+    checkpoint.save(output, fitted, catalogue.spec(name).trained_at or data.scale, facts, catalogue.spec(name).options)
     return facts
 
 
@@ -83,7 +82,7 @@ def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
     frame, truth = read_frame(folder), read_frame(reference)
     check_reference(frame, truth)
     low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame)
-    before = networks.spec(name).after
+    before = catalogue.spec(name).after
     low = method(f"{before}+{name}" if before else name).prepare(low)
     halves, hits = zip(*(read_half(reference / file, truth) for file in REFERENCE_FILES), strict=True)
     py, px = low.color.shape[2] * frame.scale, low.color.shape[3] * frame.scale
@@ -91,12 +90,12 @@ def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
              for half in halves]
     places = np.array(truth.lens_list if truth.lens_list is not None else list(np.ndindex(low.color.shape[:2])))
     chosen = np.flatnonzero((hits[0] | hits[1]).reshape(-1)[:len(places)])
-    shipped = elemental.load(networks.weights_path(name, frame.scale))
+    shipped = numpy_network.load(catalogue.weights_path(name, frame.scale))
     missing = [layer for layer in shipped.layers if layer not in low.aux]
     if missing:
         raise LfsrError(f"{folder} lacks the layers {', '.join(missing)} that {name!r} needs: "
                         "render it again with --layers albedo,normal")
-    features, base = elemental.network_inputs(shipped, low, places[chosen])
+    features, base = numpy_network.network_inputs(shipped, low, places[chosen])
     rendered = low.aux.get("noisy", low.color)[places[chosen, 0], places[chosen, 1]]
     halves = tuple(display_values(encode(_planes(tile[chosen]))) for tile in tiles)
     return Lenses(_planes(features), _planes(base), _planes(rendered).mean((2, 3), keepdim=True), halves, frame.scale)

@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 import torch
 
-from lfsr_core import __version__, networks
+from lfsr_core import __version__
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json
-from lfsr_core.networks import weights
-from lfsr_core.networks.count import multiply_adds, parameters
-from lfsr_core.networks.lightfield import LightFieldNet
-from lfsr_core.networks.lightfield import multiply_adds as light_field_multiply_adds
-from lfsr_core.train.comparator import ComparatorTask
-from lfsr_core.train.config import TrainConfig
-from lfsr_core.train.lightfield import LightFieldTask, digest
-from lfsr_core.train.lightfield_config import LightFieldTrainConfig
-from lfsr_core.train.lightfield_data import load_scenes
+from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.networks.pytorch import checkpoint
+from lfsr_core.reconstruct.networks.pytorch.cost import multiply_adds, parameters
+from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldNet
+from lfsr_core.reconstruct.networks.pytorch.lightfield import multiply_adds as light_field_multiply_adds
+from lfsr_core.train.config import LightFieldTrainConfig, TrainConfig
+from lfsr_core.train.lightfields.data import load_scenes
+from lfsr_core.train.lightfields.task import LightFieldTask, digest
 from lfsr_core.train.loop import Outcome, Progress, Schedule, Stop, run
-from lfsr_core.train.photographs import Photographs, load_photographs
+from lfsr_core.train.photographs.data import Photographs, load_photographs
+from lfsr_core.train.photographs.task import ComparatorTask
 
 LONG_SIDE = 1600
 COUNTED_EI = 20
@@ -54,7 +54,7 @@ def train(config: TrainConfig | LightFieldTrainConfig, output: str | Path, *, de
     outcome = run(task, schedule, output, resume=resume, progress=progress, stop=stop)
     if outcome.stopped:
         return Trained(None, outcome)
-    path = networks.weights_path(config.network, config.scale, output)
+    path = catalogue.weights_path(config.network, config.scale, output)
     save_trained(task, path, outcome, data)
     return Trained(path, outcome)
 
@@ -73,8 +73,8 @@ def save_trained(task: ComparatorTask | LightFieldTask, path: Path, outcome: Out
     if light_field:
         options, network = task.config.options(), task.average
     else:
-        options, network = networks.spec(task.config.network).options, task.network
-    weights.save(path, network, task.config.scale, provenance, options)
+        options, network = catalogue.spec(task.config.network).options, task.network
+    checkpoint.save(path, network, task.config.scale, provenance, options)
 
 
 def _comparator(config: TrainConfig, device: torch.device) -> tuple[ComparatorTask, dict[str, Any]]:

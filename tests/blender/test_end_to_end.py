@@ -12,12 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from prerequisites import needs_bpy
 
-from lfsr_core.contact_sheet import view_order
-from lfsr_core.display import load_display
-from lfsr_core.eia import to_views
-from lfsr_core.image_io import read_layers, read_png
+from lfsr_core.frames.contact_sheet import view_order
+from lfsr_core.images.exr import read_layers
+from lfsr_core.images.png import read_png
+from lfsr_core.optics.display import load_display
+from lfsr_core.optics.eia import to_views
+from tests.support.prerequisites import needs_bpy
 
 pytestmark = needs_bpy
 ROOT = Path(__file__).parents[2]
@@ -31,7 +32,8 @@ def lfsr(*arguments: object, **options) -> subprocess.CompletedProcess[str]:
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
     path = tmp_path_factory.mktemp("scene") / "demo.blend"
-    subprocess.run([sys.executable, ROOT / "scripts" / "demo_scene.py", path], check=True, capture_output=True)
+    script = ROOT / "scripts" / "scenes" / "demo_scene.py"
+    subprocess.run([sys.executable, script, path], check=True, capture_output=True)
     return path
 
 

@@ -17,11 +17,11 @@ import pytest
 
 from lfsr_core import __version__
 from lfsr_core.errors import LfsrError
-from lfsr_core.frame import read_frame
-from lfsr_core.image_io import read_mask, read_png
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.images.png import read_mask, read_png
 
 ROOT = Path(__file__).resolve().parents[2]
-STEPS = Path(__file__).with_name("extension_steps.py")
+STEPS = ROOT / "tests" / "support" / "extension_steps.py"
 # What Blender's own Python has: everything else is hidden from the Blender under test.
 BLENDER_BRINGS = ("bpy", "numpy", "numpy.libs", "requests", "urllib3", "certifi", "idna", "charset_normalizer",
                   "zstandard", "cattr", "cattrs", "attr", "attrs", "typing_extensions.py")

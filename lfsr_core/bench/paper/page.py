@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.bench.paper import figure9, figure10, figure10_networks, figure11, figure12, tables
 from lfsr_core.bench.paper.figure import Figure, Results
+from lfsr_core.bench.paper.figures import figure9, figure10, figure10_networks, figure11, figure12, tables
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
 

@@ -9,20 +9,24 @@ from typing import Any
 
 import numpy as np
 
-from lfsr_core.assembly import Plan, filled, place, upscale_all
-from lfsr_core.bench.paper import models, renders
+from lfsr_core.bench.paper import renders, weights
 from lfsr_core.bench.paper.settings import Settings
-from lfsr_core.color import ViewTransform, srgb_encode
-from lfsr_core.eia import to_elemental_images
-from lfsr_core.foreground import foreground_mask
-from lfsr_core.frame import LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame
-from lfsr_core.image_io import clean, read_layers
-from lfsr_core.metrics import check_reference, compare
-from lfsr_core.pipeline import FILL_METHOD, low_resolution, over_background
-from lfsr_core.split_estimates import split_ssim_map, stacked_ssim
-from lfsr_core.stages import StageClock, silent
-from lfsr_core.upscale import Method
-from lfsr_core.upscale import method as method_of
+from lfsr_core.frames.foreground import foreground_mask
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame
+from lfsr_core.frames.low_res import low_resolution, over_background
+from lfsr_core.frames.reference import check_reference
+from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.images.view_transform import ViewTransform
+from lfsr_core.metrics.eia_metrics import compare
+from lfsr_core.metrics.split_ssim import split_ssim_map, stacked_ssim
+from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.progress import silent
+from lfsr_core.reconstruct.assembly import Plan, filled, place, upscale_all
+from lfsr_core.reconstruct.clock import StageClock
+from lfsr_core.reconstruct.contract import Method
+from lfsr_core.reconstruct.registry import method as method_of
+from lfsr_core.reconstruct.second_stage import FILL_METHOD
 
 SHOWN = ("p", "ssim_eia", "ssim_eia_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain", "ssim_ceiling", "flip")
 
@@ -102,7 +106,7 @@ def measure(settings: Settings, scene: Path, folder: Path, name: str) -> dict[st
 
     None where the method's network has no weights.
     """
-    method = models.method(settings, name)
+    method = weights.method(settings, name)
     if method is None:
         return None
     image, mask = linear_picture(folder, method)
@@ -176,11 +180,11 @@ def inputs(settings: Settings, scene: Path, name: str, **more: Any) -> dict[str,
     truth = read_frame(renders.reference(settings, scene))
     return {"scene": scene.stem, "method": name, "display": settings.display.to_dict(), "scale": settings.scale,
             "convention": settings.convention, "reference_spp": truth.samples,
-            "weights": models.fingerprints(settings, name),
+            "weights": weights.fingerprints(settings, name),
             "lenses": None if truth.lens_list is None else len(truth.lens_list), **more}
 
 
 def schedules(settings: Settings, names: Sequence[str]) -> dict[str, str]:
     """How the network of each method was trained; methods without one are left out."""
-    return {name: models.schedule(models.weights(settings, part)) for name in names
-            for part in models.networks_in(name)}
+    return {name: weights.schedule(weights.weights(settings, part)) for name in names
+            for part in weights.networks_in(name)}

@@ -13,17 +13,17 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.bench.paper.settings import Settings
-from lfsr_core.blender_process import find_blender, run_job
-from lfsr_core.display import DisplayProfile
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import write_json
-from lfsr_core.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, read_frame
-from lfsr_core.lens_choice import choose_lenses
+from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, read_frame
+from lfsr_core.frames.job import Job, check_scene
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.lens_sampling import choose_lenses
 from lfsr_core.progress import ProgressBar
-from lfsr_core.render_job import Job, check_scene
+from lfsr_core.render.blender import find_blender, scene_script
+from lfsr_core.render.process import run_job
 
 LAYERS = ("albedo", "normal")
-MOVE_SCRIPT = Path(__file__).parents[3] / "scripts" / "move_camera_array.py"
 
 
 def low_resolution(settings: Settings, scene: Path, scale: int, spp: int, *, display: DisplayProfile | None = None,
@@ -60,7 +60,7 @@ def moved(settings: Settings, scene: Path, share: float) -> Path:
         job = path.with_suffix(".json")
         write_json(job, {"scene": check_scene(scene), "display": settings.timing_display.to_dict(), "share": share,
                          "output": str(path.resolve())})
-        _run_script(settings, MOVE_SCRIPT, job, path)
+        _run_script(settings, scene_script("move_camera_array.py"), job, path)
     return path
 
 
@@ -69,8 +69,7 @@ def demo_scene(settings_output: Path) -> Path:
     path = settings_output / "demo.blend"
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
-        script = MOVE_SCRIPT.with_name("demo_scene.py")
-        _check_call([sys.executable, "-W", "ignore", str(script), str(path)], path)
+        _check_call([sys.executable, "-W", "ignore", str(scene_script("demo_scene.py")), str(path)], path)
     return path
 
 
@@ -118,20 +117,14 @@ def _check(folder: Path, job: Job) -> None:
 
 
 def _mask(folder: Path) -> np.ndarray:
-    from lfsr_core.foreground import foreground_mask
-    from lfsr_core.image_io import read_layers
+    from lfsr_core.frames.foreground import foreground_mask
+    from lfsr_core.images.exr import read_layers
 
     return foreground_mask(read_layers(folder / LOW_RES_FILE), read_frame(folder).rays.tiles)
 
 
 def _run_script(settings: Settings, script: Path, job: Path, product: Path) -> None:
-    blender = find_blender(settings.blender)
-    if blender.executable is None:
-        command = [sys.executable, str(script), str(job)]
-    else:
-        command = [blender.executable, "--background", "--factory-startup", "--python-exit-code", "1",
-                   "--python", str(script), "--", str(job)]
-    _check_call(command, product)
+    _check_call(find_blender(settings.blender).script_command(script, str(job)), product)
 
 
 def _check_call(command: list[str], product: Path) -> None:

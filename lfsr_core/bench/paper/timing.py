@@ -38,31 +38,20 @@ def network_times(networks: Mapping[str, Any], workload: tuple[int, int], repeat
     """
     import torch
 
-    from lfsr_core.networks.engine import make_engine
+    from lfsr_core.reconstruct.networks.pytorch.engine import make_engine
 
     count, side = workload
     low = torch.rand(count, side, side, 3, generator=torch.Generator().manual_seed(0))
-    engine = fixed_engine(device)
-    engines = {name: make_engine(network, device=device, engine=engine, step=steps[name])
+    on_gpu = torch.cuda.is_available() and device != "cpu"
+    engines = {name: make_engine(network, device=device, step=steps[name])
                for name, network in networks.items()}
-    low = low.cuda() if engine == "cuda" else low
+    low = low.cuda() if on_gpu else low
 
     def run(name: str) -> None:
         engines[name].run(low)
-        if engine == "cuda":
+        if on_gpu:
             torch.cuda.synchronize()
 
     seconds = take_turns({name: lambda name=name: run(name) for name in engines}, repeats)
-    return {"seconds": seconds, "engine": engine, "threads": torch.get_num_threads(),
-            "device": torch.cuda.get_device_name() if engine == "cuda" else "CPU"}
-
-
-def fixed_engine(device: str) -> str:
-    """One engine for all, so that networks and not engines are compared: CUDA, else ONNX Runtime, else torch."""
-    import importlib.util
-
-    import torch
-
-    if torch.cuda.is_available() and device != "cpu":
-        return "cuda"
-    return "onnx" if importlib.util.find_spec("onnxruntime") else "torch"
+    return {"seconds": seconds, "engine": "cuda" if on_gpu else "torch", "threads": torch.get_num_threads(),
+            "device": torch.cuda.get_device_name() if on_gpu else "CPU"}

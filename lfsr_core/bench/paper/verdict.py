@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 
-from lfsr_core.metrics import student_95
+from lfsr_core.metrics.intervals import student_95
 
 FEWEST = 3  # values that can tell their own spread
 SINGLE_RUN = 0.10  # of a time that was taken once, what cannot be told

@@ -1,0 +1,155 @@
+"""Where the camera array stands: fitted to the subject, or taken from the scene's camera."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import bpy
+import mathutils
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.rays import CameraArray
+
+from . import rig
+from .spaces import from_blender
+
+FILL = 0.85           # share of the display the subject may fill, seen from the centre
+LEAST_FILL = 0.5      # a deep subject is made smaller to fit the usable depth, but not below this
+WALL_MARGIN = 0.9     # share of the free space around the camera that the array may use
+PROBES = (32, 18)     # rays that look for the visible depth of the subject
+SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+
+Placement = tuple[CameraArray, tuple[tuple[float, ...], ...]]
+
+
+def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: Iterable[bpy.types.Object]) -> Placement:
+    """Array and its world matrix for ``profile``: the scene's own, else at its camera, else fitted to the subject."""
+    own = rig.placement(scene, profile)
+    if own is not None:
+        return own
+    subject = set(subject)
+    if scene.camera is not None and scene.camera.type == "CAMERA":
+        return array_of_camera(scene, profile, subject)
+    return fit_array(*bounds(subject), profile)
+
+
+def fit_array(low: np.ndarray, high: np.ndarray, profile: DisplayProfile) -> Placement:
+    """Array in front of a box of world corners ``low``, ``high`` (3,), looking along +Y with Z up.
+
+    The display plane halves the box's depth; the display keeps its true proportions and
+    is as wide as the box's front needs to fill FILL of it, or wider where the depth would
+    leave the display's usable range.
+    """
+    half, centre = (high - low) / 2, (low + high) / 2
+    near = profile.viewing_distance_mm / profile.panel_mm[0]
+    aspect = profile.panel_mm[1] / profile.panel_mm[0]
+    flat = 2 * max(half[0], half[2] / aspect)
+    width = flat / FILL + half[1] / near
+    usable = min(profile.depth_range_mm()) / profile.panel_mm[0]
+    width = max(width, min(half[1] / usable, flat / LEAST_FILL + half[1] / near))
+    if not width > 0:
+        raise LfsrError("the subject has no size: give its objects geometry or choose another subject")
+    array = CameraArray.for_display(profile, float(width))
+    turn = mathutils.Matrix.Rotation(math.pi / 2, 4, "X")
+    place = mathutils.Matrix.Translation((centre[0], centre[1] - array.distance, centre[2]))
+    return array, from_blender(place @ turn)
+
+
+def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object]) -> Placement:
+    """Array at the scene's camera, with its direction and horizontal field of view.
+
+    The display plane is where the camera focuses, else where the visible subject's
+    nearest and farthest points have equal parallax. It comes nearer, and the array
+    gets smaller with it, where the array would reach through a wall beside the camera.
+    """
+    camera, depsgraph = scene.camera, bpy.context.evaluated_depsgraph_get()
+    matrix = camera.matrix_world.normalized()
+    half_width = _half_width(scene, camera.data)
+    aspect = profile.panel_mm[1] / profile.panel_mm[0]
+    distance = _focus(camera) or _balanced_depth(scene, depsgraph, matrix, half_width, aspect, subject)
+    array = CameraArray.for_display(profile, 2 * half_width * distance, distance)
+    distance *= _free_share(scene, depsgraph, matrix, profile, array)
+    return CameraArray.for_display(profile, 2 * half_width * distance, distance), from_blender(matrix)
+
+
+def bounds(subject: Iterable[bpy.types.Object]) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest world corner (3,) of the subject's render geometry, instances included."""
+    corners = [corner for points in world_points(set(subject)) for corner in (points.min(0), points.max(0))]
+    if not corners:
+        raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
+    return np.min(corners, axis=0), np.max(corners, axis=0)
+
+
+def world_points(subject: set[bpy.types.Object]) -> Iterable[np.ndarray]:
+    """World vertices (n, 3) of each object and instance of the subject that would be rendered."""
+    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+        item = instance.object
+        owner = instance.parent if instance.is_instance else item
+        if owner.original not in subject and item.original not in subject:
+            continue
+        points = _local_points(item)
+        if len(points):
+            matrix = np.array(instance.matrix_world)
+            yield points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def _local_points(item: bpy.types.Object) -> np.ndarray:
+    if item.type not in SOLID:
+        return np.array(item.bound_box) if item.type in {"VOLUME", "CURVES", "POINTCLOUD"} else np.empty((0, 3))
+    mesh = item.to_mesh()
+    points = np.empty(3 * len(mesh.vertices), dtype=np.float32)
+    mesh.vertices.foreach_get("co", points)
+    item.to_mesh_clear()
+    return points.reshape(-1, 3)
+
+
+def _half_width(scene: bpy.types.Scene, camera: bpy.types.Camera) -> float:
+    """Half the camera's frame at distance 1, horizontally."""
+    if camera.type != "PERSP":
+        raise LfsrError(f"the scene's camera is of type {camera.type}, but a camera array needs a perspective one: "
+                        "change its type or remove it")
+    corners = camera.view_frame(scene=scene)
+    width = max(c.x for c in corners) - min(c.x for c in corners)
+    return width / 2 / -corners[0].z
+
+
+def _focus(camera: bpy.types.Object) -> float | None:
+    depth_of_field = camera.data.dof
+    if not depth_of_field.use_dof:
+        return None
+    if depth_of_field.focus_object is None:
+        return depth_of_field.focus_distance
+    toward = camera.matrix_world.normalized().inverted() @ depth_of_field.focus_object.matrix_world.translation
+    return -toward.z if toward.z < 0 else None
+
+
+def _balanced_depth(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, matrix: mathutils.Matrix,
+                    half_width: float, aspect: float, subject: set[bpy.types.Object]) -> float:
+    """Depth whose parallax against the nearest and farthest visible point is equal: 2/D = 1/near + 1/far."""
+    depths = []
+    for x in np.linspace(-1, 1, PROBES[0]):
+        for y in np.linspace(-1, 1, PROBES[1]):
+            ray = mathutils.Vector((x * half_width, y * half_width * aspect, -1))
+            hit, place, _, _, item, _ = scene.ray_cast(depsgraph, matrix.translation, matrix.to_3x3() @ ray)
+            if hit and item.original in subject:
+                depths.append(-(matrix.inverted() @ place).z)
+    if not depths:
+        raise LfsrError("the scene's camera does not see the subject: turn the camera or choose another subject")
+    near, far = np.percentile(depths, (2, 98))
+    return float(2 / (1 / near + 1 / far))
+
+
+def _free_share(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, matrix: mathutils.Matrix,
+                profile: DisplayProfile, array: CameraArray) -> float:
+    """Share of the array's reach that is free of walls, at most 1."""
+    share = 1.0
+    for axis, sign in ((0, -1), (0, 1), (1, -1), (1, 1)):
+        reach = profile.views[axis] * array.spacing / 2
+        direction = sign * matrix.col[axis].to_3d()
+        hit, place, *_ = scene.ray_cast(depsgraph, matrix.translation, direction, distance=reach / WALL_MARGIN)
+        if hit:
+            share = min(share, (place - matrix.translation).length * WALL_MARGIN / reach)
+    return share

@@ -1,0 +1,129 @@
+"""The tasks behind the buttons: a frame, an animation, a reference, a preview."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import EIA_FILE
+from lfsr_core.frames.job import Job
+from lfsr_core.render.process import DERIVED_FILES
+
+from ..array import rig
+from ..settings import scene_settings
+from ..settings.methods import networks_of
+from . import runtime
+from .steps import PANEL_TASKS, Steps, file_copy, publish, render_step, second_stage_step, staging
+
+RENDER_SHARE = 0.85
+
+
+@dataclasses.dataclass(frozen=True)
+class FramePlan:
+    """One frame as its scene asked for when the button was pressed."""
+
+    folder: Path
+    job: Job
+    method: str
+    linear_exr: bool = False
+
+    @property
+    def complete(self) -> bool:
+        """True if the folder holds just this image already."""
+        return scene_settings.is_complete(self.folder, self.job, self.method)
+
+
+def plan_frame(scene: bpy.types.Scene, number: int | None = None) -> FramePlan:
+    """Plan of frame ``number``, by default the current one; LfsrError where it cannot be rendered."""
+    scene_settings.check_renderable(scene)
+    if rig.find(scene) is None:
+        raise LfsrError(f"scene {scene.name!r} has no camera array: add one in the Light Field tab")
+    folder = scene_settings.frame_folder(scene, number)
+    job = scene_settings.render_job(scene, folder, number)
+    rig.placement(scene, job.display)
+    # A second stage that cannot start should be told before the render, not after it.
+    runtime.second_stage_command(PANEL_TASKS)
+    return FramePlan(folder, job, scene.lfsr.method, scene.lfsr.linear_exr)
+
+
+def plan_animation(scene: bpy.types.Scene) -> tuple[list[FramePlan], int]:
+    """Plans of the frames of the timeline's range that are to be rendered, and how many are complete already."""
+    numbers = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
+    plans = [plan_frame(scene, number) for number in numbers]
+    missing = [plan for plan in plans if scene.lfsr.use_overwrite or not plan.complete]
+    return missing, len(plans) - len(missing)
+
+
+def render_frames(plans: Sequence[FramePlan]) -> Steps:
+    """Render and finish ``plans``; the result is the last one's folder."""
+    with file_copy() as copy:
+        if networks_of(plans[0].method):
+            yield second_stage_step("Checking method", 0.0, copy.parent, "check", method=plans[0].method)
+        for number, plan in enumerate(plans):
+            title = f" {number + 1}/{len(plans)}" if len(plans) > 1 else ""
+            yield from _render_frame(copy, plan, title, 1 / len(plans))
+    return plans[-1].folder
+
+
+def _render_frame(copy: Path, plan: FramePlan, title: str, share: float) -> Steps:
+    with staging(plan.folder) as folder:
+        staged = folder / "frame"
+        staged.mkdir()
+        job = dataclasses.replace(plan.job, scene=str(copy), output=str(staged))
+        yield render_step(job, folder, share * RENDER_SHARE, "Rendering" + title)
+        yield second_stage_step(
+            "Upscaling" + title, share * (1 - RENDER_SHARE), folder, "upscale", folder=str(staged),
+            method=plan.method, linear_exr=plan.linear_exr, views=str(views_file(plan.folder)))
+        publish(staged, plan.folder, DERIVED_FILES)
+
+
+def plan_reference(scene: bpy.types.Scene) -> tuple[FramePlan, Job]:
+    """The finished frame to judge and the job of its reference; LfsrError where there is no such frame."""
+    plan = plan_frame(scene)
+    if not (plan.folder / EIA_FILE).is_file():
+        raise LfsrError(f"there is no image in {plan.folder} to compare: render the EIA first")
+    if not plan.complete:
+        raise LfsrError(f"the image in {plan.folder} was made with other settings: render the EIA again first")
+    return plan, scene_settings.reference_job(scene, scene_settings.reference_folder(scene))
+
+
+def render_reference(plan: FramePlan, job: Job, lenses: int) -> Steps:
+    """Render the reference of ``lenses`` lenses (0: all) and compare; the result is the metrics."""
+    folder = Path(job.output)
+    with file_copy() as copy, staging(folder) as work:
+        staged = work / "frame"
+        staged.mkdir()
+        chosen = yield second_stage_step("Choosing lenses", 0.01, work, "choose", folder=str(plan.folder),
+                                         count=lenses, seed=job.seed)
+        listed = chosen["lens_list"] and tuple((row, column) for row, column in chosen["lens_list"])
+        job = dataclasses.replace(job, scene=str(copy), output=str(staged), lens_list=listed)
+        yield render_step(job, work, 0.94, "Rendering reference")
+        publish(staged, folder)
+        done = yield second_stage_step("Comparing", 0.05, work, "compare", folder=str(plan.folder),
+                                       reference=str(folder))
+    return done["metrics"]
+
+
+def decode_views(folder: Path) -> Steps:
+    """Decode the finished frame in ``folder`` for the preview; the result is the file of its views."""
+    views = views_file(folder)
+    with staging(views) as work:
+        yield second_stage_step("Decoding views", 1.0, work, "decode", folder=str(folder), views=str(views))
+    return views
+
+
+def views_file(folder: Path) -> Path:
+    """Where the decoded views of a frame folder lie: with this session's temporary files."""
+    name = hashlib.md5(str(folder).encode(), usedforsecurity=False).hexdigest()[:16]
+    return Path(bpy.app.tempdir, f"lfsr-views-{name}.npy")
+
+
+def is_decoded(folder: Path) -> bool:
+    """True if the decoded views are there and not older than the image."""
+    views, image = views_file(folder), folder / EIA_FILE
+    return views.is_file() and image.is_file() and views.stat().st_mtime >= image.stat().st_mtime

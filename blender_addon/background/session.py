@@ -1,0 +1,175 @@
+"""The task that runs now: started by a button, followed by a timer, shown in the status bar."""
+
+from __future__ import annotations
+
+import atexit
+import textwrap
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+
+from ..results import preview
+from .steps import Steps, Task
+
+SECONDS_BETWEEN_LOOKS = 0.1
+POPUP_COLUMNS = 90
+
+_current: Task | None = None
+_finish: Callable[[Any], None] | None = None
+
+
+def current() -> Task | None:
+    """The task under way, None if there is none."""
+    return _current
+
+
+def check_idle() -> None:
+    """LfsrError if something renders already, here or in Blender itself."""
+    if _current is not None:
+        raise LfsrError(f"{_current.title} is still running: wait for it or cancel it")
+    if bpy.app.is_job_running("RENDER"):
+        raise LfsrError("Blender is rendering: wait for it or cancel it")
+
+
+def start(title: str, steps: Steps, finish: Callable[[Any], None]) -> Task:
+    """Follow ``steps`` from a timer and call ``finish(result)`` at their end. LfsrError if they cannot start."""
+    global _current, _finish
+    check_idle()
+    _current, _finish = Task(title, steps), finish
+    bpy.context.window_manager.lfsr.message = ""
+    # Persistent: opening another file must not orphan the worker.
+    bpy.app.timers.register(_look, first_interval=SECONDS_BETWEEN_LOOKS, persistent=True)
+    return _current
+
+
+def run(title: str, steps: Steps) -> Task:
+    """Do ``steps`` now and return the finished task, for scripts and background mode."""
+    global _current
+    check_idle()
+    _current = Task(title, steps)
+    try:
+        _current.run()
+        return _current
+    finally:
+        _current = None
+
+
+def cancel() -> bool:
+    """Stop what runs, with its worker; False if nothing did."""
+    global _current
+    task, _current = _current, None
+    if task is None:
+        return False
+    task.cancel()
+    redraw()
+    return True
+
+
+def _look() -> float | None:
+    """Timer: look at the worker; the result or an error ends the task."""
+    global _current
+    if _current is None:
+        return None
+    task = _current
+    try:
+        if not task.poll():
+            redraw()
+            return SECONDS_BETWEEN_LOOKS
+        _current = None
+        for warning in task.warnings[-1:]:
+            tell(warning, "INFO")
+        _finish(task.result)
+    except LfsrError as error:
+        tell(str(error), "ERROR")
+    finally:
+        # Also after an error nobody thought of: a task that cannot go on must not block the next.
+        if task.worker is None:
+            _current = None
+    redraw()
+    return None
+
+
+def tell(message: str, icon: str) -> None:
+    """Show a sentence that no operator is there to report: in the panel and beside the pointer."""
+    bpy.context.window_manager.lfsr.message = message
+    print(f"Light Field: {message}")
+    windows = bpy.context.window_manager.windows
+    if bpy.app.background or not windows:
+        return
+
+    def draw(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
+        for line in textwrap.wrap(message, POPUP_COLUMNS):
+            menu.layout.label(text=line)
+
+    with bpy.context.temp_override(window=windows[0]):
+        bpy.context.window_manager.popup_menu(draw, title="Light Field", icon=icon)
+
+
+def redraw() -> None:
+    """Redraw the sidebars and the status bar of every window."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()
+        # The status bar is no area that Python can tag; a running tool's own text must stay.
+        if not bpy.app.background and not getattr(window, "modal_operators", ()):
+            with bpy.context.temp_override(window=window):
+                window.workspace.status_text_set_internal(None)
+
+
+def draw_status(header: bpy.types.Header, _context: bpy.types.Context) -> None:
+    """Left end of the status bar while a task runs."""
+    if _current is not None:
+        draw_progress(header.layout.row(align=True), _current)
+
+
+def draw_progress(row: bpy.types.UILayout, task: Task) -> None:
+    """Stage, time left and the cancel button."""
+    text = f"{task.stage} {progress_text(task)}"
+    if hasattr(row, "progress"):
+        row.progress(factor=task.fraction, text=text)
+    else:
+        row.label(text=text)
+    row.operator("lfsr.cancel", text="", icon="X")
+
+
+def progress_text(task: Task) -> str:
+    """Percentage and time left, as in "42 %, 0:31 left"."""
+    seconds = task.seconds_left
+    left = "" if seconds is None else f", {int(seconds) // 60}:{int(seconds) % 60:02d} left"
+    return f"{task.fraction:.0%}{left}"
+
+
+def _opened(*_: object) -> None:
+    """Another file was opened: nothing in it may be touched by the old one's task, but its images are saved."""
+    global _finish
+    _finish = _forget_result
+    preview.forget()
+
+
+def _forget_result(_result: Any) -> None:
+    pass
+
+
+_opened = bpy.app.handlers.persistent(_opened)
+CLASSES = ()
+
+
+def register() -> None:
+    """Show progress in the status bar; workers end with Blender."""
+    bpy.types.STATUSBAR_HT_header.prepend(draw_status)
+    bpy.app.handlers.load_post.append(_opened)
+    atexit.register(cancel)
+
+
+def unregister() -> None:
+    """Stop what runs."""
+    cancel()
+    atexit.unregister(cancel)
+    bpy.app.handlers.load_post.remove(_opened)
+    bpy.types.STATUSBAR_HT_header.remove(draw_status)

@@ -1,0 +1,196 @@
+"""What a button starts: steps, each a worker process, one after the other.
+
+A task is a generator of steps; whatever ends it early (an error, a cancel) runs
+its ``finally`` blocks, so that temporary files never stay. ``poll`` never waits.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.job import Job
+
+from . import runtime
+from .worker import Worker
+
+PANEL_TASKS = "lfsr_core.tasks.runner"
+LEAST_FRACTION = 0.02   # below it, time left is a guess
+
+
+@dataclasses.dataclass(frozen=True)
+class Step:
+    """One worker process: what to call it and which share of the task's time it takes."""
+
+    stage: str
+    share: float
+    start: Callable[[], Worker]
+
+
+Steps = Generator[Step, dict[str, Any], Any]
+
+
+class Task:
+    """Steps under way: ``stage``, ``fraction`` and ``message`` say how far."""
+
+    def __init__(self, title: str, steps: Steps) -> None:
+        """Start the first step; LfsrError where it cannot be started."""
+        self.title, self.stage, self.message = title, "", ""
+        self.warnings: list[str] = []
+        self.result: Any = None
+        self._steps, self._started = steps, time.monotonic()
+        self._before = self._within = 0.0
+        self._step: Step | None = None
+        self.worker: Worker | None = None
+        self._advance(None)
+
+    @property
+    def fraction(self) -> float:
+        """Share of the whole task that is done, 0 to 1."""
+        share = self._step.share if self._step else 0.0
+        return min(1.0, self._before + share * self._within)
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Estimate from the time that has passed; None while it would be a guess."""
+        if self.fraction < LEAST_FRACTION:
+            return None
+        return (time.monotonic() - self._started) * (1 - self.fraction) / self.fraction
+
+    def poll(self) -> bool:
+        """Look at the worker and start the next when it is done; True when all are. LfsrError if one failed."""
+        if self.worker is None:
+            return True
+        running = self.worker.running()
+        for record in self.worker.records():
+            self._hear(record)
+        if running:
+            return False
+        try:
+            self._advance(self.worker.check())
+        except BaseException:
+            self.cancel()
+            raise
+        return self.worker is None
+
+    def cancel(self) -> None:
+        """Stop the worker and tidy up after all steps."""
+        if self.worker is not None:
+            self.worker.stop()
+            self.worker = None
+        self._steps.close()
+
+    def run(self) -> Any:
+        """Wait for the end and return the result, for scripts and background mode."""
+        try:
+            while not self.poll():
+                self.worker.wait(0.1)
+        except BaseException:
+            self.cancel()
+            raise
+        return self.result
+
+    def _hear(self, record: dict[str, Any]) -> None:
+        if record.get("warning"):
+            self.warnings.append(str(record.get("message", "")))
+        elif "fraction" in record:
+            self._within = max(self._within, min(1.0, float(record["fraction"])))
+            self.message = str(record.get("message", ""))
+
+    def _advance(self, record: dict[str, Any] | None) -> None:
+        if self._step is not None:
+            self._before += self._step.share
+        try:
+            self._step = next(self._steps) if record is None else self._steps.send(record)
+        except StopIteration as end:
+            self._step, self.worker, self.result = None, None, end.value
+            return
+        self._within, self.message, self.stage = 0.0, "", self._step.stage
+        self.worker = self._step.start()
+
+
+def render_step(job: Job, folder: Path, share: float, stage: str = "Rendering") -> Step:
+    """Render ``job`` in a background Blender; its job file goes to ``folder``."""
+    path = _write(folder / "job.json", job.to_dict())
+    return Step(stage, share, lambda: Worker("The render", _render_command(path), runtime.environment()))
+
+
+def second_stage_step(stage: str, share: float, work: Path, task: str, /, **arguments: Any) -> Step:
+    """Run one of ``lfsr_core.tasks.runner``; its task file goes to the folder ``work``."""
+    path = _write(work / f"{task}.json", {"task": task, **arguments})
+    command = [*runtime.second_stage_command(PANEL_TASKS), str(path)]
+    return Step(stage, share, lambda: Worker("The second stage", command, runtime.environment()))
+
+
+def rendering_step(stage: str, share: float, work: Path, module: str, /, **arguments: Any) -> Step:
+    """Run ``module`` of lfsr_core, which starts renders itself: its task file also holds the ``command`` for them."""
+    path = _write(work / "task.json", {**arguments, "command": _render_command(Path())[:-1]})
+    command = [*runtime.second_stage_command(module), str(path)]
+    return Step(stage, share, lambda: Worker("The second stage", command, runtime.environment()))
+
+
+@contextmanager
+def staging(folder: Path) -> Iterator[Path]:
+    """Folder beside ``folder`` to work in, gone afterwards; LfsrError where none can be made."""
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        made = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    except OSError as error:
+        raise LfsrError(f"output folder {folder.parent} cannot be written to ({error.strerror}): "
+                        "choose another output folder") from None
+    try:
+        yield made
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
+
+
+def publish(staged: Path, folder: Path, stale: tuple[str, ...] = ()) -> None:
+    """Move finished files into ``folder``; ``stale`` ones of an earlier run go."""
+    folder.mkdir(exist_ok=True)
+    for name in stale:
+        (folder / name).unlink(missing_ok=True)
+    for path in staged.iterdir():
+        os.replace(path, folder / path.name)
+
+
+@contextmanager
+def file_copy() -> Iterator[Path]:
+    """Temporary copy of the .blend as it is now, unsaved changes included; gone afterwards."""
+    folder = Path(tempfile.mkdtemp(prefix="lfsr-", dir=bpy.app.tempdir or None))
+    path = folder / f"{Path(bpy.data.filepath).stem or 'untitled'}.blend"
+    try:
+        _save_copy(path)
+        yield path
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _render_command(job_file: Path) -> list[str]:
+    command = runtime.render_command(job_file)
+    if bpy.app.binary_path and not bpy.app.autoexec_fail:
+        command.insert(1, "--enable-autoexec")   # what this session may run, the copy may
+    return command
+
+
+def _save_copy(path: Path) -> None:
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False)
+    except RuntimeError as error:
+        raise LfsrError(f"a copy of this file cannot be saved to {path.parent} ({str(error).strip()}): "
+                        "free some space there") from None
+
+
+def _write(path: Path, data: dict[str, Any]) -> Path:
+    path.write_text(json.dumps(data), encoding="utf-8")
+    return path

@@ -1,0 +1,97 @@
+"""Buttons of the scene check: run it, select an object, fix a problem."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+
+from ..array import edit, rig
+from ..scene import light, subject
+from ..settings import scene_settings
+
+
+def _object(name: str) -> bpy.types.Object:
+    item = bpy.data.objects.get(name)
+    if item is None:
+        raise LfsrError(f"object {name!r} is not there any more: check the scene again")
+    return item
+
+
+def _check_editable(data: bpy.types.ID) -> None:
+    reason = rig.why_not_editable(data)
+    if reason:
+        raise LfsrError(reason)
+
+
+def _enable_cycles(_scene: bpy.types.Scene, _target: str) -> None:
+    bpy.ops.preferences.addon_enable(module="cycles")
+
+
+def _use_cycles(scene: bpy.types.Scene, _target: str) -> None:
+    scene.render.engine = "CYCLES"
+
+
+def _add_array(scene: bpy.types.Scene, _target: str) -> None:
+    edit.add(scene, scene_settings.display_of(scene))
+
+
+def _add_light(scene: bpy.types.Scene, _target: str) -> None:
+    light.add_light(scene).name = "Light Field World"
+
+
+def _use_cpu(scene: bpy.types.Scene, _target: str) -> None:
+    scene.cycles.device = "CPU"
+
+
+def _use_osl(scene: bpy.types.Scene, _target: str) -> None:
+    scene.cycles.device, scene.cycles.shading_system = "CPU", True
+
+
+def _pack(_scene: bpy.types.Scene, target: str) -> None:
+    image = bpy.data.images.get(target)
+    if image is None:
+        raise LfsrError(f"image {target!r} is not there any more: check the scene again")
+    image.pack()
+
+
+def _to_background(scene: bpy.types.Scene, target: str) -> None:
+    item = _object(target)
+    background = bpy.data.collections.get(subject.BACKGROUND_COLLECTION)
+    if background is None:
+        background = bpy.data.collections.new(subject.BACKGROUND_COLLECTION)
+    _check_editable(background)
+    if background not in scene.collection.children_recursive:
+        scene.collection.children.link(background)
+    if item.name not in background.objects:
+        background.objects.link(item)
+    for collection in item.users_collection:
+        if collection != background and collection.library is None:
+            collection.objects.unlink(item)
+
+
+def _box_filter(scene: bpy.types.Scene, _target: str) -> None:
+    scene.cycles.pixel_filter_type = "BOX"
+
+
+def _no_denoiser(scene: bpy.types.Scene, _target: str) -> None:
+    scene.cycles.use_denoising = False
+
+
+def _no_motion_blur(scene: bpy.types.Scene, _target: str) -> None:
+    scene.render.use_motion_blur = False
+
+
+def _no_focus(_scene: bpy.types.Scene, target: str) -> None:
+    camera = _object(target).data
+    _check_editable(camera)
+    camera.dof.use_dof = False
+
+
+FIXES: dict[str, Callable[[bpy.types.Scene, str], None]] = {
+    "cycles": _enable_cycles, "engine": _use_cycles, "array": _add_array, "light": _add_light, "device": _use_cpu,
+    "script": _use_osl, "dirty": _pack, "background": _to_background, "filter": _box_filter,
+    "denoiser": _no_denoiser, "motion": _no_motion_blur, "focus": _no_focus}
+OUTSIDE_SCENE = ("cycles", "dirty", "focus")

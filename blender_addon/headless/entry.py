@@ -1,0 +1,42 @@
+"""Run one render job in another Blender: entry.py -- FOLDERS JOB.json
+
+    python entry.py -- FOLDERS JOB.json                              (bpy wheel)
+    blender --background --python entry.py -- FOLDERS JOB.json
+
+FOLDERS, joined as in PATH, are where lfsr_core lies. This package is loaded under
+its own name, since no extension is enabled in a Blender with factory settings.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import bpy
+
+
+def load_addon() -> None:
+    """Import the package that this file lies in as ``blender_addon``, whatever its folder is called."""
+    here = Path(__file__).resolve().parent
+    # This folder's modules must not hide others of the same name.
+    sys.path[:] = [path for path in sys.path if path and Path(path).resolve() != here]
+    package = here.parent
+    spec = importlib.util.spec_from_file_location("blender_addon", package / "__init__.py",
+                                                  submodule_search_locations=[str(package)])
+    module = sys.modules["blender_addon"] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+
+
+if __name__ == "__main__":
+    paths, *arguments = sys.argv[sys.argv.index("--") + 1:]
+    sys.path += paths.split(os.pathsep)
+    load_addon()
+    code = importlib.import_module("blender_addon.headless.main").main(arguments)
+    sys.stdout.flush()
+    # Blender turns a script's SystemExit into its own exit code, so the process ends here, tidied by hand.
+    shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
+    os._exit(code)

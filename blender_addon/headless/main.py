@@ -1,0 +1,67 @@
+"""Runs one job file inside Blender and talks on standard output."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.job import Job, read_job
+from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit
+
+from ..render.frame_folder import render_job
+from ..scene import open
+from . import stopping
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the job file named in ``arguments``; the process's exit code."""
+    stopping.on_signals(_stop)
+    try:
+        if len(arguments) != 1:
+            raise LfsrError(f"expected one argument, the job file, and got {len(arguments)}")
+        folder = run(read_job(arguments[0]))
+    except LfsrError as error:
+        emit(stage="error", message=str(error))
+        return EXIT_BAD_INPUT
+    emit(stage="done", folder=str(folder))
+    return 0
+
+
+def run(job: Job) -> Path:
+    """Open the job's scene if it names one, render it, and return the frame folder."""
+    started = time.perf_counter()
+    emit(stage="open", fraction=0.0, message=job.scene or "the open scene")
+    scene = open.open_scene(job.scene) if job.scene else bpy.context.scene
+    if job.scene_name is not None:
+        scene = open.choose_scene(job.scene_name)
+    missing = open.missing_images()
+    if missing:
+        warn(f"{len(missing)} image files are missing, first {missing[0]}: what uses them renders magenta")
+    return render_job(scene, job, opened=time.perf_counter() - started, progress=_progress, warn=warn)
+
+
+def warn(message: str) -> None:
+    """Something the user should know that does not stop the render."""
+    emit(stage="render", fraction=0.0, message=message, warning=True)
+
+
+def _progress(fraction: float, message: str = "") -> None:
+    emit(stage="render", fraction=round(fraction, 4), message=message)
+
+
+def _stop() -> None:
+    try:
+        emit(stage="cancelled", message="stopped by a signal")
+    finally:  # also where nobody listens any more and writing fails
+        os._exit(EXIT_CANCELLED)
+
+
+def script_arguments() -> list[str]:
+    """Arguments meant for the script: those after ``--`` under Blender, else all."""
+    return sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else sys.argv[1:]

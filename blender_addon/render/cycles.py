@@ -1,0 +1,141 @@
+"""Cycles renders of a camera array into EXR files; every setting restored after."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import atomic_path
+from lfsr_core.optics.rays import RayLayout
+
+from .. import compat
+from ..array.spaces import Matrix, to_blender
+from . import devices, passes
+from .osl_camera import set_ray_layout
+from .overrides import overridden
+from .progress import Progress, following
+
+CLAMP_INDIRECT = 10.0   # Cycles' default: fewer fireflies at low sample counts
+LEAST_PIXELS = 4        # Blender renders nothing narrower
+NEAR, FAR = 1e-4, 1e4   # clipping, as shares of the display distance
+# Files and folders that a render is writing now; a process that must die at once removes them.
+UNFINISHED: set[Path] = set()
+
+
+@dataclasses.dataclass(frozen=True)
+class RenderSettings:
+    """How Cycles renders, whatever the camera.
+
+    ``clamp_indirect`` None: Cycles' default; 0: unclamped. ``half`` writes 16-bit
+    floats. ``world_visible`` adds the environment pass.
+    """
+
+    samples: int = 16
+    seed: int = 0
+    layers: tuple[str, ...] = ()
+    device: str = "CPU"
+    clamp_indirect: float | None = None
+    world_visible: bool = False
+    half: bool = False
+
+    def __post_init__(self) -> None:
+        if self.samples < 1:
+            raise LfsrError(f"samples per pixel is {self.samples}, but it must be at least 1")
+        passes.check_layers(self.layers)
+
+
+def render_encoded(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix, settings: RenderSettings,
+                   path: str | Path, progress: Progress | None = None) -> float:
+    """Render ``layout`` in one pass into the multi-layer EXR ``path``; seconds it took."""
+    with encoded_camera(scene, layout, matrix_world), cycles_settings(scene, settings, layout.size):
+        return render_to(scene, path, progress)
+
+
+@contextmanager
+def encoded_camera(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix) -> Iterator[None]:
+    """Inside the block the scene's camera sends the rays of ``layout``."""
+    with temporary_camera(scene, matrix_world, layout.array.distance) as camera:
+        set_ray_layout(camera.data, layout)
+        yield
+
+
+def render_to(scene: bpy.types.Scene, path: str | Path, progress: Progress | None = None) -> float:
+    """Render the scene as it is set up now into ``path``, whole or not at all; seconds."""
+    started = time.perf_counter()
+    with unfinished(path) as temporary, overridden(scene.render, {"filepath": str(temporary)}):
+        temporary.unlink()
+        try:
+            with following(progress):
+                bpy.ops.render.render(write_still=True, scene=scene.name)
+        except RuntimeError as error:
+            raise LfsrError(f"Blender cannot render this scene ({str(error).strip()}): see its messages") from None
+        if not temporary.is_file():
+            raise LfsrError(f"Blender wrote no image for {path}: see its messages")
+    return time.perf_counter() - started
+
+
+@contextmanager
+def unfinished(path: str | Path) -> Iterator[Path]:
+    """``atomic_path``, known to a process that must die at once."""
+    with atomic_path(path) as temporary:
+        UNFINISHED.add(temporary)
+        try:
+            yield temporary
+        finally:
+            UNFINISHED.discard(temporary)
+
+
+@contextmanager
+def temporary_camera(scene: bpy.types.Scene, matrix_world: Matrix, distance: float) -> Iterator[bpy.types.Object]:
+    """Camera at the array's origin, made the scene's camera inside the block and removed after it."""
+    data = bpy.data.cameras.new("LFSR array")
+    camera = bpy.data.objects.new("LFSR array", data)
+    try:
+        camera.matrix_world = to_blender(matrix_world)
+        data.clip_start, data.clip_end = distance * NEAR, distance * FAR
+        scene.collection.objects.link(camera)
+        with overridden(scene, {"camera": camera}):
+            yield camera
+    finally:
+        bpy.data.objects.remove(camera)
+        bpy.data.cameras.remove(data)
+
+
+@contextmanager
+def cycles_settings(scene: bpy.types.Scene, settings: RenderSettings, size: tuple[int, int]) -> Iterator[None]:
+    """Scene settings for an unfiltered, undenoised Cycles render of ``size`` pixels, restored after the block."""
+    if min(size) < LEAST_PIXELS:
+        raise LfsrError(f"the render would be {size[0]}×{size[1]} pixels, but Blender needs at least {LEAST_PIXELS} "
+                        "each way: render more lenses or with a smaller scale")
+    with ExitStack() as stack:
+        stack.enter_context(devices.enabled(settings.device))
+        stack.enter_context(overridden(scene.render, _render_values(size)))
+        stack.enter_context(overridden(scene.render.image_settings, compat.multilayer_exr(settings.half)))
+        stack.enter_context(overridden(scene.cycles, _cycles_values(settings)))
+        stack.enter_context(passes.enabled(scene, settings.layers, settings.world_visible))
+        yield
+
+
+def _render_values(size: tuple[int, int]) -> dict[str, object]:
+    return {"engine": "CYCLES", "film_transparent": True, "resolution_x": size[0], "resolution_y": size[1],
+            "resolution_percentage": 100, "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0, "use_border": False,
+            "use_crop_to_border": False, "use_multiview": False, "use_motion_blur": False, "use_compositing": False,
+            "use_sequencer": False, "use_stamp": False, "use_single_layer": False, "use_freestyle": False,
+            "use_file_extension": False, "use_overwrite": True, "use_placeholder": False,
+            # Views and halves follow each other with the same geometry.
+            "use_persistent_data": True}
+
+
+def _cycles_values(settings: RenderSettings) -> dict[str, object]:
+    clamp = CLAMP_INDIRECT if settings.clamp_indirect is None else float(settings.clamp_indirect)
+    return {"device": "CPU" if settings.device == "CPU" else "GPU", "samples": settings.samples,
+            "seed": settings.seed, "use_animated_seed": False,
+            "use_adaptive_sampling": False, "use_denoising": False, "time_limit": 0.0,
+            "use_layer_samples": "IGNORE", "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0,
+            "sample_clamp_indirect": clamp, "film_transparent_glass": False} | compat.whole_sample_range()

@@ -1,0 +1,123 @@
+"""A job's frame folder: place the array, render, write ``frame.json``."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, Frame, write_frame
+from lfsr_core.frames.job import Job
+from lfsr_core.images.view_transform import ColorSettings
+
+from ..array import placement
+from ..scene import light
+from ..scene import subject as scene_io
+from . import devices, passes
+from .cycles import RenderSettings, render_encoded
+from .progress import Progress, part
+from .view_by_view import render_views
+
+# Added to a reference half's seed, so that no half shares random numbers with a candidate image.
+HALF_SEED = 1 << 20
+
+
+def render_job(scene: bpy.types.Scene, job: Job, opened: float = 0.0, progress: Progress | None = None,
+               warn: Callable[[str], None] = print) -> Path:
+    """Render ``job`` of ``scene`` into its frame folder and return that folder.
+
+    ``opened``: seconds it took to open the scene, kept in ``frame.json``. The
+    scene is as before afterwards, also after an error.
+    """
+    if _layout(job) != job.layout:
+        warn(f"{job.device} devices cannot run the OSL camera: rendering view by view instead")
+    with prepared(scene, job) as frame:
+        render = _render_reference if job.kind == "reference" else _render_low
+        seconds = {"open": opened, "render": render(scene, job, frame, progress)}
+    seconds = {name: round(value, 3) for name, value in seconds.items()}
+    write_frame(job.output, dataclasses.replace(frame, seconds=seconds))
+    return Path(job.output)
+
+
+@contextmanager
+def prepared(scene: bpy.types.Scene, job: Job) -> Iterator[Frame]:
+    """The job's frame, with ``scene`` at its time, lit, and its objects indexed inside the block."""
+    with _at_frame(scene, job.frame):
+        subject = scene_io.find_subject(scene, job.subject)
+        with light.lit(scene) as own_light, passes.pass_indices(subject):
+            yield describe(scene, job, subject, own_light)
+
+
+def describe(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], own_light: bool = True) -> Frame:
+    """The frame that ``job`` asks for, with the array placed in ``scene``."""
+    array, matrix_world = placement.place_array(scene, job.display, subject)
+    reference, layers = job.kind == "reference", job.layers
+    if "index" not in layers and scene_io.has_background_meshes(scene, subject):
+        layers = (*layers, "index")
+    return Frame(
+        display=job.display, scale=1 if reference else job.scale, array=array, matrix_world=matrix_world,
+        samples=job.spp, seed=job.seed, frame=scene.frame_current, convention=job.convention,
+        view_aperture=job.view_aperture, lens_list=job.lens_list, layout=_layout(job), layers=layers,
+        world_visible=_world_visible(scene, job, own_light), color=color_settings(scene),
+        scene=os.path.basename(job.scene or bpy.data.filepath), subject=job.subject or "",
+        blender=bpy.app.version_string, device=job.device)
+
+
+def color_settings(scene: bpy.types.Scene) -> ColorSettings:
+    """How this scene is shown: the names that the second stage needs to look the same."""
+    view = scene.view_settings
+    config = os.environ.get("OCIO") or str(
+        Path(bpy.utils.system_resource("DATAFILES"), "colormanagement", "config.ocio"))
+    return ColorSettings(scene.display_settings.display_device, view.view_transform, view.look or "None",
+                         view.exposure, view.gamma, config)
+
+
+@contextmanager
+def _at_frame(scene: bpy.types.Scene, number: int | None) -> Iterator[None]:
+    before = scene.frame_current, scene.frame_subframe
+    try:
+        if number is not None:
+            scene.frame_set(number)
+        yield
+    finally:
+        if number is not None:
+            scene.frame_set(before[0], subframe=before[1])
+
+
+def _layout(job: Job) -> str:
+    """The layout asked for, but view by view where the device cannot run the OSL camera."""
+    return job.layout if devices.has_osl_camera(job.device) else "view-by-view"
+
+
+def _world_visible(scene: bpy.types.Scene, job: Job, own_light: bool) -> bool:
+    if job.world_visible is not None:
+        return job.world_visible and scene.world is not None
+    return own_light and scene.world is not None and not scene.render.film_transparent
+
+
+def _render_low(scene: bpy.types.Scene, job: Job, frame: Frame, progress: Progress | None) -> float:
+    settings = RenderSettings(job.spp, job.seed, frame.layers, job.device, job.clamp_indirect, frame.world_visible)
+    return _render(scene, frame, settings, Path(job.output, LOW_RES_FILE), progress)
+
+
+def _render_reference(scene: bpy.types.Scene, job: Job, frame: Frame, progress: Progress | None) -> float:
+    """Two halves with random numbers of their own; unclamped unless the job says otherwise."""
+    clamp = 0.0 if job.clamp_indirect is None else job.clamp_indirect
+    seconds = 0.0
+    for half, name in enumerate(REFERENCE_FILES):
+        samples = (job.spp + 1 - half) // 2
+        seed = (job.seed + HALF_SEED * (half + 1)) % 2**31
+        settings = RenderSettings(samples, seed, frame.layers, job.device, clamp, frame.world_visible,
+                                  half="position" not in frame.layers)
+        seconds += _render(scene, frame, settings, Path(job.output, name), part(progress, half, len(REFERENCE_FILES)))
+    return seconds
+
+
+def _render(scene: bpy.types.Scene, frame: Frame, settings: RenderSettings, path: Path,
+            progress: Progress | None) -> float:
+    render = render_views if frame.layout == "view-by-view" else render_encoded
+    return render(scene, frame.rays, frame.matrix_world, settings, path, progress)

@@ -1,0 +1,80 @@
+"""The OSL camera of one ray layout: compiled, set on a camera, and checked."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.rays import RayLayout
+
+SOURCE = Path(__file__).with_name("ray_layout.osl")
+
+
+def set_ray_layout(camera: bpy.types.Camera, layout: RayLayout) -> None:
+    """Make ``camera`` send the rays of ``layout``; LfsrError if Cycles cannot compile it."""
+    set_shader(camera, layout_source(layout), layout_parameters(layout))
+
+
+def layout_source(layout: RayLayout) -> str:
+    """OSL source with the lens list of ``layout`` as constants (arrays cannot be passed as parameters)."""
+    source = SOURCE.read_text(encoding="utf-8")
+    if layout.lens_list is None:
+        return source
+    rows, columns = (", ".join(str(lens[axis]) for lens in layout.lens_list) for axis in (0, 1))
+    for name, value in (("LISTED", len(layout.lens_list)), ("LENS_ROWS", f"{{ {rows} }}"),
+                        ("LENS_COLUMNS", f"{{ {columns} }}")):
+        source = re.sub(rf"#define {name} .*", f"#define {name} {value}", source)
+    return source
+
+
+def layout_parameters(layout: RayLayout) -> dict[str, int | float]:
+    """Values of the shader's parameters."""
+    array = layout.array
+    pairs = {"lenses": layout.lenses, "views": layout.views, "tiles": layout.tiles}
+    numbers = {f"{name}_{axis}": pair[i] for name, pair in pairs.items() for i, axis in enumerate("xy")}
+    return numbers | {"listed": int(layout.lens_list is not None), "paper": int(layout.convention == "paper"),
+                      "half_width": float(array.half_width), "half_height": float(array.half_height),
+                      "plane_distance": float(array.distance), "spacing": float(layout.spacing),
+                      "view_aperture": float(layout.view_aperture)}
+
+
+def set_shader(camera: bpy.types.Camera, source: str, parameters: Mapping[str, Any]) -> None:
+    """Compile OSL ``source`` for ``camera`` and set its parameters."""
+    bytecode = compile_osl(source)
+    camera.type = "CUSTOM"
+    camera.custom_mode = "INTERNAL"
+    # Cycles keeps the last good bytecode of a camera, so a stale one must not survive an error above.
+    camera.custom_bytecode = bytecode
+    camera.custom_bytecode_hash = hashlib.md5(bytecode.encode(), usedforsecurity=False).hexdigest()
+    for name in list(camera.cycles_custom.keys()):
+        del camera.cycles_custom[name]
+    for name, value in parameters.items():
+        camera.cycles_custom[name] = value
+    camera.update_tag()
+
+
+def compile_osl(source: str) -> str:
+    """Bytecode of OSL ``source``; LfsrError if this Blender has no OSL or rejects it."""
+    try:
+        import _cycles
+    except ImportError:
+        raise _no_osl("this Blender has no Cycles") from None
+    if not getattr(_cycles, "with_osl", False):
+        raise _no_osl("this Blender was built without OSL")
+    with tempfile.TemporaryDirectory(prefix="lfsr-osl-") as folder:
+        text, code = Path(folder, "camera.osl"), Path(folder, "camera.oso")
+        text.write_text(source, encoding="utf-8")
+        if not _cycles.osl_compile(str(text), str(code)) or not code.is_file() or not code.stat().st_size:
+            raise _no_osl("Cycles rejected the ray-layout shader, see its message above")
+        return code.read_text(encoding="utf-8")
+
+
+def _no_osl(reason: str) -> LfsrError:
+    return LfsrError(f"the OSL camera is not available ({reason}): render with the view-by-view layout")

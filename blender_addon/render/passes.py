@@ -1,0 +1,65 @@
+"""Layers of the frame folder <-> Cycles passes of the view layer."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.job import LAYERS
+
+from .. import compat
+from .overrides import overridden
+
+FOREGROUND, BACKGROUND = 1, 2
+
+
+def check_layers(layers: Sequence[str]) -> None:
+    """LfsrError names the first unknown layer."""
+    for name in layers:
+        if name not in LAYERS:
+            close = difflib.get_close_matches(name, LAYERS, n=1)
+            hint = f"did you mean {close[0]!r}? " if close else ""
+            raise LfsrError(f"unknown layer {name!r}: {hint}The layers are {', '.join(LAYERS)}")
+
+
+@contextmanager
+def enabled(scene: bpy.types.Scene, layers: Sequence[str], environment: bool) -> Iterator[None]:
+    """Only the passes of ``layers``, on the first view layer that renders."""
+    view_layers = [layer for layer in scene.view_layers if layer.use] or [scene.view_layers[0]]
+    wanted = {"use_pass_combined", *(["use_pass_position"] if "position" in layers else []),
+              *(["use_pass_object_index"] if "index" in layers else []),
+              *(["use_pass_environment"] if environment else [])}
+    chosen = view_layers[0]
+    switches = {name: name in wanted for name in _names(chosen) if name.startswith("use_pass_")}
+    with ExitStack() as stack:
+        for layer in view_layers[1:]:
+            stack.enter_context(overridden(layer, {"use": False}))
+        stack.enter_context(overridden(chosen, switches | {"use": True, "material_override": None}))
+        stack.enter_context(overridden(chosen.cycles, _cycles_switches(chosen, layers)))
+        yield
+
+
+def _names(owner: bpy.types.bpy_struct) -> list[str]:
+    return [item.identifier for item in owner.bl_rna.properties]
+
+
+def _cycles_switches(view_layer: bpy.types.ViewLayer, layers: Sequence[str]) -> dict[str, bool]:
+    """Cycles' own passes. Its denoising albedo and normal look through mirrors and glass, as OIDN wants them."""
+    own = [name for name in _names(view_layer.cycles) if name.startswith(("use_pass_", "pass_"))]
+    features = "albedo" in layers or "normal" in layers
+    return dict.fromkeys(own, False) | {"use_denoising": False, "denoising_store_passes": features}
+
+
+@contextmanager
+def pass_indices(foreground: set[bpy.types.Object]) -> Iterator[None]:
+    """Object index 1 on ``foreground`` and 2 on every other object, restored after the block."""
+    with ExitStack() as stack:
+        for item in bpy.data.objects:
+            index = FOREGROUND if item in foreground else BACKGROUND
+            if compat.is_editable(item):
+                stack.enter_context(overridden(item, {"pass_index": index}))
+        yield

@@ -1,0 +1,133 @@
+"""View by view: one ordinary off-axis camera per view, for devices without OSL and as an independent check.
+
+A pixel of a view sees through one lens (Cycles' box filter) and, as a thin lens
+with a square aperture focused on the display plane, over its whole cell of views:
+in expectation the same image as the one-pass render's.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+import mathutils
+import numpy as np
+
+from lfsr_core.images import exr
+from lfsr_core.optics import eia
+from lfsr_core.optics.rays import RayLayout, view_offset
+
+from ..array.spaces import Matrix, to_blender
+from .cycles import UNFINISHED, RenderSettings, cycles_settings, render_to, temporary_camera, unfinished
+from .overrides import overridden
+from .progress import Progress, part
+
+SENSOR_MM = 36.0
+# Blackman-Harris window as wide as this many box widths has the box's variance.
+WINDOW_PER_BOX = 2.08
+
+
+def render_views(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix, settings: RenderSettings,
+                 path: str | Path, progress: Progress | None = None) -> float:
+    """Render ``layout`` one view after the other into the multi-layer EXR ``path``; seconds it took.
+
+    With a lens list every view is rendered whole and the listed lenses are kept.
+    """
+    started = time.perf_counter()
+    with (unfinished(path) as target, temporary_camera(scene, matrix_world, layout.array.distance) as camera,
+          cycles_settings(scene, settings, layout.lenses), overridden(scene.render, pixel_aspect(layout)),
+          overridden(scene.cycles, _filter(layout)), _folder(target.parent) as folder):
+        views: dict[str, list[np.ndarray]] = {}
+        count = layout.views[0] * layout.views[1]
+        for number in range(count):
+            aim(camera, matrix_world, layout, number % layout.views[0], number // layout.views[0])
+            scene.cycles.seed = _seed(settings.seed, number)
+            render_to(scene, folder / "view.exr", part(progress, number, count))
+            for name, pixels in exr.read_layers(folder / "view.exr").items():
+                views.setdefault(name, []).append(pixels)
+        layers = {name: assemble(layout, images) for name, images in views.items()}
+        exr.write_layers(target, layers, half=settings.half)
+    return time.perf_counter() - started
+
+
+@contextmanager
+def _folder(parent: Path) -> Iterator[Path]:
+    """Folder for one view at a time, on the disk that has room for all of them."""
+    with tempfile.TemporaryDirectory(prefix=".views-", dir=parent) as name:
+        UNFINISHED.add(Path(name))
+        try:
+            yield Path(name)
+        finally:
+            UNFINISHED.discard(Path(name))
+
+
+def aim(camera: bpy.types.Object, matrix_world: Matrix, layout: RayLayout, column: int, row: int) -> None:
+    """Make ``camera`` the view in ``column`` and ``row`` of the layout, seeing the display rectangle."""
+    array, lens = layout.array, camera.data
+    right = float(view_offset(column, layout.views[0], layout.spacing, layout.convention))
+    down = float(view_offset(row, layout.views[1], layout.spacing, layout.convention))
+    lens.type, lens.sensor_fit, lens.sensor_width = "PERSP", "HORIZONTAL", SENSOR_MM
+    lens.lens = SENSOR_MM / 2 * array.distance / array.half_width
+    lens_right, lens_down = _place_in_lens(layout, column, row)
+    lens.shift_x = (lens_right - right) / (2 * array.half_width)
+    lens.shift_y = (down - lens_down) / (2 * array.half_width)
+    open_aperture(lens, layout)
+    camera.matrix_world = to_blender(matrix_world) @ mathutils.Matrix.Translation((right, -down, 0))
+
+
+def open_aperture(camera: bpy.types.Camera, layout: RayLayout) -> None:
+    """Square aperture as wide as the view's cell, focused on the display plane."""
+    half_side = layout.spacing * layout.view_aperture / 2
+    camera.dof.use_dof = half_side > 0 and layout.convention != "paper"
+    if not camera.dof.use_dof:
+        return
+    camera.dof.focus_object, camera.dof.focus_distance = None, layout.array.distance
+    camera.dof.aperture_blades, camera.dof.aperture_rotation, camera.dof.aperture_ratio = 4, 0.0, 1.0
+    # Cycles' aperture radius is lens / (2 · f-stop) with the lens in millimetres of a scene unit; a square's
+    # corners lie on it.
+    camera.dof.aperture_fstop = camera.lens * 1e-3 / (2 * half_side * math.sqrt(2))
+
+
+def pixel_aspect(layout: RayLayout) -> dict[str, float]:
+    """Pixels as high as a lens: one of the two aspects is 1."""
+    ratio = (layout.array.half_height / layout.lenses[1]) / (layout.array.half_width / layout.lenses[0])
+    return {"pixel_aspect_x": max(1.0, 1 / ratio), "pixel_aspect_y": max(1.0, ratio)}
+
+
+def assemble(layout: RayLayout, views: list[np.ndarray]) -> np.ndarray:
+    """Views (sy, sx, C), row by row, to the layout's image (H, W, C), listed lenses as tiles."""
+    px, py = layout.views
+    stacked = np.stack(views).reshape(py, px, *views[0].shape)
+    if layout.lens_list is not None:
+        listed = np.asarray(layout.lens_list)
+        across, down = layout.tiles
+        listed = listed[np.minimum(np.arange(across * down), len(listed) - 1)].reshape(down, across, 2)
+        stacked = stacked[:, :, listed[..., 0], listed[..., 1]]
+    return eia.from_views(stacked)
+
+
+def _seed(seed: int, view: int) -> int:
+    """Each view needs random numbers of its own, as each pixel of the one-pass render has."""
+    return (seed * 65537 + view) % 2**31
+
+
+def _place_in_lens(layout: RayLayout, column: int, row: int) -> tuple[float, float]:
+    """Offset on the display plane from the lens centre: none, but in the paper's convention the pixel's own."""
+    if layout.convention != "paper":
+        return 0.0, 0.0
+    halves = (layout.array.half_width, layout.array.half_height)
+    right, down = (((index + 0.5) / views - 0.5) * 2 * half / lenses for index, views, half, lenses
+                   in zip((column, row), layout.views, halves, layout.lenses, strict=True))
+    return right, down
+
+
+def _filter(layout: RayLayout) -> dict[str, object]:
+    """The box filter; in the paper's convention a pixel sees only its own share of the lens."""
+    if layout.convention != "paper":
+        return {}
+    return {"pixel_filter_type": "BLACKMAN_HARRIS", "filter_width": max(0.01, WINDOW_PER_BOX / max(layout.views))}

@@ -1,0 +1,83 @@
+"""The decoded view that an eye in the viewing zone sees, in the Image Editor.
+
+The second stage writes all views of a finished image once, one after the other;
+mapping that file makes a view a read of a few kB, so that a slider can follow.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+
+IMAGE_NAME = "Light Field View"
+LEAST_WIDTH = 480   # views of few lenses are enlarged by repeating pixels
+# Mapped views (py, px, sy, sx, 3) by the scene they were rendered from.
+_views: dict[str, np.ndarray] = {}
+
+
+def load(scene: bpy.types.Scene, path: Path) -> None:
+    """Preview the decoded views in ``path`` for ``scene``; LfsrError where they cannot be read."""
+    try:
+        _views[scene.name] = np.load(path, mmap_mode="r")
+    except (OSError, ValueError) as error:
+        raise LfsrError(f"decoded views {path} cannot be read ({error}): press Preview View again") from None
+
+
+def is_loaded(scene: bpy.types.Scene) -> bool:
+    """True if the sliders of ``scene`` have views to show."""
+    return scene.name in _views
+
+
+def forget() -> None:
+    """Let go of all views, as when another file is opened."""
+    _views.clear()
+
+
+def show(scene: bpy.types.Scene, eye: tuple[float, float]) -> bpy.types.Image | None:
+    """Put the view from ``eye``, (rightwards, upwards) in [-1, 1], into the preview image; None if none is loaded."""
+    views = _views.get(scene.name)
+    if views is None:
+        return None
+    row, column = view_index(views.shape[:2], eye)
+    pixels = to_pixels(views[row, column])
+    image = _image(pixels.shape[1], pixels.shape[0])
+    image.pixels.foreach_set(pixels.ravel())
+    image.update()
+    redraw_image_editors()
+    return image
+
+
+def view_index(count: tuple[int, int], eye: tuple[float, float]) -> tuple[int, int]:
+    """(row, column) of the view nearest to ``eye`` among ``count`` (py, px); row 0 is the topmost camera."""
+    row = int((1 - eye[1]) / 2 * count[0])
+    column = int((eye[0] + 1) / 2 * count[1])
+    return min(max(row, 0), count[0] - 1), min(max(column, 0), count[1] - 1)
+
+
+def to_pixels(view: np.ndarray) -> np.ndarray:
+    """(sy, sx, 3) uint8 from the top -> Blender's (height, width, 4) float32 from the bottom, enlarged."""
+    times = max(1, -(-LEAST_WIDTH // view.shape[1]))
+    pixels = np.ones((*view.shape[:2], 4), np.float32)
+    np.multiply(view[::-1], np.float32(1 / 255), out=pixels[..., :3])
+    return pixels.repeat(times, axis=0).repeat(times, axis=1)
+
+
+def redraw_image_editors() -> None:
+    """Image editors do not notice by themselves that a picture changed."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR":
+                area.tag_redraw()
+
+
+def _image(width: int, height: int) -> bpy.types.Image:
+    image = bpy.data.images.get(IMAGE_NAME)
+    if image is None or image.source != "GENERATED":
+        return bpy.data.images.new(IMAGE_NAME, width, height)
+    if tuple(image.size) != (width, height):
+        image.scale(width, height)
+    return image

@@ -1,0 +1,75 @@
+"""Scenes in: opening files, finding the subject, and light for scenes that bring none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+
+from .. import compat
+
+DEFAULT_LIGHT = "city.exr"   # neutral, from all sides: glass and skin both read well
+
+
+def has_light(scene: bpy.types.Scene) -> bool:
+    """True if anything in the scene shines: a light, a world, or an emissive material in use."""
+    if any(item.type == "LIGHT" and not item.hide_render and item.data.energy for item in scene.objects):
+        return True
+    if scene.world is not None and _shines(scene.world.node_tree, scene.world.color):
+        return True
+    materials = {slot.material for item in scene.objects if not item.hide_render for slot in item.material_slots}
+    return any(material is not None and _shines(material.node_tree, (0, 0, 0)) for material in materials)
+
+
+def _shines(tree: bpy.types.NodeTree | None, plain: tuple[float, ...]) -> bool:
+    if tree is None:
+        return any(plain[:3])
+    return any(_emits(node) for node in tree.nodes if not node.mute)
+
+
+def _emits(node: bpy.types.Node) -> bool:
+    color, strength = {"BACKGROUND": ("Color", "Strength"), "EMISSION": ("Color", "Strength"),
+                       "BSDF_PRINCIPLED": ("Emission Color", "Emission Strength")}.get(node.type, (None, None))
+    if color is None or not any(output.is_linked for output in node.outputs):
+        return False
+    color, strength = node.inputs[color], node.inputs[strength]
+    lit = color.is_linked or any(color.default_value[:3])
+    return lit and (strength.is_linked or strength.default_value > 0)
+
+
+@contextmanager
+def lit(scene: bpy.types.Scene, name: str = DEFAULT_LIGHT) -> Iterator[bool]:
+    """Inside the block ``scene`` has light, if need be from Blender's own HDRI; True if it is the scene's own."""
+    if has_light(scene):
+        yield True
+        return
+    before, world = scene.world, add_light(scene, name)
+    try:
+        yield False
+    finally:
+        scene.world = before
+        images = [node.image for node in world.node_tree.nodes if node.type == "TEX_ENVIRONMENT"]
+        bpy.data.worlds.remove(world)
+        for image in images:
+            if not image.users:
+                bpy.data.images.remove(image)
+
+
+def add_light(scene: bpy.types.Scene, name: str = DEFAULT_LIGHT) -> bpy.types.World:
+    """Light the scene with one of the world HDRIs that ship inside Blender (CC0)."""
+    path = Path(bpy.utils.system_resource("DATAFILES"), "studiolights", "world", name)
+    if not path.is_file():
+        raise LfsrError(f"the scene has no light and this Blender has no {path.name} to light it with: add a light")
+    world = bpy.data.worlds.new("LFSR light")
+    compat.use_nodes(world)
+    nodes = world.node_tree.nodes
+    texture = nodes.new("ShaderNodeTexEnvironment")
+    texture.image = bpy.data.images.load(str(path), check_existing=True)
+    background = next(node for node in nodes if node.type == "BACKGROUND")
+    world.node_tree.links.new(texture.outputs["Color"], background.inputs["Color"])
+    scene.world = world
+    return world

@@ -1,0 +1,57 @@
+"""Scenes in: opening files, finding the subject, and light for scenes that bring none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.job import check_scene
+
+
+def open_scene(path: str | Path) -> bpy.types.Scene:
+    """Open a .blend, or import .glb, .gltf or .obj into an empty file; LfsrError if that fails."""
+    path = check_scene(path)
+    try:
+        _readers()[Path(path).suffix.lower()](path)
+    except (RuntimeError, ValueError, KeyError, OSError) as error:
+        reason = str(error).strip().splitlines()[-1] if str(error).strip() else type(error).__name__
+        raise LfsrError(f"scene {path} cannot be read ({reason}): check that the file is whole") from None
+    return bpy.context.scene
+
+
+def choose_scene(name: str) -> bpy.types.Scene:
+    """Make the scene ``name`` of the open file the current one; LfsrError if there is none."""
+    scene = bpy.data.scenes.get(name)
+    if scene is None:
+        raise LfsrError(f"the file has no scene {name!r}: choose one of {', '.join(bpy.data.scenes.keys())}")
+    # What Blender evaluates is the window's scene, and not always the one that was open when the file was saved.
+    bpy.context.window.scene = scene
+    return scene
+
+
+def _readers() -> dict[str, Callable[[str], None]]:
+    return {".blend": _open_blend, ".glb": _import_gltf, ".gltf": _import_gltf, ".obj": _import_obj}
+
+
+def _open_blend(path: str) -> None:
+    bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
+
+
+def _import_gltf(path: str) -> None:
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.import_scene.gltf(filepath=path)
+
+
+def _import_obj(path: str) -> None:
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.obj_import(filepath=path)
+
+
+def missing_images() -> list[str]:
+    """Paths of image files that the scene names and that are not there."""
+    images = (image for image in bpy.data.images if image.source == "FILE" and not image.packed_file)
+    paths = (Path(bpy.path.abspath(image.filepath, library=image.library)) for image in images if image.filepath)
+    return sorted({str(path) for path in paths if not path.is_file()})

@@ -1,0 +1,49 @@
+"""Scenes in: opening files, finding the subject, and light for scenes that bring none."""
+
+from __future__ import annotations
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+
+BACKGROUND_COLLECTION = "Background"
+GEOMETRY = {"MESH", "CURVE", "SURFACE", "FONT", "META", "VOLUME", "CURVES", "POINTCLOUD"}
+
+
+def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.types.Object]:
+    """Objects of the collection ``name``; without it all that are not in a collection called Background.
+
+    LfsrError if there is no such collection or nothing of it would be rendered.
+    """
+    if name:
+        collections = {c.name: c for c in (scene.collection, *scene.collection.children_recursive)}
+        if name not in collections:
+            raise LfsrError(f"the scene has no collection {name!r} for the subject: choose one of "
+                            f"{', '.join(sorted(collections))}")
+        chosen = set(collections[name].all_objects)
+    else:
+        background = bpy.data.collections.get(BACKGROUND_COLLECTION)
+        chosen = set(scene.objects) - (set(background.all_objects) if background else set())
+    subject = chosen | {child for item in chosen for child in _instanced(item)}
+    if not any(item.type in GEOMETRY and _rendered(scene, item) for item in subject):
+        raise LfsrError(f"nothing of the subject {name or scene.name!r} would be rendered: "
+                        "make its objects visible in renders or choose another collection")
+    return subject
+
+
+def has_background_meshes(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> bool:
+    """True if something that is not the subject would be rendered behind or beside it."""
+    return any(item.type in GEOMETRY and item not in subject and _rendered(scene, item) for item in scene.objects)
+
+
+def _instanced(item: bpy.types.Object) -> set[bpy.types.Object]:
+    """Objects that a collection instance shows, which live outside the scene's own collections."""
+    if item.instance_type != "COLLECTION" or item.instance_collection is None:
+        return set()
+    inside = set(item.instance_collection.all_objects)
+    return inside | {child for other in inside for child in _instanced(other)}
+
+
+def _rendered(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
+    owners = [c for c in (scene.collection, *scene.collection.children_recursive) if item.name in c.objects]
+    return not item.hide_render and (not owners or any(not c.hide_render for c in owners))

@@ -1,0 +1,196 @@
+"""Settings of a scene and the state of the panel, as RNA properties.
+
+Everything that decides an image is saved with the scene; what only the running
+session knows (progress, messages, found problems) lives in the window manager.
+"""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from lfsr_core.reconstruct.registry import DEFAULT_METHOD
+
+from .. import compat
+from ..array import rig
+from ..results import preview
+from .methods import method_items
+from .scene_settings import QUALITY, SCALES, profile_items
+
+MAX_EYE_STEP = 10
+
+
+def _draws(_settings: SceneSettings, context: bpy.types.Context) -> None:
+    """Redraw the 3D views, whose drawn frustum depends on the setting."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+def _apply_quality(settings: SceneSettings, _context: bpy.types.Context) -> None:
+    values = QUALITY.get(settings.quality)
+    if values is None or settings.applying:
+        return
+    settings.applying = True
+    try:
+        settings.samples, settings.method = values
+    finally:
+        settings.applying = False
+
+
+def _is_custom(settings: SceneSettings, _context: bpy.types.Context) -> None:
+    if settings.applying:
+        return
+    named = [name for name, values in QUALITY.items() if values == (settings.samples, settings.method)]
+    settings.applying = True
+    try:
+        settings.quality = named[0] if named else "CUSTOM"
+    finally:
+        settings.applying = False
+
+
+def _look(settings: SceneSettings, _context: bpy.types.Context) -> None:
+    preview.show(settings.id_data, (settings.eye_right, settings.eye_up))
+
+
+def _get_distance(settings: SceneSettings) -> float:
+    return rig.get_distance(settings.id_data)
+
+
+def _set_distance(settings: SceneSettings, distance: float) -> None:
+    rig.set_distance(settings.id_data, distance)
+
+
+def _get_spacing(settings: SceneSettings) -> float:
+    return rig.get_spacing(settings.id_data)
+
+
+def _set_spacing(settings: SceneSettings, share: float) -> None:
+    rig.set_spacing(settings.id_data, share)
+
+
+class SceneSettings(bpy.types.PropertyGroup):
+    """Light-field settings of one scene."""
+
+    display: EnumProperty(
+        name="Display", description="Integral-imaging display that will show the image",
+        items=profile_items(), default="bupt-32in-8k", update=_draws)
+    profile_file: StringProperty(
+        name="Profile", description="Display profile (.toml) of a display that is not built in",
+        subtype="FILE_PATH", options=compat.relative_path(), update=_draws)
+    scale: EnumProperty(
+        name="Scale", description="Render one view of this many in each direction and reconstruct the others",
+        items=[(f"{s}", f"{s}×", f"Render 1 of {s}×{s} views" if s > 1 else "Render every view", s) for s in SCALES],
+        default="4", update=_draws)
+
+    distance: FloatProperty(
+        name="Distance", description="From the viewing position to the display plane, where objects have no parallax",
+        subtype="DISTANCE", unit="LENGTH", min=1e-4, soft_min=0.01, soft_max=100.0,
+        get=_get_distance, set=_set_distance)
+    spacing: FloatProperty(
+        name="Array Spacing", description="Spacing of the cameras as a share of what fills the display's viewing "
+        "angle; less flattens the scene and deepens the usable range",
+        subtype="FACTOR", min=0.01, max=2.0, soft_max=1.0, precision=2,
+        get=_get_spacing, set=_set_spacing)
+    show_frustum: BoolProperty(
+        name="Frustum", description="Draw the display rectangle, the frustum and the limits of usable depth "
+        "in the 3D views", default=True, update=_draws)
+
+    quality: EnumProperty(
+        name="Quality", description="How much time to spend on an image",
+        items=[("DRAFT", "Draft", "Fewest rays: for placing objects and light"),
+               ("BALANCED", "Balanced", "Few rays, denoised: for most images"),
+               ("FINAL", "Final", "Many rays, denoised: for an image that stays"),
+               ("CUSTOM", "Custom", "Your own samples and method")],
+        default="BALANCED", update=_apply_quality)
+    samples: IntProperty(
+        name="Samples", description="Paths per pixel of the rendered views", min=1, soft_max=1024, default=16,
+        update=_is_custom)
+    method: EnumProperty(
+        name="Method", description="How the dense views are made from the rendered ones", items=method_items(),
+        default=DEFAULT_METHOD, update=_is_custom)
+    seed: IntProperty(name="Seed", description="Random numbers of the render", min=0, default=0)
+    output: StringProperty(
+        name="Output", description="Folder for the images of this scene; // is the folder of the .blend file",
+        subtype="DIR_PATH", options=compat.relative_path(), default="//lightfield/")
+    use_overwrite: BoolProperty(
+        name="Overwrite", description="Render frames of an animation again that are complete already", default=False)
+    linear_exr: BoolProperty(
+        name="Scene-Linear EXR", description="Also save the image before the view transform, as OpenEXR",
+        default=False)
+
+    plan_target: FloatProperty(
+        name="Target", description="Accuracy to reach: SSIM over the foreground, 1 is perfect",
+        min=0.5, max=0.999, soft_min=0.8, precision=3, step=1, default=0.95)
+
+    reference_samples: IntProperty(
+        name="Samples", description="Paths per pixel of the reference, split over its two independent halves",
+        min=2, soft_max=4096, default=256)
+    reference_lenses: IntProperty(
+        name="Lenses", description="Render only so many random lenses of the reference; 0 renders all of them",
+        min=0, soft_max=256, default=16)
+
+    eye_right: FloatProperty(
+        name="Eye Right", description="Where the eye stands in the viewing zone, from its left (-1) to its right (1)",
+        subtype="FACTOR", min=-1.0, max=1.0, step=MAX_EYE_STEP, update=_look, options={"SKIP_SAVE"})
+    eye_up: FloatProperty(
+        name="Eye Up", description="Where the eye stands in the viewing zone, from its bottom (-1) to its top (1)",
+        subtype="FACTOR", min=-1.0, max=1.0, step=MAX_EYE_STEP, update=_look, options={"SKIP_SAVE"})
+
+    applying: BoolProperty(
+        name="Applying", description="A preset is being applied", default=False, options={"HIDDEN", "SKIP_SAVE"})
+
+
+class FoundProblem(bpy.types.PropertyGroup):
+    """One line of the scene check."""
+
+    code: StringProperty(name="Code", description="Kind of problem")
+    target: StringProperty(name="Name", description="What has the problem")
+    reason: StringProperty(name="Reason", description="What will go wrong")
+    fix: StringProperty(name="Fix", description="What the fix button does")
+    severity: EnumProperty(
+        name="Severity", description="How bad it is",
+        items=[("ERROR", "Error", "The image will be wrong or missing"),
+               ("WARNING", "Warning", "Part of the image will look bad"),
+               ("INFO", "Information", "Ignored by light-field renders")])
+    is_object: BoolProperty(name="Object", description="The name is that of an object in the scene")
+
+
+class SessionState(bpy.types.PropertyGroup):
+    """What the panel shows of this session."""
+
+    problems: CollectionProperty(
+        name="Problems", description="What the last scene check found", type=FoundProblem)
+    checked_scene: StringProperty(name="Checked Scene", description="Scene that was checked last")
+    message: StringProperty(name="Message", description="Why the last render ended, if it failed")
+    plan_scene: StringProperty(name="Planned Scene", description="Scene that the last plan is for")
+    plan_text: StringProperty(name="Plan", description="What the last plan found")
+    plan_scale: IntProperty(name="Planned Scale", description="Scale that the last plan found")
+    plan_samples: IntProperty(name="Planned Samples", description="Samples that the last plan found")
+    plan_method: StringProperty(name="Planned Method", description="Method that the last plan found, if any")
+
+
+CLASSES = (SceneSettings, FoundProblem, SessionState)
+
+
+def register() -> None:
+    """Attach the settings to scenes and the state to the window manager."""
+    bpy.types.Scene.lfsr = PointerProperty(
+        name="Light Field", description="Light-field settings of this scene", type=SceneSettings)
+    bpy.types.WindowManager.lfsr = PointerProperty(
+        name="Light Field", description="State of the light-field panel", type=SessionState)
+
+
+def unregister() -> None:
+    """Take them away again; saved files keep their values."""
+    del bpy.types.WindowManager.lfsr
+    del bpy.types.Scene.lfsr

@@ -1,0 +1,149 @@
+"""What a scene's settings mean: its display, its jobs, its folders."""
+
+from __future__ import annotations
+
+import functools
+import math
+from pathlib import Path
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json
+from lfsr_core.frames.frame import EIA_FILE, REPORT_FILE, Frame, read_frame
+from lfsr_core.frames.job import Job
+from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
+from lfsr_core.reconstruct.registry import DEFAULT_METHOD, layers_of
+
+from .. import compat
+from ..render import devices
+from ..scene import subject
+from .methods import check_scale
+
+PROFILE_FILE = "FILE"
+SCALES = (1, 2, 3, 4, 5, 8)
+# Samples and method of each quality preset.
+QUALITY = {"DRAFT": (4, DEFAULT_METHOD), "BALANCED": (16, DEFAULT_METHOD), "FINAL": (64, DEFAULT_METHOD)}
+GPU_TYPES = ("NONE", "CPU")
+
+
+def profile_items() -> list[tuple[str, str, str, str, int]]:
+    """Enum items of the built-in displays and of a profile in a file."""
+    items = []
+    for number, name in enumerate(builtin_names(), start=1):
+        display = load_display(name)
+        items.append((name, name, display.description, "DESKTOP", number))
+    return [*items, (PROFILE_FILE, "From File…", "Display profile in a .toml file", "FILE", 0)]
+
+
+def display_of(scene: bpy.types.Scene) -> DisplayProfile:
+    """The scene's display profile; LfsrError where its file is gone or wrong."""
+    settings = scene.lfsr
+    if settings.display != PROFILE_FILE:
+        return load_display(settings.display)
+    if not settings.profile_file:
+        raise LfsrError("no display profile is chosen: give a .toml file or choose a built-in display")
+    path = absolute(settings.profile_file, "the display profile")
+    if path.suffix != ".toml":
+        raise LfsrError(f"display profile {path.name} is no .toml file: choose another")
+    try:
+        changed = path.stat().st_mtime_ns
+    except OSError as error:
+        raise LfsrError(f"display profile {path} cannot be read ({error.strerror}): "
+                        "choose another file or a built-in display") from None
+    return _read_profile(str(path), changed)
+
+
+@functools.lru_cache(maxsize=8)
+def _read_profile(path: str, _changed: int) -> DisplayProfile:
+    """Panels ask on every redraw; the file is read once per change."""
+    return load_display(path)
+
+
+def absolute(path: str, what: str) -> Path:
+    """Absolute path of a Blender path; LfsrError if it is relative to a file that was never saved."""
+    if path.startswith("//") and not bpy.data.filepath:
+        raise LfsrError(f"{what} is {path!r}, beside the .blend file, but this file is not saved yet: "
+                        "save it or choose another folder")
+    return Path(bpy.path.abspath(path))
+
+
+def device_of(scene: bpy.types.Scene) -> str:
+    """What Cycles will render this scene on: "CPU" or a GPU type such as "OPTIX"."""
+    addon = bpy.context.preferences.addons.get("cycles")
+    if addon is None or scene.cycles.device == "CPU":
+        return "CPU"
+    chosen = addon.preferences.compute_device_type
+    return "CPU" if chosen in GPU_TYPES else chosen
+
+
+def layout_of(scene: bpy.types.Scene) -> str:
+    """One pass where this Blender and its device have the OSL camera, else view by view."""
+    return "one-pass" if compat.has_custom_camera() and devices.has_osl_camera(device_of(scene)) else "view-by-view"
+
+
+def scene_folder(scene: bpy.types.Scene) -> Path:
+    """Where this scene's frames go, one folder per scene so that two scenes do not overwrite each other."""
+    return absolute(scene.lfsr.output or "//", "the output folder") / bpy.path.clean_name(scene.name)
+
+
+def frame_folder(scene: bpy.types.Scene, number: int | None = None) -> Path:
+    """Frame folder of frame ``number``, by default the current one."""
+    return scene_folder(scene) / f"{scene.frame_current if number is None else number:04d}"
+
+
+def reference_folder(scene: bpy.types.Scene, number: int | None = None) -> Path:
+    """Where the reference of a frame goes, beside its frame folder."""
+    folder = frame_folder(scene, number)
+    return folder.with_name(f"{folder.name}_reference")
+
+
+def render_job(scene: bpy.types.Scene, output: Path, number: int | None = None) -> Job:
+    """The job of one frame; LfsrError where the settings cannot be rendered."""
+    settings = scene.lfsr
+    return Job(output=str(output), display=display_of(scene), scale=int(settings.scale), spp=settings.samples,
+               scene_name=scene.name, layers=layers_of(settings.method), layout=layout_of(scene), seed=settings.seed,
+               frame=scene.frame_current if number is None else number, device=device_of(scene))
+
+
+def reference_job(scene: bpy.types.Scene, output: Path, number: int | None = None) -> Job:
+    """The job of the high-resolution reference of the same frame."""
+    settings = scene.lfsr
+    return Job(output=str(output), display=display_of(scene), kind="reference", scale=1, scene_name=scene.name,
+               spp=settings.reference_samples, layout=layout_of(scene), seed=settings.seed,
+               frame=scene.frame_current if number is None else number, device=device_of(scene), clamp_indirect=0.0)
+
+
+def is_complete(folder: Path, job: Job, method: str) -> bool:
+    """True if ``folder`` holds the finished image of just this job and method."""
+    if not (folder / EIA_FILE).is_file():
+        return False
+    try:
+        frame, report = read_frame(folder), read_json(folder / REPORT_FILE, "a report")
+    except LfsrError:
+        return False  # an incomplete or older folder is rendered again
+    return report.get("method") == method and _same(frame, job)
+
+
+def _same(frame: Frame, job: Job) -> bool:
+    wanted = (job.display, job.scale, job.spp, job.seed, job.frame)
+    return (frame.display, frame.scale, frame.samples, frame.seed, frame.frame) == wanted
+
+
+def check_renderable(scene: bpy.types.Scene) -> None:
+    """LfsrError for whatever makes a render impossible before it starts."""
+    if bpy.context.preferences.addons.get("cycles") is None:
+        raise LfsrError("Cycles is switched off in Blender's preferences: switch the Cycles Render Engine add-on on")
+    scale = int(scene.lfsr.scale)
+    display_of(scene).low_views(scale)
+    check_scale(scene.lfsr.method, scale)
+    subject.find_subject(scene)
+
+
+def length(scene: bpy.types.Scene, value: float) -> str:
+    """A length in the scene's units, as Blender shows it."""
+    units = scene.unit_settings
+    if units.system == "NONE" or not math.isfinite(value):
+        return f"{value:.3g}"
+    return bpy.utils.units.to_string(units.system, "LENGTH", value * units.scale_length, precision=3,
+                                     split_unit=False, compatible_unit=False)

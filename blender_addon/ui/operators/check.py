@@ -1,0 +1,86 @@
+"""Buttons of the scene check: run it, select an object, fix a problem."""
+
+from __future__ import annotations
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+
+from ...background import session
+from ...check import problems as scene_check
+from ...check.fixes import FIXES, OUTSIDE_SCENE, _check_editable, _object
+from .base import UNDO, Result, activate, reports_errors
+
+
+class LFSR_OT_check_scene(bpy.types.Operator):
+    """List what will go wrong with this scene on this display"""
+
+    bl_idname = "lfsr.check_scene"
+    bl_label = "Check Scene"
+
+    @reports_errors
+    def execute(self, context: bpy.types.Context) -> Result:
+        """Fill the list."""
+        problems = refresh(context.scene)
+        serious = [problem for problem in problems if problem.severity != scene_check.INFO]
+        if not problems:
+            self.report({"INFO"}, "No problems found")
+        elif serious:
+            self.report({"WARNING"}, f"{len(serious)} problems found, first {serious[0].target}: {serious[0].reason}")
+        else:
+            self.report({"INFO"}, f"No problems found, {len(problems)} settings are ignored")
+        return {"FINISHED"}
+
+
+class LFSR_OT_check_select(bpy.types.Operator):
+    """Select the object"""
+
+    bl_idname = "lfsr.check_select"
+    bl_label = "Select Object with Problem"
+    bl_options = UNDO
+
+    target: bpy.props.StringProperty(name="Name", description="Object to select")
+
+    @reports_errors
+    def execute(self, context: bpy.types.Context) -> Result:
+        """Select it and nothing else."""
+        activate(context, _object(self.target))
+        return {"FINISHED"}
+
+
+class LFSR_OT_check_fix(bpy.types.Operator):
+    """Fix the problem"""
+
+    bl_idname = "lfsr.check_fix"
+    bl_label = "Fix Problem"
+    bl_options = UNDO
+
+    code: bpy.props.StringProperty(name="Code", description="Kind of problem")
+    target: bpy.props.StringProperty(name="Name", description="What has the problem")
+
+    @reports_errors
+    def execute(self, context: bpy.types.Context) -> Result:
+        """Fix it and check again."""
+        if self.code not in FIXES:
+            raise LfsrError(f"problem {self.code!r} cannot be fixed by a button: choose one of {', '.join(FIXES)}")
+        if self.code not in OUTSIDE_SCENE:
+            _check_editable(context.scene)
+        FIXES[self.code](context.scene, self.target)
+        refresh(context.scene)
+        return {"FINISHED"}
+
+
+def refresh(scene: bpy.types.Scene) -> list[scene_check.Problem]:
+    """Check ``scene`` and put what was found into the list."""
+    state, problems = bpy.context.window_manager.lfsr, scene_check.check_scene(scene)
+    state.checked_scene = scene.name
+    state.problems.clear()
+    for problem in problems:
+        line = state.problems.add()
+        for name in ("code", "target", "reason", "fix", "severity", "is_object"):
+            setattr(line, name, getattr(problem, name))
+    session.redraw()
+    return problems
+
+
+CLASSES = (LFSR_OT_check_scene, LFSR_OT_check_select, LFSR_OT_check_fix)

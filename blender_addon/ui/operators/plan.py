@@ -1,0 +1,99 @@
+"""Buttons that find the least that will do for a scene, and use it."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.plan import candidates
+from lfsr_core.plan.options import Options
+
+from ...background import recipes, session, steps
+from ...background.steps import Steps
+from ...settings.methods import method_items
+from .base import UNDO, Result, TaskOperator, reports_errors
+
+PLAN_TASK = "lfsr_core.tasks.plan_task"
+
+
+class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
+    """Measure a few lenses of the current frame and find the cheapest settings that reach the target"""
+
+    bl_idname = "lfsr.plan"
+    bl_label = "Find the Least That Will Do"
+
+    def plan(self, context: bpy.types.Context) -> tuple[Steps, Any]:
+        """The plan of the current frame, then its result in the panel."""
+        scene = context.scene
+        frame = recipes.plan_frame(scene)
+        options = wanted(scene)
+        job = dataclasses.replace(frame.job, layers=candidates.layers_of(options.methods))
+        clear(context.window_manager.lfsr)
+        return find(job, options), functools.partial(show, scene.name)
+
+
+class LFSR_OT_plan_use(bpy.types.Operator):
+    """Set the samples, scale and method that were found"""
+
+    bl_idname = "lfsr.plan_use"
+    bl_label = "Use It"
+    bl_options = UNDO
+
+    @reports_errors
+    def execute(self, context: bpy.types.Context) -> Result:
+        """Set the three."""
+        scene, state = context.scene, context.window_manager.lfsr
+        if state.plan_scene != scene.name or not state.plan_method:
+            raise LfsrError(f"nothing was found for scene {scene.name!r}: press Find the Least That Will Do first")
+        scene.lfsr.scale, scene.lfsr.samples = str(state.plan_scale), state.plan_samples
+        scene.lfsr.method = state.plan_method
+        return {"FINISHED"}
+
+
+def wanted(scene: bpy.types.Scene) -> Options:
+    """What to plan for: the scene's target and the methods of the panel."""
+    return Options(target=round(scene.lfsr.plan_target, 4), methods=methods())
+
+
+def methods() -> tuple[str, ...]:
+    """Methods to try: those of a plan that the panel's list has."""
+    listed = {item[0] for item in method_items()}
+    return tuple(name for name in candidates.default_methods() if name in listed)
+
+
+def find(job: Any, options: Options) -> Steps:
+    """Plan for a copy of this file; the result is that of lfsr_core.tasks.plan_task."""
+    with steps.file_copy() as copy:
+        job = dataclasses.replace(job, scene=str(copy), output=str(copy.parent))
+        done = yield steps.rendering_step("Measuring lenses", 1.0, copy.parent, PLAN_TASK, job=job.to_dict(),
+                                          options=_given(options), work=str(Path(copy.parent, "plan")))
+    return done
+
+
+def show(scene_name: str, done: dict[str, Any]) -> None:
+    """Keep the result for the panel."""
+    state, chosen = bpy.context.window_manager.lfsr, done["chosen"]
+    state.plan_scene, state.plan_text = scene_name, done["sentence"]
+    if chosen:
+        state.plan_scale, state.plan_samples, state.plan_method = chosen["scale"], chosen["spp"], chosen["method"]
+    print(f"Light Field: {done['sentence']}")
+    session.redraw()
+
+
+def clear(state: bpy.types.PropertyGroup) -> None:
+    """Forget the last result: it must not seem to belong to what runs now."""
+    state.plan_scene = state.plan_text = state.plan_method = ""
+
+
+def _given(options: Options) -> dict[str, Any]:
+    """Options that differ from their defaults, JSON-ready (the default of the longest time is infinite)."""
+    return {field.name: getattr(options, field.name) for field in dataclasses.fields(options)
+            if getattr(options, field.name) != field.default}
+
+
+CLASSES = (LFSR_OT_plan, LFSR_OT_plan_use)

@@ -1,0 +1,130 @@
+"""What the buttons do: read the settings, start a task, report.
+
+Pressed in a window they return at once and a timer follows the task; called from
+a script or in background mode they return when the result is there.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import EIA_FILE
+
+from ...background import recipes, session
+from ...background.steps import Steps
+from ...results import preview, show_image
+from ...settings import scene_settings
+from .base import Result, TaskOperator
+
+
+class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
+    """Render the current frame as the display's elemental image array and open it in the Image Editor"""
+
+    bl_idname = "lfsr.render_eia"
+    bl_label = "Render EIA"
+
+    def plan(self, context: bpy.types.Context) -> tuple[Steps, Callable[[Any], None]]:
+        """One frame, then its image."""
+        scene = context.scene
+        plan = recipes.plan_frame(scene)
+        return recipes.render_frames([plan]), _show_eia_of(scene.name)
+
+
+class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
+    """Render the timeline's frame range, skipping frames that are complete"""
+
+    bl_idname = "lfsr.render_animation"
+    bl_label = "Render Animation"
+
+    def plan(self, context: bpy.types.Context) -> tuple[Steps, Callable[[Any], None]] | None:
+        """The frames that are missing, then the last one's image."""
+        scene = context.scene
+        missing, complete = recipes.plan_animation(scene)
+        if not missing:
+            self.report({"INFO"}, f"All {complete} frames are complete already")
+            return None
+        self.report({"INFO"}, f"Rendering {len(missing)} frames, {complete} are complete already")
+        return recipes.render_frames(missing), _show_eia_of(scene.name)
+
+
+class LFSR_OT_render_reference(TaskOperator, bpy.types.Operator):
+    """Path trace every view of some lenses without reconstruction and measure how close the rendered image is"""
+
+    bl_idname = "lfsr.render_reference"
+    bl_label = "Render Reference + SSIM"
+
+    def plan(self, context: bpy.types.Context) -> tuple[Steps, Callable[[Any], None]]:
+        """The reference of the current frame, then the metrics in its report."""
+        scene = context.scene
+        plan, job = recipes.plan_reference(scene)
+        return recipes.render_reference(plan, job, scene.lfsr.reference_lenses), self._tell
+
+    @staticmethod
+    def _tell(metrics: dict[str, Any]) -> None:
+        ssim = metrics.get("ssim_eia_fg")
+        print(f"Light Field: SSIM of the foreground {ssim:.4f}" if ssim is not None else "Light Field: no SSIM")
+
+
+class LFSR_OT_preview_view(TaskOperator, bpy.types.Operator):
+    """Show the view that the eye position sees in the Image Editor; its sliders then move the eye"""
+
+    bl_idname = "lfsr.preview_view"
+    bl_label = "Preview View"
+
+    def plan(self, context: bpy.types.Context) -> tuple[Steps, Callable[[Any], None]] | None:
+        """Decode the current frame's views unless that is done, then show one."""
+        scene = context.scene
+        folder = scene_settings.frame_folder(scene)
+        if not (folder / EIA_FILE).is_file():
+            raise LfsrError(f"there is no image in {folder} to preview: render the EIA first")
+        if recipes.is_decoded(folder):
+            _show_view(scene, recipes.views_file(folder))
+            return None
+        return recipes.decode_views(folder), functools.partial(_show_view_of, scene.name)
+
+
+class LFSR_OT_cancel(bpy.types.Operator):
+    """Stop the light-field render; finished frames stay, the scene is as it was"""
+
+    bl_idname = "lfsr.cancel"
+    bl_label = "Cancel Light Field Render"
+
+    def execute(self, _context: bpy.types.Context) -> Result:
+        """Stop the worker and tidy up."""
+        if not session.cancel():
+            self.report({"WARNING"}, "No light-field render is running")
+            return {"CANCELLED"}
+        self.report({"INFO"}, "Light-field render cancelled")
+        return {"FINISHED"}
+
+
+def _show_eia_of(scene_name: str) -> Callable[[Path], None]:
+    def finish(folder: Path) -> None:
+        scene = bpy.data.scenes.get(scene_name)
+        views = recipes.views_file(folder)
+        if scene is not None and views.is_file():
+            preview.load(scene, views)
+        show_image.open_file(folder / EIA_FILE)
+    return finish
+
+
+def _show_view_of(scene_name: str, views: Path) -> None:
+    scene = bpy.data.scenes.get(scene_name)
+    if scene is not None:
+        _show_view(scene, views)
+
+
+def _show_view(scene: bpy.types.Scene, views: Path) -> None:
+    preview.load(scene, views)
+    image = preview.show(scene, (scene.lfsr.eye_right, scene.lfsr.eye_up))
+    show_image.in_editor(image)
+
+
+CLASSES = (LFSR_OT_render_eia, LFSR_OT_render_animation, LFSR_OT_render_reference, LFSR_OT_preview_view,
+           LFSR_OT_cancel)

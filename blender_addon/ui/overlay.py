@@ -1,0 +1,137 @@
+"""The camera array as drawn in the 3D views: frustum, display rectangle and limits of usable depth."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.rays import CameraArray
+
+from .. import compat
+from ..array import rig
+from ..settings import scene_settings
+
+DISPLAY_COLOR, FRUSTUM_COLOR = (0.36, 0.78, 1.0), (0.75, 0.85, 0.95)
+USABLE_COLOR, SPARSE_COLOR = (1.0, 0.62, 0.25), (0.55, 1.0, 0.55)
+BEYOND = 4.0   # an unlimited range is drawn up to so many display distances
+LOOP = ((0, 1), (1, 2), (2, 3), (3, 0))
+
+_handle: object | None = None
+
+
+def rectangle(array: CameraArray, distance: float) -> np.ndarray:
+    """Corners (4, 3) in array space of what the display shows at ``distance``, around from bottom left."""
+    x, y = array.half_width * distance / array.distance, array.half_height * distance / array.distance
+    return np.array([(-x, -y, distance), (x, -y, distance), (x, y, distance), (-x, y, distance)])
+
+
+def viewing_zone(array: CameraArray, display: DisplayProfile) -> np.ndarray:
+    """Corners (4, 3) of the cameras' rectangle at the viewing position."""
+    x, y = (count * array.spacing / 2 for count in display.views)
+    return np.array([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, y, 0)])
+
+
+def lines(array: CameraArray, display: DisplayProfile, scale: int) -> list[tuple[tuple, float, float, np.ndarray]]:
+    """(colour, opacity, width in pixels, points (2n, 3) in array space) of every set of lines."""
+    near, far = rig.usable_depth(array, display)
+    seen_far = far if math.isfinite(far) else BEYOND * array.distance
+    plane, zone = rectangle(array, array.distance), viewing_zone(array, display)
+    edges = np.stack([rectangle(array, near), rectangle(array, seen_far)], axis=1).reshape(-1, 3)
+    sight = np.stack([np.zeros((4, 3)), rectangle(array, near)], axis=1).reshape(-1, 3)
+    drawn = [(FRUSTUM_COLOR, 0.35, 1.0, edges), (FRUSTUM_COLOR, 0.18, 1.0, sight),
+             (FRUSTUM_COLOR, 0.7, 1.5, _loop(zone)), (DISPLAY_COLOR, 1.0, 2.5, _loop(plane)),
+             (USABLE_COLOR, 0.9, 1.5, _loop(rectangle(array, near)))]
+    if math.isfinite(far):
+        drawn.append((USABLE_COLOR, 0.9, 1.5, _loop(rectangle(array, far))))
+    if scale > 1:
+        drawn += [(SPARSE_COLOR, 0.55, 1.0, _loop(rectangle(array, limit)))
+                  for limit in rig.usable_depth(array, display, scale) if math.isfinite(limit)]
+    return drawn
+
+
+def _loop(corners: np.ndarray) -> np.ndarray:
+    return np.concatenate([corners[list(pair)] for pair in LOOP])
+
+
+def draw() -> None:
+    """Draw handler of the 3D views, in world space."""
+    context = bpy.context
+    scene, space = context.scene, context.space_data
+    if not scene.lfsr.show_frustum or not space.overlay.show_overlays:
+        return
+    array = rig.find(scene)
+    if array is None or not array.visible_get():
+        return
+    try:
+        display = scene_settings.display_of(scene)
+        placed = rig.placement(scene, display)
+    except LfsrError:
+        return  # the panel says what is wrong with it
+    _draw(placed, display, int(scene.lfsr.scale))
+
+
+def _draw(placed: rig.Placement, display: DisplayProfile, scale: int) -> None:
+    import gpu
+
+    array, matrix = placed
+    to_world = np.array(matrix)
+    gpu.state.blend_set("ALPHA")
+    gpu.state.depth_test_set("LESS_EQUAL")
+    gpu.state.depth_mask_set(False)
+    try:
+        _draw_plane(_in_world(rectangle(array, array.distance), to_world))
+        for color, opacity, width, points in lines(array, display, scale):
+            _draw_lines(_in_world(points, to_world), (*color, opacity), width)
+    finally:
+        gpu.state.blend_set("NONE")
+        gpu.state.depth_test_set("NONE")
+
+
+def _in_world(points: np.ndarray, to_world: np.ndarray) -> list[tuple[float, ...]]:
+    return [tuple(point) for point in points @ to_world[:3, :3].T + to_world[:3, 3]]
+
+
+def _draw_plane(corners: list[tuple[float, ...]]) -> None:
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    shader = gpu.shader.from_builtin(compat.shader_name("UNIFORM_COLOR"))
+    batch = batch_for_shader(shader, "TRIS", {"pos": corners}, indices=[(0, 1, 2), (0, 2, 3)])
+    shader.bind()
+    shader.uniform_float("color", (*DISPLAY_COLOR, 0.06))
+    batch.draw(shader)
+
+
+def _draw_lines(points: list[tuple[float, ...]], color: tuple[float, ...], width: float) -> None:
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    shader = gpu.shader.from_builtin(compat.shader_name("POLYLINE_UNIFORM_COLOR"))
+    batch = batch_for_shader(shader, "LINES", {"pos": points})
+    shader.bind()
+    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+    shader.uniform_float("lineWidth", width * bpy.context.preferences.system.ui_scale)
+    shader.uniform_float("color", color)
+    batch.draw(shader)
+
+
+CLASSES = ()
+
+
+def register() -> None:
+    """Draw in every 3D view; there is none in background mode."""
+    global _handle
+    if not bpy.app.background:
+        _handle = bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", "POST_VIEW")
+
+
+def unregister() -> None:
+    """Draw no more."""
+    global _handle
+    if _handle is not None:
+        bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
+        _handle = None

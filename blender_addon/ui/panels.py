@@ -1,0 +1,259 @@
+"""What the artist sees in the sidebar's tab "Light Field": drawing only."""
+
+from __future__ import annotations
+
+import textwrap
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+
+from ..array import rig
+from ..background import session
+from ..results import preview
+from ..settings import scene_settings
+from . import summary
+from .presets import LFSR_PT_presets
+
+PIXELS_PER_LETTER = 6.6
+SEVERITY_ICONS = {"ERROR": "ERROR", "WARNING": "ERROR", "INFO": "INFO"}
+
+
+class LightFieldPanel:
+    """Place of every panel of the tab."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Light Field"
+
+
+class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
+    """Which display the image is for."""
+
+    bl_label = "Display"
+    bl_idname = "LFSR_PT_display"
+    bl_order = 0
+
+    def draw_header_preset(self, _context: bpy.types.Context) -> None:
+        """The preset menu."""
+        LFSR_PT_presets.draw_panel_header(self.layout)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Profile, scale and what they mean."""
+        layout, lfsr = _columns(self.layout), context.scene.lfsr
+        layout.prop(lfsr, "display", text="Profile")
+        if lfsr.display == scene_settings.PROFILE_FILE:
+            layout.prop(lfsr, "profile_file", text="File")
+        layout.prop(lfsr, "scale")
+        try:
+            facts = summary.display_facts(scene_settings.display_of(context.scene), int(lfsr.scale))
+        except LfsrError as error:
+            _sentence(self.layout, str(error), "ERROR", context)
+            return
+        _facts(self.layout, facts)
+
+
+class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
+    """The camera array in the scene."""
+
+    bl_label = "Camera Array"
+    bl_idname = "LFSR_PT_array"
+    bl_order = 1
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Add, fit, remove; distance and spacing."""
+        scene, layout = context.scene, self.layout
+        array = rig.find(scene)
+        if array is None:
+            layout.operator("lfsr.array_add", text="Add", icon="OUTLINER_OB_CAMERA")
+            layout.operator("lfsr.array_fit", text="Add and Fit to Selection", icon="FULLSCREEN_EXIT")
+            return
+        row = layout.row(align=True)
+        row.operator("lfsr.array_fit", text="Fit to Selection")
+        row.operator("lfsr.array_remove", text="", icon="TRASH")
+        self._draw_settings(context, array)
+
+    def _draw_settings(self, context: bpy.types.Context, array: bpy.types.Object) -> None:
+        column = _columns(self.layout).column()
+        column.enabled = rig.why_not_editable(array) is None
+        row = column.row(align=True)
+        row.prop(context.scene.lfsr, "distance", text="Distance")
+        row.operator("lfsr.select_plane", text="", icon="RESTRICT_SELECT_OFF")
+        column.prop(context.scene.lfsr, "spacing", text="Spacing", slider=True)
+        column.prop(context.scene.lfsr, "show_frustum", text="Show Frustum")
+        try:
+            facts = summary.depth_facts(context.scene)
+        except LfsrError as error:
+            _sentence(self.layout, str(error), "ERROR", context)
+            return
+        _facts(self.layout, facts)
+
+
+class LFSR_PT_check(LightFieldPanel, bpy.types.Panel):
+    """What will go wrong."""
+
+    bl_label = "Scene Check"
+    bl_idname = "LFSR_PT_check"
+    bl_order = 2
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The button and what it found last."""
+        layout, state = self.layout, context.window_manager.lfsr
+        layout.operator("lfsr.check_scene", text="Check Scene", icon="VIEWZOOM")
+        if state.checked_scene != context.scene.name:
+            return
+        if not state.problems:
+            layout.label(text="No problems found", icon="CHECKMARK")
+        for problem in state.problems:
+            _draw_problem(layout, problem, context)
+
+
+class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
+    """How much time an image may take."""
+
+    bl_label = "Quality"
+    bl_idname = "LFSR_PT_quality"
+    bl_order = 3
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Preset, samples, method, output."""
+        lfsr = context.scene.lfsr
+        layout = _columns(self.layout)
+        layout.prop(lfsr, "quality", text="Preset")
+        layout.prop(lfsr, "samples")
+        layout.prop(lfsr, "method")
+        layout.prop(lfsr, "seed")
+        layout.separator()
+        layout.prop(lfsr, "output")
+        layout.prop(lfsr, "linear_exr", text="Linear EXR")
+
+
+class LFSR_PT_plan(LightFieldPanel, bpy.types.Panel):
+    """The cheapest settings that are good enough."""
+
+    bl_label = "Least That Will Do"
+    bl_idname = "LFSR_PT_plan"
+    bl_parent_id = "LFSR_PT_quality"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Target, the button, what it found last."""
+        state = context.window_manager.lfsr
+        _columns(self.layout).prop(context.scene.lfsr, "plan_target")
+        row = self.layout.row()
+        row.enabled = session.current() is None
+        row.operator("lfsr.plan", icon="VIEWZOOM")
+        if state.plan_scene != context.scene.name:
+            return
+        _sentence(self.layout, state.plan_text, "CHECKMARK" if state.plan_method else "INFO", context)
+        if state.plan_method:
+            self.layout.operator("lfsr.plan_use")
+
+
+class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
+    """Render, compare, look."""
+
+    bl_label = "Render"
+    bl_idname = "LFSR_PT_render"
+    bl_order = 4
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Buttons, progress, what came out."""
+        layout, task = self.layout, session.current()
+        if task is not None:
+            session.draw_progress(layout.row(align=True), task)
+        column = layout.column()
+        column.enabled = task is None
+        column.scale_y = 1.2
+        column.operator("lfsr.render_eia", icon="RENDER_STILL")
+        column.operator("lfsr.render_animation", icon="RENDER_ANIMATION")
+        _columns(layout).prop(context.scene.lfsr, "use_overwrite")
+        message = context.window_manager.lfsr.message
+        if message:
+            _sentence(layout, message, "ERROR", context)
+
+
+class LFSR_PT_reference(LightFieldPanel, bpy.types.Panel):
+    """How close the image is to the truth."""
+
+    bl_label = "Reference"
+    bl_idname = "LFSR_PT_reference"
+    bl_parent_id = "LFSR_PT_render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Samples, lenses, the button, the last metrics."""
+        layout, lfsr = _columns(self.layout), context.scene.lfsr
+        layout.prop(lfsr, "reference_samples")
+        layout.prop(lfsr, "reference_lenses")
+        row = self.layout.row()
+        row.enabled = session.current() is None
+        row.operator("lfsr.render_reference", icon="RENDERLAYERS")
+        facts = summary.metric_facts(context.scene)
+        if facts:
+            _facts(self.layout, facts)
+
+
+class LFSR_PT_preview(LightFieldPanel, bpy.types.Panel):
+    """What an eye sees."""
+
+    bl_label = "Preview"
+    bl_idname = "LFSR_PT_preview"
+    bl_parent_id = "LFSR_PT_render"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The button and the eye's place."""
+        row = self.layout.row()
+        row.enabled = session.current() is None
+        row.operator("lfsr.preview_view", icon="HIDE_OFF")
+        column = _columns(self.layout).column(align=True)
+        column.enabled = preview.is_loaded(context.scene)
+        column.prop(context.scene.lfsr, "eye_right", slider=True)
+        column.prop(context.scene.lfsr, "eye_up", text="Up", slider=True)
+
+
+def _columns(layout: bpy.types.UILayout) -> bpy.types.UILayout:
+    """Labels left and values right, as in Blender's own panels."""
+    column = layout.column()
+    column.use_property_split = True
+    column.use_property_decorate = False
+    return column
+
+
+def _facts(layout: bpy.types.UILayout, facts: list[tuple[str, str]]) -> None:
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for name, value in facts:
+        split = column.split(factor=0.4)
+        left = split.row()
+        left.alignment = "RIGHT"
+        left.label(text=name)
+        split.label(text=value)
+
+
+def _draw_problem(layout: bpy.types.UILayout, problem: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    box = layout.box().column()
+    row = box.row()
+    row.alert = problem.severity == "ERROR"
+    row.label(text=problem.target, icon=SEVERITY_ICONS[problem.severity])
+    if problem.is_object:
+        row.operator("lfsr.check_select", text="", icon="RESTRICT_SELECT_OFF").target = problem.target
+    _sentence(box, problem.reason, "NONE", context)
+    if problem.fix:
+        button = box.operator("lfsr.check_fix", text=problem.fix)
+        button.code, button.target = problem.code, problem.target
+
+
+def _sentence(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.types.Context) -> None:
+    """Text over as many lines as the sidebar's width needs."""
+    # The interface has no scale where there is no window.
+    scale = (context.preferences.system.ui_scale or 1.0) * PIXELS_PER_LETTER
+    letters = max(20, int((context.region.width if context.region else 300) / scale) - 6)
+    column = layout.column(align=True)
+    column.scale_y = 0.75
+    for number, line in enumerate(textwrap.wrap(text, letters)):
+        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
+
+
+CLASSES = (LFSR_PT_display, LFSR_PT_array, LFSR_PT_check, LFSR_PT_quality, LFSR_PT_plan, LFSR_PT_render,
+           LFSR_PT_preview, LFSR_PT_reference)

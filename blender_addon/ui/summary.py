@@ -1,0 +1,61 @@
+"""Numbers that the panel shows, as (name, text) pairs."""
+
+from __future__ import annotations
+
+import functools
+import math
+from pathlib import Path
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json
+from lfsr_core.frames.frame import REPORT_FILE
+from lfsr_core.optics.display import DisplayProfile
+
+from ..array import rig
+from ..settings import scene_settings
+from ..settings.scene_settings import length
+
+Facts = list[tuple[str, str]]
+METRICS = {"ssim_eia_fg": "SSIM, foreground", "ssim_views_fg": "SSIM, views", "psnr_fg": "PSNR", "flip": "FLIP",
+           "ssim_eia_plain": "Plain SSIM", "ssim_ceiling": "Its ceiling"}
+IN_DECIBEL = ("psnr_fg",)
+
+
+def display_facts(display: DisplayProfile, scale: int) -> Facts:
+    """Lenses, views and resolutions of a display at a scale; LfsrError if the scale does not divide the views."""
+    low = display.low_views(scale)
+    lenses, views = display.lenses, display.views
+    return [("Lenses", f"{lenses[0]} × {lenses[1]}"),
+            ("Views", f"{views[0]} × {views[1]}"),
+            ("Rendered", f"{low[0]} × {low[1]}"),
+            ("", f"{lenses[0] * low[0]} × {lenses[1] * low[1]} px"),
+            ("Image", f"{display.panel_pixels[0]} × {display.panel_pixels[1]} px")]
+
+
+def depth_facts(scene: bpy.types.Scene) -> Facts:
+    """Sizes and usable depth of the scene's array; LfsrError if it or the display is broken."""
+    display = scene_settings.display_of(scene)
+    array, _ = rig.placement(scene, display)
+    near, far = rig.usable_depth(array, display)
+    return [("Width", length(scene, 2 * array.half_width)),
+            ("In Front", length(scene, array.distance - near)),
+            ("Behind", "unlimited" if math.isinf(far) else length(scene, far - array.distance))]
+
+
+def metric_facts(scene: bpy.types.Scene) -> Facts:
+    """Metrics in the report of the current frame; empty where there are none."""
+    try:
+        report = scene_settings.frame_folder(scene) / REPORT_FILE
+        return list(_metrics(str(report), report.stat().st_mtime_ns))
+    except (LfsrError, OSError):
+        return []  # nothing rendered yet
+
+
+@functools.lru_cache(maxsize=4)
+def _metrics(path: str, _changed: int) -> tuple[tuple[str, str], ...]:
+    """Panels ask on every redraw; the file is read once per change."""
+    metrics = read_json(Path(path), "a report").get("metrics", {})
+    return tuple((title, f"{metrics[name]:.1f} dB" if name in IN_DECIBEL else f"{metrics[name]:.4f}")
+                 for name, title in METRICS.items() if isinstance(metrics.get(name), (int, float)))

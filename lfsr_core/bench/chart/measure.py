@@ -1,0 +1,213 @@
+"""One cell of a chart: one render, finished by one method, timed and measured."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lfsr_core import __version__
+from lfsr_core.bench.chart.settings import CELL_FOLDER
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json, write_json
+from lfsr_core.frames.foreground import foreground_mask, recall
+from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame
+from lfsr_core.frames.reference import check_reference, read_half
+from lfsr_core.images.exr import read_layers
+from lfsr_core.metrics.eia_metrics import LensList, compare
+from lfsr_core.metrics.intervals import lens_intervals
+from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.registry import versions_of
+from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
+
+CELL_FORMAT = 1
+STAGES = ("load", "mask", "upscale", "assemble", "color", "write")
+
+
+@dataclasses.dataclass(frozen=True)
+class Truth:
+    """A reference in memory: halves (H, W, 3) scene-linear, foreground (sy, sx) bool, where it came from."""
+
+    folder: Path
+    frame: Frame
+    half_a: np.ndarray
+    half_b: np.ndarray
+    mask: np.ndarray
+
+    @property
+    def lens_list(self) -> LensList | None:
+        """The lenses it shows, None for all."""
+        return self.frame.lens_list
+
+
+def read_truth(folder: Path, mask: np.ndarray | None) -> Truth:
+    """The reference in ``folder``; ``mask`` (sy, sx) is the foreground where it shows only some lenses."""
+    frame = read_frame(folder)
+    (half_a, hit_a), (half_b, hit_b) = (read_half(folder / name, frame) for name in REFERENCE_FILES)
+    if frame.lens_list is None:
+        mask = hit_a | hit_b
+    if mask is None:
+        raise LfsrError(f"{folder} shows only some lenses, so a low-resolution render must say which are foreground, "
+                        "but there is none: run it without --only-measure")
+    return Truth(folder, frame, half_a, half_b, mask)
+
+
+def cell(folder: Path, name: str, truth: Truth, repeats: int, again: bool = False,
+         retime: bool = False) -> dict[str, Any]:
+    """The cell of frame folder ``folder`` and method ``name``; measured unless its file is there and still fits.
+
+    ``again`` measures it in any case, ``retime`` keeps metrics that fit and takes new times. The folder itself is not
+    written to. LfsrError where the method cannot finish this frame.
+    """
+    path = folder.parent / CELL_FOLDER / f"{folder.name}-{name}.json"
+    print_of = fingerprint(folder, name, truth)
+    known = read_json(path, "a measured cell") if path.exists() and not again else {}
+    fits = known.get("fingerprint") == print_of
+    if fits and not retime and len(known["second_stage_seconds"]) >= repeats:
+        return known
+    check_reference(read_frame(folder), truth.frame)
+    with scratch_copy(folder) as copy:
+        found = known if fits else {"fingerprint": print_of, "method": name, **_measured(copy, name, truth)}
+        found |= _times(copy, name, repeats, warm=not fits)
+    write_json(path, found)
+    return found
+
+
+def fingerprint(folder: Path, name: str, truth: Truth) -> dict[str, Any]:
+    """What a cell depends on, as hashes: a change means that it must be measured again."""
+    return {"format": CELL_FORMAT, "lfsr": __version__,
+            "frame": _hash((folder / FRAME_FILE).read_bytes()),
+            "reference": _hash((truth.folder / FRAME_FILE).read_bytes()), "mask": _hash(truth.mask.tobytes()),
+            "weights": fingerprint_of_weights(name),
+            **versions_of(name)}
+
+
+def fingerprint_of_weights(name: str) -> str:
+    """Hash of the weights behind a method."""
+    return _hash(b"".join(path.read_bytes() for path in weight_files(name)))
+
+
+def weight_files(name: str) -> list[Path]:
+    """Weights that the parts of a method may use, at any scale."""
+    stems = {catalogue.NETWORKS[part].weights or part if part in catalogue.NETWORKS else part
+             for part in name.split("+")}
+    return sorted(path for stem in stems for path in catalogue.WEIGHTS_FOLDER.glob(f"{stem}-x*.safetensors"))
+
+
+def _hash(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:16]
+
+
+def _measured(folder: Path, name: str, truth: Truth) -> dict[str, Any]:
+    metrics = _metrics(finished_linear(folder, name), truth)
+    if truth.lens_list is None:
+        frame = read_frame(folder)
+        mask = foreground_mask(read_layers(folder / LOW_RES_FILE), frame.rays.tiles)
+        metrics["recall"] = recall(mask, truth.mask)
+    return {"metrics": metrics}
+
+
+def _times(folder: Path, name: str, repeats: int, warm: bool) -> dict[str, Any]:
+    """Seconds of ``repeats`` runs; if not ``warm``, of runs after one that is not counted.
+
+    That one loads what a running program has loaded.
+    """
+    if not warm:
+        upscale_frame(folder, name)
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    runs = [_timed(folder, name) for _ in range(repeats)]
+    reports = [report for _, report in runs]
+    stages = {stage: statistics.median(report["seconds"][stage] for report in reports) for stage in STAGES}
+    return {"second_stage_seconds": [seconds for seconds, _ in runs], "stage_seconds": stages,
+            "notes": reports[-1]["notes"], "load_average": load}
+
+
+def _timed(folder: Path, name: str) -> tuple[float, dict[str, Any]]:
+    started = time.perf_counter()
+    report = upscale_frame(folder, name)
+    return round(time.perf_counter() - started, 4), report
+
+
+def _metrics(image: np.ndarray, truth: Truth) -> dict[str, Any]:
+    """Every metric with "ci95", whether the reference is whole or of sampled lenses."""
+    lenses = truth.frame.display.lenses
+    found = compare(image, truth.half_a, truth.half_b, lenses, truth.mask, lens_list=truth.lens_list)
+    if truth.lens_list is None:
+        found |= {"lenses": None, "ci95": lens_intervals(image, truth.half_a, truth.half_b, lenses, truth.mask)}
+    return {"recall": None} | found
+
+
+@contextmanager
+def scratch_copy(folder: Path) -> Iterator[Path]:
+    """A new folder beside ``folder`` with the same render in it, so that other readers of the render see no change."""
+    with tempfile.TemporaryDirectory(prefix=".chart-", dir=folder.parent) as name:
+        for file in (FRAME_FILE, LOW_RES_FILE):
+            try:
+                os.link(folder / file, Path(name) / file)
+            except OSError:  # another file system, or one without links
+                shutil.copyfile(folder / file, Path(name) / file)
+        yield Path(name)
+
+
+FRESH_FILE = "fresh-process.json"
+COUNTED_LENSES = (4, 3)
+
+
+def network_cost(name: str, scale: int, low_views: tuple[int, int]) -> dict[str, Any]:
+    """Parameters and multiply-adds per low-resolution pixel of the networks in a method; None where it has none.
+
+    ``low_views`` (w, h): pixels of a low-resolution elemental image. Open Image Denoise is not counted: it does not
+    tell.
+    """
+    counts = [_count(part, scale, low_views) for part in name.split("+") if part in catalogue.NETWORKS]
+    if not counts:
+        return {"parameters": None, "multiply_adds_per_low_pixel": None}
+    return {"parameters": sum(count for count, _ in counts),
+            "multiply_adds_per_low_pixel": float(sum(work for _, work in counts))}
+
+
+def _count(part: str, scale: int, low_views: tuple[int, int]) -> tuple[int, float]:
+    import torch
+
+    from lfsr_core.reconstruct.networks.pytorch.cost import multiply_adds, parameters
+    from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldNet
+
+    network = catalogue.build(part, scale).eval()
+    w, h = low_views
+    if not isinstance(network, LightFieldNet):
+        return parameters(network), multiply_adds(network, h, w)
+    # Several lenses: some of its convolutions may go across them.
+    sx, sy = COUNTED_LENSES
+    features = torch.zeros(sx * sy, network.config.input_channels, h, w)
+    return parameters(network), multiply_adds(network, h * sy, w * sx, features, features[:, :3], COUNTED_LENSES)
+
+
+def fresh_seconds(folder: Path, name: str, chart_folder: Path, again: bool = False) -> float:
+    """Wall seconds of `lfsr upscale` in a process of its own, start included; measured once per method and chart."""
+    path, key = chart_folder / FRESH_FILE, f"{name} {fingerprint_of_weights(name)}"
+    known = read_json(path, "seconds of fresh processes") if path.exists() else {}
+    if key not in known or again:
+        with scratch_copy(folder) as copy:
+            known[key] = _process_seconds([sys.executable, "-m", "lfsr_core.cli", "upscale", str(copy), "--method", name])
+        write_json(path, known)
+    return known[key]
+
+
+def _process_seconds(command: list[str]) -> float:
+    started = time.perf_counter()
+    finished = subprocess.run(command, capture_output=True, text=True, check=False)
+    if finished.returncode:
+        raise LfsrError(f"`{' '.join(command[3:])}` failed ({finished.stderr.strip()}): choose another method")
+    return round(time.perf_counter() - started, 3)

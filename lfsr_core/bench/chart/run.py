@@ -1,0 +1,200 @@
+"""The whole chart: renders, cells, analysis, chart.json and what people read."""
+
+from __future__ import annotations
+
+import os
+import platform
+import statistics
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from lfsr_core import __version__
+from lfsr_core.bench.chart import measure as chart_cells
+from lfsr_core.bench.chart import measure as chart_cost
+from lfsr_core.bench.chart import renders as chart_renders
+from lfsr_core.bench.chart.analysis import CEILING, DIRECT, LOW, METRICS, analyse
+from lfsr_core.bench.chart.records import FORMAT, check_chart
+from lfsr_core.bench.chart.settings import Settings
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import atomic_path, write_json
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.metrics.eia_metrics import METRIC_NAMES
+from lfsr_core.reconstruct.networks import catalogue
+
+CHART_FILE, PAGE_FILE, PICTURE_FILE, TABLE_FILE = "chart.json", "chart.html", "chart.svg", "chart.md"
+PACKAGES = ("bpy", "numpy", "pyoidn", "torch", "onnxruntime", "OpenImageIO", "opencolorio")
+Say = Callable[[str], None]
+
+
+def measure(settings: Settings, scenes: Sequence[Path], say: Say) -> dict[str, Any]:
+    """Measure ``scenes``, as far as they are not; chart.json is written after every one, and returned.
+
+    ``say(sentence)`` for every step. LfsrError where not one scene can be measured.
+    """
+    chart = {"format": FORMAT, "settings": settings.described(), "environment": environment(), "methods": [],
+             "skipped": [], "scenes": []}
+    _check_names(scenes)
+    for scene in scenes:
+        row = _scene(settings, scene, say, chart["skipped"])
+        if row is not None:
+            chart["scenes"].append(row)
+            chart["methods"] = chart["methods"] or list(_methods(settings, scene, row, say))
+            _write(settings, chart)
+    if not chart["scenes"]:
+        raise LfsrError(f"no scene could be measured ({'; '.join(chart['skipped'])}): run it without --only-measure")
+    _write(settings, chart)
+    return chart
+
+
+def _check_names(scenes: Sequence[Path]) -> None:
+    names = [scene.stem for scene in scenes]
+    for name in names:
+        if names.count(name) > 1:
+            raise LfsrError(f"two scenes are called {name!r}, but each has a folder of its name: rename one file")
+
+
+def _write(settings: Settings, chart: dict[str, Any]) -> None:
+    chart["environment"] = environment()  # only now is it known whether PyTorch was needed
+    check_chart(chart)
+    write_json(settings.folder / CHART_FILE, chart)
+
+
+def _scene(settings: Settings, path: Path, say: Say, skipped: list[str]) -> dict[str, Any] | None:
+    """Row of one scene; None, with a sentence in ``skipped``, if its reference is missing and may not be made."""
+    folder = chart_renders.reference(settings, path)
+    if folder is None:
+        _skip(f"{path.stem} has no reference", skipped, say)
+        return None
+    renders = list(_renders(settings, path, say, skipped))
+    mask = chart_renders.widest_mask(settings.folder / path.stem, settings.scale, settings.profile.lenses)
+    truth = chart_cells.read_truth(folder, mask)
+    cells = [cell for role, frame_folder in renders
+             for cell in _cells(settings, path, role, frame_folder, truth, say, skipped)]
+    if not cells:
+        _skip(f"{path.stem} has no render that a method could finish", skipped, say)
+        return None
+    return {"scene": path.stem, "blender": truth.frame.blender, "p": float(truth.mask.mean()),
+            "reference": {"samples": truth.frame.samples, "seconds": sum(truth.frame.seconds.values()),
+                          "lenses": None if truth.lens_list is None else len(truth.lens_list)},
+            "cells": cells, "analysis": [analyse(cells, settings.ours, metric) for metric in METRICS]}
+
+
+def _renders(settings: Settings, scene: Path, say: Say, skipped: list[str]) -> Iterator[tuple[str, Path]]:
+    """(role, frame folder) of every render, the cheap ones first."""
+    wanted = [(LOW, settings.scale, samples) for samples in settings.spps]
+    wanted += [(DIRECT, 1, samples) for samples in settings.direct_spps]
+    wanted += [(CEILING, settings.scale, settings.ceiling_spp)] if settings.ceiling_spp else []
+    for role, scale, samples in wanted:
+        folder = chart_renders.low_render(settings, scene, scale, samples)
+        if folder is None:
+            _skip(f"{scene.stem} has no render at scale {scale} with {samples} samples", skipped, say)
+        else:
+            yield role, folder
+
+
+def _cells(settings: Settings, scene: Path, role: str, folder: Path, truth: chart_cells.Truth, say: Say,
+           skipped: list[str]) -> Iterator[dict[str, Any]]:
+    frame = read_frame(folder)
+    # The ceiling's time is on no axis.
+    seconds = [frame.seconds["render"]] if role == CEILING else chart_renders.seconds_of(settings, scene, folder)
+    shared = {"role": role, "scale": frame.scale, "samples": frame.samples, "render_seconds": seconds,
+              "open_seconds": frame.seconds.get("open", 0.0), "device": frame.device}
+    for name in settings.direct_methods if role == DIRECT else settings.methods:
+        missing = without_weights(name, frame.scale)
+        if missing:
+            _skip(f"{name} at scale {frame.scale}: {', '.join(missing)} has no weights for it", skipped, say)
+            continue
+        say(f"{scene.stem}: {name} at scale {frame.scale}, {frame.samples} samples")
+        try:
+            found = chart_cells.cell(folder, name, truth, settings.repeats, again=name in settings.again,
+                                     retime=name in settings.retime and role != CEILING)
+        except LfsrError as error:
+            _skip(f"{name} at scale {frame.scale}: {error}", skipped, say)
+        else:
+            yield _row(shared, found)
+
+
+def without_weights(name: str, scale: int) -> list[str]:
+    """Networks of a method that were not trained for ``scale``."""
+    parts = [part for part in name.split("+") if part in catalogue.NETWORKS]
+    return [part for part in parts if scale not in catalogue.trained_scales(part)]
+
+
+def _row(shared: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
+    """One entry of "cells"."""
+    render, metrics = statistics.median(shared["render_seconds"]), found["metrics"]
+    totals = [render + seconds for seconds in found["second_stage_seconds"]]
+    spread = [min(shared["render_seconds"]) + min(found["second_stage_seconds"]),
+              max(shared["render_seconds"]) + max(found["second_stage_seconds"])]
+    return shared | {
+        "method": found["method"], "second_stage_seconds": found["second_stage_seconds"],
+        "stage_seconds": found["stage_seconds"], "notes": found["notes"], "load_average": found["load_average"],
+        "seconds": {"median": statistics.median(totals), "least": spread[0], "most": spread[1]},
+        "metrics": {name: metrics[name] for name in (*METRIC_NAMES, "recall")}, "ci95": metrics["ci95"]}
+
+
+def _methods(settings: Settings, scene: Path, row: dict[str, Any], say: Say) -> Iterator[dict[str, Any]]:
+    """What every method that was measured costs; its start is timed on the first scene's first render."""
+    measured = {cell["method"] for cell in row["cells"] if cell["role"] != DIRECT}
+    folder = chart_renders.render_folder(settings.folder / scene.stem, settings.scale, row["cells"][0]["samples"])
+    for name in settings.methods:
+        if name in measured:
+            say(f"{name} in a process of its own")
+            again = name in settings.again or name in settings.retime
+            seconds = chart_cost.fresh_seconds(folder, name, settings.folder, again=again)
+            cost = chart_cost.network_cost(name, settings.scale, settings.profile.low_views(settings.scale))
+            yield {"method": name, **cost, "fresh_process_seconds": seconds}
+
+
+def _skip(sentence: str, skipped: list[str], say: Say) -> None:
+    if sentence not in skipped:
+        skipped.append(sentence)
+        say(f"skipped: {sentence}")
+
+
+def environment() -> dict[str, Any]:
+    """What the figures depend on besides the code: processor, memory, system, versions."""
+    versions = {"lfsr": __version__} | {name: found for name in PACKAGES if (found := _version(name))}
+    return {"cpu": _cpu(), "cores": os.cpu_count() or 1, "memory_gib": _memory_gib(), "system": platform.system(),
+            "python": platform.python_version(), "gpu": _gpu(), "versions": versions}
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _cpu() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
+
+
+def _memory_gib() -> float | None:
+    try:
+        return round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1)
+    except (AttributeError, ValueError, OSError):
+        return None
+
+
+def _gpu() -> str | None:
+    torch = sys.modules.get("torch")  # not imported only to ask: without it no method used a GPU
+    return torch.cuda.get_device_name() if torch is not None and torch.cuda.is_available() else None
+
+
+def write_pages(folder: Path, chart: dict[str, Any]) -> list[Path]:
+    """Write what people read beside chart.json, and name all of it."""
+    from lfsr_core.bench.chart import page, panels, tables
+
+    written = {PAGE_FILE: page.page, PICTURE_FILE: panels.picture, TABLE_FILE: tables.markdown}
+    for name, make in written.items():
+        with atomic_path(folder / name) as temporary:
+            temporary.write_text(make(chart), encoding="utf-8")
+    return [folder / name for name in (CHART_FILE, *written)]

@@ -1,0 +1,110 @@
+"""What one chart measures, and where everything of it lies in the bench folder."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.display import DisplayProfile, load_display
+from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.registry import DEFAULT_METHOD, PLAIN_CHAINS, PLAIN_METHOD, UPSCALERS, method
+
+DENOISER, AS_RENDERED = "oidn", "none"
+DIRECT_METHODS = (AS_RENDERED, DENOISER)
+LAYERS = ("albedo", "normal")
+REFERENCE_FOLDER, CELL_FOLDER, TIMES_FOLDER = "reference", "cells", "render-times"
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """One chart: ``folder`` holds a folder per scene, see docs/chart.md.
+
+    ``spps``: samples per pixel of low-resolution renders at ``scale``, each finished by every one of ``methods``;
+    ``direct_spps``: of renders at scale 1, finished by ``direct_methods``. ``ceiling_spp``: of the nearly noise-free
+    low-resolution render, 0 for none. ``lenses`` None: a whole reference. ``only_measure`` refuses new renders.
+    ``again``: methods whose cells are measured afresh, ``retime``: those that are only timed afresh.
+    ``retime_renders``: renders are made again for their time, as often as ``render_repeats``. LfsrError for numbers
+    that cannot be.
+    """
+
+    folder: Path
+    display: str = "small"
+    scale: int = 4
+    spps: tuple[int, ...] = (1, 4, 16, 64)
+    direct_spps: tuple[int, ...] = (1, 4, 16)
+    methods: tuple[str, ...] = ()
+    direct_methods: tuple[str, ...] = DIRECT_METHODS
+    ours: str = DEFAULT_METHOD
+    reference_spp: int = 1024
+    lenses: int | None = None
+    ceiling_spp: int = 4096
+    repeats: int = 3
+    render_repeats: int = 1
+    only_measure: bool = False
+    device: str = "CPU"
+    blender: str | None = None
+    again: tuple[str, ...] = ()
+    retime: tuple[str, ...] = ()
+    retime_renders: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("spps", "direct_spps"):
+            _check_samples(name, getattr(self, name))
+        for name, least in (("repeats", 1), ("render_repeats", 1), ("ceiling_spp", 0), ("reference_spp", 2)):
+            if getattr(self, name) < least:
+                raise LfsrError(f"{name} is {getattr(self, name)}, but it must be {least} or more")
+        if self.ours not in self.methods:
+            raise LfsrError(f"our method {self.ours!r} is not among those measured, {', '.join(self.methods)}: "
+                            "add it to --methods or choose another with --ours")
+        self.profile.low_views(self.scale)
+
+    @property
+    def profile(self) -> DisplayProfile:
+        """The display."""
+        return load_display(self.display)
+
+    def described(self) -> dict[str, Any]:
+        """The part that decides the figures, JSON-ready."""
+        names = ("display", "scale", "spps", "direct_spps", "methods", "direct_methods", "ours", "reference_spp",
+                 "lenses", "ceiling_spp", "repeats", "render_repeats")
+        values = {name: getattr(self, name) for name in names}
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+
+
+def _check_samples(name: str, samples: tuple[int, ...]) -> None:
+    if not all(count >= 1 for count in samples) or len(set(samples)) != len(samples):
+        raise LfsrError(f"{name} are {', '.join(map(str, samples))}, but they must be different whole numbers from 1")
+    if name == "spps" and not samples:
+        raise LfsrError("there are no samples per pixel to measure at: give some with --spps, as in 1,4,16,64")
+
+
+def render_folder(scene_folder: Path, scale: int, samples: int) -> Path:
+    """Frame folder of one render of a scene."""
+    return scene_folder / f"s{scale}-spp{samples}"
+
+
+def default_methods() -> tuple[str, ...]:
+    """Every upscaler alone and after the denoiser, as far as it is meant to be; the default method first.
+
+    Taken from ``upscale.UPSCALERS``, so that a method that is added there is measured without being named here.
+    """
+    upscalers = [name for name in UPSCALERS if name != AS_RENDERED]
+    return tuple(dict.fromkeys([DEFAULT_METHOD, *(chain for name in upscalers for chain in _chains(name))]))
+
+
+def _chains(upscaler: str) -> tuple[str, ...]:
+    """The ways to use one upscaler: networks of ours were trained for one of them only."""
+    network = catalogue.NETWORKS.get(upscaler)
+    if network and network.after:
+        return (f"{network.after}+{upscaler}",)
+    if network and network.light_field:
+        return (upscaler,)
+    return upscaler, *(PLAIN_CHAINS if upscaler == PLAIN_METHOD else (f"{DENOISER}+{upscaler}",))
+
+
+def check_methods(names: tuple[str, ...]) -> None:
+    """LfsrError for a name that is no method."""
+    for name in names:
+        method(name)

@@ -1,0 +1,165 @@
+"""What every candidate of a bench folder truly reaches and takes, and renders replayed from it.
+
+A bench folder holds per scene ``reference/`` and ``s{scale}-spp{n}/``, whole frame
+folders of `lfsr reference` and `lfsr render`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import re
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from lfsr_core.bench.chart.renders import known_seconds
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json, write_json
+from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame, write_frame
+from lfsr_core.frames.job import Job
+from lfsr_core.frames.reference import check_reference, read_half
+from lfsr_core.images.exr import read_layers, write_layers
+from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.metrics.split_ssim import stacked_ssim
+from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.plan.candidates import Candidate
+from lfsr_core.plan.times import path_samples
+from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
+
+REFERENCE = "reference"
+RENDER_FOLDER = re.compile(r"s(\d+)-spp(\d+)")
+
+
+@dataclasses.dataclass(frozen=True)
+class Actual:
+    """``accuracy`` by the metric as sampled lenses define it (docs/metrics.md), and ``seconds`` of the whole frame."""
+
+    accuracy: float
+    seconds: float
+
+
+def scenes(bench: Path) -> list[Path]:
+    """Folders of the scenes with a reference and at least one render."""
+    return sorted(path.parents[1] for path in bench.glob(f"*/{REFERENCE}/{FRAME_FILE}") if renders(path.parents[1]))
+
+
+def renders(scene: Path) -> dict[tuple[int, int], Path]:
+    """Frame folders of a scene by scale and samples."""
+    found = {}
+    for path in scene.glob(f"s*-spp*/{FRAME_FILE}"):
+        name = RENDER_FOLDER.fullmatch(path.parent.name)
+        if name and (path.parent / LOW_RES_FILE).exists():
+            found[int(name[1]), int(name[2])] = path.parent
+    return found
+
+
+def truth(scene: Path, candidate: Candidate, metric: str, cache: Path) -> Actual:
+    """Of one candidate; what was measured once is read from the folder ``cache``.
+
+    LfsrError where it cannot be made, or where the reference is of sampled lenses
+    only: its own uncertainty would be as large as the plan's.
+    """
+    path = cache / f"{candidate.name.replace(' ', '-')}-{metric}.json"
+    if not path.exists():
+        folder = renders(scene)[candidate.scale, candidate.spp]
+        write_json(path, dataclasses.asdict(Actual(_accuracy(folder, scene / REFERENCE, candidate.method, metric),
+                                                  _seconds(folder, candidate.method))))
+    return Actual(**read_json(path, "the truth of a candidate"))
+
+
+def _accuracy(folder: Path, reference: Path, method: str, metric: str) -> float:
+    frame = read_frame(folder)
+    halves, hits = _reference(reference)
+    check_reference(frame, read_frame(reference))
+    image = to_elemental_images(finished_linear(folder, method), frame.display.lenses)
+    counted = hits if metric == "ssim_eia_fg" else np.ones_like(hits)
+    return float(stacked_ssim(srgb_encode(image[counted]), *(half[counted] for half in halves)).mean())
+
+
+@functools.lru_cache(maxsize=1)
+def _reference(folder: Path) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+    """Both halves (sy, sx, py, px, 3) as sRGB values, and the lenses with foreground (sy, sx)."""
+    frame = read_frame(folder)
+    if frame.lens_list is not None:
+        raise LfsrError(f"the reference {folder} is of {len(frame.lens_list)} lenses only, but the truth needs all: "
+                        "render it without --lenses")
+    images, hits = zip(*(read_half(folder / name, frame) for name in REFERENCE_FILES), strict=True)
+    return tuple(srgb_encode(to_elemental_images(image, frame.rays.tiles)) for image in images), np.any(hits, 0)
+
+
+def _seconds(folder: Path, method: str) -> float:
+    """Render, as it took then, and second stage, as it takes now; the folder itself stays as it is."""
+    with tempfile.TemporaryDirectory(prefix="lfsr-truth-") as name:
+        write_frame(name, timed_frame(folder))
+        shutil.copy(folder / LOW_RES_FILE, name)
+        return sum(upscale_frame(name, method)["seconds"].values())
+
+
+def timed_frame(folder: Path) -> Frame:
+    """The frame of a bench's render with the seconds of its timed repeats (`lfsr chart --retime-renders`), if any."""
+    frame = read_frame(folder)
+    return dataclasses.replace(frame, seconds={**frame.seconds, "render": float(np.median(known_seconds(folder)))})
+
+
+def setup_seconds(scene: Path) -> float:
+    """What a render of the scene takes whatever its size, from the bench's: seconds over path samples, as a line."""
+    frames = [timed_frame(folder) for folder in renders(scene).values()]
+    samples, seconds = np.array([(path_samples(frame), frame.seconds["render"]) for frame in frames], float).T
+    if len(set(samples)) < 2:
+        return 0.0
+    # By their inverse, so that seconds of short renders count as much as those of long ones.
+    return float(np.clip(np.polyfit(samples, seconds, 1, w=1 / np.maximum(seconds, 1e-6))[1], 0, seconds.min()))
+
+
+def replay(scene: Path, job: Job) -> None:
+    """Do ``job`` by cutting its lenses out of a whole frame of the bench folder, instead of rendering them.
+
+    Seconds are the scene's set-up and what is left of the frame's, for as many
+    pixels. A reference's two halves show the same half of the bench's, which of
+    them the seed decides.
+    """
+    source = _source(scene, job)
+    frame, target = timed_frame(source), Path(job.output)
+    tiled = dataclasses.replace(frame, lens_list=job.lens_list, seed=job.seed, samples=job.spp)
+    share = np.prod(tiled.rays.size) / np.prod(frame.rays.size) * job.spp / frame.samples
+    target.mkdir(parents=True, exist_ok=True)
+    files = {LOW_RES_FILE: LOW_RES_FILE}
+    if job.kind == "reference":
+        files = dict.fromkeys(REFERENCE_FILES, REFERENCE_FILES[job.seed % 2])
+    for name, original in files.items():
+        write_layers(target / name, {layer: _cut(pixels, frame, tiled)
+                                     for layer, pixels in _layers(source / original).items()})
+    whole = frame.seconds["render"]
+    setup = min(setup_seconds(scene), whole)
+    seconds = {**frame.seconds, "render": setup + (whole - setup) * float(share)}
+    write_frame(target, dataclasses.replace(tiled, seconds=seconds))
+
+
+def _source(scene: Path, job: Job) -> Path:
+    """The render asked for, else of the same scale the one of nearest samples: good enough for a quick look."""
+    if job.kind == "reference":
+        return scene / REFERENCE
+    known = {spp: path for (scale, spp), path in renders(scene).items() if scale == job.scale}
+    if not known:
+        raise LfsrError(f"{scene} has no render of scale {job.scale}, which a plan starts from: render one")
+    return known[min(known, key=lambda spp: abs(spp - job.spp))]
+
+
+@functools.lru_cache(maxsize=16)
+def _layers(path: Path) -> Mapping[str, np.ndarray]:
+    return read_layers(path)
+
+
+def _cut(pixels: np.ndarray, whole: Frame, tiled: Frame) -> np.ndarray:
+    """Tiles (H, W, C) of the listed lenses, spare ones repeating the last, as RayLayout places them."""
+    if tiled.lens_list is None:
+        return pixels
+    across, down = tiled.rays.tiles
+    rows, columns = np.asarray(tiled.lens_list)[np.minimum(np.arange(across * down), len(tiled.lens_list) - 1)].T
+    images = to_elemental_images(pixels, whole.rays.tiles)[rows, columns]
+    images = images.reshape(down, across, *images.shape[1:]).swapaxes(1, 2)
+    return images.reshape(images.shape[0] * images.shape[1], -1, images.shape[-1])

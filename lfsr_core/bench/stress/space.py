@@ -1,0 +1,124 @@
+"""What the stability suite turns: one dial per kind of difficulty, as data, and the geometry the dials speak of.
+
+Lengths are lens pitches: the display is ``lenses`` units wide, its plane is
+y = 0, the viewer stands at y = -distance, behind the display is y > 0.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.display import DisplayProfile
+
+LEAST_NEAR = 0.08  # nearest distance from the viewer, in viewing distances, that anything may have
+CARD = (5, 3)  # lenses that the moving card covers, where the display has room for it
+CARD_DEPTH = 0.25  # usable depths behind the display
+
+
+@dataclasses.dataclass(frozen=True)
+class Space:
+    """A display and its camera array in lens pitches; ``spacing`` is between high-resolution views."""
+
+    lenses: tuple[int, int]
+    views: tuple[int, int]
+    distance: float
+    spacing: float
+    scale: int
+
+    @classmethod
+    def of(cls, profile: DisplayProfile, scale: int) -> Space:
+        """Space of ``profile`` for renders at ``scale``."""
+        pitch = profile.lens_pitch_mm[0]
+        return cls(profile.lenses, profile.views, profile.viewing_distance_mm / pitch,
+                   profile.camera_spacing_mm / pitch, scale)
+
+    @property
+    def front(self) -> float:
+        """Usable depth in front of the display at this scale, as ``DisplayProfile.depth_range_mm``."""
+        return self.distance / (self.scale * self.spacing + 1)
+
+    @property
+    def behind(self) -> float:
+        """Usable depth behind the display at this scale; ten viewing distances where there is no nearer limit."""
+        return self.distance / max(self.scale * self.spacing - 1, 0.1)
+
+    def depth(self, usable: float) -> float:
+        """y of ``usable`` usable depths, negative in front; LfsrError if that is at the viewer."""
+        y = usable * (self.behind if usable > 0 else self.front)
+        if y < -(1 - LEAST_NEAR) * self.distance:
+            raise LfsrError(f"{-usable:g} usable depths in front of this display lie at the viewer: "
+                            "choose a display with smaller lenses, or other dials with --dials")
+        return y
+
+    def depth_of_slope(self, slope: float) -> float:
+        """y behind the display where a point moves by ``slope`` lenses per rendered view; LfsrError if nowhere."""
+        low = self.scale * self.spacing
+        if slope >= low:
+            raise LfsrError(f"no depth behind this display has a slope of {slope:g} lens pitches per rendered view, "
+                            f"the limit is {low:.3g}: choose a display with smaller lenses, or other dials")
+        return slope * self.distance / (low - slope)
+
+    def slope(self, y: float) -> float:
+        """Lenses by which neighbouring rendered views move a point at depth ``y``."""
+        return self.scale * self.spacing * y / (self.distance + y)
+
+    def magnified(self, y: float) -> float:
+        """Size at depth ``y`` that covers one lens, seen from the viewing position."""
+        return (self.distance + y) / self.distance
+
+    def footprint(self, y: float) -> float:
+        """Width at depth ``y`` that the rays of one high-resolution pixel cover: lens and cell of views together."""
+        return self.magnified(y) + self.spacing * abs(y) / self.distance
+
+    def window(self, y: float) -> tuple[float, float]:
+        """Half-width and half-height at depth ``y`` of all that any view sees."""
+        reach = self.spacing * abs(y) / self.distance / 2
+        return tuple(lenses / 2 * self.magnified(y) + reach * views
+                     for lenses, views in zip(self.lenses, self.views, strict=True))
+
+    def nyquist(self, y: float) -> float:
+        """Cycles per lens pitch, at depth ``y`` != 0, above which rendered views alias inside an elemental image."""
+        return self.distance / (2 * self.scale * self.spacing * abs(y))
+
+
+def hole(lenses: tuple[int, int], share: float) -> tuple[int, int]:
+    """(columns, rows) of a block of lenses whose share of all is nearest to ``share``, the squarest of those."""
+    blocks = [(columns, rows) for columns in range(1, lenses[0] + 1) for rows in range(1, lenses[1] + 1)]
+    return min(blocks, key=lambda block: (round(abs(math.prod(block) / math.prod(lenses) - share), 9),
+                                          abs(math.log(block[0] / block[1] / (lenses[0] / lenses[1])))))
+
+
+def rectangle_path(frames: int, lenses_per_frame: int, room: tuple[int, int]) -> list[tuple[int, int]]:
+    """(column, row) in whole lenses of each of ``frames`` frames: clockwise round a rectangle inside ``room``.
+
+    Steps are ``lenses_per_frame`` long; 0 stays at the start.
+    """
+    if lenses_per_frame == 0:
+        return [(0, 0)] * frames
+    across, down = (max(1, reach // lenses_per_frame) for reach in room)
+    steps = [(1, 0)] * across + [(0, 1)] * down + [(-1, 0)] * across + [(0, -1)] * down
+    place, path = (0, 0), []
+    for frame in range(frames):
+        path.append(place)
+        step = steps[frame % len(steps)]
+        place = tuple(at + lenses_per_frame * by for at, by in zip(place, step, strict=True))
+    return path
+
+
+def card_of_motion(space: Space, lenses_per_frame: int,
+                   frames: int) -> tuple[float, tuple[float, float], list[tuple[int, int]]]:
+    """Depth y of the moving card, its half-sizes (x, z), and its place per frame in whole lenses."""
+    covered = tuple(min(card, lenses - 2) for card, lenses in zip(CARD, space.lenses, strict=True))
+    room = tuple(lenses - card - 1 for lenses, card in zip(space.lenses, covered, strict=True))
+    y = space.depth(CARD_DEPTH)
+    half = tuple(card / 2 * space.magnified(y) for card in covered)
+    return y, half, rectangle_path(frames, lenses_per_frame, room)
+
+
+def card_centre(space: Space, y: float, place: tuple[int, int], path: Sequence[tuple[int, int]]) -> tuple[float, float]:
+    """(x, z) of the card at ``place`` of a path that lies in the middle of the display; z upwards."""
+    middle = [(min(axis) + max(axis)) / 2 for axis in zip(*path, strict=True)]
+    return (place[0] - middle[0]) * space.magnified(y), -(place[1] - middle[1]) * space.magnified(y)

@@ -1,0 +1,59 @@
+"""Arguments and steps that ``render`` and ``reference`` share."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.frames.job import LAYOUTS, Job, check_scene
+from lfsr_core.optics.display import load_display
+from lfsr_core.optics.rays import CONVENTIONS
+from lfsr_core.progress import ProgressBar
+from lfsr_core.render.blender import find_blender
+from lfsr_core.render.process import run_job
+
+
+def add_scene_arguments(parser: argparse.ArgumentParser, samples: int) -> None:
+    """The scene, where to write, how many samples, and everything that decides the geometry."""
+    parser.add_argument("scene", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="frame folder to write")
+    parser.add_argument("--spp", type=int, default=samples, metavar="N", help="samples per pixel, default: %(default)s")
+    add_geometry_arguments(parser)
+
+
+def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
+    """Display, views, subject and the Blender that renders them."""
+    parser.add_argument("--display", default="bupt-32in-8k", metavar="NAME|FILE.toml", help="default: %(default)s")
+    parser.add_argument("--layout", choices=LAYOUTS, default=LAYOUTS[0], help="default: %(default)s")
+    parser.add_argument("--convention", choices=CONVENTIONS, default=CONVENTIONS[0],
+                        help="where views lie; `paper` only to reproduce the paper")
+    parser.add_argument("--view-aperture", type=float, default=1.0, metavar="0..1",
+                        help="share of a view's cell its rays cover, default: %(default)s")
+    parser.add_argument("--seed", type=int, default=0, metavar="N")
+    parser.add_argument("--frame", type=int, metavar="N", help="default: the scene's current frame")
+    parser.add_argument("--subject", metavar="COLLECTION",
+                        help="the foreground; default: everything but the world and a collection called Background")
+    parser.add_argument("--world-visible", action=argparse.BooleanOptionalAction,
+                        help="show the world behind the subject; default: what the scene says")
+    parser.add_argument("--device", default="CPU", metavar="NAME", help="Cycles device, default: %(default)s")
+    parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")
+
+
+def make_job(arguments: argparse.Namespace, **values: Any) -> Job:
+    """Validated job of the parsed arguments; ``values`` add to them or replace them."""
+    shared = ("output", "spp", "layout", "convention", "view_aperture", "seed", "frame", "subject", "device",
+              "world_visible")
+    given = {name: getattr(arguments, name) for name in shared if name not in values}
+    given |= {"scene": check_scene(arguments.scene), "display": load_display(arguments.display)} | values
+    return Job(**given | {"output": str(given["output"])})
+
+
+def render(arguments: argparse.Namespace, job: Job) -> None:
+    """Run ``job`` in Blender with a progress bar."""
+    blender = find_blender(arguments.blender)
+    progress = ProgressBar()
+    try:
+        run_job(job, blender, progress, progress.note)
+    finally:
+        progress.close()

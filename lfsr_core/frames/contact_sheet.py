@@ -1,0 +1,88 @@
+"""Pictures that let a person judge an EIA: decoded views, epipolar images, the simulated eye."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import EIA_FILE, read_frame
+from lfsr_core.optics import eia
+from lfsr_core.optics.display import DisplayProfile
+
+VIEWS_ACROSS = 5
+GAP_PIXELS = 4
+SHEET_FILE, HORIZONTAL_EPI_FILE, VERTICAL_EPI_FILE, EYE_FILE = "views.png", "epi_x.png", "epi_y.png", "eye.png"
+LEAST_EPI_HEIGHT, LEAST_VIEW_WIDTH = 160, 192
+
+
+def view_order(panel: np.ndarray, profile: DisplayProfile) -> np.ndarray:
+    """Finished EIA (H, W, C) in panel order -> view order; LfsrError if it is not the profile's size."""
+    width, height = profile.panel_pixels
+    if panel.shape[:2] != (height, width):
+        raise LfsrError(f"the EIA has {panel.shape[1]}×{panel.shape[0]} pixels, but display {profile.name!r} has "
+                        f"{width}×{height}: upscale the folder again")
+    return eia.flip_order(panel, profile.lenses) if profile.ei_order == "flipped" else panel
+
+
+def contact_sheet(image: np.ndarray, lenses: tuple[int, int], across: int = VIEWS_ACROSS) -> np.ndarray:
+    """Grid of evenly spaced views of an EIA (H, W, C) in view order; topmost, leftmost camera first.
+
+    Views of few lenses are enlarged by repeating pixels.
+    """
+    views = eia.to_views(image, lenses)
+    rows, columns = (_evenly(count, across) for count in views.shape[:2])
+    times = _times(views.shape[3], LEAST_VIEW_WIDTH)
+    shown = views[np.ix_(rows, columns)].repeat(times, axis=2).repeat(times, axis=3)
+    padded = np.pad(shown, ((0, 0), (0, 0), (0, GAP_PIXELS), (0, GAP_PIXELS), (0, 0)), constant_values=255)
+    return eia.from_elemental_images(padded)[:-GAP_PIXELS, :-GAP_PIXELS]
+
+
+def epi_pair(image: np.ndarray, lenses: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Horizontal and vertical epipolar image through the middle, enlarged to be visible.
+
+    (views, lenses, C): a slanted line is a point in depth, a vertical one lies on the display.
+    """
+    px, py = eia.views_per_lens(image, lenses)
+    pair = (eia.horizontal_epi(image, lenses, lenses[1] // 2, py // 2),
+            eia.vertical_epi(image, lenses, lenses[0] // 2, px // 2))
+    return tuple(_enlarged(epi) for epi in pair)
+
+
+def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = None) -> list[Path]:
+    """Write contact sheet and EPI pair of a finished folder, and what an eye at ``eye_mm`` sees.
+
+    ``eye_mm``: millimetres from the display's centre, rightwards, upwards, towards
+    the viewer. Returns the written files; LfsrError where the EIA is missing.
+    """
+    from lfsr_core.images.png import read_png, write_png
+
+    folder, profile = Path(folder), read_frame(folder).display
+    panel = read_png(folder / EIA_FILE)
+    image = view_order(panel, profile)
+    pictures = dict(zip((HORIZONTAL_EPI_FILE, VERTICAL_EPI_FILE), epi_pair(image, profile.lenses), strict=True))
+    pictures[SHEET_FILE] = contact_sheet(image, profile.lenses)
+    if eye_mm is not None:
+        from lfsr_core.optics.eye import see
+
+        pictures[EYE_FILE] = see(panel, profile, eye_mm)
+    for name, picture in pictures.items():
+        write_png(folder / name, picture)
+    return [folder / name for name in pictures]
+
+
+def _evenly(count: int, wanted: int) -> np.ndarray:
+    """Indices of ``wanted`` views, each the middle of an equal share of ``count``."""
+    wanted = min(count, wanted)
+    return ((np.arange(wanted) + 0.5) * count / wanted).astype(int)
+
+
+def _enlarged(epi: np.ndarray) -> np.ndarray:
+    times = _times(epi.shape[0], LEAST_EPI_HEIGHT)
+    return epi.repeat(times, axis=0).repeat(times, axis=1)
+
+
+def _times(pixels: int, least: int) -> int:
+    """Whole number by which to repeat ``pixels`` so that they are at least ``least``."""
+    return max(1, -(-least // pixels))

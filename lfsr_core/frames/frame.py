@@ -1,0 +1,87 @@
+"""The frame folder: what the render stage hands to the second stage.
+
+``frame.json`` holds enough to render the same frame again; see docs/frame-folder.md.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json, write_json
+from lfsr_core.images.view_transform import ColorSettings
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.rays import CameraArray, RayLayout
+
+FORMAT = 1
+FRAME_FILE, REPORT_FILE = "frame.json", "report.json"
+LOW_RES_FILE, MASK_FILE, EIA_FILE, EIA_LINEAR_FILE = "lr_eia.exr", "mask.png", "eia.png", "eia.exr"
+REFERENCE_FILES = ("reference_a.exr", "reference_b.exr")
+
+
+@dataclasses.dataclass(frozen=True)
+class Frame:
+    """Everything that decides the pixels of one render.
+
+    ``scale`` is 1 for a full-resolution render. ``matrix_world`` takes
+    camera-array space (+X right, +Y up, +Z towards the display) to the world,
+    row by row. ``layers`` names the auxiliary layers in the EXR. ``seconds``
+    holds the render stage's own times.
+    """
+
+    display: DisplayProfile
+    scale: int
+    array: CameraArray
+    matrix_world: tuple[tuple[float, ...], ...]
+    samples: int
+    seed: int = 0
+    frame: int = 1
+    convention: str = "centred"
+    view_aperture: float = 1.0
+    lens_list: tuple[tuple[int, int], ...] | None = None
+    layout: str = "one-pass"
+    layers: tuple[str, ...] = ()
+    world_visible: bool = False
+    color: ColorSettings = dataclasses.field(default_factory=ColorSettings)
+    scene: str = ""
+    subject: str = ""
+    blender: str = ""
+    device: str = "CPU"
+    seconds: dict[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def rays(self) -> RayLayout:
+        """Ray layout of this render."""
+        return RayLayout.for_display(self.display, self.array, self.scale, convention=self.convention,
+                                     view_aperture=self.view_aperture, lens_list=self.lens_list)
+
+
+def write_frame(folder: str | Path, frame: Frame) -> None:
+    """Write ``frame.json`` into ``folder``."""
+    data = dataclasses.asdict(frame) | {"format": FORMAT, "display": frame.display.to_dict()}
+    write_json(Path(folder) / FRAME_FILE, data)
+
+
+def read_frame(folder: str | Path) -> Frame:
+    """Read ``frame.json``; LfsrError if absent, of another format, or incomplete."""
+    path = Path(folder) / FRAME_FILE
+    data = read_json(path, "the frame.json of a rendered frame folder")
+    if not isinstance(data, dict) or data.pop("format", None) != FORMAT:
+        raise LfsrError(f"{path} is not of format {FORMAT}, the one this version reads: render the frame again")
+    try:
+        return Frame(**_typed(data))
+    except (TypeError, KeyError) as error:
+        raise LfsrError(f"{path} is incomplete or has unknown entries ({error}): render the frame again") from None
+
+
+def _typed(data: dict[str, Any]) -> dict[str, Any]:
+    data["display"] = DisplayProfile.from_dict(data["display"], source="frame.json")
+    data["array"] = CameraArray(**data["array"])
+    data["color"] = ColorSettings(**data["color"])
+    data["matrix_world"] = tuple(tuple(row) for row in data["matrix_world"])
+    data["layers"] = tuple(data["layers"])
+    if data["lens_list"] is not None:
+        data["lens_list"] = tuple((row, column) for row, column in data["lens_list"])
+    return data

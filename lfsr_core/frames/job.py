@@ -1,0 +1,120 @@
+"""One render job: the JSON file that the command line and the add-on hand to Blender."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.rays import CONVENTIONS
+
+KINDS = ("render", "reference")
+LAYERS = ("albedo", "normal", "position", "index")
+LAYOUTS = ("one-pass", "view-by-view")
+SCENE_SUFFIXES = (".blend", ".glb", ".gltf", ".obj")
+
+
+@dataclasses.dataclass(frozen=True)
+class Job:
+    """What to render and where to; LfsrError on values that cannot be rendered.
+
+    ``scene`` may be empty when Blender has it open already; ``scene_name`` is the
+    scene in that file, None the one that is open in it. ``spp``: samples per
+    pixel, which a reference splits evenly over its two halves. ``frame`` None
+    renders the scene's current frame, ``subject`` None everything but a
+    collection called Background, ``world_visible`` None what the scene's own film
+    setting says. ``lens_list``: (row, column) pairs, None for all lenses.
+    ``clamp_indirect`` None: Cycles' default; 0: unclamped.
+    """
+
+    output: str
+    display: DisplayProfile
+    scene: str = ""
+    kind: str = "render"
+    scale: int = 4
+    spp: int = 16
+    layers: tuple[str, ...] = ()
+    layout: str = "one-pass"
+    convention: str = "centred"
+    view_aperture: float = 1.0
+    seed: int = 0
+    frame: int | None = None
+    subject: str | None = None
+    lens_list: tuple[tuple[int, int], ...] | None = None
+    device: str = "CPU"
+    clamp_indirect: float | None = None
+    world_visible: bool | None = None
+    scene_name: str | None = None
+
+    def __post_init__(self) -> None:
+        for field, choices in (("kind", KINDS), ("layout", LAYOUTS), ("convention", CONVENTIONS)):
+            _check_choice(field, getattr(self, field), choices)
+        for layer in self.layers:
+            _check_choice("layer", layer, LAYERS)
+        _check_numbers(self)
+        self.display.low_views(self.scale)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The job file's data; ``from_dict`` reads it back."""
+        lenses = None if self.lens_list is None else [list(lens) for lens in self.lens_list]
+        data = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return data | {"display": self.display.to_dict(), "layers": list(self.layers), "lens_list": lenses}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Job:
+        """Validated job from JSON data; LfsrError names an unknown or missing field."""
+        known = {field.name for field in dataclasses.fields(cls)}
+        for key in data:
+            if key not in known:
+                close = difflib.get_close_matches(key, known, n=1)
+                raise LfsrError(f"job: unknown field {key!r}; " + (
+                    f"did you mean {close[0]!r}?" if close else f"the fields are {', '.join(sorted(known))}"))
+        for key in ("output", "display"):
+            if key not in data:
+                raise LfsrError(f"job: field {key!r} is missing; every job needs it")
+        return cls(**data | _typed(data))
+
+
+def read_job(path: str | Path) -> Job:
+    """Job from a JSON file; LfsrError if it is unreadable or wrong."""
+    data = read_json(path, "a render job")
+    if not isinstance(data, dict):
+        raise LfsrError(f"{path} holds a {type(data).__name__}, but a render job must be a JSON object")
+    return Job.from_dict(data)
+
+
+def check_scene(scene: str | Path) -> str:
+    """Absolute path of a scene file; LfsrError if it is absent or of a kind that cannot be opened."""
+    scene = Path(scene)
+    if not scene.is_file():
+        raise LfsrError(f"scene {scene} does not exist: check the path")
+    if scene.suffix.lower() not in SCENE_SUFFIXES:
+        raise LfsrError(f"scene {scene} is of no kind this program opens: give one of {', '.join(SCENE_SUFFIXES)}")
+    return str(scene.resolve())
+
+
+def _typed(data: dict[str, Any]) -> dict[str, Any]:
+    lenses = data.get("lens_list")
+    return {"display": DisplayProfile.from_dict(data["display"]), "layers": tuple(data.get("layers", ())),
+            "lens_list": None if lenses is None else tuple((int(row), int(column)) for row, column in lenses)}
+
+
+def _check_choice(field: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        close = difflib.get_close_matches(str(value), choices, n=1)
+        hint = f"did you mean {close[0]!r}? " if close else ""
+        raise LfsrError(f"{field} is {value!r}: {hint}It must be one of {', '.join(choices)}")
+
+
+def _check_numbers(job: Job) -> None:
+    least = 2 if job.kind == "reference" else 1
+    if type(job.spp) is not int or job.spp < least:
+        raise LfsrError(f"samples per pixel is {job.spp!r}, but a {job.kind} needs a whole number of at least {least}")
+    if type(job.scale) is not int:
+        raise LfsrError(f"scale is {job.scale!r}, but it must be a whole number")
+    if not 0 <= job.view_aperture <= 1:
+        raise LfsrError(f"view aperture is {job.view_aperture!r}, but it must be between 0 and 1")

@@ -1,0 +1,145 @@
+"""Images in and out: EXR layers through OpenImageIO, PNG.
+
+Arrays are (H, W, C), rows from the top. EXR pixels are scene-linear float32;
+PNG pixels are display-referred uint8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import atomic_path
+
+# Names that Blender 4.5 and 5.x and this program give the same pass, in lower case.
+PASS_LAYERS = {
+    "combined": "color", "color": "color", "": "color",
+    "denoising albedo": "albedo", "albedo": "albedo",
+    "denoising normal": "normal", "normal": "normal",
+    "position": "position",
+    "indexob": "index", "object index": "index", "index": "index",
+    "env": "environment", "environment": "environment",
+}
+LAYER_CHANNELS = {"color": "RGBA", "albedo": "RGB", "normal": "XYZ", "position": "XYZ", "index": "X",
+                  "environment": "RGB"}
+HALF_MAX = 65504.0
+
+
+def read_layers(path: str | Path) -> dict[str, np.ndarray]:
+    """Layers of a multi-layer EXR as float32 (H, W, C), by name.
+
+    Always "color" (RGBA, premultiplied, scene-linear; alpha 1 where the file has
+    none); "albedo" (3), "normal" (3, camera-array space, zero where nothing was hit),
+    "position" (3, world space, scene units), "index" (1) and "environment" (3)
+    where the file has them. Reads Blender's files (4.5: one part, 5.x: one part
+    per pass) and those of ``write_layers``; other passes are left out.
+    LfsrError where the file is missing, truncated or has no colour.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise LfsrError(f"{path} does not exist, expected an EXR image: render the frame first")
+    layers: dict[str, np.ndarray] = {}
+    for names, pixels in _read_parts(path):
+        for layer, columns in _layer_columns(names).items():
+            layers.setdefault(layer, _columns_of(pixels, columns))
+    if "color" not in layers:
+        raise LfsrError(f"{path} has no colour layer, expected channels R, G, B: render the frame again")
+    if layers["color"].shape[2] == 3:
+        layers["color"] = np.concatenate([layers["color"], np.ones_like(layers["color"][..., :1])], axis=2)
+    return layers
+
+
+def write_layers(path: str | Path, layers: Mapping[str, np.ndarray], half: bool = False) -> None:
+    """Write layers, (H, W, C) each, as one EXR part: R, G, B, A, albedo.R, ...
+
+    ``half`` stores 16-bit floats, clipped to their range. "color" may have three
+    or four channels. LfsrError where the file cannot be written; then none is left.
+    """
+    names = [name for layer, pixels in layers.items() for name in _channel_names(layer, pixels.shape[2])]
+    pixels = np.concatenate([np.asarray(layer, np.float32) for layer in layers.values()], axis=2)
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], "half" if half else "float")
+    spec.channelnames = names
+    spec.attribute("compression", "zip")
+    if half:
+        pixels = np.clip(pixels, -HALF_MAX, HALF_MAX)
+    with atomic_path(path) as temporary:
+        output = oiio.ImageOutput.create(str(temporary))
+        if not (output.open(str(temporary), spec) and output.write_image(pixels) and output.close()):
+            raise LfsrError(f"{path} cannot be written ({output.geterror().strip()}): free some space or "
+                            "choose another folder")
+
+
+def clean(layers: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], int]:
+    """The layers with every NaN and infinity set to 0, and how many pixels had one."""
+    cleaned, broken = dict(layers), None
+    for name, pixels in layers.items():
+        # A sum is finite unless a pixel is not: one pass over healthy layers, no temporary.
+        with np.errstate(invalid="ignore"):
+            healthy = np.isfinite(np.sum(pixels, dtype=np.float64))
+        if healthy:
+            continue
+        bad = ~np.isfinite(pixels)
+        cleaned[name] = np.where(bad, np.float32(0), pixels)
+        broken = bad.any(-1) if broken is None else broken | bad.any(-1)
+    return cleaned, 0 if broken is None else int(broken.sum())
+
+
+def _read_parts(path: Path) -> list[tuple[tuple[str, ...], np.ndarray]]:
+    """(channel names, (H, W, C) float32) of every part of the file that has a layer of ours."""
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise _unreadable(path, oiio.geterror())
+    parts, index = [], 0
+    while source.seek_subimage(index, 0):
+        names = source.spec().channelnames
+        pixels = source.read_image(index, 0, 0, len(names), "float") if _layer_columns(names) else None
+        if source.has_error:
+            raise _unreadable(path, source.geterror())
+        if pixels is not None:
+            parts.append((names, pixels.reshape(*pixels.shape[:2], len(names))))
+        index += 1
+    source.close()
+    return parts
+
+
+def _unreadable(path: Path, reason: str) -> LfsrError:
+    first_line = reason.strip().splitlines()[0] if reason.strip() else "unknown format"
+    return LfsrError(f"{path} cannot be read ({first_line}): the file is damaged or no EXR, render it again")
+
+
+def _layer_columns(names: tuple[str, ...]) -> dict[str, list[int]]:
+    """Columns of each layer of ours among channels such as ``ViewLayer.Denoising Albedo.R``, in our order."""
+    found: dict[str, dict[str, int]] = {}
+    for column, name in enumerate(names):
+        *parents, component = name.split(".")
+        layer = PASS_LAYERS.get(parents[-1].lower() if parents else "")
+        if layer:
+            # A second view layer's pass of the same name does not replace the first's.
+            found.setdefault(layer, {}).setdefault(component.upper(), column)
+    return {layer: _ordered(columns, LAYER_CHANNELS[layer]) for layer, columns in found.items()}
+
+
+def _ordered(columns: Mapping[str, int], components: str) -> list[int]:
+    """Columns of a layer's ``components``; colours may be called X, Y, Z and the other way round."""
+    for wanted in (components, components[:3], "RGB", "XYZ"):
+        if all(component in columns for component in wanted):
+            return [columns[component] for component in wanted]
+    return list(columns.values())[:len(components)]
+
+
+def _columns_of(pixels: np.ndarray, columns: list[int]) -> np.ndarray:
+    first = columns[0]
+    if columns == list(range(first, first + len(columns))):
+        return np.ascontiguousarray(pixels[..., first:first + len(columns)])
+    return pixels[..., columns]
+
+
+def _channel_names(layer: str, count: int) -> list[str]:
+    if layer not in LAYER_CHANNELS:
+        raise LfsrError(f"layer is {layer!r}, but it must be one of {', '.join(LAYER_CHANNELS)}")
+    prefix = "" if layer == "color" else f"{layer}."
+    return [prefix + component for component in LAYER_CHANNELS[layer][:count]]

@@ -1,0 +1,104 @@
+"""A PNG encoder that uses every core: rows are filtered and deflated in bands.
+
+A deflate stream may be cut at full flushes (RFC 1950, 1951), so that bands are
+compressed side by side with the standard library's zlib, which releases the GIL.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import atomic_path
+
+BAND_ROWS = 64
+COLOR_TYPES = {1: 0, 3: 2}
+ADLER_PRIME = 65521
+
+
+def encode_png(pixels: np.ndarray) -> list[bytes]:
+    """PNG file, in pieces, of uint8 (H, W, 3) RGB or (H, W) grey, rows from the top."""
+    rows = np.ascontiguousarray(pixels).reshape(pixels.shape[0], -1)
+    channels = rows.shape[1] // pixels.shape[1]
+    header = struct.pack(">IIBBBBB", pixels.shape[1], pixels.shape[0], 8, COLOR_TYPES[channels], 0, 0, 0)
+    starts = range(0, len(rows), BAND_ROWS)
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        bands = list(pool.map(lambda start: _deflate_band(rows, start), starts))
+    checksum = 1
+    for _, band_checksum, length in bands:
+        checksum = _combine_adler(checksum, band_checksum, length)
+    # An empty final block ends the stream; 78 01: zlib, 32 KiB window, fastest.
+    tail = b"\x03\x00" + struct.pack(">I", checksum)
+    data = [_chunk(b"IDAT", band) for band, _, _ in bands]
+    return [b"\x89PNG\r\n\x1a\n", _chunk(b"IHDR", header), _chunk(b"IDAT", b"\x78\x01"), *data,
+            _chunk(b"IDAT", tail), _chunk(b"IEND", b"")]
+
+
+def _deflate_band(rows: np.ndarray, start: int) -> tuple[bytes, int, int]:
+    """Compressed bytes, Adler-32 and length of the filtered rows from ``start`` on."""
+    band = rows[start:start + BAND_ROWS]
+    filtered = np.empty((len(band), band.shape[1] + 1), np.uint8)
+    filtered[:, 0] = 2  # "Up": each row minus the one above
+    np.subtract(band[1:], band[:-1], out=filtered[1:, 1:])
+    filtered[0, 1:] = band[0] - rows[start - 1] if start else band[0]
+    # Run lengths alone are as small as full matching on rendered images, and twice as fast.
+    deflate = zlib.compressobj(1, zlib.DEFLATED, -15, 9, zlib.Z_RLE)
+    data = deflate.compress(filtered) + deflate.flush(zlib.Z_FULL_FLUSH)
+    return data, zlib.adler32(filtered), filtered.size
+
+
+def _combine_adler(first: int, second: int, length: int) -> int:
+    """Adler-32 of two joined texts from theirs and the length of the second (zlib's adler32_combine)."""
+    low = (first & 0xFFFF) + (second & 0xFFFF) - 1
+    high = (first >> 16) + (second >> 16) + (length % ADLER_PRIME) * ((first & 0xFFFF) - 1)
+    return (high % ADLER_PRIME) << 16 | low % ADLER_PRIME
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(data, zlib.crc32(kind)))
+
+
+def write_png(path: str | Path, pixels: np.ndarray) -> None:
+    """Write uint8 (H, W, 3) RGB or (H, W) grey, whole or not at all; LfsrError where that fails."""
+    encoded = encode_png(pixels)
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        for part in encoded:
+            file.write(part)
+
+
+def read_png(path: str | Path) -> np.ndarray:
+    """8-bit image as uint8 (H, W, 3) RGB; LfsrError where it cannot be read."""
+    return _decode(path, grey=False)
+
+
+def write_mask(path: str | Path, mask: np.ndarray) -> None:
+    """Write a boolean (rows, columns) mask as a black-and-white PNG, one pixel per entry."""
+    write_png(path, np.where(mask, np.uint8(255), np.uint8(0)))
+
+
+def read_mask(path: str | Path) -> np.ndarray:
+    """Boolean (rows, columns) mask of a PNG that ``write_mask`` wrote."""
+    return _decode(path, grey=True) >= 128
+
+
+def _decode(path: str | Path, grey: bool) -> np.ndarray:
+    try:
+        Path(path).open("rb").close()
+    except OSError as error:
+        raise LfsrError(f"{path} cannot be read ({error.strerror}): check the path") from None
+    source = oiio.ImageInput.open(str(path))
+    pixels = source.read_image("uint8") if source else None
+    if pixels is None:
+        oiio.geterror()  # fetched, or the library prints it when the process ends
+        raise LfsrError(f"{path} is not a readable 8-bit image: write it again")
+    pixels = pixels.reshape(*pixels.shape[:2], -1)
+    if grey:
+        return pixels[..., 0]
+    return np.ascontiguousarray(pixels[..., :3]) if pixels.shape[2] >= 3 else pixels[..., :1].repeat(3, axis=2)

@@ -1,0 +1,127 @@
+"""Scene-linear light to display values.
+
+``ViewTransform`` shows a scene as Blender does, through Blender's own
+OpenColorIO configuration; ``srgb_encode`` is the plain curve that metrics use.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import importlib.util
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import PyOpenColorIO as ocio
+
+from lfsr_core.errors import LfsrError
+
+CONFIG_IN_BLENDER = "datafiles/colormanagement/config.ocio"
+NO_LOOK = ("", "None")
+LEAST_GAMMA = 1e-3  # Blender allows 0
+
+
+class ViewTransform:
+    """How Blender would show scene-linear colour under ``settings``, without dither.
+
+    The order is Blender's: exposure, look, view and display, gamma. May be called
+    from several threads at once. LfsrError where the configuration is not found
+    or does not know a name.
+    """
+
+    def __init__(self, settings: ColorSettings) -> None:
+        config = ocio.Config.CreateFromFile(str(find_config(settings)))
+        processor = config.getProcessor(_display_chain(config, settings))
+        flags = ocio.OPTIMIZATION_DEFAULT
+        self._to_float = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_F32, flags)
+        self._to_bytes = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, flags)
+
+    def __call__(self, linear: np.ndarray) -> np.ndarray:
+        """Display values, float32 (..., W, 3), of scene-linear (..., W, 3); 0 to 1 is what the display can show."""
+        source = np.ascontiguousarray(linear, np.float32)
+        result = np.empty_like(source)
+        self._to_float.apply(_image(source), _image(result))
+        return result
+
+    def to_uint8(self, linear: np.ndarray) -> np.ndarray:
+        """Display values, uint8 (..., W, 3), of scene-linear (..., W, 3), rounded as Blender rounds."""
+        source = np.ascontiguousarray(linear, np.float32)
+        result = np.empty(source.shape, np.uint8)
+        self._to_bytes.apply(_image(source), _image(result))
+        return result
+
+
+def find_config(settings: ColorSettings) -> Path:
+    """Blender's OpenColorIO configuration: the settings' own, $OCIO, or the bpy wheel's (not imported)."""
+    named = [Path(name) for name in (settings.config, os.environ.get("OCIO", "")) if name]
+    spec = importlib.util.find_spec("bpy")
+    folders = spec.submodule_search_locations or () if spec else ()
+    in_wheel = [path for folder in folders for path in sorted(Path(folder).glob(f"*/{CONFIG_IN_BLENDER}"))]
+    for path in named + in_wheel:
+        if path.is_file():
+            return path
+    raise LfsrError(f"Blender's colour configuration is not at {settings.config or 'a known place'}: install the "
+                    f"package bpy, or set OCIO to the {CONFIG_IN_BLENDER} inside Blender's folder")
+
+
+def _display_chain(config: ocio.Config, settings: ColorSettings) -> ocio.GroupTransform:
+    display, view = settings.display_device, settings.view_transform
+    _check_known("display device", display, config.getDisplays())
+    _check_known("view transform", view, config.getViews(display))
+    chain, space = ocio.GroupTransform(), ocio.ROLE_SCENE_LINEAR
+    factor = 2.0**settings.exposure
+    chain.appendTransform(ocio.MatrixTransform(np.diag([factor, factor, factor, 1.0]).ravel().tolist()))
+    if settings.look not in NO_LOOK:
+        look = _look_name(config, settings)
+        behind_look = config.getLook(look).getProcessSpace()
+        chain.appendTransform(ocio.LookTransform(src=space, dst=behind_look, looks=look))
+        space = behind_look
+    chain.appendTransform(ocio.DisplayViewTransform(src=space, display=display, view=view, looksBypass=True))
+    if settings.gamma != 1:
+        chain.appendTransform(ocio.ExponentTransform([1 / max(settings.gamma, LEAST_GAMMA)] * 3 + [1.0]))
+    return chain
+
+
+def _look_name(config: ocio.Config, settings: ColorSettings) -> str:
+    """The configuration's name of a look, which Blender's interface shows without its view's name."""
+    known = list(config.getLookNames())
+    with_view = f"{settings.view_transform} - {settings.look}"
+    if with_view in known and settings.look not in known:
+        return with_view
+    _check_known("look", settings.look, known)
+    return settings.look
+
+
+def _check_known(what: str, name: str, known: Iterable[str]) -> None:
+    names = list(known)
+    if name not in names:
+        close = difflib.get_close_matches(name, names, n=1)
+        hint = f"did you mean {close[0]!r}" if close else f"choose one of {', '.join(names)}"
+        raise LfsrError(f"{what} {name!r} is not in Blender's colour configuration: {hint}")
+
+
+def _image(pixels: np.ndarray) -> ocio.PackedImageDesc:
+    width, channels = pixels.shape[-2:]
+    height = pixels.size // (width * channels)
+    depth = ocio.BIT_DEPTH_UINT8 if pixels.dtype == np.uint8 else ocio.BIT_DEPTH_F32
+    size = pixels.itemsize
+    return ocio.PackedImageDesc(pixels, width, height, channels, depth, size, size * channels,
+                                size * channels * width)
+
+
+@dataclasses.dataclass(frozen=True)
+class ColorSettings:
+    """How Blender would show the scene: names of its OpenColorIO configuration.
+
+    ``exposure`` is in stops; ``config`` is the path of the configuration of the
+    Blender that rendered, a hint only.
+    """
+
+    display_device: str = "sRGB"
+    view_transform: str = "Standard"
+    look: str = "None"
+    exposure: float = 0.0
+    gamma: float = 1.0
+    config: str = ""

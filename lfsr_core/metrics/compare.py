@@ -1,0 +1,61 @@
+"""A frame folder against a reference folder: is it the same picture, and how close."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lfsr_core.files import read_json, write_json
+from lfsr_core.frames.frame import MASK_FILE, REFERENCE_FILES, REPORT_FILE, read_frame
+from lfsr_core.frames.reference import read_half
+
+LEAST_SAMPLES = 8
+
+
+def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]:
+    """Metrics of ``folder`` against ``reference``, also written into its report.json.
+
+    Keys as in docs/frame-folder.md. The foreground is the reference's where it
+    shows every lens: a mask that lost some must not hide them from the metrics.
+    LfsrError where either folder is incomplete or the two show different pictures.
+    """
+    from lfsr_core.frames.foreground import recall
+    from lfsr_core.frames.reference import check_reference
+    from lfsr_core.images.png import read_mask
+    from lfsr_core.metrics.eia_metrics import compare
+    from lfsr_core.reconstruct.second_stage import finished_linear
+
+    folder, reference = Path(folder), Path(reference)
+    frame, truth = read_frame(folder), read_frame(reference)
+    check_reference(frame, truth)
+    report = read_json(folder / REPORT_FILE, "the report of `lfsr render` or `lfsr upscale`")
+    image = finished_linear(folder, report["method"], dilate=report.get("dilate", 0), weights=report.get("weights"))
+    (half_a, hit_a), (half_b, hit_b) = (read_half(reference / name, truth) for name in REFERENCE_FILES)
+    mask, true_mask = read_mask(folder / MASK_FILE), hit_a | hit_b
+    lenses = frame.display.lenses
+    if truth.lens_list is None:
+        metrics = compare(image, half_a, half_b, lenses, true_mask) | {"recall": recall(mask, true_mask)}
+    else:
+        metrics = compare(image, half_a, half_b, lenses, mask, lens_list=truth.lens_list)
+        metrics["recall"] = sampled_recall(mask, true_mask.reshape(-1)[:len(truth.lens_list)], truth.lens_list)
+    write_json(folder / REPORT_FILE, report | {"metrics": metrics})
+    return metrics
+
+
+def sampled_recall(mask: np.ndarray, hits: np.ndarray, lens_list: tuple[tuple[int, int], ...]) -> float | None:
+    """Recall of ``mask`` (sy, sx), estimated from the true ``hits`` (N,) of listed (row, column) lenses.
+
+    The list samples lenses inside and outside the mask at different rates, so
+    each part counts by its size. None where a part is sampled by fewer than
+    LEAST_SAMPLES lenses: one stray hit outside would then stand for hundreds.
+    """
+    rows, columns = np.asarray(lens_list).T
+    found = mask[rows, columns]
+    counts = []
+    for chosen, population in ((found, int(mask.sum())), (~found, int((~mask).sum()))):
+        if population and chosen.sum() < min(LEAST_SAMPLES, population):
+            return None
+        counts.append(population * hits[chosen].mean() if population else 0.0)
+    return float(counts[0] / sum(counts)) if sum(counts) else 1.0

@@ -1,0 +1,132 @@
+"""How near an EIA is to its reference: every number of docs/metrics.md.
+
+Images are compared as plain sRGB values clipped to [0, 1], whatever the scene's
+view transform. "Split" numbers cancel the reference's own noise.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import flip_evaluator
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.metrics.intervals import _stratified, _stratum
+from lfsr_core.metrics.split_ssim import inside_border, mean_of, psnr, split_mse, split_ssim_map, ssim, stacked_ssim
+from lfsr_core.optics.eia import to_elemental_images, to_views, views_per_lens
+
+METRIC_NAMES = ("p", "ssim_eia", "ssim_eia_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain", "ssim_ceiling", "flip")
+LensList = tuple[tuple[int, int], ...]
+
+
+def compare(image: np.ndarray, reference_a: np.ndarray, reference_b: np.ndarray, lenses: tuple[int, int],
+            mask: np.ndarray, lens_list: LensList | None = None) -> dict[str, Any]:
+    """Every metric of an EIA by name; None stands for what cannot be told.
+
+    ``image`` (H, W, 3), scene-linear, in view order, of ``lenses`` (sx, sy);
+    ``mask`` (sy, sx) bool, the foreground. The references, scene-linear, show the
+    whole EIA, (H, W, 3), or with ``lens_list`` tiles of those (row, column)
+    lenses as ``RayLayout`` places them. Then the numbers estimate the whole EIA
+    from lenses drawn at random inside and outside the mask, and "ci95" holds the
+    half-widths of their 95 % confidence intervals. LfsrError where shapes differ.
+    """
+    views_per_lens(image, lenses)
+    if mask.shape != lenses[::-1]:
+        raise LfsrError(f"the foreground mask has shape {mask.shape}, expected {lenses[::-1]}, one entry per lens: "
+                        "upscale the frame again")
+    if lens_list is not None:
+        return _compare_sampled(image, reference_a, reference_b, lenses, mask, lens_list)
+    for half in (reference_a, reference_b):
+        if half.shape != image.shape:
+            raise _shape_error(half.shape, image.shape)
+    return _compare_whole(*(srgb_encode(values) for values in (image, reference_a, reference_b)), lenses, mask)
+
+
+def mean_flip(image: np.ndarray, reference: np.ndarray) -> float:
+    """Mean LDR-FLIP (Andersson et al. 2020) of two (H, W, 3) sRGB images in [0, 1]."""
+    images = [np.ascontiguousarray(values, np.float32) for values in (reference, image)]
+    return float(flip_evaluator.evaluate(*images, "LDR", inputsRGB=True, applyMagma=False, computeMeanError=True)[1])
+
+
+def _shape_error(reference: tuple[int, ...], image: tuple[int, ...]) -> LfsrError:
+    return LfsrError(f"the reference has shape {reference}, but {image} was expected: "
+                     "render the reference of the same frame")
+
+
+def _compare_whole(x: np.ndarray, a: np.ndarray, b: np.ndarray, lenses: tuple[int, int],
+                   mask: np.ndarray) -> dict[str, Any]:
+    mean = (a + b) / 2
+    px, py = views_per_lens(x, lenses)
+    return {
+        "p": mean_of(mask),
+        **_foreground_metrics(x, a, b, np.kron(mask, np.ones((py, px), bool))),
+        "ssim_views_fg": _views_ssim(x, a, b, lenses, mask),
+        "ssim_eia_plain": ssim(x, mean),
+        "ssim_ceiling": ssim(a, b),
+        "flip": mean_flip(x, mean),
+    }
+
+
+def _foreground_metrics(x: np.ndarray, a: np.ndarray, b: np.ndarray, foreground: np.ndarray) -> dict[str, Any]:
+    """Split SSIM of the whole EIA and of the ``foreground`` pixels, and the latter's PSNR."""
+    local, inside = inside_border(split_ssim_map(x, a, b)), inside_border(foreground)
+    return {
+        "ssim_eia": mean_of(local),
+        "ssim_eia_fg": mean_of(local[inside]) if inside.any() else None,
+        "psnr_fg": psnr(split_mse(*(values[foreground] for values in (x, a, b)))) if foreground.any() else None,
+    }
+
+
+def _views_ssim(x: np.ndarray, a: np.ndarray, b: np.ndarray, lenses: tuple[int, int],
+                mask: np.ndarray) -> float | None:
+    """Split SSIM of the decoded views over foreground lenses; views are small, so their borders count."""
+    if not mask.any():
+        return None
+    stacks = [to_views(values, lenses).reshape(-1, *mask.shape, values.shape[2]) for values in (x, a, b)]
+    return mean_of(stacked_ssim(*stacks)[:, mask])
+
+
+def _compare_sampled(image: np.ndarray, reference_a: np.ndarray, reference_b: np.ndarray, lenses: tuple[int, int],
+                     mask: np.ndarray, lens_list: LensList) -> dict[str, Any]:
+    rows, columns = np.asarray(lens_list).T
+    chosen = to_elemental_images(image, lenses)[rows, columns]
+    stacks = [srgb_encode(chosen), *(srgb_encode(_tiles(half, chosen.shape)) for half in (reference_a, reference_b))]
+    values = _per_lens(*stacks)
+    in_foreground = mask[rows, columns]
+    whole = {name: _stratified(values[name], in_foreground, mask)
+             for name in ("ssim_eia", "ssim_eia_plain", "ssim_ceiling", "flip")}
+    foreground = {f"{name}_fg": _stratum(values[name][in_foreground], int(mask.sum())) for name in ("ssim_eia", "psnr")}
+    estimates = whole | foreground | {"ssim_views_fg": (None, None)}
+    estimates["psnr_fg"] = _decibels(*estimates["psnr_fg"])
+    return {"p": mean_of(mask), **{name: value for name, (value, _) in estimates.items()},
+            "lenses": len(lens_list), "ci95": {name: width for name, (_, width) in estimates.items()}}
+
+
+def _tiles(half: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """The first N of the (py, px) tiles of a reference, (N, py, px, C)."""
+    count, py, px, channels = shape
+    if half.shape[0] % py or half.shape[1] % px or half.shape[0] * half.shape[1] < count * py * px:
+        raise _shape_error(half.shape, (f"{count} tiles of", py, px, channels))
+    return to_elemental_images(half, (half.shape[1] // px, half.shape[0] // py)).reshape(-1, py, px, channels)[:count]
+
+
+def _per_lens(x: np.ndarray, a: np.ndarray, b: np.ndarray) -> dict[str, np.ndarray]:
+    """Metrics (N,) of each EI (N, py, px, C) on its own; "psnr" holds squared errors."""
+    mean = (a + b) / 2
+    return {
+        "ssim_eia": stacked_ssim(x, a, b).mean((1, 2)),
+        "ssim_eia_plain": stacked_ssim(x, mean, mean).mean((1, 2)),
+        "ssim_ceiling": stacked_ssim(a, b, b).mean((1, 2)),
+        "psnr": np.mean((x - a) * (x - b), (1, 2, 3), dtype=np.float64),
+        "flip": np.array([mean_flip(*pair) for pair in zip(x, mean, strict=True)]),
+    }
+
+
+def _decibels(error: float | None, width: float | None) -> tuple[float | None, float | None]:
+    """PSNR and its half-width (first order) from a squared error and its half-width."""
+    if error is None or error <= 0:
+        return None, None
+    return psnr(error), None if width is None else 10 / math.log(10) * width / error

@@ -1,0 +1,130 @@
+"""Errors against a noisy reference, estimated from its two independent halves.
+
+A reference is two renders a and b of equal samples. Products of errors against
+different halves have no noise in common, so their means do not grow with the
+reference's noise (docs/metrics.md). Pixels are display values in [0, 1].
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+SSIM_SIGMA, SSIM_WINDOW = 1.5, 11
+SSIM_BORDER = SSIM_WINDOW // 2
+SSIM_C1, SSIM_C2 = 0.01**2, 0.03**2  # for data in [0, 1], Wang et al. 2004
+BAND_ROWS = 256
+MAX_CHANNELS = 512  # of many small images side by side: enough for one call to be worth it
+
+
+def split_ssim_map(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> np.ndarray:
+    """Local SSIM (H, W, C) of ``image`` against two noisy halves of one reference.
+
+    All (H, W, C) in [0, 1]. Gaussian window of 11 × 11, σ = 1.5, data
+    range 1, borders mirrored. The reference's variance is estimated by cov(a, b),
+    its squared mean by mean(a) · mean(b), its covariance with the image by
+    cov(image, (a + b) / 2); with a = b this is plain SSIM.
+    """
+    local = np.empty(image.shape, np.float64 if image.size < 1 << 26 else np.float32)
+    for start in range(0, image.shape[0], BAND_ROWS):
+        # Windows reach over the band's edge, so it is computed with a margin that is then cut off.
+        first, end = max(0, start - SSIM_BORDER), start + BAND_ROWS
+        margin = slice(first, end + SSIM_BORDER)
+        band = _local_ssim(*(np.asarray(values[margin], np.float64) for values in (image, half_a, half_b)))
+        local[start:end] = band[start - first:end - first]
+    return local
+
+
+def split_ssim(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> float:
+    """Mean of ``split_ssim_map`` over the pixels whose window lies inside the image."""
+    return mean_of(inside_border(split_ssim_map(image, half_a, half_b)))
+
+
+def ssim(image: np.ndarray, reference: np.ndarray) -> float:
+    """Plain SSIM of two (H, W, C) images in [0, 1]."""
+    return split_ssim(image, reference, reference)
+
+
+def stacked_ssim(images: np.ndarray, halves_a: np.ndarray, halves_b: np.ndarray) -> np.ndarray:
+    """Local split SSIM (N, h, w) of many small images (N, h, w, C), mean of C; none sees another."""
+    count, height, width, channels = images.shape
+    step, parts = max(1, MAX_CHANNELS // channels), []
+    for start in range(0, count, step):
+        # Side by side as channels: each is filtered on its own, all in one call.
+        flat = [np.moveaxis(stack[start:start + step], 0, 2).reshape(height, width, -1)
+                for stack in (images, halves_a, halves_b)]
+        local = split_ssim_map(*flat).reshape(height, width, -1, channels).mean(-1)
+        parts.append(np.moveaxis(local, 2, 0))
+    return np.concatenate(parts)
+
+
+def split_mse(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> float:
+    """mean((x - a) · (x - b)): unbiased squared error; below 0 where noise outweighs the error."""
+    return mean_of((image - half_a) * (image - half_b))
+
+
+def psnr(squared_error: float) -> float | None:
+    """Decibels for data in [0, 1]; None where the error is below what the reference resolves."""
+    return -10 * math.log10(squared_error) if squared_error > 0 else None
+
+
+def inside_border(values: np.ndarray) -> np.ndarray:
+    """Rows and columns whose whole SSIM window lies inside the image."""
+    return values[SSIM_BORDER:-SSIM_BORDER, SSIM_BORDER:-SSIM_BORDER]
+
+
+def mean_of(values: np.ndarray) -> float:
+    """Mean as a plain number, summed in double precision."""
+    return float(np.mean(values, dtype=np.float64))
+
+
+def _local_ssim(x: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    mean_x, mean_a, mean_b = _blur(x), _blur(a), _blur(b)
+    mean_r = (mean_a + mean_b) / 2
+    variance_x = _blur(x * x) - mean_x * mean_x
+    variance_r = _blur(a * b) - mean_a * mean_b
+    covariance = _blur(x * (a + b)) / 2 - mean_x * mean_r
+    light = (2 * mean_x * mean_r + SSIM_C1) / (mean_x * mean_x + mean_a * mean_b + SSIM_C1)
+    # In flat places noise can push cov(a, b) below 0; the sum of two variances cannot be.
+    return light * (2 * covariance + SSIM_C2) / (np.maximum(variance_x + variance_r, 0) + SSIM_C2)
+
+
+def _blur(values: np.ndarray) -> np.ndarray:
+    return blur(values, SSIM_SIGMA, SSIM_WINDOW)
+
+
+STRIP_ROWS = 16  # what is being added up stays in a core's cache
+
+
+def weights(sigma: float, window: int) -> np.ndarray:
+    """Weights (window // 2 + 1,) of a Gaussian from its centre outwards; the whole odd window sums to 1."""
+    half = np.exp(-np.arange(window // 2 + 1) ** 2 / (2 * sigma**2))
+    return half / (2 * half.sum() - half[0])
+
+
+def blur(values: np.ndarray, sigma: float, window: int) -> np.ndarray:
+    """Blurred float (H, W, C) of the same type; beyond the border lies the mirror image, border pixel included.
+
+    ``window``: odd width in pixels, at most twice the image's.
+    """
+    half, reach = weights(sigma, window).astype(values.dtype), window // 2
+    padded = np.pad(values, ((reach, reach), (0, 0), (0, 0)), mode="symmetric")
+    result = np.empty_like(values)
+    for start in range(0, len(values), STRIP_ROWS):
+        strip = padded[start:start + STRIP_ROWS + 2 * reach]
+        across = np.pad(_along(strip, half), ((0, 0), (reach, reach), (0, 0)), mode="symmetric")
+        result[start:start + STRIP_ROWS] = _along(across.swapaxes(0, 1), half).swapaxes(0, 1)
+    return result
+
+
+def _along(padded: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """Weighted sum along the first axis, shorter by the window less one."""
+    reach = len(half) - 1
+    count = len(padded) - 2 * reach
+    total = half[0] * padded[reach:reach + count]
+    for offset in range(1, reach + 1):
+        pair = padded[reach - offset:reach - offset + count] + padded[reach + offset:reach + offset + count]
+        pair *= half[offset]
+        total += pair
+    return total

@@ -1,0 +1,67 @@
+"""What an eye in front of the display sees: the finished EIA through an ideal lens array.
+
+Millimetres from the centre of the lens array: x rightwards, y upwards, z towards
+the viewer; the panel lies one gap behind. Each lens is a pinhole. Lenses are
+spaced a little closer than elemental images, so that all send view k to one
+place at the viewing distance, where camera k stood.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.eia import flip_order
+
+DEFAULT_WIDTH = 960
+
+
+def gap_mm(profile: DisplayProfile) -> float:
+    """Distance from panel to lenses that gives an elemental image the viewing angle."""
+    return profile.lens_pitch_mm[0] / 2 / math.tan(math.radians(profile.viewing_angle_deg) / 2)
+
+
+def see(eia: np.ndarray, profile: DisplayProfile, eye_mm: tuple[float, float, float],
+        width: int = DEFAULT_WIDTH) -> np.ndarray:
+    """What an eye at ``eye_mm`` (x, y, z) sees of a finished EIA (H, W, C): one sample per lens.
+
+    ``eia`` is in panel order, as eia.png. Outside the viewing zone an eye sees
+    the neighbouring lens's elemental image, as on a real array, and black beyond the
+    panel. The result (sy·n, sx·n, C) repeats each sample n times, the largest n that
+    keeps it within ``width`` pixels, or 1. LfsrError for an eye behind the lenses or
+    an image that is not the profile's.
+    """
+    columns, rows = profile.panel_pixels
+    if eia.shape[:2] != (rows, columns):
+        raise LfsrError(f"the EIA has {eia.shape[1]}×{eia.shape[0]} pixels, but display {profile.name!r} has "
+                        f"{columns}×{rows}: upscale the folder again")
+    if eye_mm[2] <= 0:
+        raise LfsrError(f"the eye is at z = {eye_mm[2]} mm, but it must be in front of the display, above 0")
+    if profile.ei_order == "direct":
+        # The driver of such a display reverses each EI before the panel shows it.
+        eia = flip_order(eia, profile.lenses)
+    column, row = _seen_pixel(profile, eye_mm, 0), rows - 1 - _seen_pixel(profile, eye_mm, 1)[::-1]
+    seen = _pixels_or_black(eia, row, column)
+    times = max(1, width // profile.lenses[0])
+    return seen.repeat(times, axis=0).repeat(times, axis=1)
+
+
+def _seen_pixel(profile: DisplayProfile, eye_mm: tuple[float, float, float], axis: int) -> np.ndarray:
+    """Panel pixel seen through each lens along one axis, counted in the axis's direction; may be off the panel."""
+    lenses, length, pixels = profile.lenses[axis], profile.panel_mm[axis], profile.panel_pixels[axis]
+    gap, distance = gap_mm(profile), profile.viewing_distance_mm
+    ei_center = ((np.arange(lenses) + 0.5) / lenses - 0.5) * length
+    lens = ei_center * distance / (distance + gap)
+    on_panel = lens + (lens - eye_mm[axis]) * gap / eye_mm[2]
+    return np.floor((on_panel / length + 0.5) * pixels).astype(int)
+
+
+def _pixels_or_black(eia: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+    height, width = eia.shape[:2]
+    seen = eia[np.clip(row, 0, height - 1)[:, None], np.clip(column, 0, width - 1)]
+    seen[(row < 0) | (row >= height)] = 0
+    seen[:, (column < 0) | (column >= width)] = 0
+    return seen

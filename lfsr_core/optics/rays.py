@@ -1,0 +1,179 @@
+"""From a pixel of the encoded EIA to its ray: the reference for ``ray_layout.osl``.
+
+Camera-array space is Cycles' camera space: origin at the viewing position, +X
+right, +Y up, +Z towards the display plane. The camera plane is z = 0, the
+display plane (zero parallax) z = distance. Lengths are scene units.
+Pixel rows count from the top, raster coordinates (as in OSL) from the bottom.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.display import DisplayProfile
+
+CONVENTIONS = ("centred", "paper")
+
+
+@dataclasses.dataclass(frozen=True)
+class CameraArray:
+    """Placement of the dense camera array in scene units.
+
+    ``distance``: camera plane to display plane. ``half_width``, ``half_height``:
+    half the display rectangle. ``spacing``: between neighbouring dense views.
+    """
+
+    distance: float
+    half_width: float
+    half_height: float
+    spacing: float
+
+    @classmethod
+    def for_display(cls, profile: DisplayProfile, width: float, distance: float | None = None) -> CameraArray:
+        """Array of ``profile`` for a display ``width`` scene units wide.
+
+        Without ``distance`` the display keeps its true proportions; with it the
+        viewing angle is kept and the distance is the caller's.
+        """
+        height = width * profile.panel_mm[1] / profile.panel_mm[0]
+        if distance is None:
+            distance = width * profile.viewing_distance_mm / profile.panel_mm[0]
+        spacing = profile.camera_spacing_mm * distance / profile.viewing_distance_mm
+        return cls(distance, width / 2, height / 2, spacing)
+
+
+@dataclasses.dataclass(frozen=True)
+class RayLayout:
+    """Which ray each pixel of one render sends (paper Eqs. (4)-(8)).
+
+    ``lenses`` and ``views`` are (horizontal, vertical) counts of this render;
+    ``spacing`` is between its views, s × the dense spacing. ``view_aperture`` is
+    the share of a view's cell its rays cover (0: a point). ``lens_list`` places
+    only those lenses, as (row, column) pairs in tiles of the image, row by row.
+    """
+
+    lenses: tuple[int, int]
+    views: tuple[int, int]
+    array: CameraArray
+    spacing: float
+    convention: str = "centred"
+    view_aperture: float = 1.0
+    lens_list: tuple[tuple[int, int], ...] | None = None
+
+    def __post_init__(self) -> None:
+        if self.convention not in CONVENTIONS:
+            raise LfsrError(f"convention is {self.convention!r}, but it must be one of {', '.join(CONVENTIONS)}")
+        if not 0 <= self.view_aperture <= 1:
+            raise LfsrError(f"view aperture is {self.view_aperture}, but it must be between 0 and 1")
+        _check_lens_list(self)
+
+    @classmethod
+    def for_display(cls, profile: DisplayProfile, array: CameraArray, scale: int = 1, **options) -> RayLayout:
+        """Layout of the EIA of ``profile`` with views divided by ``scale``."""
+        return cls(profile.lenses, profile.low_views(scale), array, array.spacing * scale, **options)
+
+    @property
+    def tiles(self) -> tuple[int, int]:
+        """Elemental images across and down the rendered image."""
+        if self.lens_list is None:
+            return self.lenses
+        across = min(len(self.lens_list), max(1, math.isqrt(len(self.lens_list))))
+        return across, math.ceil(len(self.lens_list) / across)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Rendered image size in pixels, (width, height)."""
+        return self.tiles[0] * self.views[0], self.tiles[1] * self.views[1]
+
+
+def _check_lens_list(layout: RayLayout) -> None:
+    if layout.lens_list is None:
+        return
+    if not layout.lens_list:
+        raise LfsrError("the list of lenses is empty: name at least one lens or leave the list out")
+    for row, column in layout.lens_list:
+        if not (0 <= row < layout.lenses[1] and 0 <= column < layout.lenses[0]):
+            raise LfsrError(f"lens ({row}, {column}) is outside the {layout.lenses[1]} rows and "
+                            f"{layout.lenses[0]} columns of the display: name lenses inside it")
+
+
+def view_offset(index: np.ndarray, count: int, spacing: float, convention: str = "centred") -> np.ndarray:
+    """Offset of view ``index`` of ``count`` on the camera plane, rightwards positive.
+
+    Centred: (k + 1/2 - count/2) · spacing. Paper Eqs. (5), (7): (k - ⌊count/2⌋) · spacing.
+    """
+    if convention == "paper":
+        return (index - count // 2) * spacing
+    return (index + 0.5 - count / 2) * spacing
+
+
+def rays(layout: RayLayout, raster_x: np.ndarray, raster_y: np.ndarray,
+         random_x: np.ndarray | float = 0.5, random_y: np.ndarray | float = 0.5) -> tuple[np.ndarray, np.ndarray]:
+    """Ray origins and unit directions, each (..., 3), in camera-array space.
+
+    ``raster_x``, ``raster_y`` in [0, 1), y up, hold pixel and place inside it:
+    the place chooses the point on the lens, the random numbers in [0, 1) the
+    point in the view's cell.
+    """
+    width, height = layout.size
+    tile_x, view_x, place_x = _split(raster_x, width, layout.views[0])
+    tile_y, view_y, place_y = _split_rows(raster_y, height, layout.views[1])
+    lens_x, lens_y = _lens_of_tile(layout, tile_x, tile_y)
+    origin_x, target_x = _axis(layout, 0, lens_x, view_x, place_x, random_x)
+    # Rows count downwards and the camera's Y upwards: the same formula, mirrored.
+    origin_y, target_y = _axis(layout, 1, lens_y, view_y, place_y, 1 - np.asarray(random_y, float))
+    depth = np.full_like(target_x, layout.array.distance)
+    origin = np.stack([origin_x, -origin_y, np.zeros_like(depth)], axis=-1)
+    direction = np.stack([target_x, -target_y, depth], axis=-1) - origin
+    return origin, direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+
+
+def pixel_rays(layout: RayLayout, place: tuple[float, float] = (0.5, 0.5)) -> tuple[np.ndarray, np.ndarray]:
+    """Origins and unit directions, (H, W, 3), of one ray per pixel, rows from the top.
+
+    ``place`` is where in the pixel, (rightwards, downwards) in [0, 1).
+    """
+    width, height = layout.size
+    raster_x, raster_y = np.meshgrid((np.arange(width) + place[0]) / width,
+                                     1 - (np.arange(height) + place[1]) / height)
+    return rays(layout, raster_x, raster_y)
+
+
+def _split(raster: np.ndarray, pixels: int, views: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    position = np.clip(np.asarray(raster, float) * pixels, 0, pixels - 1e-9)
+    index = np.floor(position).astype(int)
+    return index // views, index % views, position - index
+
+
+def _split_rows(raster_y: np.ndarray, pixels: int, views: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As ``_split``, counted from the top; a pixel's own lower edge stays in it."""
+    position = np.clip(np.asarray(raster_y, float) * pixels, 0, pixels - 1e-9)
+    row = np.floor(position).astype(int)
+    index = pixels - 1 - row
+    return index // views, index % views, 1 - (position - row)
+
+
+def _lens_of_tile(layout: RayLayout, tile_x: np.ndarray, tile_y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    if layout.lens_list is None:
+        return tile_x, tile_y
+    listed = np.asarray(layout.lens_list)
+    # Tiles after the last listed lens repeat it, so that the image is a full rectangle.
+    chosen = listed[np.minimum(tile_y * layout.tiles[0] + tile_x, len(listed) - 1)]
+    return chosen[..., 1], chosen[..., 0]
+
+
+def _axis(layout: RayLayout, axis: int, lens: np.ndarray, view: np.ndarray, place: np.ndarray,
+          random: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+    """Origin on the camera plane and target on the display plane along one axis."""
+    half = (layout.array.half_width, layout.array.half_height)[axis]
+    views, lenses = layout.views[axis], layout.lenses[axis]
+    origin = view_offset(view, views, layout.spacing, layout.convention)
+    if layout.convention == "paper":
+        # Eq. (8): the target is the pixel's own place on the panel.
+        return origin, ((lens * views + view + place) / (lenses * views) * 2 - 1) * half
+    jitter = (np.asarray(random) - 0.5) * layout.spacing * layout.view_aperture
+    return origin + jitter, ((lens + place) / lenses * 2 - 1) * half

@@ -1,0 +1,228 @@
+"""Which candidate is the least that will do: candidates, their times, and the choice. Pure functions.
+
+``plan_sample`` says which lenses to look at, ``plan_measure`` renders and
+measures them, ``plan_times`` predicts times; ``docs/plan.md`` explains the rules.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.plan.estimate import Estimate
+from lfsr_core.reconstruct import registry
+from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.registry import DEFAULT_METHOD, DENOISERS, PLAIN_CHAINS, PLAIN_METHOD, PREFILTERS, method
+
+METRICS = ("ssim_eia_fg", "ssim_eia")
+SCALES, SAMPLES = (1, 2, 4, 8), (4, 16, 64, 256)
+BETWEEN = "between two that were measured"
+AS_GOOD = 1.05  # times of candidates that count as equal: then the simpler method is taken
+MOST_KEPT = 0.8  # of a gain may come again with the next step of samples, when the end of the steps is guessed
+
+
+@dataclasses.dataclass(frozen=True, order=True)
+class Candidate:
+    """One way to make a frame: scale, samples per pixel of the render, method of the second stage."""
+
+    scale: int
+    spp: int
+    method: str
+
+    @property
+    def name(self) -> str:
+        """Short name, as in "s4-spp16 oidn+bilinear"."""
+        return f"s{self.scale}-spp{self.spp} {self.method}"
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """Words of `lfsr render` that make it."""
+        return "--scale", str(self.scale), "--spp", str(self.spp), "--method", self.method
+
+    @property
+    def parts(self) -> int:
+        """How many steps the method has, the measure of its simplicity; a network counts for three."""
+        names = [part for part in self.method.split("+") if part != "none"]
+        return len(names) + 2 * sum(name in catalogue.NETWORKS for name in names)
+
+
+@dataclasses.dataclass(frozen=True)
+class Rated:
+    """What is known of a candidate; ``estimate`` None where it was not measured, then ``note`` says why.
+
+    The note of one that lies between two measured ones is BETWEEN.
+    """
+
+    candidate: Candidate
+    seconds: float
+    estimate: Estimate | None = None
+    note: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Choice:
+    """``chosen`` meets the target with 95 % confidence; None if nothing does, then ``limit`` says why.
+
+    ``best``: the measured candidate with the highest lower bound, None without any.
+    """
+
+    chosen: Rated | None
+    best: Rated | None
+    limit: str = ""
+
+
+def low_pixels(display: DisplayProfile, scale: int) -> int:
+    """Pixels of the low-resolution EIA."""
+    return math.prod(display.lenses) * math.prod(display.low_views(scale))
+
+
+def samples_of(candidate: Candidate, display: DisplayProfile) -> int:
+    """Path samples of a whole frame, the measure of what a render costs."""
+    return low_pixels(display, candidate.scale) * candidate.spp
+
+
+def candidates(display: DisplayProfile, scales: Sequence[int] | None = None, spps: Sequence[int] = SAMPLES,
+               methods: Sequence[str] | None = None) -> list[Candidate]:
+    """Every combination that can be made on ``display``, cheapest render first.
+
+    ``scales`` None: those of SCALES that divide the views; ``methods`` None:
+    ``default_methods``. LfsrError for a scale that does not divide the views, samples
+    below 1, or a method that does not exist.
+    """
+    for name in methods or ():
+        method(name)
+    for spp in spps:
+        if type(spp) is not int or spp < 1:
+            raise LfsrError(f"samples per pixel is {spp!r}, but a candidate needs a whole number of at least 1")
+    if scales is None:
+        scales = [scale for scale in SCALES if scale in (1, *display.scales())]
+    for scale in scales:
+        display.low_views(scale)
+    found = {Candidate(scale, spp, name) for scale in scales for spp in spps
+             for name in methods_at(scale, methods or default_methods())}
+    if not found:
+        raise LfsrError(f"no method of {', '.join(methods or ())} works at scale {', '.join(map(str, scales))}: "
+                        "choose others")
+    return sorted(found, key=lambda candidate: (samples_of(candidate, display), candidate))
+
+
+def default_methods() -> tuple[str, ...]:
+    """Simple upscaling and our networks, each where it belongs, without and with the denoiser if it is there."""
+    from lfsr_core.reconstruct.methods.denoise import is_available
+
+    ours = [name for name, entry in catalogue.NETWORKS.items() if entry.light_field and not entry.after]
+    names = [PLAIN_METHOD, *ours, *PLAIN_CHAINS, DEFAULT_METHOD]
+    usable = [name for name in names if PREFILTERS.keys().isdisjoint(name.split("+")) or is_available()]
+    return tuple(dict.fromkeys(usable))
+
+
+def between(spps: Sequence[int], steps: int) -> list[tuple[int, int, int, float]]:
+    """(samples, fewer, more, weight of more): ``steps`` counts between each two of ``spps``, in equal ratios.
+
+    Accuracy grows with the logarithm of the samples, and ever more slowly: the
+    weighted mean of both neighbours is near it and rather too low.
+    """
+    found = []
+    for fewer, more in itertools.pairwise(sorted(spps)):
+        counts = {round(fewer * (more / fewer) ** (step / (steps + 1))) for step in range(1, steps + 1)}
+        found += [(spp, fewer, more, math.log(spp / fewer) / math.log(more / fewer))
+                  for spp in sorted(counts - {fewer, more})]
+    return found
+
+
+def layers_of(names: Iterable[str]) -> tuple[str, ...]:
+    """Auxiliary layers to render for these methods, sorted."""
+    return tuple(sorted({layer for name in names for layer in registry.layers_of(name)}))
+
+
+def methods_at(scale: int, names: Iterable[str]) -> tuple[str, ...]:
+    """What ``names`` become at ``scale``: no upscaler at 1, no network that was not trained for it."""
+    if scale == 1:
+        names = [_without_upscaler(name) for name in names]
+        return tuple(dict.fromkeys(name for name in names if _is_trained(name, scale)))
+    return tuple(dict.fromkeys(name for name in names if _works_at(name, scale)))
+
+
+def choose(rated: Sequence[Rated], target: float, most_seconds: float = math.inf) -> Choice:
+    """The cheapest candidate whose lower bound reaches ``target`` in at most ``most_seconds``.
+
+    Along one scale and method, more samples cannot be worse: candidates are tried
+    from the most samples down, and a failure ends the way, so that a lucky draw
+    at few samples is not believed. Of candidates as cheap within AS_GOOD the
+    simplest is taken.
+    """
+    measured = [row for row in rated if row.estimate is not None and row.seconds <= most_seconds]
+    if not measured:
+        return Choice(None, None, "no candidate could be measured: allow more seconds, scales or methods")
+    best = max(measured, key=lambda row: row.estimate.low)
+    passing = [row for row in _confirmed(rated, target) if row.seconds <= most_seconds]
+    if not passing:
+        return Choice(None, best, _limit(best, rated, target, most_seconds))
+    least = min(row.seconds for row in passing)
+    near = [row for row in passing if row.seconds <= AS_GOOD * least]
+    return Choice(min(near, key=lambda row: (row.candidate.parts, row.seconds)), best)
+
+
+def chain(row: Rated, rated: Iterable[Rated]) -> list[Rated]:
+    """Measured candidates of the same scale and method, fewest samples first."""
+    wanted = (row.candidate.scale, row.candidate.method)
+    same = [other for other in rated if (other.candidate.scale, other.candidate.method) == wanted]
+    return sorted((other for other in same if other.estimate is not None), key=lambda other: other.candidate.spp)
+
+
+def _confirmed(rated: Sequence[Rated], target: float) -> list[Rated]:
+    passing = []
+    for row in rated:
+        rest = [other for other in chain(row, rated) if other.candidate.spp >= row.candidate.spp]
+        if row.estimate is not None and all(other.estimate.low >= target for other in rest):
+            passing.append(row)
+    return passing
+
+
+def _limit(best: Rated, rated: Sequence[Rated], target: float, most_seconds: float) -> str:
+    """What keeps the best candidate from the target, and what would help."""
+    if any(row.estimate is not None and row.estimate.low >= target and row.seconds > most_seconds for row in rated):
+        return f"time: the target is reached, but not within {most_seconds:g} s"
+    if best.estimate.mean >= target:
+        return ("certainty: the best candidate's mean reaches the target, its lower bound does not; "
+                "look at more lenses (--lenses)")
+    means = [row.estimate.mean for row in chain(best, rated) if row.note != BETWEEN]
+    if asymptote(means) >= target:
+        return f"noise: accuracy still grows with the samples; try more than {best.candidate.spp}"
+    if best.candidate.scale == 1:
+        return "noise: more samples hardly help any more at full resolution; try another method"
+    return (f"upscaling: at scale {best.candidate.scale} even many more samples would stay below the target; "
+            "choose a smaller scale or another method")
+
+
+def asymptote(means: Sequence[float]) -> float:
+    """Where accuracies at ever more samples (equal ratios) end, if gains keep shrinking as they did.
+
+    With fewer than three, each gain is taken for half of the one before; with one, nothing is gained.
+    """
+    if len(means) < 2:
+        return means[-1]
+    gain = max(means[-1] - means[-2], 0.0)
+    before = means[-2] - means[-3] if len(means) > 2 else 2 * gain
+    kept = min(max(gain / before, 0.0), MOST_KEPT) if before > 0 else 0.5
+    return means[-1] + gain * kept / (1 - kept)
+
+
+def _without_upscaler(name: str) -> str:
+    kept = [part if part in DENOISERS else DENOISERS[0] for part in name.split("+") if part in PREFILTERS]
+    return "+".join(kept) or "none"
+
+
+def _works_at(name: str, scale: int) -> bool:
+    parts = name.split("+")
+    if parts[-1] in PREFILTERS or parts[-1] == "none":
+        return False  # upscales nothing
+    return _is_trained(name, scale)
+
+
+def _is_trained(name: str, scale: int) -> bool:
+    return all(scale in catalogue.trained_scales(part) for part in name.split("+") if part in catalogue.NETWORKS)

@@ -1,0 +1,200 @@
+"""How near a method comes on sampled lenses, and how long it takes there."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lfsr_core.frames.foreground import foreground_mask
+from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
+from lfsr_core.frames.low_res import LowResEIA, low_resolution
+from lfsr_core.frames.reference import read_half
+from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.metrics.split_ssim import stacked_ssim
+from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.plan.sample import Lens, Mosaic, strata_masks
+from lfsr_core.plan.times import StageTime
+from lfsr_core.reconstruct.assembly import MAX_WORKERS
+from lfsr_core.reconstruct.contract import Method
+from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution, is_available, shown_part
+from lfsr_core.reconstruct.methods.epipolar import Recovering
+from lfsr_core.reconstruct.registry import method
+from lfsr_core.reconstruct.second_stage import FILL_METHOD, upscale_frame
+
+CORRECTED = 0.5  # share of the reference's remaining noise that is taken out of the metric
+FINISHING = ("load", "mask", "assemble", "color", "write")
+
+
+@dataclasses.dataclass(frozen=True)
+class QuickLook:
+    """What a few samples of every lens tell.
+
+    ``masks``: plan_sample.strata_masks; ``features`` (sy, sx, k): see ``features``;
+    ``finish``: seconds of the second stage's steps that no method changes; ``shown``:
+    share of the frame that a denoiser looks at.
+    """
+
+    masks: dict[str, np.ndarray]
+    features: np.ndarray
+    finish: dict[str, float]
+    shown: float
+
+    def covariates(self, name: str, lenses: Sequence[Lens]) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Covariates (n, k) of sampled foreground lenses and their means over all of them; None for other strata."""
+        if name != "foreground" or not lenses:
+            return None, None
+        rows, columns = np.asarray(lenses).T
+        return self.features[rows, columns], self.features[self.masks[name]].mean(0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Truth:
+    """The sampled lenses' reference: four independent ``quarters`` (n, py, px, 3) as sRGB values in [0, 1].
+
+    ``hits`` (n,): lenses with any foreground. ``noise``: standard deviation of
+    the mean of two quarters, a half.
+    """
+
+    quarters: tuple[np.ndarray, ...]
+    hits: np.ndarray
+    noise: float
+
+    @classmethod
+    def read(cls, paths: Sequence[Path], frame: Frame, count: int) -> Truth:
+        """From the EXR files of the quarters; ``frame`` describes all of them."""
+        images, hits = zip(*(read_half(path, frame) for path in paths), strict=True)
+        linear = [to_elemental_images(image, frame.rays.tiles) for image in images]
+        quarters = tuple(np.asarray(values.reshape(-1, *values.shape[2:])[:count]) for values in linear)
+        shown = [srgb_encode((quarters[i] + quarters[i + 1]) / 2) for i in (0, 2)]
+        noise = float(np.sqrt(np.mean((shown[0] - shown[1]) ** 2, dtype=np.float64) / 2))
+        return cls(quarters, np.any(hits, 0).reshape(-1)[:count], noise)
+
+    def pair(self, first: Sequence[int], second: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Two halves, each the mean of the named quarters, encoded after averaging as a longer render would be."""
+        return tuple(srgb_encode(np.mean([self.quarters[n] for n in names], 0)) for names in (first, second))
+
+
+@dataclasses.dataclass(frozen=True)
+class Scores:
+    """Corrected split SSIM (n,) of each sampled lens; ``gain``: by which twice the reference's samples raised it."""
+
+    values: np.ndarray
+    gain: float
+
+
+def quick_look(folder: Path) -> QuickLook:
+    """From the folder of a quick render of every lens; finishes it once to see how long that takes."""
+    frame = read_frame(folder)
+    layers, _ = clean(read_layers(folder / LOW_RES_FILE))
+    mask, wide = (foreground_mask(layers, frame.rays.tiles, reach) for reach in (0, 1))
+    low = low_resolution(layers, frame)
+    seconds = upscale_frame(folder, FILL_METHOD if frame.scale > 1 else "none")["seconds"]
+    shown = low.alpha[shown_part(low.color)].size / low.alpha.size
+    return QuickLook(strata_masks(mask, wide), features(low), {name: seconds[name] for name in FINISHING}, shown)
+
+
+def features(low: LowResEIA) -> np.ndarray:
+    """What may explain a lens's accuracy, (sy, sx, 3): its coverage, how noisy it is, how much detail it shows.
+
+    Noise: split SSIM of the quick look against itself denoised; detail: mean step
+    between pixels of the denoised one. Where no denoiser is, contrast stands for both.
+    """
+    shown, coverage = srgb_encode(low.color), low.alpha.mean((2, 3, 4))
+    if not is_available():
+        return np.stack([coverage, shown.std((2, 3)).mean(-1)], -1)
+    denoised = srgb_encode(denoise_low_resolution(low).color)
+    noisy, smooth = (values.reshape(-1, *values.shape[2:]) for values in (shown, denoised))
+    alike = stacked_ssim(smooth, noisy, noisy).mean((1, 2)).reshape(coverage.shape)
+    detail = sum(np.abs(np.diff(denoised, axis=axis)).mean((2, 3, 4)) for axis in (2, 3))
+    return np.stack([coverage, alike, detail], -1)
+
+
+def score(folder: Path, name: str, mosaic: Mosaic, truth: Truth) -> Scores:
+    """Accuracy of method ``name`` on the centres of ``mosaic``, from the sample's render in ``folder``."""
+    low, mask = _sampled(folder, mosaic)
+    images = srgb_encode(finished(low, mask, in_blocks(method(name), mosaic), mosaic.centres))
+    return split_scores(images, truth)
+
+
+def split_scores(images: np.ndarray, truth: Truth) -> Scores:
+    """Split SSIM of images (n, py, px, 3) in [0, 1], corrected for the reference's noise.
+
+    The metric falls short by what is left of that noise, about in proportion to
+    its variance: what it gains from halves of one quarter to halves of two is
+    missing once more. CORRECTED of that is added, less than all of it because too
+    much would promise what the frame does not keep (docs/plan.md).
+    """
+    full = _mean_ssim(images, *truth.pair((0, 1), (2, 3)))
+    less = (_mean_ssim(images, *truth.pair((0,), (2,))) + _mean_ssim(images, *truth.pair((1,), (3,)))) / 2
+    gain = float(np.mean(full - less))
+    # Noise so strong that variances are cut off at 0 raises the metric: that is no gain to go on from.
+    return Scores(full + CORRECTED * (full - less) if gain > 0 else full, gain)
+
+
+def stage_time(folder: Path, name: str, mosaic: Mosaic, one: Mosaic) -> StageTime:
+    """Seconds of method ``name``: prefilters on the whole ``mosaic`` and on ``one`` block of it, the rest per lens."""
+    chosen = method(name)
+    recovering = chosen.upscaler if isinstance(chosen.upscaler, Recovering) else None
+    if recovering:
+        # It works on lenses with foreground, not on pixels.
+        chosen = dataclasses.replace(chosen, prefilters=chosen.prefilters[:-1])
+    (large, mask), (small, _) = (_sampled(folder, part) for part in (mosaic, one))
+    low = chosen.prepare(small)  # what is loaded once is loaded now
+    chosen.upscaler(recovering.prepare(low) if recovering else low, one.centres)
+    few, many = _seconds(lambda: chosen.prepare(small)), _seconds(lambda: chosen.prepare(large))
+    ready, per_lens = chosen.prepare(large), 0.0
+    if recovering:
+        per_lens = _seconds(lambda: recovering.prepare(ready)) / max(int((ready.alpha.max((2, 3, 4)) > 0).sum()), 1)
+        ready = recovering.prepare(ready)
+    pixels = [low.alpha.size for low in (small, large)]
+    per_pixel = max(many - few, 0.0) / max(pixels[1] - pixels[0], 1)
+    lenses = mosaic.centres[mask] if mask.any() else mosaic.centres
+    upscaling = _seconds(lambda: chosen.upscaler(ready, lenses)) / len(lenses)
+    threads = min(os.cpu_count() or 1, MAX_WORKERS) if chosen.upscaler.thread_safe else 1
+    return StageTime(max(few - per_pixel * pixels[0], 0.0), per_pixel, per_lens + upscaling / threads)
+
+
+def in_blocks(chosen: Method, mosaic: Mosaic) -> Method:
+    """The method, told that the mosaic's blocks are strangers."""
+    if isinstance(chosen.upscaler, Recovering):
+        chosen.upscaler.block = mosaic.side
+    return chosen
+
+
+def _sampled(folder: Path, mosaic: Mosaic) -> tuple[LowResEIA, np.ndarray]:
+    """The mosaic of a rendered list of lenses and which of its centres are foreground there."""
+    frame = read_frame(folder)
+    layers, _ = clean(read_layers(folder / LOW_RES_FILE))
+    return mosaic.of_render(low_resolution(layers, frame)), mosaic.of_mask(foreground_mask(layers, frame.rays.tiles))
+
+
+def finished(low: LowResEIA, mask: np.ndarray, chosen: Method, centres: np.ndarray) -> np.ndarray:
+    """Elemental images (n, py, px, 3), scene-linear, of the lenses ``centres`` (n, 2), made as the pipeline does.
+
+    ``mask`` (n,) bool: which of them are foreground; the others are filled in.
+    """
+    filler = chosen.upscaler if low.scale == 1 else method(FILL_METHOD).upscaler
+    prepared = chosen.prepare(low)
+    sy, sx, height, width, channels = low.color.shape
+    images = np.empty((len(centres), height * low.scale, width * low.scale, channels), np.float32)
+    for wanted, upscaler in ((mask, chosen.upscaler), (~mask, filler)):
+        if wanted.any():
+            images[wanted] = upscaler(prepared, centres[wanted])
+    return images
+
+
+def _mean_ssim(images: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> np.ndarray:
+    return stacked_ssim(images, half_a, half_b).mean((1, 2))
+
+
+def _seconds(work: Callable[[], Any]) -> float:
+    started = time.perf_counter()
+    work()
+    return time.perf_counter() - started

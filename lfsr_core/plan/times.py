@@ -1,0 +1,73 @@
+"""How long a whole frame will take, from what a sample of it took."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from lfsr_core.frames.frame import Frame
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.plan.candidates import Candidate, low_pixels
+
+
+@dataclasses.dataclass(frozen=True)
+class StageTime:
+    """Seconds of a second stage: ``fixed``, ``per_pixel`` that is denoised, ``per_lens`` of the foreground."""
+
+    fixed: float
+    per_pixel: float
+    per_lens: float
+
+
+@dataclasses.dataclass(frozen=True)
+class TimeModel:
+    """Measured costs of one scene on one display; seconds.
+
+    ``open``: loading the scene. ``setup``: of a render, whatever its size.
+    ``per_sample``: one sample of one pixel, mean over the whole frame. ``load``:
+    reading one low-resolution pixel. ``finish``: mask, assembly, colour and
+    writing of a frame. ``foreground``: lenses the method works on. ``shown``: share
+    of the frame that a denoiser looks at (denoise.shown_part).
+    """
+
+    open: float
+    setup: float
+    per_sample: float
+    load: float
+    finish: float
+    foreground: int
+    shown: float = 1.0
+    stages: Mapping[tuple[int, str], StageTime] = dataclasses.field(default_factory=dict)
+
+    def seconds(self, candidate: Candidate, display: DisplayProfile) -> float:
+        """Predicted seconds of a whole frame; without a measured second stage those of the render alone."""
+        low = low_pixels(display, candidate.scale)
+        stage = self.stages.get((candidate.scale, candidate.method), StageTime(0.0, 0.0, 0.0))
+        return (self.open + self.setup + self.per_sample * low * candidate.spp + self.load * low + self.finish
+                + stage.fixed + stage.per_pixel * low * self.shown + stage.per_lens * self.foreground)
+
+    def refined(self, quick: Frame, sampled: list[Frame], share: float) -> TimeModel:
+        """The model with the set-up of a render told apart from its samples, by ``sampled`` renders of several sizes.
+
+        Those show foreground, whose samples cost more than others; what the mean
+        sample costs, ``quick`` says, the render of every lens. Where that took
+        hardly more than its set-up, the bounds say it: between the foreground's
+        cost, and that of a frame whose other lenses cost nothing. ``share``: of
+        the lenses, the foreground's.
+        """
+        samples = np.array([path_samples(frame) for frame in sampled], float)
+        if len(set(samples)) < 2:
+            return self
+        seconds = np.array([frame.seconds["render"] for frame in sampled])
+        slope = max(float(np.polyfit(samples, seconds, 1)[0]), 0.0)
+        setup = min(max(float(np.mean(seconds) - slope * np.mean(samples)), 0.0), float(seconds.min()))
+        mean = (quick.seconds["render"] - setup) / path_samples(quick)
+        return dataclasses.replace(self, setup=setup, per_sample=min(max(mean, share * slope), slope))
+
+
+def path_samples(frame: Frame) -> int:
+    """Path samples of a render."""
+    return math.prod(frame.rays.size) * frame.samples

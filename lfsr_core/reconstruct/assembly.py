@@ -1,0 +1,113 @@
+"""The finished EIA, lens by lens into a pre-filled buffer, on every core.
+
+Only a few elemental images at a time exist in linear light: an 8K image of
+floats would take 400 MB and more time to move than to make.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.progress import Progress
+from lfsr_core.reconstruct.clock import StageClock
+from lfsr_core.reconstruct.contract import Upscaler
+
+MAX_WORKERS = 8
+STEP_IN_CACHE = 24
+Finish = Callable[[np.ndarray, np.ndarray], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """Which lenses get what: ``mask`` (sy, sx) bool the ``upscaler``, ``fill`` the cheap ``filler``."""
+
+    low: LowResEIA
+    mask: np.ndarray
+    fill: np.ndarray
+    upscaler: Upscaler
+    filler: Upscaler
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(height, width) of the finished EIA."""
+        sy, sx, h, w, _ = self.low.color.shape
+        return sy * h * self.low.scale, sx * w * self.low.scale
+
+    def parts(self, step: int | None) -> list[tuple[Upscaler, np.ndarray]]:
+        """Upscaler and lenses (n, 2) of every call, n <= ``step``, in reading order.
+
+        By default as many lenses as stay in a core's cache, or for an upscaler that
+        uses every core itself one row of the display. LfsrError for a step < 1.
+        """
+        if step is not None and step < 1:
+            raise LfsrError(f"step is {step}, but it must be 1 or more elemental images per call")
+        parts = []
+        for wanted, upscaler in ((self.mask, self.upscaler), (self.fill, self.filler)):
+            size = step or (STEP_IN_CACHE if upscaler.thread_safe else self.mask.shape[1])
+            lenses = np.argwhere(wanted)
+            parts += [(upscaler, lenses[start:start + size]) for start in range(0, len(lenses), size)]
+        return parts
+
+
+def upscale_all(plan: Plan, step: int | None, finish: Finish, clock: StageClock, progress: Progress) -> None:
+    """Call ``finish(lenses (n, 2), elemental images (n, py, px, 3) scene-linear)`` for every lens of the plan.
+
+    From several threads and in any order. Upscalers that are not thread-safe run
+    one call at a time.
+    """
+    parts = plan.parts(step)
+    workers = max(1, min(os.cpu_count() or 1, MAX_WORKERS, len(parts)))
+    one_at_a_time = threading.Lock()
+
+    def work(part: tuple[Upscaler, np.ndarray]) -> None:
+        upscaler, lenses = part
+        if upscaler.thread_safe:
+            with clock("upscale"):
+                images = upscaler(plan.low, lenses)
+        else:
+            with one_at_a_time, clock("upscale"):
+                images = upscaler(plan.low, lenses)
+        finish(lenses, images)
+
+    # Workers that each start BLAS threads of their own wait for one another.
+    blas_threads = 1 if plan.upscaler.thread_safe else None
+    with threadpool_limits(blas_threads, "blas"), ThreadPoolExecutor(workers) as pool, clock.shared_by(workers):
+        for done, _ in enumerate(pool.map(work, parts), start=1):
+            progress("upscale", done / len(parts), f"{done} of {len(parts)} steps")
+
+
+def filled(size: tuple[int, int], color: np.ndarray) -> np.ndarray:
+    """Buffer (H, W, C) of one ``color`` (C,) and its type."""
+    buffer = np.empty((*size, len(color)), color.dtype)
+    # Whole rows at once; broadcasting one pixel would copy byte by byte.
+    buffer[:] = np.tile(color, (size[1], 1))
+    return buffer
+
+
+def place(buffer: np.ndarray, grid: tuple[int, int], lenses: np.ndarray, images: np.ndarray, flipped: bool) -> None:
+    """Put EIs (n, py, px, C) of ``lenses`` (n, 2) into an EIA (H, W, C) of ``grid`` (sx, sy) lenses.
+
+    ``flipped`` reverses the pixels inside each EI in both axes, the order of a
+    panel behind lenses.
+    """
+    slots = to_elemental_images(buffer, grid)
+    for (row, column), image in zip(lenses, _reversed(images) if flipped else images, strict=True):
+        slots[row, column] = image
+
+
+def _reversed(images: np.ndarray) -> np.ndarray:
+    """EIs (n, py, px, C) with their pixels in reverse order, in both axes."""
+    count, *_, channels = images.shape
+    # As one item per pixel, which NumPy moves three times as fast as three channels.
+    pixels = np.ascontiguousarray(images).reshape(count, -1, channels).view(f"V{channels * images.itemsize}")
+    return np.ascontiguousarray(pixels[:, ::-1]).view(images.dtype).reshape(images.shape)

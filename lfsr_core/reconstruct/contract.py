@@ -1,0 +1,58 @@
+"""The one contract that every upscaling method obeys, and the classical methods.
+
+A method name is prefilters and one upscaler joined by "+", as ``oidn+bicubic``; "epi" after
+them brings back detail that they lost, as in ``oidn+bicubic+epi``.
+Low view k' covers high views s·k' … s·k' + s - 1, so pixels are sampled at
+half-pixel centres.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from lfsr_core.frames.low_res import LowResEIA
+
+
+class Upscaler(Protocol):
+    """``low`` and lenses (N, 2) int (row, column) -> EIs (N, h·s, w·s, 3) float32.
+
+    The result is scene-linear RGB >= 0 (float16 allowed). Whatever padding a
+    method needs it makes itself. ``thread_safe``: may run on several lens rows at
+    once. ``notes``: what the report should say about the run so far.
+    """
+
+    name: str
+    thread_safe: bool
+    notes: Sequence[str]
+
+    def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray: ...
+
+
+@dataclasses.dataclass(frozen=True)
+class Method:
+    """What is done to the whole low-resolution EIA, in order, then one upscaler."""
+
+    name: str
+    prefilters: tuple[Callable[[LowResEIA], LowResEIA], ...]
+    upscaler: Upscaler
+
+    def prepare(self, low: LowResEIA) -> LowResEIA:
+        """The low-resolution EIA after every prefilter."""
+        for prefilter in self.prefilters:
+            low = prefilter(low)
+        return low
+
+
+class Cleaner(Protocol):
+    """An upscaler that makes low-resolution EIs (N, h, w, 3), encoded, and then interpolates them by ``kernel``."""
+
+    name: str
+    kernel: str
+    thread_safe: bool
+    notes: Sequence[str]
+
+    def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray: ...

@@ -1,0 +1,143 @@
+"""Weights of classical interpolation kernels, as matrices that act on one axis.
+
+The kernels are those of OpenCV's ``resize``, which the tests compare with.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable
+
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.reconstruct.encoding import decode, encode
+
+CUBIC_SHARPNESS = -0.75  # OpenCV's and Blender's choice of Keys' a (1981)
+
+
+def nearest(distance: np.ndarray) -> np.ndarray:
+    """1 for the sample in whose pixel the point lies; the tie goes to the right one, as ``floor`` says."""
+    return ((distance > -0.5) & (distance <= 0.5)).astype(np.float64)
+
+
+def linear(distance: np.ndarray) -> np.ndarray:
+    """Tent, two samples wide."""
+    return np.maximum(1 - np.abs(distance), 0)
+
+
+def cubic(distance: np.ndarray) -> np.ndarray:
+    """Keys' cubic convolution, four samples wide."""
+    a, x = CUBIC_SHARPNESS, np.abs(distance)
+    inner = ((a + 2) * x - (a + 3)) * x * x + 1
+    outer = ((a * x - 5 * a) * x + 8 * a) * x - 4 * a
+    return np.where(x <= 1, inner, np.where(x < 2, outer, 0))
+
+
+def lanczos(distance: np.ndarray) -> np.ndarray:
+    """sinc windowed by a sinc four times as wide: eight samples."""
+    return np.where(np.abs(distance) < 4, np.sinc(distance) * np.sinc(distance / 4), 0)
+
+
+KERNELS: dict[str, tuple[int, Callable[[np.ndarray], np.ndarray]]] = {
+    "nearest": (1, nearest), "linear": (1, linear), "cubic": (2, cubic), "lanczos": (4, lanczos),
+}
+"""Reach in samples to either side, and the weight at a distance from a sample."""
+
+
+@functools.lru_cache(maxsize=64)
+def kernel_matrix(kernel: str, size: int, scale: int, margin: int = 0) -> np.ndarray:
+    """Weights (size·scale, size + 2·margin) float32 that upscale ``size`` samples with ``margin`` more on either side.
+
+    Samples sit at half-pixel centres; beyond the last one it repeats.
+    """
+    reach, weight = KERNELS[kernel]
+    places = (np.arange(size * scale) + 0.5) / scale - 0.5 + margin
+    taps = np.floor(places).astype(int)[:, None] + np.arange(1 - reach, reach + 1)
+    weights = weight(places[:, None] - taps)
+    weights /= weights.sum(1, keepdims=True)
+    matrix = np.zeros((size * scale, size + 2 * margin))
+    np.add.at(matrix, (np.arange(size * scale)[:, None], np.clip(taps, 0, size + 2 * margin - 1)), weights)
+    return matrix.astype(np.float32)
+
+
+EIS_IN_CACHE = 8  # per step of an interpolation: their result stays in a core's cache
+CROSSTALK_REACH = 4  # half the widest kernel
+
+
+@dataclasses.dataclass(frozen=True)
+class Interpolation:
+    """A classical upscaler: ``kernel`` of kernels.KERNELS in both directions of each EI.
+
+    Samples beyond an EI repeat its border, or with ``crosstalk`` come from the
+    ``CROSSTALK_REACH`` nearest pixels of the neighbouring EIs, as if the EIA were
+    one photograph.
+    """
+
+    name: str
+    kernel: str
+    crosstalk: bool = False
+    thread_safe: bool = True
+    notes: tuple[str, ...] = ()
+
+    def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+        _, _, height, width, channels = low.color.shape
+        lenses, margin = np.asarray(lenses), CROSSTALK_REACH if self.crosstalk else 0
+        result = np.empty((len(lenses), height * low.scale, width * low.scale, channels), np.float32)
+        for start in range(0, len(lenses), EIS_IN_CACHE):
+            part = slice(start, start + EIS_IN_CACHE)
+            interpolate(encode(_gather(low.color, lenses[part], margin)), self.kernel, low.scale, result[part], margin)
+        return result
+
+    def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+        """What is interpolated: EIs of ``lenses``, (N, h, w, 3) in the domain of ``encode``."""
+        return encode(low.color[lenses[:, 0], lenses[:, 1]])
+
+
+def interpolate(encoded: np.ndarray, kernel: str, scale: int, out: np.ndarray, margin: int = 0) -> None:
+    """Upscale encoded EIs (n, h + 2·margin, w + 2·margin, C) into scene-linear ``out`` (n, h·s, w·s, C)."""
+    count, rows, columns, channels = encoded.shape
+    down = kernel_matrix(kernel, rows - 2 * margin, scale, margin)
+    across = _interleaved(kernel, columns - 2 * margin, scale, margin, channels)
+    tall = (down @ encoded.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
+    finished = out.reshape(len(tall), -1)
+    decode(np.matmul(tall, across, out=finished), out=finished)
+
+
+@functools.lru_cache(maxsize=16)
+def _interleaved(kernel: str, columns: int, scale: int, margin: int, channels: int) -> np.ndarray:
+    """Matrix that upscales rows of interleaved channels: the same weights for each, zero between them."""
+    return np.kron(kernel_matrix(kernel, columns, scale, margin).T, np.eye(channels, dtype=np.float32))
+
+
+@dataclasses.dataclass(frozen=True)
+class NoUpscaling:
+    """Scale 1: the render is already at full resolution."""
+
+    name: str = "none"
+    kernel: str = "nearest"
+    thread_safe: bool = True
+    notes: tuple[str, ...] = ()
+
+    def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+        if low.scale != 1:
+            raise LfsrError(f"method {self.name!r} does not upscale, but the frame was rendered at scale {low.scale}: "
+                            "choose an upscaling method, or render at scale 1")
+        return low.color[lenses[:, 0], lenses[:, 1]]
+
+    def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+        """EIs of ``lenses``, (N, h, w, 3) in the domain of ``encode``."""
+        return encode(self(low, lenses))
+
+
+def _gather(images: np.ndarray, lenses: np.ndarray, margin: int) -> np.ndarray:
+    """EIs of ``lenses`` with ``margin`` pixels of their neighbours around, (N, h + 2·margin, w + 2·margin, C)."""
+    if margin == 0:
+        return images[lenses[:, 0], lenses[:, 1]]
+    sy, sx, height, width, _ = images.shape
+    rows = np.clip(lenses[:, :1] * height + np.arange(-margin, height + margin), 0, sy * height - 1)
+    columns = np.clip(lenses[:, 1:] * width + np.arange(-margin, width + margin), 0, sx * width - 1)
+    row, y, column, x = rows // height, rows % height, columns // width, columns % width
+    return images[row[:, :, None], column[:, None, :], y[:, :, None], x[:, None, :]]

@@ -1,0 +1,69 @@
+"""Elemental images between the rendered views: inside each of them, or along epipolar lines through its neighbours."""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+
+from lfsr_core.reconstruct.methods.interpolation import KERNELS, kernel_matrix
+
+LENS_KERNEL = "cubic"  # across lenses, along a line
+
+
+def interpolated(images: np.ndarray, kernel: str, scale: int) -> np.ndarray:
+    """EIs (N, h, w, 3) -> (N, h·scale, w·scale, 3), in whatever domain they are."""
+    count, rows, columns, channels = images.shape
+    down, across = kernel_matrix(kernel, rows, scale), kernel_matrix(kernel, columns, scale)
+    tall = (down @ images.reshape(count, rows, -1)).reshape(-1, columns, channels)
+    return np.matmul(across, tall).reshape(count, rows * scale, columns * scale, channels)
+
+
+def averaged(images: np.ndarray, kernel: str, scale: int) -> np.ndarray:
+    """What low-resolution pixels of (sy, sx, h, w, 3) become when they are interpolated and averaged again."""
+    down, across = (_blur(kernel, size, scale) for size in images.shape[2:4])
+    flat = images.reshape(-1, *images.shape[2:])
+    count, rows, columns, channels = flat.shape
+    tall = (down @ flat.reshape(count, rows, -1)).reshape(-1, columns, channels)
+    return np.matmul(across, tall).reshape(images.shape)
+
+
+def _blur(kernel: str, size: int, scale: int) -> np.ndarray:
+    return kernel_matrix(kernel, size, scale).reshape(size, scale, size).mean(1)
+
+
+def sheared(images: np.ndarray, covered: np.ndarray, lenses: np.ndarray, scale: int, steep: float) -> np.ndarray:
+    """EIs of ``lenses`` (N, 2) at every view, (N, h·scale, w·scale, 3), along lines of ``steep`` lenses per view.
+
+    Between two rendered views a point stands in other lenses: those of ``images``
+    (sy, sx, h, w, 3) are asked, as far as they are ``covered`` (sy, sx).
+    """
+    (sy, sx, h, w, _), reach, covered = images.shape, _lens_reach(steep), covered.astype(np.float32)
+    around = np.arange(-reach, reach + 1)
+    rows = np.clip(lenses[:, :1] + around, 0, sy - 1)[:, :, None]
+    columns = np.clip(lenses[:, 1:] + around, 0, sx - 1)[:, None, :]
+    down, across = (_shear(size, scale, steep) for size in (h, w))
+    weight = down.sum(2) @ covered[rows, columns] @ across.sum(2).T
+    # (N, lens row, lens column, view row, view column, C): rows of lenses and views first, then columns.
+    tall = np.einsum("aov,noqvuc->nqauc", down, images[rows, columns], optimize=True)
+    detail = np.einsum("bqu,nqauc->nabc", across, tall, optimize=True)
+    return detail / np.maximum(weight, 0.5)[..., None]
+
+
+def _lens_reach(steep: float) -> int:
+    return math.ceil(abs(steep)) + KERNELS[LENS_KERNEL][0]
+
+
+@functools.lru_cache(maxsize=64)
+def _shear(size: int, scale: int, steep: float) -> np.ndarray:
+    """Weights (size·scale, lenses around, size) of both nearest rendered views, where these show the same point."""
+    reach, weight = _lens_reach(steep), KERNELS[LENS_KERNEL][1]
+    places = (np.arange(size * scale) + 0.5) / scale - 0.5
+    matrix = np.zeros((size * scale, 2 * reach + 1, size))
+    for index, place in enumerate(places):
+        near = kernel_matrix("linear", size, scale)[index]
+        for view in np.flatnonzero(near):
+            of_lenses = weight(steep * (view - place) - np.arange(-reach, reach + 1))
+            matrix[index, :, view] = near[view] * of_lenses / of_lenses.sum()
+    return matrix.astype(np.float32)

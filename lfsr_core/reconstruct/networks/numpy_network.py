@@ -1,0 +1,207 @@
+"""Our networks as upscalers, in NumPy: no engine to install, in Blender neither.
+
+Every step is one matrix product over a few elemental images that stay in a
+core's cache; several threads work on different lenses (see assembly.py). The
+same arithmetic as ``lightfield.LightFieldNet`` followed by linear upscaling.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.reconstruct.networks import weights_file
+
+MAX_LOG2_SAMPLES = 12.0
+LEAST_LIGHT, MAX_GAIN = 1e-4, 2.0
+ENCODED = ("oidn", "guided", "color")
+
+
+def conserve(encoded: np.ndarray, light: np.ndarray) -> np.ndarray:
+    """EIs (N, h, w, 3), encoded, scaled to the mean scene-linear ``light`` (N, 1, 1, 3) they were rendered with.
+
+    The render's mean over an EI is unbiased and has little noise; a network's is neither.
+    """
+    from lfsr_core.reconstruct.encoding import decode, encode
+
+    linear = decode(encoded)
+    gain = (light + LEAST_LIGHT) / (_mean_light(linear) + LEAST_LIGHT)
+    return encode(linear * np.clip(gain, 1 / MAX_GAIN, MAX_GAIN))
+
+
+def _mean_light(images: np.ndarray) -> np.ndarray:
+    """(N, h, w, 3) -> (N, 1, 1, 3)."""
+    return images.mean(1, keepdims=True).mean(2, keepdims=True)
+
+
+def network_inputs(network: ElementalNetwork, low: LowResEIA, lenses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Features (N, h, w, C) and base (N, h, w, 3) of ``lenses``, as in training."""
+    from lfsr_core.reconstruct.encoding import encode
+
+    after_oidn = "oidn" in network.inputs
+    layers = {**low.aux, "alpha": low.alpha, "oidn": low.color, "color": low.aux["noisy"] if after_oidn else low.color}
+    rows, columns = lenses[:, 0], lenses[:, 1]
+    shape = (len(lenses), *low.color.shape[2:4])
+    features = np.empty((*shape, network.input_channels), np.float32)
+    start, base = 0, features[..., :3]
+    for name in network.inputs:
+        values = layers[name][rows, columns]
+        if name in ENCODED:
+            values = encode(values)
+        elif name == "albedo":
+            values = np.minimum(values, 1)  # Cycles adds emission to it
+        end = start + values.shape[-1]
+        features[..., start:end] = values
+        if name == network.base:
+            base = features[..., start:end]
+        start = end
+    features[..., start] = np.log2(low.samples) / MAX_LOG2_SAMPLES
+    return features, base
+
+
+class ElementalNetwork:
+    """The arithmetic of ``lightfield.LightFieldNet`` on channels-last arrays, from its tensors and options."""
+
+    def __init__(self, tensors: Mapping[str, np.ndarray], options: Mapping[str, Any], origin: object) -> None:
+        if options.get("spatial"):
+            raise LfsrError(f"{origin} holds a network with convolutions across lenses, which only training runs: "
+                            "train it again without 'spatial'")
+        self.inputs, self.base = tuple(options["inputs"]), options["base"]
+        self._blocks = int(options["blocks"])
+        second = options.get("second_base")
+        self._second = channels(self.inputs[:self.inputs.index(second)]) if second else None
+        # Convolutions as (rows of a patch, outputs) matrices.
+        self._matrix = {name: _matrix(value) for name, value in tensors.items() if name.endswith("weight")}
+        self._bias = {name: value for name, value in tensors.items() if name.endswith("bias")}
+        _check(self, tensors, options, origin)
+
+    @property
+    def input_channels(self) -> int:
+        """Channels of the features, the sample count included."""
+        return channels(self.inputs) + 1
+
+    @property
+    def outputs(self) -> int:
+        """Channels of the last convolution: correction, share of the base to drop, share of the second base."""
+        return 4 if self._second is None else 5
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Layers that a frame must have beside colour and alpha."""
+        extra = tuple(name for name in self.inputs if name not in (*ENCODED, "alpha"))
+        return (*extra, "noisy") if "oidn" in self.inputs else extra
+
+    def __call__(self, features: np.ndarray, base: np.ndarray) -> np.ndarray:
+        """(N, h, w, C) and (N, h, w, 3) -> (N, h, w, 3), in the encoded domain."""
+        h, w = features.shape[1:3]
+        x = _even(_relu(self._conv(features, "stem")))
+        d = _relu(self._dense(_fold(x), "down"))
+        for block in range(self._blocks):
+            for layer in ("angular", "spatial"):
+                d += _relu(self._conv(d, f"body.{block}.{layer}"))
+        x += _unfold(self._dense(d, "up"))
+        correction = self._conv(_relu(x)[:, :h, :w], "out")
+        keep = 1 - np.clip(correction[..., 3:4], 0, 1)
+        if self._second is not None:
+            second = features[..., self._second:self._second + 3]
+            base = base + (second - base) * np.clip(correction[..., 4:], 0, 1)
+        return base * keep + correction[..., :3]
+
+    def _conv(self, x: np.ndarray, name: str) -> np.ndarray:
+        return self._dense(_patches(x), name)
+
+    def _dense(self, x: np.ndarray, name: str) -> np.ndarray:
+        out = x.reshape(-1, x.shape[-1]) @ self._matrix[f"{name}.weight"]
+        out += self._bias[f"{name}.bias"]
+        return out.reshape(*x.shape[:3], -1)
+
+
+def load(path: Path) -> ElementalNetwork:
+    """Network of a weights file; LfsrError where it is missing, damaged or another network."""
+    return _load(path, path.stat().st_mtime_ns if path.exists() else 0)
+
+
+@functools.lru_cache(maxsize=8)
+def _load(path: Path, _written: int) -> ElementalNetwork:
+    header, tensors = weights_file.read(path)
+    if header.get("architecture") != "LightFieldNet":
+        raise LfsrError(f"{path} holds weights for architecture {header.get('architecture')!r}, expected "
+                        "'LightFieldNet': choose the file that fits or train it again")
+    return ElementalNetwork(tensors, json.loads(header["options"]), path)
+
+
+def _check(network: ElementalNetwork, tensors: Mapping[str, np.ndarray], options: Mapping[str, Any],
+           origin: object) -> None:
+    """LfsrError unless every tensor has the shape that the options ask for."""
+    width, body = options["width"], options["body_width"]
+    shapes = {"stem": (width, network.input_channels, 3, 3), "down": (body, width, 2, 2), "up": (width * 4, body, 1, 1),
+              "out": (network.outputs, width, 3, 3)}
+    shapes |= {f"body.{block}.{layer}": (body, body, 3, 3)
+               for block in range(options["blocks"]) for layer in ("angular", "spatial")}
+    for name, shape in shapes.items():
+        found = tensors.get(f"{name}.weight", np.empty(0)).shape
+        if found != shape or tensors.get(f"{name}.bias", np.empty(0)).shape != shape[:1]:
+            raise LfsrError(f"{origin} has tensor {name!r} of shape {found}, expected {shape}: "
+                            "choose the file that fits or train it again")
+
+
+def channels(layers: Sequence[str]) -> int:
+    """Channels of some input layers: one of alpha, three of every other."""
+    return sum(1 if name == "alpha" else 3 for name in layers)
+
+
+def _matrix(weight: np.ndarray) -> np.ndarray:
+    """(outputs, inputs, rows, columns) -> (rows·columns·inputs, outputs)."""
+    return np.ascontiguousarray(weight.transpose(2, 3, 1, 0).reshape(-1, len(weight)))
+
+
+def _patches(x: np.ndarray) -> np.ndarray:
+    """(N, h, w, C) -> (N, h, w, 9·C): 3×3 neighbours, the border repeated."""
+    n, h, w, c = x.shape
+    padded = _bordered(x)
+    image, row, pixel, value = padded.strides
+    # Three neighbours in a row lie side by side: one run of memory.
+    runs = np.lib.stride_tricks.as_strided(padded, (n, h, w, 3, 3 * c), (image, row, pixel, row, value))
+    return runs.reshape(n, h, w, 9 * c)
+
+
+def _bordered(x: np.ndarray) -> np.ndarray:
+    """(N, h, w, C) -> (N, h + 2, w + 2, C), the border repeated.
+
+    What np.pad does, whose own bookkeeping takes longer than the network's arithmetic.
+    """
+    n, h, w, c = x.shape
+    padded = np.empty((n, h + 2, w + 2, c), x.dtype)
+    padded[:, 1:-1, 1:-1] = x
+    padded[:, 0, 1:-1], padded[:, -1, 1:-1] = x[:, 0], x[:, -1]
+    padded[:, :, 0], padded[:, :, -1] = padded[:, :, 1], padded[:, :, -2]
+    return padded
+
+
+def _even(x: np.ndarray) -> np.ndarray:
+    """The last row and column repeated where their number is odd."""
+    h, w = x.shape[1:3]
+    return np.pad(x, ((0, 0), (0, h % 2), (0, w % 2), (0, 0)), mode="edge") if h % 2 or w % 2 else x
+
+
+def _fold(x: np.ndarray) -> np.ndarray:
+    """(N, 2h, 2w, C) -> (N, h, w, 4·C)."""
+    n, h, w, c = x.shape
+    return x.reshape(n, h // 2, 2, w // 2, 2, c).transpose(0, 1, 3, 2, 4, 5).reshape(n, h // 2, w // 2, 4 * c)
+
+
+def _unfold(x: np.ndarray) -> np.ndarray:
+    """Pixel shuffle: (N, h, w, 4·C), channel c·4 + 2·row + column -> (N, 2h, 2w, C)."""
+    n, h, w, c = x.shape
+    return x.reshape(n, h, w, c // 4, 2, 2).transpose(0, 1, 4, 2, 5, 3).reshape(n, 2 * h, 2 * w, c // 4)
+
+
+def _relu(x: np.ndarray) -> np.ndarray:
+    return np.maximum(x, 0, out=x)

@@ -1,0 +1,78 @@
+"""Finding Blender, and the command lines that start it."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from lfsr_core.errors import LfsrError
+
+OLDEST_BLENDER = (4, 5)
+
+
+@dataclasses.dataclass(frozen=True)
+class Blender:
+    """How to start Blender; ``executable`` None means the bpy wheel of this Python."""
+
+    executable: str | None = None
+
+    def command(self, job_file: Path) -> list[str]:
+        """Command line that runs the render job in ``job_file``."""
+        core = importlib.util.find_spec("lfsr_core")
+        return self.script_command(entry_script(), str(Path(core.origin).parents[1]), str(job_file))
+
+    def script_command(self, script: Path, *arguments: str) -> list[str]:
+        """Command line that runs a Python ``script`` inside Blender."""
+        if self.executable is None:
+            return [sys.executable, str(script), "--", *arguments]
+        return [self.executable, "--background", "--factory-startup", "--python-exit-code", "1",
+                "--python", str(script), "--", *arguments]
+
+
+def entry_script() -> Path:
+    """The add-on's script that runs a render job inside Blender; the add-on itself is not imported here."""
+    spec = importlib.util.find_spec("blender_addon")
+    if spec is None or not spec.submodule_search_locations:
+        raise LfsrError("the package blender_addon is not installed beside lfsr_core: install LFSR again")
+    return Path(next(iter(spec.submodule_search_locations)), "headless", "entry.py")
+
+
+def scene_script(name: str) -> Path:
+    """A script that builds or changes scenes inside Blender, of the package ``lfsr_scenes`` (scripts/scenes)."""
+    spec = importlib.util.find_spec("lfsr_scenes")
+    for folder in (spec.submodule_search_locations or ()) if spec else ():
+        return Path(folder, name)
+    raise LfsrError(f"the package lfsr_scenes, which holds {name}, is not installed: install LFSR again")
+
+
+def find_blender(executable: str | None = None) -> Blender:
+    """The Blender asked for, else the bpy wheel, else ``blender`` on PATH; LfsrError if none will do."""
+    if executable is None and importlib.util.find_spec("bpy") is not None:
+        return Blender()
+    path = shutil.which(executable or "blender")
+    if path is None:
+        raise LfsrError(
+            f"blender executable {executable!r} was not found: give the path of Blender 4.5 or newer" if executable
+            else "Blender was not found, neither the bpy package nor `blender` on PATH: "
+                 "install the 'blender' extra or give --blender PATH")
+    version = _version(path)
+    if version < OLDEST_BLENDER:
+        raise LfsrError(f"{path} is Blender {'.'.join(map(str, version))}, but 4.5 or newer is needed: "
+                        "give another with --blender PATH")
+    return Blender(path)
+
+
+def _version(path: str) -> tuple[int, ...]:
+    try:
+        answer = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=60, check=False).stdout
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise LfsrError(f"{path} cannot be started ({error}): give another with --blender PATH") from None
+    found = re.search(r"Blender (\d+)\.(\d+)", answer)
+    if found is None:
+        raise LfsrError(f"{path} does not say that it is Blender: give the executable with --blender PATH")
+    return int(found[1]), int(found[2])

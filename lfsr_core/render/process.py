@@ -1,0 +1,136 @@
+"""Blender as a separate process: find it, run one job, pass its progress on."""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import write_json
+from lfsr_core.frames import frame
+from lfsr_core.frames.job import Job
+from lfsr_core.render.blender import Blender
+from lfsr_core.render.protocol import EXIT_BAD_INPUT, LAST_STAGES, parse_progress
+
+LOG_FILE = "blender.log"
+SECONDS_TO_STOP = 5
+LINES_IN_MESSAGE = 3
+RENDERED_FILES = {"render": (frame.LOW_RES_FILE,), "reference": frame.REFERENCE_FILES}
+# Made from an older render of the same folder, so they would no longer match it.
+DERIVED_FILES = (frame.EIA_FILE, frame.EIA_LINEAR_FILE, frame.MASK_FILE, frame.REPORT_FILE, LOG_FILE)
+Progress = Callable[[str, float, str], None]
+Warn = Callable[[str], None]
+
+
+def run_job(job: Job, blender: Blender, progress: Progress | None = None, warn: Warn | None = None) -> None:
+    """Render ``job`` and put what it wrote into its folder, all of it or nothing.
+
+    ``progress(stage, fraction, message)`` while it runs, ``warn(sentence)`` for
+    what the user should know although it does not stop the render.
+    LfsrError with Blender's own sentence after bad input, or with the last lines
+    of its log (kept in that folder) after a crash. On KeyboardInterrupt Blender is
+    stopped before the exception goes on.
+    """
+    folder = Path(job.output)
+    check_folder(folder, job.kind)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        staging = tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent)
+    except OSError as error:
+        raise LfsrError(f"{folder} cannot be made ({error.strerror}): choose another folder") from None
+    with staging as name:
+        staged = Path(name) / "frame"
+        staged.mkdir()
+        job_file, log_file = Path(name) / "job.json", Path(name) / LOG_FILE
+        write_json(job_file, dataclasses.replace(job, output=str(staged.resolve())).to_dict())
+        _run(blender.command(job_file), log_file, folder, _listener(progress, warn))
+        _publish(staged, folder)
+
+
+def check_folder(folder: Path, kind: str) -> None:
+    """LfsrError if ``folder`` is a file or holds another kind of render, which must not be lost."""
+    if folder.exists() and not folder.is_dir():
+        raise LfsrError(f"{folder} is a file, but the output must be a folder: choose another name")
+    for other, files in RENDERED_FILES.items():
+        if other != kind and any((folder / name).exists() for name in files):
+            raise LfsrError(f"{folder} already holds a {other}, but a {kind} was asked for: choose another folder")
+
+
+def _listener(progress: Progress | None, warn: Warn | None) -> Callable[[dict[str, Any]], None]:
+    """What to do with one LFSR record."""
+    def listen(record: dict[str, Any]) -> None:
+        stage, message = str(record["stage"]), str(record.get("message", ""))
+        if record.get("warning"):
+            if warn:
+                warn(message)
+        elif progress and stage not in LAST_STAGES:
+            progress(stage, float(record.get("fraction", 0)), message)
+    return listen
+
+
+def _run(command: list[str], log_file: Path, folder: Path, listen: Callable[[dict[str, Any]], None]) -> None:
+    # Its own process group: Ctrl-C reaches this program only, which then stops Blender.
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+                             env=os.environ | {"PYTHONUNBUFFERED": "1"}, start_new_session=True)
+    with child, log_file.open("w", encoding="utf-8") as log:
+        try:
+            last = _follow(child.stdout or (), log.write, listen)
+            code = child.wait()
+        except BaseException:
+            _stop(child)
+            raise
+    if code == EXIT_BAD_INPUT and last.get("stage") == "error":
+        raise LfsrError(str(last.get("message")))
+    if code != 0 or last.get("stage") != "done":
+        raise _crash(code, log_file, folder)
+
+
+def _follow(lines: Iterable[str], log: Callable[[str], Any],
+            listen: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
+    """Log every line, pass LFSR records on; returns the last one."""
+    last: dict[str, Any] = {}
+    for line in lines:
+        log(line)
+        record = parse_progress(line)
+        if record is not None:
+            last = record
+            listen(record)
+    return last
+
+
+def _stop(child: subprocess.Popen[str]) -> None:
+    if child.poll() is not None:
+        return
+    os.killpg(child.pid, signal.SIGTERM)
+    try:
+        child.wait(SECONDS_TO_STOP)
+    except subprocess.TimeoutExpired:
+        os.killpg(child.pid, signal.SIGKILL)
+
+
+def _crash(code: int, log_file: Path, folder: Path) -> LfsrError:
+    kept = folder / LOG_FILE
+    folder.mkdir(exist_ok=True)
+    shutil.copy(log_file, kept)
+    with kept.open(encoding="utf-8") as log:
+        lines = collections.deque((line.strip() for line in log if line.strip()), maxlen=LINES_IN_MESSAGE)
+    reason = f"signal {-code}" if code < 0 else f"exit code {code}"
+    return LfsrError(f"Blender stopped with {reason} before the render was done, last saying "
+                     f"{' / '.join(lines) or 'nothing'!r}: the whole log is {kept}")
+
+
+def _publish(staged: Path, folder: Path) -> None:
+    """Move a finished render into its folder."""
+    folder.mkdir(exist_ok=True)
+    for stale in DERIVED_FILES:
+        (folder / stale).unlink(missing_ok=True)
+    for path in staged.iterdir():
+        os.replace(path, folder / path.name)

@@ -1,0 +1,55 @@
+"""Save a copy of a scene whose camera array stands nearer or farther; the display plane stays on the subject.
+
+    python scripts/scenes/move_camera_array.py JOB.json                        (bpy wheel)
+    blender --background --python scripts/scenes/move_camera_array.py -- JOB.json
+
+JOB.json: scene, display (a profile), share (of the array's own distance) and output (.blend).
+The field of view stays, so the subject fills more of the display where the array is nearer.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+sys.path.extend(str(folder) for folder in Path(__file__).resolve().parents[1:3])
+
+import bpy
+import mathutils
+
+from blender_addon.array import placement, rig
+from blender_addon.headless import main as headless
+from blender_addon.scene import open, subject
+from lfsr_core.optics.display import DisplayProfile
+
+
+def main(job: dict) -> None:
+    """Open, move, save."""
+    scene = open.open_scene(job["scene"])
+    profile = DisplayProfile.from_dict(job["display"])
+    array, matrix = placement.place_array(scene, profile, subject.find_subject(scene))
+    # Array space looks along +Z, a Blender camera along -Z.
+    place = mathutils.Matrix(matrix) @ mathutils.Matrix.Diagonal((1, 1, -1, 1))
+    back = mathutils.Matrix.Translation((0, 0, (job["share"] - 1) * array.distance))
+    add_array(scene, place @ back, array.half_width / array.distance, job["share"] * array.distance)
+    bpy.ops.wm.save_as_mainfile(filepath=job["output"], compress=True)
+
+
+def add_array(scene: bpy.types.Scene, matrix: mathutils.Matrix, half_width: float, distance: float) -> None:
+    """Make a camera array at ``matrix`` the scene's own; its display is 2 · half_width · distance wide."""
+    data = bpy.data.cameras.new("Moved array")
+    data.sensor_fit, data.lens = "HORIZONTAL", data.sensor_width / 2 / half_width
+    camera, plane = bpy.data.objects.new("Moved array", data), bpy.data.objects.new("Moved display plane", None)
+    for item in (camera, plane):
+        scene.collection.objects.link(item)
+    camera.matrix_world, camera[rig.SPACING] = matrix, 1.0
+    plane.parent, plane[rig.PLANE] = camera, True
+    plane.location = (0.0, 0.0, -distance)
+    scene.camera = camera
+    bpy.context.view_layer.update()
+
+
+if __name__ == "__main__":
+    main(json.loads(Path(headless.script_arguments()[0]).read_text(encoding="utf-8")))
+    sys.stdout.flush()

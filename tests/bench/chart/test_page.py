@@ -1,0 +1,109 @@
+"""What people read of a chart: well-formed, complete, honest about losses, nothing loaded from elsewhere."""
+
+from __future__ import annotations
+
+import math
+import re
+from xml.etree import ElementTree
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lfsr_core.bench import plots
+from lfsr_core.bench.chart import findings, panels, tables
+from lfsr_core.bench.chart import page as chart_page
+from lfsr_core.bench.chart.analysis import LOW, METRICS, Point, analyse
+from tests.support.chart_example import LOW_METHODS, example
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture(scope="module")
+def chart():
+    return example()
+
+
+def texts(svg: str) -> list[str]:
+    return ["".join(element.itertext()) for element in ElementTree.fromstring(svg).iter(f"{SVG}text")]
+
+
+def test_the_picture_has_a_panel_per_scene_and_one_of_the_mean(chart):
+    words = texts(panels.picture(chart))
+    assert {scene["scene"] for scene in chart["scenes"]} | {"Mean of 6 scenes"} <= set(words)
+    assert sum("without noise" in word for word in words) == 7
+    assert len(ElementTree.fromstring(panels.picture(example(1))).findall(f"{SVG}svg")) == 1
+
+
+def test_every_text_lies_inside_its_panel(chart):
+    for scene in chart["scenes"]:
+        svg = plots.panel_svg(panels.scene_panel(chart, scene))
+        for element in ElementTree.fromstring(svg).iter(f"{SVG}text"):
+            assert 0 <= float(element.get("x")) <= plots.WIDTH and 0 <= float(element.get("y")) <= plots.HEIGHT
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_every_metric_can_be_drawn(chart, metric):
+    svg = plots.panel_svg(panels.scene_panel(chart, chart["scenes"][0], metric))
+    assert panels.AXES[metric] in " ".join(texts(svg))
+
+
+def test_the_page_stands_alone_and_its_tables_are_whole(chart):
+    page = chart_page.page(chart)
+    assert not re.search(r"<script|<link|src=|url\(|@import", page)
+    for table in re.findall(r"<table>.*?</table>", page):
+        rows = ElementTree.fromstring(table.replace("class=l", 'class="l"')).iter("tr")
+        assert len({len(row) for row in rows}) == 1
+    assert all(name in page for name in LOW_METHODS)
+    assert chart["skipped"][0] in page and "Example processor" in page
+
+
+def test_losses_are_named_as_wins_are(chart):
+    page, duels = chart_page.page(chart), [duel for scene in chart["scenes"]
+                                           for part in ("versus", "reverse") for duel in scene["analysis"][0][part]]
+    for outcome, mark in (("win", "✔ win"), ("loss", "✘ loss")):
+        count = sum(duel["outcome"] == outcome for duel in duels)
+        assert count > 0 and page.count(mark) == count
+    assert findings.losses(chart)[0].startswith("every view +OIDN: wins 6 of 18 times (Scene1 at 16;")
+
+
+def test_the_headline_counts_what_the_analysis_found(chart):
+    ratios = [scene["analysis"][0]["target"]["worst_ratio"] for scene in chart["scenes"]]
+    assert f"{min(ratios):.0%} to {max(ratios):.0%}" in findings.headline(chart)
+    assert f"A quarter or less: {sum(ratio <= 0.25 for ratio in ratios)} of 6 scenes" in findings.headline(chart)
+
+
+def test_a_chart_without_direct_rendering_or_ceiling_is_still_a_page():
+    chart = example(2)
+    for scene in chart["scenes"]:
+        scene["cells"] = [cell for cell in scene["cells"] if cell["role"] == LOW]
+        scene["analysis"] = [analyse(scene["cells"], "oidn+bilinear", metric) for metric in METRICS]
+    assert "was not measured" in chart_page.page(chart)
+    assert "without noise" not in panels.picture(chart)
+
+
+def test_advice_rises_and_skips_what_is_not_worth_a_line(chart):
+    front = [Point(LOW, "a", 1, 1.0, 0.5), Point(LOW, "b", 1, 1.1, 0.6), Point(LOW, "c", 1, 2.0, 0.602),
+             Point(LOW, "d", 1, 4.0, 0.7)]
+    assert [point.method for point in findings.worth_a_step(front)] == ["b", "d"]
+    assert len(findings.advice(chart)) >= 2
+
+
+def test_the_table_has_every_cell_with_its_metrics(chart):
+    table = tables.markdown(chart)
+    rows = [line for line in table.splitlines() if line.startswith("| espcn | 16 | 4 |")]
+    assert len(rows) == 7, "one per scene and one of the mean"
+    assert "24,192 | 24,336" in rows[0] and "±" in rows[1] and "±" not in rows[0]
+
+
+@given(st.floats(1e-3, 1e5), st.floats(1.01, 1e4))
+def test_time_ticks_lie_inside_and_are_few(low, factor):
+    ticks = plots.time_ticks(low, low * factor)
+    assert 2 <= len(ticks) <= 12
+    assert all(low * (1 - 1e-9) <= tick <= low * factor * (1 + 1e-9) for tick in ticks)
+
+
+@given(st.floats(-0.9, 0.99), st.floats(0.001, 0.9))
+def test_heights_rise_with_values(value, gain):
+    assert plots.height(value + gain, True) >= plots.height(value, True)
+    assert math.isfinite(plots.height(1.2, True))

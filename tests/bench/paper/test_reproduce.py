@@ -1,0 +1,251 @@
+"""The paper's figures: measured on synthetic frames, resumed, and put into words that follow the numbers."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+import json
+import math
+from pathlib import Path
+
+import cv2
+import pytest
+
+from lfsr_core.bench import cells
+from lfsr_core.bench.paper import page, quality, renders, settings, timing, weights
+from lfsr_core.bench.paper.figure import CROPS_SEEN
+from lfsr_core.bench.paper.figures import figure9, figure11
+from lfsr_core.reconstruct.networks import catalogue
+from tests.support.synthetic import MINI, write_reference, write_render
+from tests.support.training_photographs import pictures
+
+SCRIPT = Path(__file__).parents[3] / "scripts" / "reproduce_paper.py"
+SCALE, SPP, CLEAN = 4, 4, 8
+HALF = renders.resolution(MINI, 2)
+
+
+def script():
+    specification = importlib.util.spec_from_file_location("reproduce_paper", SCRIPT)
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory):
+    """Every render that the figures ask for, made without Blender."""
+    root = tmp_path_factory.mktemp("paper")
+    scene, moved = root / "toy.obj", root / "moved" / "toy-mini-1.blend"
+    moved.parent.mkdir()
+    for path in (scene, moved):
+        path.touch()
+    write_reference(root / "bench" / "toy" / "reference", noise=0.02)
+    for scale, spp in ((8, SPP), (4, SPP), (4, CLEAN), (2, SPP), (1, SPP), (1, 1)):
+        write_render(root / "bench" / "toy" / f"s{scale}-spp{spp}", scale, samples=spp)
+    write_render(root / "bench" / "toy" / f"s4-spp{SPP}-view-by-view", 4, samples=SPP, layout="view-by-view")
+    write_render(root / "bench" / moved.stem / f"s4-spp{SPP}", 4, samples=SPP)
+    for scale in (1, 2, 4):
+        write_render(root / f"bench-{HALF.name}" / "toy" / f"s{scale}-spp{SPP}", scale, HALF, samples=SPP)
+    return settings.quick(root, (scene,), display=MINI, timing_display=MINI, spp=SPP, clean_spp=CLEAN, repeats=3,
+                          steps=(4, 8), moves=(1.0,), workload=(8, 4), device="cpu")
+
+
+@pytest.fixture(scope="module")
+def measured(frames):
+    return {name: figure.measure(frames, frames.output) for name, figure in page.FIGURES.items()}
+
+
+def test_every_figure_measures_draws_and_speaks(frames, measured, tmp_path):
+    assert json.loads(json.dumps(measured)) == measured
+    for name, figure in page.FIGURES.items():
+        rows = figure.table(measured[name])
+        assert len(rows) > 2 and len({row.count("|") for row in rows}) == 1, rows
+        assert figure.line(measured[name]).startswith("**")
+        if figure.draw:
+            path = tmp_path / page.picture_name(figure)
+            figure.draw(measured[name], frames.output, path)
+            assert cv2.imread(str(path)).std() > 5 and path.stat().st_size < 150_000
+
+
+def test_networks_without_weights_are_named_and_not_invented(measured):
+    rows = measured["fig9"]["rows"]
+    assert [row["method"] for row in rows if "metrics" not in row] == ["paper-gan"] * 2
+    assert "for want of weights: paper-gan" in figure9.line(measured["fig9"])
+    assert measured["fig9"]["schedules"]["paper"].startswith("short schedule: ")
+    assert measured["fig9"]["schedules"]["paper-gan"] == "no weights"
+
+
+def test_accuracy_is_what_compare_gives(frames, measured):
+    folder = frames.bench / "toy" / f"s4-spp{CLEAN}"
+    from lfsr_core.metrics.compare import compare_folders
+    from lfsr_core.reconstruct.second_stage import upscale_frame
+
+    upscale_frame(folder, "bicubic")
+    expected = compare_folders(folder, frames.bench / "toy" / "reference")
+    row = next(row for row in measured["fig9"]["rows"] if row["method"] == "bicubic" and row["samples"] == CLEAN)
+    assert row["metrics"] == pytest.approx({name: expected[name] for name in quality.SHOWN})
+    assert sum(row["lens_ssim_fg"]) / len(row["lens_ssim_fg"]) == pytest.approx(expected["ssim_eia_fg"], abs=0.01)
+    error = row["error"]
+    assert -10 * math.log10(error["border"] + error["centre"]) == pytest.approx(expected["psnr_fg"], abs=0.01)
+
+
+def test_sampled_lenses_are_compared_as_they_are_elsewhere(frames, tmp_path):
+    listed = tuple((row, column) for row in range(0, 12, 3) for column in range(0, 16, 2))
+    write_reference(tmp_path, noise=0.02, lens_list=listed)
+    truth, folder = quality.Truth.read(tmp_path), frames.bench / "toy" / f"s4-spp{CLEAN}"
+    image, mask = quality.linear_picture(folder, quality.method_of("bicubic"))
+    found = quality.against(truth, quality.read_frame(folder), image, mask)
+    inside = [mask[row, column] for row, column in listed]
+    assert 0 < sum(inside) < len(listed) and len(found["lens_ssim_fg"]) == truth.foreground.sum()
+    assert found["ci95"]["ssim_eia_fg"] > 0
+    if list(truth.foreground) == inside:
+        assert sum(found["lens_ssim_fg"]) / sum(inside) == pytest.approx(found["metrics"]["ssim_eia_fg"], abs=1e-5)
+    rows, columns = truth.lenses[quality.middle_lenses(truth, 4)].T
+    assert len(rows) == 4 and mask[rows, columns].all()
+
+
+def test_sampled_references_have_no_epipolar_images(frames, tmp_path):
+    write_reference(tmp_path / "toy" / "reference", lens_list=((1, 2), (3, 4)))
+    write_render(tmp_path / "toy" / f"s4-spp{CLEAN}", 4, samples=CLEAN)
+    sampled = dataclasses.replace(frames, bench=tmp_path, output=tmp_path)
+    results = figure11.measure(sampled, tmp_path)
+    assert page.FIGURES["fig11"].line(results).startswith("**Not measured.**")
+    page.FIGURES["fig11"].draw(results, tmp_path, tmp_path / "empty.png")
+    assert (tmp_path / "empty.png").exists()
+
+
+def test_second_stage_is_what_upscale_writes(frames):
+    from lfsr_core.images.png import read_png
+    from lfsr_core.reconstruct.second_stage import upscale_frame
+
+    folder = frames.bench / "toy" / f"s4-spp{SPP}"
+    upscale_frame(folder, "bicubic")
+    made = quality.second_stage(folder, quality.method_of("bicubic"))
+    assert (made == read_png(folder / "eia.png")).all()
+
+
+def test_a_second_run_measures_nothing(frames, measured, monkeypatch):
+    def forbidden(*_, **__):
+        raise AssertionError("measured again")
+
+    for module, name in ((quality, "linear_picture"), (timing, "take_turns"), (renders, "run_job")):
+        monkeypatch.setattr(module, name, forbidden)
+    for name, figure in page.FIGURES.items():
+        assert figure.measure(frames, frames.output) == measured[name], name
+    with pytest.raises(AssertionError, match="measured again"):
+        figure9.measure(dataclasses.replace(frames, output=frames.output / "other"), frames.output / "other")
+
+
+def test_cells_follow_their_inputs(tmp_path):
+    kept, calls = cells.Cells(tmp_path, "fig"), []
+
+    def measure(value):
+        return lambda: calls.append(value) or value
+
+    assert kept("a", {"n": 1}, measure(5)) == kept("a", {"n": 1}, measure(6)) == 5
+    assert kept("a", {"n": 2}, measure(7)) == 7
+    (tmp_path / "cells" / "fig" / "a.json").write_text("{broken")
+    assert kept("a", {"n": 2}, measure(8)) == 8 and calls == [5, 7, 8]
+
+
+def test_stopped_run_keeps_what_is_done(frames, measured, tmp_path, monkeypatch):
+    monkeypatch.setattr(quality, "against", _stop_at(3))
+    again = dataclasses.replace(frames, output=tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        figure9.measure(again, tmp_path)
+    monkeypatch.undo()
+    done = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
+    assert len(done) == 3  # two measured, one without weights
+    assert figure9.measure(again, tmp_path)["rows"] == measured["fig9"]["rows"]
+    assert all(path.stat().st_mtime_ns == before for path, before in done.items())
+
+
+def _stop_at(call):
+    original, calls = quality.against, []
+
+    def against(*arguments):
+        calls.append(1)
+        if len(calls) == call:
+            raise KeyboardInterrupt
+        return original(*arguments)
+
+    return against
+
+
+def test_training_is_planned_labelled_and_done_once(tmp_path, frames):
+    photographs = tmp_path / "photographs"
+    photographs.mkdir()
+    for name, image in zip(pictures().names, pictures(height=100, width=100).images, strict=True):
+        cv2.imwrite(str(photographs / name), image)
+    chosen = dataclasses.replace(frames, output=tmp_path, train_minutes=1e-4, photographs=str(photographs),
+                                 validation=str(photographs))
+    path = weights.weights(chosen, "paper-3")
+    before = path.stat().st_mtime_ns
+    assert weights.weights(chosen, "paper-3") == path and path.stat().st_mtime_ns == before
+    assert path.parent == weights.trained_folder(chosen)
+    assert weights.schedule(path).startswith("short schedule: 1 epochs of 1 96-pixel crops per photograph, rate 0.001")
+    assert weights.fingerprint(path) != weights.fingerprint(weights.weights(frames, "paper"))
+    given = dataclasses.replace(frames, weights=path.parent)
+    assert weights.weights(given, "paper-3") == path
+    assert weights.weights(given, "paper-4") is None
+
+
+def test_networks_of_ours_are_those_that_ship(tmp_path, frames):
+    chosen = dataclasses.replace(frames, output=tmp_path, train_minutes=1e-4)
+    assert weights.weights(chosen, "refine") == catalogue.weights_path("refine", chosen.scale)
+
+
+def test_a_short_adversary_begins_with_the_generator_of_the_same_run(tmp_path, frames):
+    path = tmp_path / "given" / f"paper-x{frames.scale}.safetensors"
+    weights._published(catalogue.weights_path("paper", frames.scale), path.parent)
+    given = dataclasses.replace(frames, weights=path.parent)
+    assert weights._start(given, "paper-gan") == str(path.resolve())
+    assert weights._start(given, "paper") == weights._start(given, "paper-3") == ""
+    facts = json.loads(path.with_suffix(".json").read_text())
+    facts["config"]["start"] = str(path)
+    path.with_suffix(".json").write_text(json.dumps(facts))
+    label = weights.schedule(path)
+    assert label.startswith("short schedule, begun from the generator trained without it: ")
+    assert CROPS_SEEN.search(label)
+
+
+def test_planned_steps_fit_the_minutes():
+    from lfsr_core.train.config import load_config
+
+    config = load_config("paper-short")
+    for steps in (20, 300, 5000):
+        planned = weights.fitted(config, steps, 62)
+        done = planned.epochs * max(1, 62 * planned.crops_per_photograph // planned.batch)
+        assert 0.5 * steps <= done <= steps
+    full = dataclasses.asdict(load_config("paper-gan"))
+    assert weights._is_full(full) and not weights._is_full({**full, "epochs": 5})
+
+
+def test_one_command_writes_pages_and_goes_on(frames, tmp_path, capsys):
+    words = ["-o", str(tmp_path / "out"), "--scenes", str(frames.scenes[0]), "--bench", str(frames.bench), "--quick",
+             "--display", "mini", "--timing-display", "mini", "--spp", str(SPP), "--clean-spp", str(CLEAN),
+             "--repeats", "3", "--docs", str(tmp_path / "docs")]
+    run = script().main
+    assert run([*words, "--only", "table3"]) == 0
+    assert run([*words, "--only", "fig9"]) == 0
+    text = (tmp_path / "docs" / "paper.md").read_text()
+    assert "## Table 3: multiply-adds" in text and "![Fig. 9: residuals](images/paper-fig9.png)" in text
+    assert "Not measured in this run" in text and "Quick mode" in text
+    assert str(tmp_path) not in text and str(frames.output) not in text
+    assert (tmp_path / "docs" / "images" / "paper-fig9.png").exists()
+    assert "Fig. 9: residuals: **" in capsys.readouterr().out
+
+
+def test_bad_input_is_one_sentence(frames, tmp_path, capsys):
+    common = ["-o", str(tmp_path), "--scenes", str(frames.scenes[0])]
+    for words, sentence in ((["--only", "fig13"], "there is no figure 'fig13'"),
+                            (["--weights", str(tmp_path / "none")], "is no folder"),
+                            (["--bench", str(frames.bench), "--only", "fig9"], "has display 'mini', expected 'small'")):
+        assert script().main([*common, *words]) == 2
+        error = capsys.readouterr().err
+        assert sentence in error.splitlines()[-1]
+
+
+def test_resolutions_keep_the_lenses():
+    assert HALF.lenses == MINI.lenses and HALF.views == (4, 4) and HALF.panel_mm == MINI.panel_mm
+    assert renders.resolution(MINI, 3) is None

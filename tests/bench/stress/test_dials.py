@@ -1,0 +1,190 @@
+"""The stability suite's rule for breaking, its dials, and the geometry they speak of."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lfsr_core.bench.stress import space as stress_dials_space
+from lfsr_core.bench.stress.dials import DIALS, breaking_point, choose_dials
+from lfsr_core.bench.stress.folder import DISPLAY_FILE
+from lfsr_core.bench.stress.space import Space, hole, rectangle_path
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.display import load_display
+from lfsr_core.optics.rays import CameraArray, RayLayout, rays
+
+DISPLAYS = [load_display(DISPLAY_FILE), load_display("mini"), load_display("small")]
+qualities = st.lists(st.floats(0, 1), min_size=1, max_size=9)
+
+
+def along(values):
+    return dict(enumerate(values))
+
+
+@given(qualities, st.floats(0.01, 0.5))
+def test_a_falling_curve_breaks_where_it_first_falls_by_the_drop_and_stays_broken(values, drop):
+    falling = sorted(values, reverse=True)
+    found = breaking_point(range(len(falling)), along(falling), drop=drop)
+    broken = [value <= falling[0] - drop + 1e-9 for value in falling]
+    assert (found is None) == (not any(broken))
+    if found:
+        assert found.value == broken.index(True) and all(broken[found.value:])
+        assert (found.quality, found.reason) == (falling[found.value], "below its start")
+
+
+@given(qualities)
+def test_a_rising_curve_never_breaks(values):
+    rising = sorted(values)
+    assert breaking_point(range(len(rising)), along(rising)) is None
+    assert breaking_point(range(len(rising)), along(rising), along(rising)) is None
+
+
+@given(qualities, qualities)
+def test_what_breaks_is_broken_and_nothing_before_it_is(values, bicubic):
+    bicubic = along(bicubic)
+
+    def broken(index):
+        return bicubic.get(index, -1) > values[index] + 1e-9 or values[index] <= values[0] - 0.05 + 1e-9
+
+    found = breaking_point(range(len(values)), along(values), bicubic)
+    first = next((index for index in range(len(values)) if broken(index)), None)
+    assert (found.value if found else None) == first
+
+
+@given(st.floats(0.06, 1))
+def test_the_threshold_itself_counts_as_below_the_start_but_not_as_below_bicubic(start):
+    assert breaking_point([8, 4], {8: start, 4: start - 0.05}).value == 4
+    assert breaking_point([8, 4], {8: start, 4: start - 0.0499}) is None
+    assert breaking_point([8, 4], {8: start, 4: start}, {8: start, 4: start}) is None
+    assert breaking_point([8, 4], {8: start, 4: start}, {8: start, 4: start + 1e-6}).reason == "below bicubic"
+
+
+def test_a_method_below_bicubic_from_the_start_breaks_at_the_start():
+    assert breaking_point([1, 2], {1: 0.5, 2: 0.5}, {1: 0.6, 2: 0.1}).value == 1
+
+
+def test_the_first_value_in_the_dials_order_counts_not_the_smallest():
+    assert breaking_point([64, 16, 1], {64: 0.9, 16: 0.8, 1: 0.7}).value == 16
+
+
+def test_values_that_cannot_be_told_are_passed_over():
+    assert breaking_point([1, 2, 3], {1: None, 2: 0.9, 3: 0.8}, {1: 1.0, 2: None, 3: None}).value == 3
+    assert breaking_point([1, 2], {1: None, 2: None}) is None
+    assert breaking_point([1, 2], {}) is None
+
+
+def test_every_dial_is_whole():
+    assert len({dial.name for dial in DIALS}) == len(DIALS)
+    for dial in DIALS:
+        assert set(dial.quick) <= set(dial.values) and len(set(dial.values)) == len(dial.values) > 2
+        assert list(dial.quick) == [value for value in dial.values if value in dial.quick]
+        assert dial.values[0] == dial.quick[0], "both start alike"
+        ordered = sorted(dial.values)
+        assert list(dial.values) in (ordered, ordered[::-1]), "one direction from easy to hard"
+
+
+def test_the_dials_reach_as_far_as_they_should():
+    reach = {dial.name: dial.values for dial in DIALS}
+    assert reach["samples"] == (64, 32, 16, 8, 4, 2, 1)
+    assert reach["depth-behind"][-1] == reach["depth-front"][-1] == 3
+    assert min(reach["wire"]) <= 1 / 8 and max(reach["texture"]) > 1
+    assert (max(reach["share"]), min(reach["share"])) == (1, 0.02)
+
+
+def test_only_values_of_samples_share_a_scene():
+    names = [dial.scene_name(value) for dial in DIALS for value in dial.values]
+    assert len(set(names)) == len(names) - 6
+    assert choose_dials(["samples"])[0].samples(4) == 4 and choose_dials(["wire"])[0].samples(0.25) == 16
+
+
+def test_dials_are_chosen_in_the_suites_order():
+    assert [dial.name for dial in choose_dials(["wire", "samples"])] == ["samples", "wire"]
+    assert choose_dials(None) == DIALS
+    with pytest.raises(LfsrError, match="did you mean 'wire'"):
+        choose_dials(["wires"])
+
+
+@pytest.mark.parametrize("display", DISPLAYS, ids=lambda display: display.name)
+@pytest.mark.parametrize("scale", [2, 4])
+def test_usable_depth_is_the_displays_own(display, scale):
+    space, pitch = Space.of(display, scale), display.lens_pitch_mm[0]
+    front, behind = display.depth_range_mm(scale)
+    assert space.front * pitch == pytest.approx(front, rel=1e-3)
+    assert space.behind * pitch == pytest.approx(behind, rel=1e-3)
+    assert (space.slope(space.depth(1)), space.slope(space.depth(-1))) == pytest.approx((1, -1))
+    assert space.slope(space.depth_of_slope(0.7)) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("display", DISPLAYS, ids=lambda display: display.name)
+@pytest.mark.parametrize("y", [-3.0, 0.0, 5.0])
+def test_footprint_and_window_hold_the_rays_that_are_sent(display, y):
+    space = Space.of(display, 4)
+    layout = RayLayout.for_display(display, CameraArray.for_display(display, display.lenses[0]))
+    width = layout.size[0]
+    # The outermost rays of the first pixel and of the last one in a row.
+    raster, random = np.array([0, 1 - 1e-9, width - 1, width - 1e-9]) / width, np.array([0, 1 - 1e-9, 0, 1 - 1e-9])
+    pixel = [meet(layout, raster[:2], random[order], y) for order in ([0, 1], [1, 0])]
+    assert max(np.ptp(places) for places in pixel) == pytest.approx(space.footprint(y), rel=1e-6)
+    every = np.array([meet(layout, np.array([place]), np.array([number]), y)[0]
+                      for place in np.linspace(0, 1 - 1e-9, 4 * width + 1) for number in (0, 1 - 1e-9)])
+    assert np.abs(every).max() <= space.window(y)[0] * (1 + 1e-6)
+    assert np.abs(every).max() >= space.window(y)[0] - space.footprint(y)
+
+
+def meet(layout, raster_x, random_x, y):
+    """Where rays meet the depth ``y``, rightwards."""
+    origin, direction = rays(layout, raster_x, np.full_like(raster_x, 0.5), random_x)
+    depth = layout.array.distance + y
+    return origin[:, 0] + direction[:, 0] / direction[:, 2] * depth
+
+
+def test_a_depth_at_the_viewer_or_a_slope_beyond_the_display_is_refused():
+    space = Space.of(load_display("small"), 4)
+    with pytest.raises(LfsrError, match="at the viewer"):
+        space.depth(-4)
+    with pytest.raises(LfsrError, match="the limit is 2.47"):
+        space.depth_of_slope(4)
+
+
+def test_gratings_beyond_nyquist_alias_in_an_elemental_image():
+    space = Space.of(DISPLAYS[0], 4)
+    y = space.depth(1)
+    low_pixel = space.scale * space.spacing * y / space.distance  # through one point of a lens
+    assert space.nyquist(y) * low_pixel == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("share", [1, 0.75, 0.5, 0.25, 0.1, 0.05, 0.02])
+def test_a_hole_is_a_block_of_lenses_of_nearly_that_share(share):
+    columns, rows = hole((12, 8), share)
+    assert 1 <= columns <= 12 and 1 <= rows <= 8
+    assert columns * rows / 96 == pytest.approx(share, abs=0.006)
+
+
+@given(st.integers(2, 40), st.integers(1, 3), st.integers(1, 9), st.integers(1, 9))
+def test_the_path_takes_equal_steps_along_one_axis_and_stays_in_its_room(frames, step, across, down):
+    path = rectangle_path(frames, step, (across, down))
+    assert len(path) == frames and path[0] == (0, 0)
+    for (x0, y0), (x1, y1) in itertools.pairwise(path):
+        assert sorted((abs(x1 - x0), abs(y1 - y0))) == [0, step]
+    assert all(0 <= x <= max(across, step) and 0 <= y <= max(down, step) for x, y in path)
+
+
+def test_a_card_at_rest_stays():
+    assert set(rectangle_path(5, 0, (3, 3))) == {(0, 0)}
+
+
+def test_the_moving_card_fits_the_display_and_its_path_is_centred():
+    space = Space.of(DISPLAYS[0], 4)
+    y, half, path = stress_dials_space.card_of_motion(space, 1, 24)
+    centres = np.array([stress_dials_space.card_centre(space, y, place, path) for place in path])
+    assert centres.min(0) + centres.max(0) == pytest.approx([0, 0])
+    assert (np.abs(centres).max(0) + half <= np.array(space.lenses) / 2 * space.magnified(y)).all()
+    # Downwards in lenses is downwards in the scene.
+    first_down = next(index for index, place in enumerate(path) if place[1])
+    assert centres[first_down][1] < centres[first_down - 1][1]
+    assert math.isclose(abs(centres[1][0] - centres[0][0]), space.magnified(y))

@@ -1,0 +1,131 @@
+"""Where the camera array stands: fitted to a subject, or at the scene's own camera."""
+
+from __future__ import annotations
+
+import bpy
+import mathutils
+import numpy as np
+import pytest
+
+from blender_addon.array import placement, spaces
+from blender_addon.scene import subject
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.display import builtin_names, load_display
+from lfsr_core.optics.rays import CameraArray
+from tests.support.scenes import add_box, add_camera
+
+SMALL = load_display("small")
+# Not centred, not a cube, deepest in no axis.
+CENTRE, HALF = np.array((1.0, 2.0, 3.0)), np.array((0.5, 0.3, 0.4))
+
+
+def seen_from(matrix_world, points):
+    """World points (N, 3) in array space."""
+    return (np.array(mathutils.Matrix(matrix_world).inverted()) @ np.c_[points, np.ones(len(points))].T).T[:, :3]
+
+
+def corners(low, high):
+    return np.array([[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]]
+                     for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("display", builtin_names())
+def test_subject_fills_the_display_and_straddles_its_plane(display, size):
+    profile = load_display(display)
+    low, high = (CENTRE - HALF) * size, (CENTRE + HALF) * size
+    array, matrix_world = placement.fit_array(low, high, profile)
+    points = seen_from(matrix_world, corners(low, high))
+    assert (points[:, 2].min() + points[:, 2].max()) / 2 == pytest.approx(array.distance, rel=1e-4)
+    on_plane = np.abs(points[:, :2] / points[:, 2:] * array.distance).max(0) / (array.half_width, array.half_height)
+    assert on_plane.max() <= placement.FILL + 1e-3, "nothing is cut off in the central view"
+    assert on_plane.max() >= placement.LEAST_FILL - 1e-3
+    assert array == CameraArray.for_display(profile, 2 * array.half_width), "true proportions"
+    if display != "dense-8k":
+        assert on_plane.max() == pytest.approx(placement.FILL, abs=1e-3)
+
+
+def test_deep_subject_is_made_smaller_but_not_tiny():
+    profile = load_display("dense-8k")
+    deep, _ = placement.fit_array(np.array((-0.2, -2, -0.1)), np.array((0.2, 2, 0.1)), profile)
+    flat, _ = placement.fit_array(np.array((-0.2, -0.01, -0.1)), np.array((0.2, 0.01, 0.1)), profile)
+    assert deep.half_width > 1.2 * flat.half_width
+    medium, _ = placement.fit_array(np.array((-0.2, -0.12, -0.1)), np.array((0.2, 0.12, 0.1)), profile)
+    usable = min(profile.depth_range_mm()) / profile.panel_mm[0] * 2 * medium.half_width
+    assert usable >= 0.12 * 0.999
+
+
+def test_matrix_takes_array_space_to_the_world():
+    _, matrix_world = placement.fit_array(CENTRE - HALF, CENTRE + HALF, SMALL)
+    matrix = np.array(matrix_world)
+    assert matrix[:3, :3] @ (1, 0, 0) == pytest.approx((1, 0, 0), abs=1e-6)
+    assert matrix[:3, :3] @ (0, 1, 0) == pytest.approx((0, 0, 1), abs=1e-6), "up is Z"
+    assert matrix[:3, :3] @ (0, 0, 1) == pytest.approx((0, 1, 0), abs=1e-6), "forward is +Y: Blender's front view"
+
+
+def test_own_camera_keeps_place_direction_and_angle(scene):
+    box = add_box(scene, tuple(CENTRE), tuple(HALF))
+    camera = add_camera(scene)
+    scene.render.resolution_x, scene.render.resolution_y = 1600, 900
+    array, matrix_world = placement.place_array(scene, SMALL, {box})
+    assert matrix_world == spaces.from_blender(camera.matrix_world)
+    assert np.arctan(array.half_width / array.distance) * 2 == pytest.approx(0.6, rel=1e-5)
+    assert array.distance == pytest.approx(7 - HALF[1], abs=0.05), "only the box's front is seen"
+    assert array.spacing == pytest.approx(SMALL.camera_spacing_mm * array.distance / SMALL.viewing_distance_mm)
+
+
+def test_own_camera_puts_the_display_where_it_focuses(scene):
+    box = add_box(scene, tuple(CENTRE), tuple(HALF))
+    camera = add_camera(scene)
+    camera.data.dof.use_dof, camera.data.dof.focus_distance = True, 4.5
+    assert placement.place_array(scene, SMALL, {box})[0].distance == pytest.approx(4.5)
+    camera.data.dof.focus_object = box
+    box.matrix_world = mathutils.Matrix.Translation((0, -1, 0))
+    bpy.context.view_layer.update()
+    assert placement.place_array(scene, SMALL, {box})[0].distance == pytest.approx(4.0)
+
+
+def test_near_and_far_have_equal_parallax_from_the_own_camera(scene):
+    near, far = add_box(scene, (0.4, -2, 3), (0.5, 0.01, 3)), add_box(scene, (1, 5, 3), (9, 0.01, 9))
+    add_camera(scene)
+    distance = placement.place_array(scene, SMALL, {near, far})[0].distance
+    assert 1 / 2.99 - 1 / distance == pytest.approx(1 / distance - 1 / 9.99, rel=0.02)
+
+
+def test_array_does_not_reach_through_a_wall(scene):
+    box, wall = add_box(scene, tuple(CENTRE), tuple(HALF)), add_box(scene, (2.0, -5, 3), (0.1, 4, 9))
+    add_camera(scene)
+    array, _ = placement.place_array(scene, SMALL, {box, wall})
+    reach = SMALL.views[0] * array.spacing / 2
+    assert reach <= 0.9 and reach == pytest.approx(0.9 * placement.WALL_MARGIN, rel=1e-3)
+    assert np.arctan(array.half_width / array.distance) * 2 == pytest.approx(0.6, rel=1e-5)
+
+
+def test_camera_that_cannot_become_an_array_is_refused(scene):
+    box = add_box(scene, tuple(CENTRE), tuple(HALF))
+    camera = add_camera(scene)
+    camera.data.type = "ORTHO"
+    with pytest.raises(LfsrError, match="type ORTHO, but a camera array needs a perspective one"):
+        placement.place_array(scene, SMALL, {box})
+    camera.data.type = "PERSP"
+    camera.rotation_euler = (-np.pi / 2, 0, 0)
+    bpy.context.view_layer.update()
+    with pytest.raises(LfsrError, match="does not see the subject"):
+        placement.place_array(scene, SMALL, {box})
+
+
+def test_bounds_see_modifiers_and_instances(scene):
+    box = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    array = box.modifiers.new("array", "ARRAY")
+    array.count, array.relative_offset_displace = 3, (1, 0, 0)
+    inside = bpy.data.collections.new("inside")
+    inside.objects.link(add_box(scene, (0, 0, 0), (0.1, 0.1, 0.1)))
+    scene.collection.objects.unlink(inside.objects[0])
+    empty = bpy.data.objects.new("instance", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", inside
+    empty.location = (0, 0, 4)
+    scene.collection.objects.link(empty)
+    bpy.context.view_layer.update()
+    low, high = placement.bounds(subject.find_subject(scene))
+    assert low == pytest.approx((-0.5, -0.5, -0.5)) and high == pytest.approx((2.5, 0.5, 4.1))
+    assert placement.bounds({empty})[1] == pytest.approx((0.1, 0.1, 4.1)), "what shows the instance is enough"

@@ -1,0 +1,79 @@
+"""Which Python runs the second stage, and what the Test button says about it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import bpy
+import pytest
+
+import blender_addon
+from blender_addon.background import runtime
+from blender_addon.ui import preferences
+from lfsr_core import __version__
+from lfsr_core.errors import LfsrError
+
+
+@pytest.fixture
+def addon(monkeypatch):
+    """The add-on, enabled as Blender does it, with its preferences; disabled afterwards."""
+    monkeypatch.delenv(runtime.PYTHON_VARIABLE, raising=False)
+    bpy.ops.preferences.addon_enable(module=blender_addon.__name__)
+    yield bpy.context.preferences.addons[blender_addon.__name__].preferences
+    bpy.ops.preferences.addon_disable(module=blender_addon.__name__)
+
+
+@pytest.fixture
+def bare_python(tmp_path):
+    """A Python without packages."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", tmp_path / "bare"], check=True)
+    return str(tmp_path / "bare" / "bin" / "python")
+
+
+def test_blenders_own_python_is_isolated(addon, monkeypatch, tmp_path):
+    (tmp_path / "numpy.py").write_text("raise SystemExit('the wrong numpy')")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    assert runtime.second_stage_command()[:2] == [sys.executable, "-I"]
+    assert "PYTHONPATH" not in runtime.environment()
+    assert preferences.probe().startswith("Python ")
+
+
+def test_preference_wins_over_the_environment(addon, monkeypatch, bare_python):
+    monkeypatch.setenv(runtime.PYTHON_VARIABLE, bare_python)
+    assert runtime.second_stage_command()[0] == bare_python
+    addon.python_path = sys.executable
+    assert runtime.second_stage_command()[0] == sys.executable
+    assert f"LFSR {__version__}" in preferences.probe()
+
+
+def test_lfsr_core_is_the_addons_own(addon, tmp_path):
+    """Even if the user's Python has another one."""
+    other = tmp_path / "lfsr_core"
+    other.mkdir()
+    (other / "__init__.py").write_text("raise SystemExit('the wrong lfsr_core')")
+    addon.python_path = sys.executable
+    done = subprocess.run([*runtime.second_stage_command(), "--version"], cwd=tmp_path, capture_output=True, text=True,
+                          env=runtime.environment() | {"PYTHONPATH": str(tmp_path)}, check=False)
+    assert (done.returncode, done.stdout.strip()) == (0, f"lfsr {__version__}"), done.stderr
+
+
+def test_python_that_lacks_packages_is_told_by_the_button(addon, bare_python):
+    addon.python_path = bare_python
+    with pytest.raises(RuntimeError, match="cannot run the second stage.*No module named 'numpy'.*choose another"):
+        bpy.ops.lfsr.test_python()
+
+
+@pytest.mark.parametrize("name", ["missing", "text"])
+def test_path_that_is_no_python_is_told_by_the_button(addon, tmp_path, name):
+    (tmp_path / "text").write_text("not a program")
+    addon.python_path = os.fspath(tmp_path / name)
+    with pytest.raises(RuntimeError, match=f"{name}' (does not exist|cannot be started).*choose another"):
+        bpy.ops.lfsr.test_python()
+
+
+def test_library_that_is_not_installed_is_told(addon, monkeypatch):
+    monkeypatch.setattr(runtime.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(LfsrError, match="install the add-on from its zip again"):
+        runtime.second_stage_command()

@@ -1,0 +1,89 @@
+"""The entry point as a process of its own: its lines, its exit codes, and what it leaves behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import bpy
+import pytest
+
+from lfsr_core.files import write_json
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.job import Job
+from lfsr_core.images import exr
+from tests.support.scenes import MINI, ROOT, add_box, emission
+
+ENTRY = ROOT / "blender_addon" / "headless" / "entry.py"
+
+
+@pytest.fixture
+def blend(scene, tmp_path):
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), emission((1, 0.5, 0.2)))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    return tmp_path / "scene.blend"
+
+
+def start(tmp_path, **options):
+    data = Job(str(tmp_path / "out"), MINI, **{"scale": 4, "spp": 2} | options).to_dict()
+    write_json(tmp_path / "job.json", data)
+    command = [sys.executable, ENTRY, "--", ROOT, tmp_path / "job.json"]
+    return subprocess.Popen(command, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                            env=os.environ | {"PYTHONUNBUFFERED": "1"})
+
+
+def records(lines):
+    return [json.loads(line[5:]) for line in lines if line.startswith("LFSR ")]
+
+
+def test_job_becomes_a_frame_folder(blend, tmp_path):
+    child = start(tmp_path, scene=str(blend), layers=("albedo",), seed=3)
+    told = records(child.communicate()[0].splitlines())
+    assert child.returncode == 0
+    assert told[-1] == {"stage": "done", "folder": str(tmp_path / "out")}
+    fractions = [record["fraction"] for record in told if record["stage"] == "render"]
+    assert fractions and fractions[-1] == 1
+    frame = read_frame(tmp_path / "out")
+    assert (frame.samples, frame.seed, frame.scale, frame.scene) == (2, 3, 4, "scene.blend")
+    assert frame.blender == bpy.app.version_string and set(frame.seconds) == {"open", "render"}
+    layers = exr.read_layers(tmp_path / "out" / "lr_eia.exr")
+    assert layers["color"].shape == (24, 32, 4)
+    assert layers["color"].reshape(-1, 4)[layers["color"][..., 3].argmax()] == pytest.approx((1, 0.5, 0.2, 1), rel=1e-3)
+
+
+@pytest.mark.parametrize(("options", "sentence"), [
+    ({"scene": "/no/such.blend"}, "/no/such.blend does not exist"),
+    ({"subject": "Nothing"}, "no collection 'Nothing'"),
+    ({"device": "VULKAN"}, "device is 'VULKAN'"),
+])
+def test_bad_input_is_one_sentence_and_exit_code_2(blend, tmp_path, options, sentence):
+    child = start(tmp_path, **{"scene": str(blend)} | options)
+    told = records(child.communicate()[0].splitlines())
+    assert child.returncode == 2
+    assert told[-1]["stage"] == "error" and sentence in told[-1]["message"] and "\n" not in told[-1]["message"]
+    assert not list((tmp_path / "out").glob("**/*"))
+
+
+def test_device_without_osl_renders_view_by_view_and_says_so(blend, tmp_path):
+    child = start(tmp_path, scene=str(blend), device="CUDA")
+    told = records(child.communicate()[0].splitlines())
+    assert any("view by view" in str(record.get("message")) for record in told)
+    # With such a device it renders, without one it says that there is none.
+    assert child.returncode == 0 or "this machine has none" in told[-1]["message"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("layout", ["one-pass", "view-by-view"])
+def test_signal_stops_at_once_and_leaves_no_file(blend, tmp_path, number, layout):
+    child = start(tmp_path, scene=str(blend), spp=100_000, scale=1, layout=layout)
+    for line in child.stdout:
+        if "Sample" in line:
+            break
+    child.send_signal(number)
+    rest, _ = child.communicate(timeout=20)
+    assert child.returncode == 130
+    assert records(rest.splitlines())[-1]["stage"] == "cancelled"
+    assert list((tmp_path / "out").iterdir()) == []

@@ -1,0 +1,93 @@
+"""A reference is two halves whose noise is their own."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.render import frame_folder
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.job import Job
+from lfsr_core.images import exr
+from tests.support.scenes import MINI, add_box, add_camera
+
+LENSES = ((0, 0), (3, 4), (5, 8), (6, 9), (11, 15))
+
+
+@pytest.fixture
+def noisy(scene):
+    """A box lit by a small lamp through its own shadow, which fills the view."""
+    add_box(scene, (0, 1, 0), (5, 0.1, 5))
+    add_box(scene, (0, 0, 0.2), (0.4, 0.3, 0.3))
+    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "AREA"))
+    lamp.data.energy, lamp.data.size, lamp.location, lamp.rotation_euler = 200, 2.0, (1, -4, 2), (1.1, 0, 0.2)
+    scene.collection.objects.link(lamp)
+    add_camera(scene, (0, -3, 0), 0.7)
+    return scene
+
+
+def rendered(scene, folder, **options):
+    frame_folder.render_job(scene, Job(str(folder), MINI, **{"spp": 4, "scale": 1} | options))
+    return {path.stem: exr.read_layers(path)["color"][..., :3] for path in folder.glob("*.exr")}
+
+
+def noise(image):
+    """What neighbouring pixels do not share."""
+    return image[:, 1:] - image[:, :-1]
+
+
+def correlation(first, second):
+    return np.corrcoef(noise(first).ravel(), noise(second).ravel())[0, 1]
+
+
+def test_halves_share_no_noise_with_each_other_or_a_candidate(noisy, tmp_path):
+    halves = rendered(noisy, tmp_path / "reference", kind="reference")
+    assert set(halves) == {"reference_a", "reference_b"}
+    low = rendered(noisy, tmp_path / "low", spp=2)["lr_eia"]
+    same = rendered(noisy, tmp_path / "same", spp=2)["lr_eia"]
+    first, second = halves.values()
+    assert first.mean() == pytest.approx(second.mean(), rel=0.02)
+    assert correlation(low, same) > 0.99, "the same seed is the same noise, so this test can tell"
+    # What is left is the picture's own: edges.
+    picture = correlation(first, second)
+    assert picture < 0.6
+    assert max(correlation(low, half) for half in (first, second)) < picture + 0.1
+
+
+def test_samples_are_split_evenly(noisy, tmp_path, monkeypatch):
+    settings = []
+    render = frame_folder.render_encoded
+
+    def remember(*arguments):
+        settings.append(arguments[3])
+        return render(*arguments)
+
+    monkeypatch.setattr(frame_folder, "render_encoded", remember)
+    rendered(noisy, tmp_path, kind="reference", spp=7)
+    assert [one.samples for one in settings] == [4, 3]
+    assert [one.clamp_indirect for one in settings] == [0, 0], "unclamped: a reference must not be biased"
+    assert len({one.seed for one in settings} | {0}) == 3
+
+
+def test_reference_of_listed_lenses(noisy, tmp_path):
+    halves = rendered(noisy, tmp_path, kind="reference", lens_list=LENSES, scale=4)
+    frame = read_frame(tmp_path)
+    assert (frame.scale, frame.lens_list, frame.rays.size) == (1, LENSES, (2 * 8, 3 * 8))
+    assert all(half.shape == (3 * 8, 2 * 8, 3) for half in halves.values())
+
+
+def test_clamping_is_off_in_references_and_cycles_own_in_low_renders(noisy, tmp_path):
+    seen = []
+
+    def look(*_):
+        seen.append(noisy.cycles.sample_clamp_indirect)
+
+    bpy.app.handlers.render_pre.append(look)
+    try:
+        rendered(noisy, tmp_path / "low", spp=1)
+        rendered(noisy, tmp_path / "reference", spp=2, kind="reference")
+        rendered(noisy, tmp_path / "own", spp=1, clamp_indirect=3.0)
+    finally:
+        bpy.app.handlers.render_pre.remove(look)
+    assert seen == [10.0, 0.0, 0.0, 3.0]

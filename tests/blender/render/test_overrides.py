@@ -1,0 +1,161 @@
+"""A render borrows the scene: every setting is as before, after success, an error, and a cancel."""
+
+from __future__ import annotations
+
+import bpy
+import OpenImageIO as oiio
+import pytest
+
+from blender_addon.render import frame_folder, view_by_view
+from blender_addon.render.overrides import overridden
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.job import Job
+from lfsr_core.images import exr
+from tests.support.scenes import MINI, add_box, emission
+
+KINDS = {"low": {}, "views": {"layout": "view-by-view"}, "reference": {"kind": "reference", "spp": 2}}
+
+
+def changes(before):
+    """Settings that are not as in ``before``: what they were and are."""
+    after = snapshot()
+    return {key: (before.get(key), after.get(key)) for key in before | after if before.get(key) != after.get(key)}
+
+
+def snapshot():
+    """Every plain setting of every data-block, and which data-blocks there are."""
+    found = {}
+    for name in ("scenes", "objects", "cameras", "worlds", "meshes", "materials", "images", "collections", "lights",
+                 "node_groups", "texts"):
+        for block in getattr(bpy.data, name):
+            if block.name == "Render Result":   # Blender's own, there after any render
+                continue
+            record(f"{name}/{block.name}", block, found)
+    for scene in bpy.data.scenes:
+        for part in ("render", "render.image_settings", "cycles", "view_settings", "display_settings"):
+            record(f"{scene.name}.{part}", scene.path_resolve(part), found)
+        for layer in scene.view_layers:
+            record(f"{scene.name}/{layer.name}", layer, found)
+            record(f"{scene.name}/{layer.name}.cycles", layer.cycles, found)
+    for camera in bpy.data.cameras:
+        record(f"{camera.name}.dof", camera.dof, found)
+    record("cycles preferences", bpy.context.preferences.addons["cycles"].preferences, found)
+    return found
+
+
+def record(key, owner, found):
+    for prop in (prop for prop in owner.bl_rna.properties if prop.identifier != "use_nodes"):   # deprecated
+        value = getattr(owner, prop.identifier)
+        if prop.type == "POINTER":
+            value = getattr(value, "name_full", value is None)
+        elif prop.type == "COLLECTION":
+            value = len(value)
+        elif getattr(prop, "is_array", False):
+            value = str(tuple(tuple(row) if hasattr(row, "__len__") else row for row in value))
+        found[f"{key}.{prop.identifier}"] = str(value)
+
+
+def pass_names(path):
+    """Channels of every part, as they are called in the file."""
+    file, part = oiio.ImageInput.open(str(path)), 0
+    while file.seek_subimage(part, 0):
+        yield from file.spec().channelnames
+        part += 1
+
+
+@pytest.fixture
+def worn(scene):
+    """A scene whose settings are all unlike those of a render and unlike the defaults."""
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5)).pass_index = 7
+    add_box(scene, (0, 3, 0), (2, 0.1, 2), emission((0.1, 0.2, 0.3))).pass_index = 9
+    background = bpy.data.collections.new("Background")
+    background.objects.link(scene.objects[1])
+    scene.collection.children.link(background)
+    scene.render.engine = "BLENDER_WORKBENCH"
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 320, 200, 37
+    scene.render.filepath, scene.render.use_border, scene.render.use_motion_blur = "//mine_####", True, True
+    scene.render.image_settings.file_format = "PNG"
+    scene.render.image_settings.color_mode, scene.render.image_settings.color_depth = "BW", "16"
+    scene.render.image_settings.compression = 33
+    scene.render.use_multiview, scene.render.pixel_aspect_x, scene.render.use_stamp = True, 1.5, True
+    scene.cycles.samples, scene.cycles.seed, scene.cycles.use_adaptive_sampling = 999, 5, True
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "GAUSSIAN", 2.5
+    scene.cycles.sample_clamp_direct, scene.cycles.use_denoising, scene.cycles.time_limit = 3.0, True, 0.5
+    layer = scene.view_layers[0]
+    layer.use_pass_mist, layer.use_pass_emit, layer.use_pass_cryptomatte_object = True, True, True
+    layer.cycles.use_denoising = False
+    scene.view_layers.new("second").use_pass_uv = True
+    scene.frame_set(12)
+    return scene
+
+
+def job(folder, **options):
+    return Job(str(folder), MINI, **{"scale": 4, "spp": 1, "frame": 3, "layers": ("albedo", "index")} | options)
+
+
+@pytest.mark.parametrize("options", KINDS.values(), ids=KINDS)
+def test_after_a_render(worn, tmp_path, options):
+    before = snapshot()
+    frame_folder.render_job(worn, job(tmp_path, **options))
+    assert not changes(before)
+    layers = exr.read_layers(next(tmp_path.glob("*.exr")))
+    assert layers["color"].shape[:2] == ((96, 128) if options.get("kind") == "reference" else (24, 32))
+    assert set(layers) == {"color", "albedo", "normal", "index"}
+    passes = {name.lower() for name in pass_names(next(tmp_path.glob("*.exr")))}
+    assert not any(own in name for own in ("mist", "emi", "crypto") for name in passes), "the user's own stay out"
+
+
+@pytest.mark.parametrize("options", KINDS.values(), ids=KINDS)
+def test_after_an_error(worn, tmp_path, options):
+    before = snapshot()
+    (tmp_path / "file").touch()
+    with pytest.raises(LfsrError, match="cannot be written"):
+        frame_folder.render_job(worn, job(tmp_path / "file" / "folder", **options))
+    assert not changes(before)
+
+
+@pytest.mark.parametrize("options", KINDS.values(), ids=KINDS)
+def test_after_a_cancel(worn, tmp_path, options):
+    before, told = snapshot(), []
+
+    def cancel(fraction, message):
+        told.append(fraction)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        frame_folder.render_job(worn, job(tmp_path, **options), progress=cancel)
+    assert len(told) == 1
+    assert not changes(before)
+    assert list(tmp_path.iterdir()) == [], "a cancelled render leaves no file"
+    assert not bpy.app.handlers.render_stats
+
+
+def test_error_in_the_middle_of_the_views(worn, tmp_path, monkeypatch):
+    before, calls = snapshot(), []
+
+    def fail(*arguments):
+        calls.append(arguments)
+        if len(calls) == 3:
+            raise LfsrError("the third view")
+        return aim(*arguments)
+
+    aim = view_by_view.aim
+    monkeypatch.setattr(view_by_view, "aim", fail)
+    with pytest.raises(LfsrError, match="the third view"):
+        frame_folder.render_job(worn, job(tmp_path, layout="view-by-view"))
+    assert not changes(before)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_setting_that_cannot_be_set_restores_those_before(scene):
+    with pytest.raises(TypeError), overridden(scene.cycles, {"samples": 77, "pixel_filter_type": "NONE SUCH"}):
+        pass
+    assert scene.cycles.samples != 77
+
+
+def test_progress_grows_to_one(worn, tmp_path):
+    told = []
+    frame_folder.render_job(worn, job(tmp_path, layout="view-by-view"), progress=lambda f, m: told.append((f, m)))
+    fractions = [fraction for fraction, _ in told]
+    assert fractions == sorted(fractions) and fractions[-1] == 1 and len(set(fractions)) >= 4
+    assert told[-1][1].startswith("4/4: Sample")

@@ -1,0 +1,106 @@
+"""The button that finds the least that will do: its plan, using it, cancelling it with the render it started."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from pathlib import Path
+
+import bpy
+import pytest
+
+from blender_addon.background import session
+from blender_addon.settings import methods
+from blender_addon.ui import panels
+from blender_addon.ui.operators import plan
+from lfsr_core.plan import options
+from lfsr_core.reconstruct.registry import DEFAULT_METHOD
+from tests.blender.ui.test_panels import draw, labels, operators, properties
+from tests.support import panel
+
+SECONDS_TO_START = 60
+
+
+@pytest.fixture
+def scene(tmp_path, monkeypatch):
+    """A small scene and a plan of few renders."""
+    found = plan.wanted
+
+    def few(scene: bpy.types.Scene) -> options.Options:
+        return dataclasses.replace(found(scene), scales=(2,), spps=(1,), reference_spp=4, lenses=8)
+    monkeypatch.setattr(plan, "wanted", few)
+    with panel.registered():
+        yield panel.artist_scene(tmp_path)
+
+
+def test_plan_is_found_shown_and_used(scene):
+    scene.lfsr.plan_target, scene.lfsr.scale, scene.lfsr.samples = 0.5, "4", 99
+    before = panel.snapshot(scene)
+    assert bpy.ops.lfsr.plan() == {"FINISHED"}
+    assert panel.snapshot(scene) == before
+    state = bpy.context.window_manager.lfsr
+    assert state.plan_scene == scene.name and "ssim_eia_fg 0.5" in state.plan_text
+    drawn = draw(panels.LFSR_PT_plan)
+    assert "s2-spp1" in labels(drawn) and operators(drawn) == {"lfsr.plan", "lfsr.plan_use"}
+    assert bpy.ops.lfsr.plan_use() == {"FINISHED"}
+    assert (scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method) == ("2", 1, state.plan_method)
+    assert not list(Path(bpy.app.tempdir).glob("lfsr-*")), "what was rendered is gone"
+
+
+def test_a_plan_that_finds_nothing_has_nothing_to_use(scene):
+    done = {"sentence": "nothing reaches ssim_eia_fg 0.95", "chosen": None}
+    plan.show(scene.name, done)
+    drawn = draw(panels.LFSR_PT_plan)
+    assert "nothing reaches" in labels(drawn) and operators(drawn) == {"lfsr.plan"}
+    with pytest.raises(RuntimeError, match="nothing was found"):
+        bpy.ops.lfsr.plan_use()
+
+
+def test_a_plan_of_another_scene_is_not_shown(scene):
+    chosen = {"scale": 2, "spp": 4, "method": DEFAULT_METHOD}
+    plan.show("Other", {"sentence": "found", "chosen": chosen})
+    drawn = draw(panels.LFSR_PT_plan)
+    assert properties(drawn) == {"plan_target"} and not labels(drawn)
+    with pytest.raises(RuntimeError, match="nothing was found for scene 'Scene'"):
+        bpy.ops.lfsr.plan_use()
+
+
+def test_cancel_ends_the_render_it_started(scene):
+    context = bpy.context
+    scene.lfsr.display = "bupt-32in-8k"  # its quick render alone would go on for many seconds
+    steps, finish = plan.LFSR_OT_plan.plan(None, context)
+    task = session.start("Plan", steps, finish)
+    work = Path(bpy.app.tempdir)
+    wait_for(lambda: children(work))
+    started = time.perf_counter()
+    assert bpy.ops.lfsr.cancel() == {"FINISHED"}
+    assert time.perf_counter() - started < 5 and session.current() is None
+    wait_for(lambda: not children(work), seconds=3)
+    assert not list(work.glob("lfsr-*/*")) and not task.worker
+    assert context.window_manager.lfsr.plan_text == ""
+
+
+def test_every_method_tried_can_be_set(scene):
+    listed = {item[0] for item in methods.method_items()}
+    assert plan.methods() and set(plan.methods()) <= listed
+
+
+def children(work: Path) -> list[str]:
+    """Render processes whose job file lies under ``work``."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            words = entry.read_bytes().decode(errors="replace").split("\0")
+        except OSError:
+            continue
+        if any(word.startswith(str(work)) and word.endswith("job.json") for word in words):
+            found.append(" ".join(words))
+    return found
+
+
+def wait_for(condition, seconds: float = SECONDS_TO_START) -> None:
+    ends = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < ends
+        session._look()
+        time.sleep(0.05)

@@ -1,0 +1,226 @@
+"""Bad input: one clear sentence, nothing rendered, the scene as it was."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import bpy
+import pytest
+
+from blender_addon.background import recipes, session
+from blender_addon.scene import open
+from blender_addon.settings import methods, scene_settings
+from blender_addon.ui.operators import check
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.optics.display import PROFILE_FOLDER
+from lfsr_core.reconstruct.networks import catalogue
+from tests.support import panel
+
+
+@pytest.fixture
+def scene(tmp_path):
+    with panel.registered():
+        yield panel.artist_scene(tmp_path)
+
+
+def refuse(scene, sentence: str, operator=None) -> None:
+    """The operator is cancelled with a report that matches, and the scene is as it was."""
+    before = panel.snapshot(scene)
+    with pytest.raises(RuntimeError, match=sentence) as told:
+        (operator or bpy.ops.lfsr.render_eia)()
+    assert str(told.value).strip().count("\n") == 0
+    assert panel.snapshot(scene) == before
+    assert session.current() is None
+
+
+@pytest.fixture
+def library(tmp_path):
+    """A file with a collection "Prop" that holds a camera array and a box, linked by the tests."""
+    with panel.registered():
+        scene = panel.artist_scene(None)
+        prop = bpy.data.collections.new("Prop")
+        scene.collection.children.link(prop)
+        for name in ("Box", "Light Field Array", "Display Plane"):
+            prop.objects.link(bpy.data.objects[name])
+        path = str(tmp_path / "library.blend")
+        bpy.ops.wm.save_as_mainfile(filepath=path)
+    return path
+
+
+def link(path: str, scene) -> bpy.types.Collection:
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.collections = ["Prop"]
+    scene.collection.children.link(wanted.collections[0])
+    bpy.context.view_layer.update()
+    return wanted.collections[0]
+
+
+def test_no_camera(scene):
+    bpy.ops.lfsr.array_remove()
+    refuse(scene, "has no camera array: add one in the Light Field tab")
+
+
+def test_display_plane_deleted(scene):
+    bpy.data.objects.remove(bpy.data.objects["Display Plane"])
+    refuse(scene, "has no display plane")
+
+
+def test_linked_array_cannot_be_changed(library, scene):
+    bpy.ops.lfsr.array_remove()
+    link(library, scene)
+    bpy.data.objects["Box"].select_set(True)
+    refuse(scene, "is linked from library.blend: make it local first", bpy.ops.lfsr.array_fit)
+    refuse(scene, "is linked from library.blend", bpy.ops.lfsr.array_remove)
+
+
+def test_overridden_array_that_is_not_editable(library, scene):
+    bpy.ops.lfsr.array_remove()
+    collection = link(library, scene)
+    override = collection.override_hierarchy_create(scene, bpy.context.view_layer, do_fully_editable=False)
+    scene.collection.children.unlink(collection)
+    assert override is not None
+    bpy.data.objects["Box"].select_set(True)
+    refuse(scene, "library override that is not editable", bpy.ops.lfsr.array_fit)
+
+
+def test_linked_data_is_rendered(library, scene, tmp_path):
+    bpy.data.objects.remove(bpy.data.objects["Box"])
+    bpy.ops.lfsr.array_remove()
+    link(library, scene)
+    bpy.ops.wm.save_mainfile()
+    before = panel.snapshot(scene)
+    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
+    assert panel.snapshot(scene) == before
+    assert (tmp_path / "lightfield" / "Scene" / "0001" / "eia.png").is_file()
+
+
+def test_unsaved_file(tmp_path):
+    with panel.registered():
+        scene = panel.artist_scene(None)
+        refuse(scene, "this file is not saved yet: save it or choose another folder")
+        check.refresh(scene)
+        assert "unsaved" in [line.code for line in bpy.context.window_manager.lfsr.problems]
+
+
+def test_read_only_folder(scene):
+    # Not even the superuser can make files there.
+    scene.lfsr.output = "/proc/lfsr"
+    refuse(scene, "output folder .* cannot be written to .*: choose another output folder")
+
+
+def test_output_is_a_file(scene, tmp_path):
+    (tmp_path / "taken").write_text("x")
+    scene.lfsr.output = str(tmp_path / "taken")
+    refuse(scene, "cannot be written to .*: choose another output folder")
+
+
+def test_missing_texture(scene, tmp_path):
+    material = bpy.data.materials.new("Textured")
+    material.use_nodes = True
+    texture = material.node_tree.nodes.new("ShaderNodeTexImage")
+    texture.image = bpy.data.images.new("Gone", 4, 4)
+    texture.image.source, texture.image.filepath = "FILE", "//textures/gone.png"
+    bpy.data.objects["Box"].data.materials.append(material)
+    check.refresh(scene)
+    line = next(line for line in bpy.context.window_manager.lfsr.problems if line.code == "texture")
+    assert line.target == "gone.png" and line.severity == "ERROR" and "magenta" in line.reason
+    task = session.run("Render EIA", recipes.render_frames([recipes.plan_frame(scene)]))
+    assert [warning for warning in task.warnings if "gone.png" in warning]
+
+
+def test_render_already_running(scene, monkeypatch):
+    task = session.start("Render EIA", recipes.render_frames([recipes.plan_frame(scene)]), print)
+    for operator in (bpy.ops.lfsr.render_eia, bpy.ops.lfsr.render_animation, bpy.ops.lfsr.render_reference,
+                     bpy.ops.lfsr.preview_view):
+        with pytest.raises(RuntimeError, match="Render EIA is still running: wait for it or cancel it"):
+            operator()
+    assert session.current() is task
+    session.cancel()
+    monkeypatch.setattr(session.bpy, "app", _BusyApp())
+    with pytest.raises(Exception, match="Blender is rendering"):
+        session.check_idle()
+
+
+class _BusyApp:
+    """bpy.app while Blender's own render runs."""
+
+    @staticmethod
+    def is_job_running(kind: str) -> bool:
+        return kind == "RENDER"
+
+
+def test_profile_file_deleted(scene, tmp_path):
+    path = tmp_path / "own.toml"
+    path.write_bytes((PROFILE_FOLDER / "mini.toml").read_bytes())
+    scene.lfsr.display, scene.lfsr.profile_file = "FILE", str(path)
+    assert scene_settings.display_of(scene).name == "mini"
+    path.unlink()
+    refuse(scene, "own.toml cannot be read .*: choose another file or a built-in display")
+
+
+def test_profile_file_wrong_or_not_chosen(scene, tmp_path):
+    scene.lfsr.display = "FILE"
+    refuse(scene, "no display profile is chosen")
+    path = tmp_path / "own.toml"
+    path.write_text("name = 3")
+    scene.lfsr.profile_file = str(path)
+    refuse(scene, "own.toml: field")
+
+
+def test_scale_that_does_not_divide_the_views(scene):
+    scene.lfsr.scale = "5"
+    refuse(scene, "scale is 5, .* choose a scale that divides both")
+
+
+def test_network_that_was_not_trained_for_the_scale(scene, monkeypatch):
+    monkeypatch.setattr(catalogue, "NETWORKS", {"toy": None})
+    monkeypatch.setattr(catalogue, "trained_scales", lambda name: [4, 8])
+    methods.check_scale("oidn+toy", 4)
+    with pytest.raises(LfsrError, match="not trained for scale 2× but for 4×, 8×"):
+        methods.check_scale("oidn+toy", 2)
+
+
+def test_second_stage_that_cannot_run_the_method_is_told_before_the_render(scene, monkeypatch):
+    monkeypatch.setattr(recipes, "networks_of", lambda method: ["toy"])
+    monkeypatch.setattr(recipes, "render_step", lambda *_: pytest.fail("it renders"))
+    plan = dataclasses.replace(recipes.plan_frame(scene), method="oidn+toy")
+    with pytest.raises(LfsrError, match="unknown method 'toy'"):
+        session.run("Render EIA", recipes.render_frames([plan]))
+
+
+def test_two_scenes_with_different_displays(scene, tmp_path):
+    bpy.ops.scene.new(type="LINK_COPY")
+    other = bpy.context.window.scene
+    other.name = "Other"
+    assert other != scene
+    other.lfsr.display, other.lfsr.scale = "small", "8"
+    other.view_settings.exposure = 1.5
+    plans = [recipes.plan_frame(each) for each in (scene, other)]
+    assert [plan.job.display.name for plan in plans] == ["mini", "small"]
+    assert plans[0].folder.parent.name == "Scene" and plans[1].folder.parent.name == "Other"
+    bpy.context.window.scene = scene
+    with bpy.context.temp_override(scene=other):
+        assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
+    assert bpy.context.window.scene == scene
+    frame = read_frame(tmp_path / "lightfield" / "Other" / "0001")
+    assert (frame.display.name, frame.color.exposure) == ("small", 1.5)
+    assert not (tmp_path / "lightfield" / "Scene").exists()
+
+
+def test_cycles_disabled(scene):
+    bpy.ops.preferences.addon_disable(module="cycles")
+    try:
+        refuse(scene, "Cycles is switched off in Blender's preferences: switch .* on")
+    finally:
+        bpy.ops.preferences.addon_enable(module="cycles")
+
+
+def test_nothing_to_see(scene):
+    bpy.data.objects["Box"].hide_render = True
+    refuse(scene, "nothing of the subject")
+
+
+def test_a_scene_that_is_not_in_the_file(scene):
+    with pytest.raises(LfsrError, match="no scene 'Gone': choose one of Scene"):
+        open.choose_scene("Gone")

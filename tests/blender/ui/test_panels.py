@@ -1,0 +1,145 @@
+"""Every panel draws against real RNA, in every state it can be in."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import bpy
+import pytest
+
+import blender_addon
+from blender_addon.background import session
+from blender_addon.ui import panels
+from blender_addon.ui.operators import check
+from tests.support import panel
+from tests.support.recording_layout import RecordingLayout
+
+CLASSES = [cls for module in blender_addon._modules() for cls in getattr(module, "CLASSES", ())]
+
+
+@pytest.fixture
+def scene(tmp_path):
+    with panel.registered():
+        yield panel.artist_scene(tmp_path)
+
+
+def draw(cls) -> list:
+    """Draw one panel as Blender does; what it drew."""
+    layout = RecordingLayout()
+    own = {name: value for name, value in vars(cls).items() if callable(value)}
+    drawing = type("Drawing", (), own | {"layout": layout})()
+    if hasattr(drawing, "draw_header_preset"):
+        drawing.draw_header_preset(bpy.context)
+    drawing.draw(bpy.context)
+    return layout.drawn
+
+
+def draw_all() -> dict[str, list]:
+    return {cls.bl_label: draw(cls) for cls in panels.CLASSES}
+
+
+def labels(drawn: list) -> str:
+    return " ".join(named.get("text", "") for name, named in drawn if name == "label")
+
+
+def operators(drawn: list) -> set[str]:
+    return {named["operator"] for name, named in drawn if name == "operator"}
+
+
+def properties(drawn: list) -> set[str]:
+    return {named["property"] for name, named in drawn if name == "prop"}
+
+
+def test_with_an_array(scene):
+    drawn = draw_all()
+    assert list(drawn) == ["Display", "Camera Array", "Scene Check", "Quality", "Least That Will Do", "Render",
+                           "Preview", "Reference"]
+    assert "16 × 12" in labels(drawn["Display"]) and "64 × 48 px" in labels(drawn["Display"])
+    assert {"lfsr.array_fit", "lfsr.array_remove"} <= operators(drawn["Camera Array"])
+    assert {"distance", "spacing", "show_frustum"} <= properties(drawn["Camera Array"])
+    assert {"quality", "samples", "method", "output"} <= properties(drawn["Quality"])
+    assert {"lfsr.render_eia", "lfsr.render_animation"} <= operators(drawn["Render"])
+    assert {"eye_right", "eye_up"} <= properties(drawn["Preview"])
+    assert operators(drawn["Reference"]) == {"lfsr.render_reference"}
+
+
+def test_without_an_array(scene):
+    bpy.ops.lfsr.array_remove()
+    assert operators(draw(panels.LFSR_PT_array)) == {"lfsr.array_add", "lfsr.array_fit"}
+
+
+def test_with_a_broken_array(scene):
+    bpy.data.objects.remove(bpy.data.objects["Display Plane"])
+    assert "no display plane" in labels(draw_all()["Camera Array"])
+
+
+def test_with_a_missing_profile(scene):
+    scene.lfsr.display, scene.lfsr.profile_file = "FILE", "//gone.toml"
+    drawn = draw_all()
+    assert "profile_file" in properties(drawn["Display"])
+    # A long path is broken over lines.
+    assert "gone.tomlcannotberead" in labels(drawn["Display"]).replace(" ", "")
+
+
+def test_with_problems_of_every_kind(scene):
+    scene.cycles.pixel_filter_type = "GAUSSIAN"
+    scene.collection.objects.unlink(bpy.data.objects["Sun"])
+    check.refresh(scene)
+    drawn = draw_all()["Scene Check"]
+    assert {"lfsr.check_scene", "lfsr.check_fix"} <= operators(drawn)
+    assert "Pixel Filter" in labels(drawn) and "Nothing in the scene shines" in labels(drawn)
+
+
+def test_while_a_task_runs(scene, monkeypatch):
+    task = SimpleNamespace(stage="Rendering", fraction=0.42, seconds_left=31.4)
+    monkeypatch.setattr(session, "_current", task)
+    drawn = draw_all()["Render"]
+    assert "lfsr.cancel" in operators(drawn)
+    texts = [named.get("text") for name, named in drawn if name in {"progress", "label"}]
+    assert "Rendering 42%, 0:31 left" in texts
+    header = SimpleNamespace(layout=RecordingLayout())
+    session.draw_status(header, bpy.context)
+    assert "lfsr.cancel" in operators(header.layout.drawn)
+    monkeypatch.setattr(session, "_current", None)
+
+
+def test_with_a_message(scene):
+    bpy.context.window_manager.lfsr.message = "The render stopped with signal 9"
+    assert "signal 9" in labels(draw_all()["Render"])
+
+
+def test_with_cycles_disabled(scene):
+    bpy.ops.preferences.addon_disable(module="cycles")
+    try:
+        check.refresh(scene)
+        assert "Cycles" in labels(draw_all()["Scene Check"])
+    finally:
+        bpy.ops.preferences.addon_enable(module="cycles")
+
+
+def test_the_layout_refuses_misspellings(scene):
+    layout = RecordingLayout()
+    for call in (lambda: layout.prop(scene.lfsr, "sampels"), lambda: layout.label(text="x", icon="NO_SUCH_ICON"),
+                 lambda: layout.operator("lfsr.rendre"), lambda: layout.labl(text="x"),
+                 lambda: layout.label(txt="x")):
+        with pytest.raises((AssertionError, KeyError)):
+            call()
+    with pytest.raises(AssertionError):
+        layout.scale_yy = 2
+    with pytest.raises(AssertionError):
+        layout.operator("lfsr.check_fix").codee = "x"
+
+
+@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
+def test_everything_says_what_it_is(cls):
+    with panel.registered():
+        rna = cls.bl_rna
+        if issubclass(cls, bpy.types.Operator):
+            rna = getattr(bpy.ops.lfsr, cls.bl_idname.removeprefix("lfsr.")).get_rna_type()
+            assert rna.description and not rna.description.endswith(".")
+            assert cls.bl_idname.startswith("lfsr.") and cls.bl_label
+        inherited = {item.identifier for base in cls.__bases__ if hasattr(base, "bl_rna")
+                     for item in base.bl_rna.properties}
+        for item in rna.properties:
+            if item.identifier not in inherited and item.identifier in cls.__annotations__:
+                assert item.name and item.description, f"{cls.__name__}.{item.identifier}"

@@ -1,0 +1,202 @@
+"""The panel in a real window: what an artist does, with pictures of it.
+
+LFSR_SCREENSHOTS names a folder that keeps the pictures.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from lfsr_core.images.png import read_png
+from tests.support.window.desktop import Window, blender_window, missing_programs
+
+pytestmark = pytest.mark.skipif(bool(missing_programs()), reason=f"no {', '.join(missing_programs())} on PATH: "
+                                "the panel is not tried in a real window")
+SECONDS_TO_RENDER = 240
+SCENE = """
+scene = bpy.context.scene
+for item in list(scene.objects):
+    bpy.data.objects.remove(item)
+bpy.ops.mesh.primitive_monkey_add(location=(0, 0, 1))
+bpy.ops.object.shade_smooth()
+bpy.ops.mesh.primitive_plane_add(size=60, location=(0, 0, -0.2))
+bpy.context.object.name = "Floor"
+bpy.ops.object.light_add(type="AREA", radius=3, location=(3, -4, 5))
+bpy.context.object.data.energy = 600
+for item in scene.objects:
+    item.select_set(item.name == "Suzanne")
+scene.render.engine = "CYCLES"
+scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples = "mini", "2", 2
+scene.render.resolution_x, scene.cycles.samples, scene.cycles.pixel_filter_type = 321, 77, "GAUSSIAN"
+bpy.ops.wm.save_as_mainfile(filepath=FILE)
+"""
+DISPLAY_COLOR = (92, 199, 255)
+UNTOUCHED = ("(scene.render.resolution_x, scene.cycles.samples, scene.cycles.pixel_filter_type, scene.render.engine, "
+             "scene.camera.name, len(scene.objects), len(bpy.data.cameras), scene.render.filepath)")
+
+
+@pytest.fixture(scope="module")
+def window(tmp_path_factory):
+    """One Blender for all steps, which build on each other as an artist's do."""
+    folder = tmp_path_factory.mktemp("gui")
+    with blender_window(folder, {"LFSR_PYTHON": sys.executable}) as window:
+        window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
+        window.run("def scene_(): return bpy.context.scene")
+        yield window
+    kept = os.environ.get("LFSR_SCREENSHOTS")
+    for picture in folder.glob("*.png") if kept else ():
+        shutil.copy(picture, kept)
+
+
+def scene_value(window: Window, expression: str):
+    """Value of an expression about ``scene`` and its settings ``lfsr``."""
+    return window.run(f"scene = bpy.context.scene; lfsr = scene.lfsr; value = {expression}")
+
+
+def test_sidebar_tab_opens(window):
+    window.run("bpy.context.space_data.show_region_ui = True")
+    window.settle()
+    closed = read_png(window.screenshot("1-closed"))
+    x, y, width, height = window.get("[(r.x, r.y, r.width, r.height) for r in bpy.context.area.regions "
+                                     "if r.type == 'UI'][0]")
+    screen = window.get("bpy.context.window.height")
+    window.click(x + width - 12, screen - (y + height) + 175)
+    window.xdotool("mousemove", x - 200, 600)
+    opened = read_png(window.screenshot("2-opened"))
+    sidebar = np.s_[screen - y - height:screen - y, x:x + width]
+    assert (closed[sidebar] != opened[sidebar]).mean() > 0.05
+
+
+def test_array_is_added_and_drawn(window):
+    window.run("bpy.ops.view3d.view_axis(type='RIGHT')")
+    before = read_png(window.screenshot("3-before"))
+    assert window.get("list(bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True))") == ["FINISHED"]
+    drawn = read_png(window.screenshot("4-array"))
+    window.run("bpy.context.scene.lfsr.show_frustum = False")
+    hidden = read_png(window.screenshot("5-hidden"))
+    blue = [_blue(picture) for picture in (before, drawn, hidden)]
+    assert blue[1] > 100 and blue[0] < blue[1] / 5 and blue[2] < blue[1] / 5
+    window.run("bpy.context.scene.lfsr.show_frustum = True")
+
+
+def test_display_plane_is_one_handle(window):
+    if not window.get("'Display Plane' in bpy.data.objects"):
+        window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True)")
+    window.run("bpy.ops.lfsr.select_plane('INVOKE_DEFAULT', True)")
+    distance = scene_value(window, "lfsr.distance")
+    window.xdotool("mousemove", 500, 500)
+    for key in ("g", "z", "z", "1", "Return"):   # grab along the local Z axis by 1
+        window.xdotool("key", key)
+    moved = scene_value(window, "lfsr.distance")
+    assert moved == pytest.approx(distance - 1, abs=1e-3)
+    assert scene_value(window, "list(bpy.data.objects['Display Plane'].location)[:2]") == [0, 0]
+    window.xdotool("key", "ctrl+z")
+    assert scene_value(window, "lfsr.distance") == pytest.approx(distance, abs=1e-3)
+
+
+def test_scene_check_lists_and_fixes(window):
+    window.run("bpy.ops.lfsr.check_scene('INVOKE_DEFAULT', True)")
+    found = window.get("[(p.code, p.target) for p in bpy.context.window_manager.lfsr.problems]")
+    assert ["background", "Floor"] in found and ["filter", "Pixel Filter"] in found
+    window.screenshot("6-check")
+    window.run("bpy.ops.lfsr.check_fix('INVOKE_DEFAULT', True, code='background', target='Floor')")
+    assert window.get("[c.name for c in bpy.data.objects['Floor'].users_collection]") == ["Background"]
+    found = window.get("[p.code for p in bpy.context.window_manager.lfsr.problems]")
+    assert "background" not in found
+
+
+def test_render_keeps_the_window_alive_and_the_scene_as_it_was(window):
+    before = scene_value(window, UNTOUCHED)
+    started = time.monotonic()
+    assert window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))") == ["FINISHED"]
+    returned = time.monotonic() - started
+    window.until("addon.session.current().fraction > 0", SECONDS_TO_RENDER)
+    window.screenshot("7-rendering")
+    # A person works on meanwhile: the answer comes at once.
+    asked = time.monotonic()
+    window.get("bpy.context.scene.frame_current")
+    answered = time.monotonic() - asked
+    window.until("addon.session.current() is None", SECONDS_TO_RENDER)
+    assert window.get("bpy.context.window_manager.lfsr.message") == ""
+    assert scene_value(window, UNTOUCHED) == before
+    assert returned < 5 and answered < 5
+    folder = window.folder / "lightfield" / "Scene" / "0001"
+    assert read_png(folder / "eia.png").shape == (96, 128, 3)
+    window.settle()
+    window.screenshot("8-rendered")
+    shown = window.get("[a.spaces.active.image.name for w in bpy.context.window_manager.windows "
+                       "for a in w.screen.areas if a.type == 'IMAGE_EDITOR']")
+    assert shown == ["Scene 0001 eia"]
+
+
+def test_preview_follows_the_slider(window):
+    assert window.get("list(bpy.ops.lfsr.preview_view('INVOKE_DEFAULT', True))") == ["FINISHED"]
+    seconds, pixels = window.run("""
+import time
+import numpy as np
+from blender_addon import preview
+lfsr, seconds, pixels = bpy.context.scene.lfsr, [], []
+for eye in (-1.0, -0.5, 0.0, 0.5, 1.0):
+    started = time.perf_counter()
+    lfsr.eye_right = eye
+    seconds.append(time.perf_counter() - started)
+    values = np.empty(len(bpy.data.images[preview.IMAGE_NAME].pixels), np.float32)
+    bpy.data.images[preview.IMAGE_NAME].pixels.foreach_get(values)
+    pixels.append(values)
+value = (seconds, [float(np.abs(one - pixels[0]).mean()) for one in pixels])
+""")
+    print(f"preview latency {max(seconds) * 1000:.1f} ms at most")
+    assert max(seconds) < 0.1
+    assert all(difference > 1e-3 for difference in pixels[1:])
+    window.screenshot("9-preview")
+
+
+@pytest.mark.parametrize("moment", ["opening", "rendering", "upscaling"])
+def test_cancel_is_quick_and_tidy(window, moment):
+    started_at = {"opening": "True", "rendering": "addon.session.current().fraction > 0",
+                  "upscaling": "addon.session.current().stage.startswith('Upscaling')"}[moment]
+    before = scene_value(window, UNTOUCHED)
+    window.run("bpy.context.scene.frame_set(7)")
+    window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
+    # Waits inside Blender: on a busy machine the moment could pass between two questions from here.
+    window.run(f"""
+import os, time
+ended = []
+def cancel_then():
+    task = addon.session.current()
+    if task is None:
+        ended.append(None)
+    if ended or not ({started_at}):
+        return None if ended else 0.002
+    pid, started = task.worker.pid, time.perf_counter()
+    bpy.ops.lfsr.cancel()
+    ended.append((time.perf_counter() - started, os.path.exists(f"/proc/{{pid}}")))
+bpy.app.timers.register(cancel_then)
+""")
+    window.until("bool(ended)", SECONDS_TO_RENDER)
+    seconds, pid_alive = window.get("ended[0]")
+    print(f"cancel while {moment}: {seconds:.2f} s")
+    assert seconds < 2 and not pid_alive
+    assert scene_value(window, UNTOUCHED) == before
+    assert [path.name for path in (window.folder / "lightfield" / "Scene").iterdir()] == ["0001"]
+
+
+def test_blender_survives_a_killed_worker(window):
+    window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
+    window.run("import os, signal; os.killpg(addon.session.current().worker.pid, signal.SIGKILL)")
+    window.until("addon.session.current() is None", 30)
+    message = window.get("bpy.context.window_manager.lfsr.message")
+    assert "signal 9" in message and "try again" in message
+    window.screenshot("10-killed")
+    assert window.process.poll() is None
+
+
+def _blue(picture: np.ndarray) -> int:
+    """Pixels in the colour of the display rectangle."""
+    return int((np.abs(picture.astype(int) - DISPLAY_COLOR).max(axis=-1) < 40).sum())

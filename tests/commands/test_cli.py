@@ -1,0 +1,241 @@
+"""Every verb from its arguments to its files, with Blender played by a script that copies a folder."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lfsr_core.cli import VERBS, main
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.images.exr import read_layers
+from lfsr_core.images.png import read_mask, read_png
+from lfsr_core.optics.eia import flip_order
+from lfsr_core.reconstruct.registry import DEFAULT_METHOD
+from tests.support.synthetic import fails, frame_of, light_field, write_render
+
+ROOT = Path(__file__).parents[2]
+
+# Answers every kind of job with a ready folder of that kind, in which frame.json lists the lenses asked for.
+BLENDER = """#!{python}
+import json, shutil, sys
+from pathlib import Path
+sys.path[:0] = [{root!r}, {tests!r}]
+if "--version" in sys.argv:
+    print("Blender 5.0.1")
+    sys.exit()
+job = json.loads(Path(sys.argv[-1]).read_text())
+with open({log!r}, "a") as log:
+    log.write(json.dumps(job) + "\\n")
+from tests.support.synthetic import write_reference, write_render
+if job["kind"] == "reference":
+    lenses = job["lens_list"]
+    write_reference(Path(job["output"]), lens_list=lenses and tuple(map(tuple, lenses)))
+else:
+    write_render(Path(job["output"]), job["scale"], samples=job["spp"])
+print('LFSR {{"stage": "done", "folder": "."}}')
+"""
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "scene.glb"
+    path.touch()
+    return str(path)
+
+
+@pytest.fixture
+def blender(tmp_path):
+    """Path of a stand-in for Blender; the jobs it got are lines of blender.jobs beside it."""
+    path = tmp_path / "blender"
+    path.write_text(BLENDER.format(python=sys.executable, root=str(ROOT), tests=str(ROOT / "tests"),
+                                   log=str(tmp_path / "blender.jobs")))
+    path.chmod(0o755)
+    return str(path)
+
+
+def jobs(blender: str) -> list[dict]:
+    return [json.loads(line) for line in Path(blender + ".jobs").read_text().splitlines()]
+
+
+def test_every_verb_has_help(capsys):
+    for verb in VERBS:
+        with pytest.raises(SystemExit) as caught:
+            main([verb.NAME, "--help"])
+        assert caught.value.code == 0
+        assert verb.HELP.split()[0] in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("arguments", [[], ["rendr"], ["views"], ["views", "x", "--eye", "1,2"]])
+def test_wrong_command_line_exits_with_2(arguments, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+    assert capsys.readouterr().err
+
+
+def test_displays_lists_and_shows(capsys):
+    assert main(["displays"]) == 0
+    listed = capsys.readouterr().out
+    assert len(listed.splitlines()) == 5
+    assert "7680×4320 px, 96×54 lenses of 80×80 views" in listed
+    assert main(["displays", "bupt-32in-8k"]) == 0
+    shown = capsys.readouterr().out
+    for number in ("96×54 = 5184", "7.379 × 7.379 mm", "9.099 mm", "0.521°", "2, 4, 5, 8, 10",
+                   "168.6 mm in front, 254.3 mm behind"):
+        assert number in shown
+
+
+def test_displays_refuses_an_unknown_name(capsys):
+    assert "did you mean 'small'" in fails(["displays", "smal"], capsys)
+
+
+def test_render_goes_all_the_way(scene, blender, tmp_path, capsys):
+    folder = tmp_path / "frame"
+    assert main(["render", scene, "-o", str(folder), "--display", "mini", "--scale", "2", "--spp", "3", "--method",
+                 "bicubic", "--seed", "7", "--layers", "position,index", "--subject", "Things", "--frame", "4",
+                 "--layout", "view-by-view", "--convention", "paper", "--view-aperture", "0.5",
+                 "--no-world-visible", "--linear-exr", "--blender", blender]) == 0
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "eia.exr", "eia.png", "frame.json", "lr_eia.exr", "mask.png", "report.json"]
+    assert str(folder / "eia.png") in capsys.readouterr().out
+    (job,) = jobs(blender)
+    expected = {"scene": scene, "kind": "render", "scale": 2, "spp": 3, "seed": 7, "layers": ["position", "index"],
+                "subject": "Things", "frame": 4, "layout": "view-by-view", "convention": "paper",
+                "view_aperture": 0.5, "world_visible": False, "lens_list": None, "clamp_indirect": None}
+    assert {key: job[key] for key in expected} == expected
+    assert read_png(folder / "eia.png").shape == (96, 128, 3)
+
+
+def test_render_defaults(scene, blender, tmp_path):
+    assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender]) == 0
+    (job,) = jobs(blender)
+    assert (job["scale"], job["spp"], job["layers"], job["frame"]) == (4, 16, ["albedo", "normal"], None)
+    assert json.loads((tmp_path / "frame" / "report.json").read_text())["method"] == DEFAULT_METHOD
+
+
+def test_render_has_the_layers_that_its_method_looks_at(scene, blender, tmp_path):
+    assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--method", "bilinear",
+                 "--blender", blender]) == 0
+    (job,) = jobs(blender)
+    assert job["layers"] == []
+
+
+def test_render_at_scale_1_needs_no_upscaler(scene, blender, tmp_path):
+    folder = tmp_path / "frame"
+    assert main(["render", scene, "-o", str(folder), "--display", "mini", "--scale", "1", "--spp", "1",
+                 "--layers", "none", "--method", "none", "--linear-exr", "--blender", blender]) == 0
+    (job,) = jobs(blender)
+    assert (job["scale"], job["layers"]) == (1, [])
+    expected = flip_order(light_field()[..., :3], (16, 12))
+    np.testing.assert_allclose(read_layers(folder / "eia.exr")["color"][..., :3], expected, atol=1e-3)
+
+
+@pytest.mark.parametrize(("options", "told"), [
+    (["--method", "bicubik"], "unknown method 'bicubik': did you mean 'bicubic'"),
+    (["--scale", "3"], r"scale is 3, but display 'mini' has 8×8 views per lens"),
+    (["--spp", "0"], "samples per pixel is 0"),
+    (["--layers", "albdo"], "layer is 'albdo': did you mean 'albedo'"),
+    (["--display", "mimi"], "unknown display 'mimi': did you mean 'mini'"),
+    (["--view-aperture", "2"], "view aperture is 2"),
+    (["--blender", "/no/blender"], "'/no/blender' was not found"),
+])
+def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, capsys, options, told):
+    arguments = ["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender, *options]
+    assert told in fails(arguments, capsys)
+    assert not (tmp_path / "frame").exists()
+    assert not Path(blender + ".jobs").exists()
+
+
+@pytest.mark.parametrize("verb", ["render", "reference"])
+def test_missing_scene_is_refused(verb, blender, tmp_path, capsys):
+    arguments = [verb, str(tmp_path / "no.blend"), "-o", str(tmp_path / "frame"), "--blender", blender]
+    assert "no.blend does not exist: check the path" in fails(arguments, capsys)
+    assert not (tmp_path / "frame").exists()
+
+
+def test_upscale_redoes_the_second_stage_only(tmp_path):
+    folder = write_render(tmp_path / "frame")
+    for method in ("nearest", "bicubic"):
+        assert main(["upscale", str(folder), "--method", method]) == 0
+        report = json.loads((folder / "report.json").read_text())
+        assert report["method"] == method
+        assert set(report["seconds"]) == {"render", "load", "mask", "upscale", "assemble", "color", "write"}
+
+
+def test_upscale_dilation_grows_the_mask(tmp_path):
+    folder = write_render(tmp_path / "frame")
+    main(["upscale", str(folder), "--method", "nearest"])
+    before = read_mask(folder / "mask.png")
+    main(["upscale", str(folder), "--method", "nearest", "--dilate", "1"])
+    after = read_mask(folder / "mask.png")
+    assert (after & before == before).all()
+    assert after.sum() > before.sum()
+
+
+def test_truncated_render_is_refused_and_keeps_the_old_picture(tmp_path, capsys):
+    folder = write_render(tmp_path / "frame")
+    main(["upscale", str(folder), "--method", "nearest"])
+    capsys.readouterr()
+    picture = (folder / "eia.png").read_bytes()
+    whole = (folder / "lr_eia.exr").read_bytes()
+    (folder / "lr_eia.exr").write_bytes(whole[:len(whole) // 2])
+    assert main(["upscale", str(folder), "--method", "bicubic"]) == 2
+    assert "lr_eia.exr cannot be read" in capsys.readouterr().err
+    assert (folder / "eia.png").read_bytes() == picture
+
+
+def test_upscale_of_a_folder_without_a_frame_is_refused(tmp_path, capsys):
+    assert "frame.json does not exist" in fails(["upscale", str(tmp_path)], capsys)
+
+
+def test_reference_of_all_lenses(scene, blender, tmp_path, capsys):
+    folder = tmp_path / "reference"
+    assert main(["reference", scene, "-o", str(folder), "--display", "mini", "--blender", blender]) == 0
+    (job,) = jobs(blender)
+    assert (job["kind"], job["scale"], job["spp"], job["clamp_indirect"]) == ("reference", 1, 1024, 0)
+    assert "192 lenses, two halves of 512 samples" in capsys.readouterr().out
+    assert sorted(path.name for path in folder.iterdir()) == ["frame.json", "reference_a.exr", "reference_b.exr"]
+
+
+def test_reference_of_sampled_lenses_takes_them_from_the_foreground(scene, blender, tmp_path):
+    folder = tmp_path / "reference"
+    assert main(["reference", scene, "-o", str(folder), "--display", "mini", "--spp", "64", "--lenses", "16",
+                 "--seed", "3", "--blender", blender]) == 0
+    quick, job = jobs(blender)
+    assert (quick["kind"], quick["scale"], quick["lens_list"]) == ("render", 4, None)
+    assert quick["spp"] <= 4
+    lenses = read_frame(folder).lens_list
+    assert [list(lens) for lens in lenses] == job["lens_list"]
+    alpha = light_field()[..., 3].reshape(12, 8, 16, 8).any(axis=(1, 3))
+    assert sum(alpha[lens] for lens in lenses) == 14, "7 of 8 are foreground"
+
+
+def test_reference_of_too_many_lenses_is_refused(scene, blender, tmp_path, capsys):
+    assert main(["reference", scene, "-o", str(tmp_path / "reference"), "--display", "mini", "--lenses", "193",
+                 "--blender", blender]) == 2
+    assert "number of lenses is 193, but it must be from 1 to the display's 192" in capsys.readouterr().err
+    assert not (tmp_path / "reference").exists()
+
+
+def test_views_writes_its_pictures(tmp_path, capsys):
+    folder = write_render(tmp_path / "frame")
+    main(["upscale", str(folder), "--method", "bicubic"])
+    capsys.readouterr()
+    assert main(["views", str(folder)]) == 0
+    assert capsys.readouterr().out.split() == [str(folder / name) for name in ("epi_x.png", "epi_y.png", "views.png")]
+    assert main(["views", str(folder), "--eye=-20,10,180"]) == 0
+    assert (folder / "eye.png").exists()
+
+
+def test_views_before_upscale_is_refused(tmp_path, capsys):
+    assert "eia.png cannot be read" in fails(["views", str(write_render(tmp_path / "frame"))], capsys)
+
+
+def test_synthetic_frame_is_the_one_the_tests_think_it_is():
+    alpha = light_field()[..., 3]
+    assert 0.1 < alpha.mean() < 0.5
+    assert frame_of(2).rays.size == (64, 48)

@@ -1,0 +1,70 @@
+"""docs/frame-folder.md says what the JSON files hold: no key more, none less, of the types it names."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lfsr_core.metrics.compare import compare_folders
+from lfsr_core.reconstruct.second_stage import upscale_frame
+from tests.support.synthetic import write_reference, write_render
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "frame-folder.md"
+TYPES = {"text": str, "integer": int, "number": (int, float), "boolean": bool, "array": list, "object": dict,
+         "null": type(None)}
+STAGES = {"render", "load", "mask", "upscale", "assemble", "color", "write"}
+
+
+def documented(section: str) -> dict[str, tuple[str, ...]]:
+    """Key -> names of allowed types, from the table of one section."""
+    text = DOCUMENT.read_text(encoding="utf-8").split(f"\n## {section}\n")[1].split("\n## ")[0]
+    return {key: tuple(types.split(" or ")) for key, types in re.findall(r"^\| `(\w+)` \| ([\w ]+) \|", text, re.M)}
+
+
+def check(data: dict[str, Any], section: str, extra: frozenset[str] = frozenset()) -> None:
+    table = documented(section)
+    assert set(data) == set(table) | extra
+    for key, types in table.items():
+        assert any(isinstance(data[key], TYPES[name]) for name in types), (key, data[key])
+        assert isinstance(data[key], bool) <= ("boolean" in types), key
+
+
+def read(path: Path) -> dict[str, Any]:
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = write_render(tmp_path_factory.mktemp("frame"))
+    upscale_frame(folder, "bicubic", dilate=1)
+    return folder
+
+
+def test_frame(folder):
+    check(read(folder / "frame.json"), "frame.json")
+
+
+def test_report(folder):
+    report = read(folder / "report.json")
+    check(report, "report.json")
+    assert set(report["seconds"]) == STAGES
+    assert all(value >= 0 for value in report["seconds"].values())
+    assert 0 < report["foreground_share"] < 1
+    assert report["dilate"] == 1
+
+
+def test_metrics(folder, tmp_path):
+    compare_folders(folder, write_reference(tmp_path))
+    check(read(folder / "report.json")["metrics"], "metrics")
+
+
+def test_metrics_of_sampled_lenses(folder, tmp_path):
+    compare_folders(folder, write_reference(tmp_path, lens_list=((3, 5), (4, 6), (5, 7), (0, 0), (1, 1))))
+    metrics = read(folder / "report.json")["metrics"]
+    check(metrics, "metrics", frozenset({"lenses", "ci95"}))
+    assert metrics["lenses"] == 5
+    assert set(metrics["ci95"]) <= set(documented("metrics"))

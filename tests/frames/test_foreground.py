@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.foreground import foreground_mask, recall
+
+LENSES = (5, 4)  # across, down, of 3 × 2 pixels
+
+
+def layers(**painted):
+    color = np.zeros((8, 15, 4), np.float32)
+    result = {"color": color}
+    for name, pixels in painted.items():
+        if name == "alpha":
+            color[..., 3] = pixels
+        else:
+            result[name] = pixels[..., None].astype(np.float32)
+    return result
+
+
+def picture(*pixels, value=1.0):
+    image = np.zeros((8, 15), np.float32)
+    for row, column in pixels:
+        image[row, column] = value
+    return image
+
+
+def marked(mask):
+    return {tuple(map(int, lens)) for lens in np.argwhere(mask)}
+
+
+def test_any_hit_however_faint_marks_its_lens_and_no_other():
+    mask = foreground_mask(layers(alpha=picture((0, 2), (5, 9), value=1e-3)), LENSES)
+    assert mask.shape == (4, 5)
+    assert marked(mask) == {(0, 0), (2, 3)}
+
+
+def test_dilation_grows_by_lenses_and_stops_at_the_edge():
+    mask = foreground_mask(layers(alpha=picture((0, 0))), LENSES, dilate=1)
+    assert marked(mask) == {(0, 0), (0, 1), (1, 0), (1, 1)}
+    assert foreground_mask(layers(alpha=picture((4, 7))), LENSES, dilate=2).sum() == 20
+    with pytest.raises(LfsrError, match="-1"):
+        foreground_mask(layers(alpha=picture()), LENSES, dilate=-1)
+
+
+def test_background_meshes_are_no_foreground():
+    """Everything is covered by a wall (2), an object (1) stands in front of two lenses."""
+    index = np.full((8, 15), 2.0)
+    index[2, 4] = index[7, 14] = 1
+    assert marked(foreground_mask(layers(alpha=np.ones((8, 15)), index=index), LENSES)) == {(1, 1), (3, 4)}
+
+
+def test_without_background_meshes_the_index_hides_no_covered_pixel():
+    """The index holds a pixel's first sample only: a thin part is covered yet has index 0."""
+    mask = foreground_mask(layers(alpha=picture((0, 0), (6, 6), value=0.06), index=picture((6, 6))), LENSES)
+    assert marked(mask) == {(0, 0), (3, 2)}
+
+
+def test_doubtful_pixels_beside_a_background_mesh_count():
+    index = picture((0, 0), value=2.0)
+    alpha = picture((0, 0), (2, 3), value=0.5)
+    assert marked(foreground_mask(layers(alpha=alpha, index=index), LENSES)) == {(1, 1)}
+
+
+def test_recall():
+    reference = np.array([[True, True, False, True]])
+    assert recall(np.array([[True, False, False, True]]), reference) == pytest.approx(2 / 3)
+    assert recall(np.array([[True, True, True, True]]), reference) == 1
+    assert recall(reference, reference) == 1
+    assert recall(reference, np.zeros_like(reference)) == 1
+    with pytest.raises(LfsrError, match="shapes"):
+        recall(reference, reference[:, :2])

@@ -1,0 +1,69 @@
+"""frame.json keeps everything that decides a render."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import FRAME_FILE, Frame, read_frame, write_frame
+from lfsr_core.images.view_transform import ColorSettings
+from lfsr_core.optics.display import load_display
+from lfsr_core.optics.rays import CameraArray
+
+MINI = load_display("mini")
+IDENTITY = tuple(tuple(float(row == column) for column in range(4)) for row in range(4))
+# No field has its default, so that one forgotten on the way shows.
+FRAME = Frame(
+    display=MINI, scale=2, array=CameraArray.for_display(MINI, 2.0), matrix_world=IDENTITY, samples=7, seed=3, frame=5,
+    convention="paper", view_aperture=0.5, lens_list=((1, 2), (3, 4)), layout="view-by-view",
+    layers=("albedo", "normal"), world_visible=True,
+    color=ColorSettings("Rec.2020", "AgX", "AgX - Punchy", 0.5, 1.1, "config.ocio"),
+    scene="scene.blend", subject="Things", blender="5.0.1", device="OPTIX", seconds={"render": 1.5})
+
+
+def test_round_trip_keeps_every_field(tmp_path):
+    defaults = {field.name: field.default for field in dataclasses.fields(Frame)}
+    assert all(getattr(FRAME, name) != default for name, default in defaults.items())
+    write_frame(tmp_path, FRAME)
+    assert read_frame(tmp_path) == FRAME
+
+
+def test_whole_array_has_no_lens_list(tmp_path):
+    write_frame(tmp_path, dataclasses.replace(FRAME, lens_list=None))
+    assert read_frame(tmp_path).lens_list is None
+
+
+def test_rays_follow_the_frame():
+    rays = FRAME.rays
+    assert rays.views == (4, 4)
+    assert rays.spacing == pytest.approx(2 * FRAME.array.spacing)
+    assert (rays.convention, rays.view_aperture, rays.lens_list) == ("paper", 0.5, ((1, 2), (3, 4)))
+
+
+def damage(folder, change) -> None:
+    write_frame(folder, FRAME)
+    data = json.loads((folder / FRAME_FILE).read_text())
+    change(data)
+    (folder / FRAME_FILE).write_text(json.dumps(data))
+
+
+@pytest.mark.parametrize(("change", "told"), [
+    (lambda data: data.update(format=99), "is not of format 1"),
+    (lambda data: data.pop("format"), "is not of format 1"),
+    (lambda data: data.pop("scale"), "incomplete.*scale"),
+    (lambda data: data.pop("array"), "incomplete.*array"),
+    (lambda data: data.update(surplus=1), "surplus"),
+    (lambda data: data["display"].update(lenses=[3, 3]), "frame.json: panel_pixels"),
+])
+def test_damaged_frame_is_refused(tmp_path, change, told):
+    damage(tmp_path, change)
+    with pytest.raises(LfsrError, match=told):
+        read_frame(tmp_path)
+
+
+def test_folder_without_frame_is_named(tmp_path):
+    with pytest.raises(LfsrError, match=r"frame.json does not exist, expected the frame.json of a rendered"):
+        read_frame(tmp_path / "nowhere")

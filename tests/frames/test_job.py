@@ -1,0 +1,71 @@
+"""A job is refused before Blender is started, or says everything Blender needs."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import write_json
+from lfsr_core.frames.job import Job, check_scene, read_job
+from lfsr_core.optics.display import load_display
+
+MINI = load_display("mini")
+JOB = Job("out", MINI, scene="s.blend", kind="reference", scale=2, spp=9, layers=("albedo",), layout="view-by-view",
+          convention="paper", view_aperture=0.5, seed=5, frame=3, subject="Things", lens_list=((1, 2), (3, 4)),
+          device="OPTIX", clamp_indirect=0.0, world_visible=True, scene_name="Set")
+
+
+def test_json_round_trip_keeps_every_field(tmp_path):
+    plain = Job("out", MINI)
+    same = {key for key, value in plain.to_dict().items() if JOB.to_dict()[key] == value}
+    assert same == {"output", "display"}, "a field left at its default could be lost unnoticed"
+    for job in (JOB, plain):
+        write_json(tmp_path / "job.json", job.to_dict())
+        assert read_job(tmp_path / "job.json") == job
+
+
+@pytest.mark.parametrize(("options", "told"), [
+    ({"scale": 3}, "scale is 3"),
+    ({"scale": 2.0}, "scale is 2.0, but it must be a whole number"),
+    ({"spp": 0}, "samples per pixel is 0, but a render.*at least 1"),
+    ({"spp": 1.5}, "samples per pixel is 1.5"),
+    ({"spp": 1, "kind": "reference", "scale": 1}, "samples per pixel is 1, but a reference.*at least 2"),
+    ({"layout": "viewbyview"}, "layout is 'viewbyview': did you mean 'view-by-view'"),
+    ({"convention": "old"}, "convention is 'old': It must be one of centred, paper"),
+    ({"kind": "film"}, "kind is 'film'"),
+    ({"layers": ("albedo", "norma")}, "layer is 'norma': did you mean 'normal'"),
+    ({"view_aperture": -0.1}, "view aperture is -0.1"),
+])
+def test_bad_value_is_named(options, told):
+    with pytest.raises(LfsrError, match=told):
+        Job("out", MINI, **options)
+
+
+@pytest.mark.parametrize(("change", "told"), [
+    ({"sp": 3}, "job: unknown field 'sp'; did you mean 'spp'"),
+    ({"zzzz": 3}, "job: unknown field 'zzzz'; the fields are"),
+    ({"display": None}, "job: field 'display' is missing"),
+])
+def test_bad_job_file_is_named(tmp_path, change, told):
+    data = {key: value for key, value in (JOB.to_dict() | change).items() if value is not None}
+    (tmp_path / "job.json").write_text(json.dumps(data))
+    with pytest.raises(LfsrError, match=told):
+        read_job(tmp_path / "job.json")
+
+
+def test_job_file_of_another_type_is_named(tmp_path):
+    (tmp_path / "job.json").write_text("[]")
+    with pytest.raises(LfsrError, match="holds a list, but a render job"):
+        read_job(tmp_path / "job.json")
+
+
+def test_scene_is_checked_before_blender_starts(tmp_path):
+    (tmp_path / "scene.GLB").touch()
+    assert check_scene(tmp_path / "scene.GLB") == str(tmp_path / "scene.GLB")
+    with pytest.raises(LfsrError, match=r"absent.blend does not exist"):
+        check_scene(tmp_path / "absent.blend")
+    (tmp_path / "scene.fbx").touch()
+    with pytest.raises(LfsrError, match=r"scene.fbx is of no kind.*\.blend, \.glb"):
+        check_scene(tmp_path / "scene.fbx")

@@ -1,0 +1,178 @@
+import subprocess
+import sys
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from PIL import Image
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.images import exr, png
+
+RANDOM = np.random.default_rng(0)
+
+
+def some_layers(height=6, width=9):
+    channels = {"color": 4, "albedo": 3, "normal": 3, "position": 3, "index": 1, "environment": 3}
+    return {name: RANDOM.normal(size=(height, width, count)).astype(np.float32) for name, count in channels.items()}
+
+
+def write_exr(path, parts):
+    """parts: list of (channel names, pixels) -> a multi-part file like Blender 5's."""
+    specs = []
+    for names, pixels in parts:
+        spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], len(names), "float")
+        spec.channelnames = names
+        specs.append(spec)
+    output = oiio.ImageOutput.create(str(path))
+    assert output.open(str(path), specs) if len(specs) > 1 else output.open(str(path), specs[0])
+    for index, (_, pixels) in enumerate(parts):
+        if index:
+            assert output.open(str(path), specs[index], "AppendSubimage")
+        assert output.write_image(pixels)
+    assert output.close()
+
+
+def test_layers_come_back_as_written(tmp_path):
+    layers = some_layers()
+    exr.write_layers(tmp_path / "a.exr", layers)
+    back = exr.read_layers(tmp_path / "a.exr")
+    assert back.keys() == layers.keys()
+    for name, pixels in layers.items():
+        np.testing.assert_array_equal(back[name], pixels, err_msg=name)
+
+
+def test_half_floats_are_near_and_never_infinite(tmp_path):
+    color = np.array([[[0.1, 1e6, -2.0, 1.0]]], np.float32)
+    exr.write_layers(tmp_path / "a.exr", {"color": color}, half=True)
+    np.testing.assert_allclose(exr.read_layers(tmp_path / "a.exr")["color"],
+                               [[[0.1, 65504, -2, 1]]], rtol=1e-3)
+
+
+def test_colour_without_alpha_is_opaque(tmp_path):
+    exr.write_layers(tmp_path / "a.exr", {"color": np.full((2, 3, 3), 0.5, np.float32)})
+    assert exr.read_layers(tmp_path / "a.exr")["color"].shape == (2, 3, 4)
+    assert (exr.read_layers(tmp_path / "a.exr")["color"][..., 3] == 1).all()
+
+
+def test_reads_blender_4_names(tmp_path):
+    names = ["Combined.R", "Combined.G", "Combined.B", "Combined.A", "Denoising Albedo.R", "Denoising Albedo.G",
+             "Denoising Albedo.B", "Denoising Depth.Z", "Denoising Normal.X", "Denoising Normal.Y",
+             "Denoising Normal.Z", "Env.R", "Env.G", "Env.B", "IndexOB.X", "Position.X", "Position.Y", "Position.Z"]
+    pixels = RANDOM.normal(size=(4, 5, len(names))).astype(np.float32)
+    write_exr(tmp_path / "a.exr", [([f"ViewLayer.{name}" for name in names], pixels)])
+    layers = exr.read_layers(tmp_path / "a.exr")
+    expected = {"color": slice(0, 4), "albedo": slice(4, 7), "normal": slice(8, 11), "environment": slice(11, 14),
+                "index": slice(14, 15), "position": slice(15, 18)}
+    assert layers.keys() == expected.keys()
+    for name, columns in expected.items():
+        np.testing.assert_array_equal(layers[name], pixels[..., columns], err_msg=name)
+
+
+def test_reads_blender_5_parts_and_leaves_unknown_passes_out(tmp_path):
+    layers = some_layers()
+    parts = [([f"ViewLayer.Combined.{c}" for c in "RGBA"], layers["color"]),
+             (["ViewLayer.Denoising Depth.Z"], layers["index"] + 9),
+             (["ViewLayer.Object Index.X"], layers["index"]),
+             ([f"ViewLayer.Denoising Normal.{c}" for c in "XYZ"], layers["normal"])]
+    write_exr(tmp_path / "a.exr", parts)
+    back = exr.read_layers(tmp_path / "a.exr")
+    assert back.keys() == {"color", "index", "normal"}
+    for name, pixels in back.items():
+        np.testing.assert_array_equal(pixels, layers[name], err_msg=name)
+
+
+@pytest.mark.parametrize("keep", [0, 50, 0.5, 0.95])
+def test_truncated_file_is_one_clear_error(tmp_path, keep):
+    exr.write_layers(tmp_path / "a.exr", some_layers(200, 200))
+    data = (tmp_path / "a.exr").read_bytes()
+    (tmp_path / "a.exr").write_bytes(data[:keep if isinstance(keep, int) else int(keep * len(data))])
+    with pytest.raises(LfsrError, match=r"a\.exr cannot be read .*render it again"):
+        exr.read_layers(tmp_path / "a.exr")
+
+
+def test_missing_file_and_missing_colour(tmp_path):
+    with pytest.raises(LfsrError, match="does not exist"):
+        exr.read_layers(tmp_path / "none.exr")
+    exr.write_layers(tmp_path / "a.exr", {"albedo": np.zeros((2, 2, 3), np.float32)})
+    with pytest.raises(LfsrError, match="no colour layer"):
+        exr.read_layers(tmp_path / "a.exr")
+
+
+def test_clean_counts_pixels_not_values_and_keeps_the_rest():
+    layers = {"color": np.ones((3, 4, 4), np.float32), "normal": np.ones((3, 4, 3), np.float32)}
+    layers["color"][0, 0, :2] = np.nan
+    layers["color"][1, 1, 3] = np.inf
+    layers["normal"][0, 0] = -np.inf
+    layers["normal"][2, 3, 2] = np.nan
+    cleaned, count = exr.clean(layers)
+    assert count == 3
+    assert all(np.isfinite(pixels).all() for pixels in cleaned.values())
+    np.testing.assert_array_equal(cleaned["color"][0, 0], [0, 0, 1, 1])
+    assert np.isnan(layers["color"][0, 0, 0]), "the input stays as it was"
+
+
+def test_infinities_that_cancel_are_still_found():
+    color = np.array([[[np.inf, -np.inf, 0, 1]]], np.float32)
+    assert exr.clean({"color": color})[1] == 1
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 3), (63, 5, 3), (64, 7, 3), (65, 6, 3), (200, 33, 3), (54, 96)])
+def test_png_is_lossless_and_readable_by_another_library(tmp_path, shape):
+    pixels = RANDOM.integers(0, 256, shape, dtype=np.uint8)
+    png.write_png(tmp_path / "a.png", pixels)
+    with Image.open(tmp_path / "a.png") as image:
+        image.verify()  # checks every chunk's checksum
+    with Image.open(tmp_path / "a.png") as image:
+        np.testing.assert_array_equal(np.asarray(image), pixels)
+    if len(shape) == 3:
+        np.testing.assert_array_equal(png.read_png(tmp_path / "a.png"), pixels)
+
+
+def test_png_stream_has_the_right_adler_checksum():
+    import zlib
+    pixels = RANDOM.integers(0, 256, (300, 21, 3), dtype=np.uint8)
+    parts = png.encode_png(pixels)
+    stream = b"".join(part[8:-4] for part in parts if part[4:8] == b"IDAT")
+    assert len(zlib.decompress(stream)) == 300 * (21 * 3 + 1)  # raises where the checksum is wrong
+
+
+def test_flat_pictures_are_small():
+    size = sum(len(part) for part in png.encode_png(np.full((1000, 1000, 3), 77, np.uint8)))
+    assert size < 60_000
+
+
+def test_mask_round_trip(tmp_path):
+    mask = RANDOM.random((54, 96)) > 0.5
+    png.write_mask(tmp_path / "m.png", mask)
+    np.testing.assert_array_equal(png.read_mask(tmp_path / "m.png"), mask)
+
+
+def test_unreadable_png(tmp_path):
+    (tmp_path / "a.png").write_bytes(b"no picture")
+    with pytest.raises(LfsrError, match="not a readable"):
+        png.read_png(tmp_path / "a.png")
+    with pytest.raises(LfsrError, match="cannot be read"):
+        png.read_mask(tmp_path / "b.png")
+
+
+FULL_DISK = """
+import resource, sys, numpy as np
+from lfsr_core.images import exr, png
+from lfsr_core.errors import LfsrError
+resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+noise = np.random.default_rng(0).random((400, 400, 3))
+for write in (lambda: png.write_png(sys.argv[1] + "/a.png", (noise * 255).astype(np.uint8)),
+              lambda: exr.write_layers(sys.argv[1] + "/a.exr", {"color": noise.astype(np.float32)})):
+    try:
+        write()
+    except LfsrError as error:
+        print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX limit on file size")
+def test_full_disk_leaves_no_half_written_file(tmp_path):
+    result = subprocess.run([sys.executable, "-c", FULL_DISK, str(tmp_path)], capture_output=True, text=True)
+    assert result.stdout.count("cannot be written") == 2, result.stdout + result.stderr
+    assert list(tmp_path.iterdir()) == []

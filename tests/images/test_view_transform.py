@@ -1,0 +1,112 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.images.png import read_png
+from lfsr_core.images.srgb import srgb_decode, srgb_encode
+from lfsr_core.images.view_transform import ColorSettings, ViewTransform, find_config
+from tests.support.prerequisites import needs_bpy
+
+SAVER = Path(__file__).parents[1] / "support" / "blender_saves_png.py"
+CASES = [
+    ColorSettings(),
+    ColorSettings(exposure=1.3, gamma=1.4),
+    ColorSettings(view_transform="AgX"),
+    ColorSettings(view_transform="AgX", look="AgX - Punchy", exposure=-0.5),
+    ColorSettings(view_transform="AgX", look="AgX - High Contrast", exposure=0.5, gamma=1.2),
+    ColorSettings(view_transform="Filmic"),
+    ColorSettings(view_transform="Filmic", look="High Contrast", exposure=1.0, gamma=0.8),
+    ColorSettings(view_transform="Khronos PBR Neutral"),
+    ColorSettings(view_transform="Raw"),
+]
+
+
+def test_srgb_curve_at_known_points():
+    np.testing.assert_allclose(srgb_encode(np.array([-1, 0, 0.0031308, 0.18, 0.5, 1, 7])),
+                               [0, 0, 0.04045, 0.46135613, 0.73535698, 1, 1], atol=1e-5)
+    values = np.linspace(0, 1, 1001)
+    np.testing.assert_allclose(srgb_decode(srgb_encode(values)), values, atol=1e-6)
+    assert srgb_encode(np.float32([0.5])).dtype == np.float32
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    """A scene-linear picture, and the PNG that Blender itself saves of it for every case."""
+    folder = tmp_path_factory.mktemp("color")
+    linear = np.exp(np.random.default_rng(0).normal(-1.5, 2, (96, 128, 3))).astype(np.float32)
+    linear[:8] = 0
+    linear[64:] = np.geomspace(1e-4, 100, 128)[:, None]
+    np.save(folder / "linear.npy", linear)
+    (folder / "cases.json").write_text(json.dumps([vars(case) for case in CASES]))
+    run = subprocess.run([sys.executable, str(SAVER), str(folder)], capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout + run.stderr
+    return linear, folder
+
+
+@needs_bpy
+@pytest.mark.parametrize("case", range(len(CASES)),
+                         ids=[f"{c.view_transform}-{c.look}-{c.exposure}-{c.gamma}" for c in CASES])
+def test_looks_as_blender_saves_it(saved, case):
+    linear, folder = saved
+    theirs = read_png(folder / f"{case}.png").astype(int)
+    ours = ViewTransform(CASES[case]).to_uint8(linear).astype(int)
+    assert len(np.unique(theirs)) > 50, "the comparison must not be of a flat picture"
+    assert np.abs(ours - theirs).max() <= 1
+    assert (ours != theirs).mean() < 1e-3
+
+
+@needs_bpy
+def test_float_and_byte_results_agree_and_any_leading_shape_is_kept():
+    linear = np.random.default_rng(0).random((3, 5, 7, 3)).astype(np.float32)
+    show = ViewTransform(ColorSettings(view_transform="AgX"))
+    floats, values = show(linear), show.to_uint8(linear)
+    assert floats.shape == values.shape == linear.shape
+    assert np.abs(np.round(floats * 255) - values).max() <= 1
+    np.testing.assert_array_equal(values[1, 2:4, ::2], show.to_uint8(linear[1, 2:4, ::2]))
+
+
+@needs_bpy
+def test_look_without_its_views_name_is_found():
+    linear = np.random.default_rng(0).random((4, 4, 3)).astype(np.float32)
+    short, full, none = (ViewTransform(ColorSettings(view_transform="AgX", look=look))(linear)
+                         for look in ("Punchy", "AgX - Punchy", "None"))
+    np.testing.assert_array_equal(short, full)
+    assert np.abs(full - none).max() > 0.01
+
+
+@needs_bpy
+@pytest.mark.parametrize(("settings", "message"), [
+    (ColorSettings(view_transform="Filmik"), "view transform 'Filmik' is not .*: did you mean 'Filmic'"),
+    (ColorSettings(display_device="TV"), "display device 'TV' is not"),
+    (ColorSettings(look="Punchi"), "look 'Punchi' is not"),
+])
+def test_unknown_names_are_one_clear_sentence(settings, message):
+    with pytest.raises(LfsrError, match=message):
+        ViewTransform(settings)
+
+
+def test_configuration_named_by_the_frame_or_the_environment_comes_first(tmp_path, monkeypatch):
+    (tmp_path / "named.ocio").touch()
+    (tmp_path / "environment.ocio").touch()
+    monkeypatch.setenv("OCIO", str(tmp_path / "environment.ocio"))
+    assert find_config(ColorSettings(config=str(tmp_path / "named.ocio"))).name == "named.ocio"
+    assert find_config(ColorSettings(config=str(tmp_path / "gone.ocio"))).name == "environment.ocio"
+
+
+def test_no_configuration_says_how_to_get_one(monkeypatch):
+    monkeypatch.delenv("OCIO", raising=False)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(LfsrError, match="install the package bpy"):
+        find_config(ColorSettings())
+
+
+@needs_bpy
+def test_finding_the_configuration_does_not_import_blender():
+    code = ("import sys; from lfsr_core.images.view_transform import ColorSettings, ViewTransform; "
+            "ViewTransform(ColorSettings()); print('bpy' in sys.modules)")
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"

@@ -1,0 +1,43 @@
+"""Recall of the foreground mask, whole and estimated from sampled lenses."""
+
+import numpy as np
+import pytest
+
+from lfsr_core.frames.frame import MASK_FILE
+from lfsr_core.images.png import read_mask, write_mask
+from lfsr_core.metrics.compare import compare_folders, sampled_recall
+from lfsr_core.reconstruct.second_stage import upscale_frame
+from tests.support.synthetic import write_reference, write_render
+
+
+def test_a_lens_lost_by_the_mask_lowers_recall_and_still_counts_as_foreground(tmp_path):
+    folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
+    upscale_frame(folder, "bicubic")
+    whole = compare_folders(folder, reference)
+    mask = read_mask(folder / MASK_FILE)
+    lost = np.argwhere(mask)[: mask.sum() // 3]
+    mask[tuple(lost.T)] = False
+    write_mask(folder / MASK_FILE, mask)
+    after = compare_folders(folder, reference)
+    assert whole["recall"] == 1
+    assert after["recall"] == pytest.approx(1 - len(lost) / (mask.sum() + len(lost)))
+    assert after["ssim_eia_fg"] == pytest.approx(whole["ssim_eia_fg"])
+
+
+def test_sampled_recall_is_unbiased_under_unequal_sampling():
+    rng = np.random.default_rng(3)
+    truth = rng.random((30, 40)) < 0.4
+    mask = truth & (rng.random(truth.shape) < 0.8)
+    inside, outside = np.argwhere(mask), np.argwhere(~mask)
+    estimates = []
+    for _ in range(300):
+        listed = np.concatenate([rng.permutation(inside)[:60], rng.permutation(outside)[:20]])
+        estimates.append(sampled_recall(mask, truth[tuple(listed.T)], tuple(map(tuple, listed))))
+    assert np.mean(estimates) == pytest.approx((mask & truth).sum() / truth.sum(), abs=0.02)
+
+
+def test_sampled_recall_is_unknown_with_few_samples_outside_the_mask():
+    mask = np.zeros((4, 40), bool)
+    mask[0] = True
+    listed = tuple((row, column) for row, columns in ((0, 20), (1, 3)) for column in range(columns))
+    assert sampled_recall(mask, np.ones(len(listed), bool), listed) is None

@@ -1,0 +1,276 @@
+import dataclasses
+
+import cv2
+import numpy as np
+import pytest
+import scipy.stats
+from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames import reference
+from lfsr_core.images.srgb import srgb_decode, srgb_encode
+from lfsr_core.metrics import eia_metrics
+from lfsr_core.metrics.intervals import student_95
+from lfsr_core.metrics.split_ssim import psnr, split_mse, split_ssim, split_ssim_map, ssim, stacked_ssim
+from lfsr_core.optics.display import load_display
+from lfsr_core.optics.eia import to_views
+from tests.support.synthetic import frame_of, tiles
+
+GAUSSIAN = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False, "data_range": 1,
+            "channel_axis": 2}
+
+
+def picture(height=96, width=128, seed=0):
+    """Texture on the left, almost flat on the right; (H, W, 3) in [0.2, 0.8]."""
+    random = np.random.default_rng(seed)
+    image = cv2.resize(random.random((height // 4, width // 4, 3)), (width, height), interpolation=cv2.INTER_CUBIC)
+    image[:, width // 2:] = 0.5 + 0.02 * image[:, width // 2:]
+    return 0.2 + 0.6 * np.clip(image, 0, 1)
+
+
+def blurred(image, noise=0.01, seed=1):
+    return cv2.GaussianBlur(image, (0, 0), 1.2) + np.random.default_rng(seed).normal(0, noise, image.shape)
+
+
+def noisy(image, noise, seed):
+    return image + np.random.default_rng(seed).normal(0, noise, image.shape)
+
+
+@pytest.mark.parametrize("shape", [(96, 128), (23, 31), (600, 40)])
+def test_equal_halves_give_the_ssim_of_scikit_image(shape):
+    image = picture(*shape)
+    candidate = blurred(image)
+    expected = structural_similarity(candidate, image, **GAUSSIAN)
+    assert expected < 0.98
+    assert split_ssim(candidate, image, image) == pytest.approx(expected, abs=1e-6)
+    assert ssim(candidate, image) == pytest.approx(expected, abs=1e-6)
+
+
+def test_local_ssim_is_that_of_scikit_image_at_every_pixel():
+    image = picture(600, 64)  # higher than one band
+    _, expected = structural_similarity(blurred(image), image, full=True, **GAUSSIAN)
+    np.testing.assert_allclose(split_ssim_map(blurred(image), image, image), expected, atol=1e-9)
+
+
+def test_identity_bounds_and_symmetry():
+    image, candidate = picture(), blurred(picture())
+    assert ssim(image, image) == pytest.approx(1, abs=1e-12)
+    assert -1 <= ssim(candidate, image) < 1
+    assert ssim(candidate, image) == pytest.approx(ssim(image, candidate), abs=1e-12)
+    assert split_ssim(candidate, image, candidate) == pytest.approx(split_ssim(candidate, candidate, image), abs=1e-12)
+
+
+@pytest.mark.parametrize(("noise", "tolerance"), [(0.01, 0.001), (0.02, 0.002), (0.03, 0.008), (0.04, 0.02)])
+def test_noise_of_the_reference_cancels(noise, tolerance):
+    """In split SSIM up to ``tolerance``, in MSE up to 0.5 %; the plain figures move ten times as far."""
+    image = picture(192, 256)
+    candidate = blurred(image)
+    true_ssim, true_mse = ssim(candidate, image), split_mse(candidate, image, image)
+    halves = [(noisy(image, noise, 100 + i), noisy(image, noise, 200 + i)) for i in range(6)]
+    split = np.mean([split_ssim(candidate, a, b) for a, b in halves])
+    squared = np.mean([split_mse(candidate, a, b) for a, b in halves])
+    assert split == pytest.approx(true_ssim, abs=tolerance)
+    assert squared == pytest.approx(true_mse, rel=0.005)
+    plain = np.mean([ssim(candidate, (a + b) / 2) for a, b in halves])
+    plain_squared = np.mean([np.mean((candidate - (a + b) / 2) ** 2) for a, b in halves])
+    assert true_ssim - plain > 10 * tolerance
+    assert plain_squared - true_mse == pytest.approx(noise**2 / 2, rel=0.05)
+
+
+def test_a_candidate_that_shares_a_halfs_noise_is_flattered():
+    """Why a candidate must not be made from its reference."""
+    image = picture(192, 256)
+    a, b = noisy(image, 0.02, 100), noisy(image, 0.02, 200)
+    independent, shared = (blurred(image, 0) + 0.5 * (noisy(image, 0.02, seed) - image) for seed in (300, 100))
+    assert split_ssim(shared, a, b) > split_ssim(independent, a, b) + 0.02
+
+
+def test_a_correct_image_is_told_from_a_wrong_one_in_heavy_noise():
+    image = picture(192, 256)
+    a, b = noisy(image, 0.05, 5), noisy(image, 0.05, 6)
+    assert ssim(image, (a + b) / 2) < 0.7
+    assert split_ssim(image, a, b) > 0.9
+    assert split_ssim(image, a, b) > split_ssim(blurred(image, 0.03), a, b) + 0.1
+
+
+def test_psnr_is_that_of_scikit_image_and_knows_its_limit():
+    image, candidate = picture(), blurred(picture())
+    expected = peak_signal_noise_ratio(image, candidate, data_range=1)
+    assert psnr(split_mse(candidate, image, image)) == pytest.approx(expected, abs=1e-9)
+    assert psnr(0.0) is None
+    assert psnr(-1e-9) is None
+
+
+def test_stacked_images_do_not_see_each_other():
+    stack = np.stack([picture(20, 24, seed) for seed in range(200)])  # more than one call's worth of channels
+    candidates = np.stack([blurred(image) for image in stack])
+    together = stacked_ssim(candidates, stack, stack)
+    for index in (0, 99, 199):
+        alone = split_ssim_map(candidates[index], stack[index], stack[index]).mean(-1)
+        np.testing.assert_allclose(together[index], alone, atol=1e-12)
+
+
+def test_flip_is_zero_for_the_same_image_and_grows_with_the_error():
+    image = picture()
+    assert eia_metrics.mean_flip(image, image) == pytest.approx(0, abs=1e-6)
+    slight, strong = (eia_metrics.mean_flip(np.clip(image + shift, 0, 1), image) for shift in (0.02, 0.2))
+    assert 0.001 < slight < strong < 1
+
+
+# A display of 16 × 12 lenses and 8 × 8 views, so 128 × 96 pixels.
+LENSES = (16, 12)
+MASK = np.zeros((12, 16), bool)
+MASK[3:9, 4:13] = True
+
+
+def eia_case(noise=0.02):
+    """Scene-linear candidate and halves whose sRGB values differ as in the tests above."""
+    image = picture(96, 128)
+    return [srgb_decode(np.clip(x, 0, 1)).astype(np.float32)
+            for x in (blurred(image), noisy(image, noise, 7), noisy(image, noise, 8))]
+
+
+def test_whole_comparison_reports_every_metric_from_its_own_pixels():
+    x, a, b = eia_case()
+    found = eia_metrics.compare(x, a, b, LENSES, MASK)
+    assert tuple(found) == eia_metrics.METRIC_NAMES
+    X, A, B = (srgb_encode(values) for values in (x, a, b))
+    inside = np.repeat(np.repeat(MASK, 8, 0), 8, 1)
+    local = split_ssim_map(X, A, B)
+    assert found["p"] == pytest.approx(54 / 192)
+    assert found["ssim_eia"] == pytest.approx(split_ssim(X, A, B), abs=1e-9)
+    assert found["ssim_eia_fg"] == pytest.approx(local[inside].mean(), abs=1e-9)  # the mask is away from the border
+    assert found["psnr_fg"] == pytest.approx(psnr(np.mean(((X - A) * (X - B))[inside])), abs=1e-4)
+    assert found["ssim_eia_plain"] == pytest.approx(structural_similarity(X, (A + B) / 2, **GAUSSIAN), abs=1e-5)
+    assert found["ssim_ceiling"] == pytest.approx(structural_similarity(A, B, **GAUSSIAN), abs=1e-5)
+    assert found["ssim_ceiling"] < found["ssim_eia_plain"] < found["ssim_eia"]
+    views = [to_views(values, LENSES) for values in (X, A, B)]
+    each = [split_ssim_map(*(v[row, column] for v in views))[MASK].mean() for row in range(8) for column in range(8)]
+    assert found["ssim_views_fg"] == pytest.approx(np.mean(each), abs=1e-9)
+    assert found["flip"] == pytest.approx(eia_metrics.mean_flip(X, (A + B) / 2), abs=1e-6)
+
+
+def test_foreground_metrics_ignore_the_background_and_the_other_way_round():
+    x, a, b = eia_case()
+    before = eia_metrics.compare(x, a, b, LENSES, MASK)
+    worse = x.copy()
+    worse[:8] = 1.0  # a row of background lenses, further than a window from the foreground
+    after = eia_metrics.compare(worse, a, b, LENSES, MASK)
+    for name in ("ssim_eia_fg", "psnr_fg"):
+        assert after[name] == pytest.approx(before[name], abs=1e-9)
+    assert after["ssim_eia"] < before["ssim_eia"] - 0.02
+
+
+def test_values_above_display_white_do_not_count():
+    x, a, b = eia_case()
+    bright = [values.copy() for values in (x, a, b)]
+    for values, level in zip(bright, (3, 5, 7), strict=True):
+        values[40:60, 60:80] = level
+    clipped = [np.clip(values, 0, 1) for values in bright]
+    assert eia_metrics.compare(*bright, LENSES, MASK) == eia_metrics.compare(*clipped, LENSES, MASK)
+
+
+def test_no_foreground_is_told_as_none():
+    found = eia_metrics.compare(*eia_case(), LENSES, np.zeros_like(MASK))
+    assert [found[name] for name in ("p", "ssim_eia_fg", "psnr_fg", "ssim_views_fg")] == [0, None, None, None]
+
+
+def sampled(chosen, x, a, b, mask=MASK):
+    frame = frame_of(1, lens_list=tuple(map(tuple, chosen)))
+    return eia_metrics.compare(x, tiles(a, frame), tiles(b, frame), LENSES, mask, lens_list=frame.lens_list)
+
+
+def test_all_lenses_sampled_leave_no_interval():
+    everything = [(row, column) for row in range(12) for column in range(16)]
+    x, a, b = eia_case()
+    found, whole = sampled(everything, x, a, b), eia_metrics.compare(x, a, b, LENSES, MASK)
+    assert found["psnr_fg"] == pytest.approx(whole["psnr_fg"], abs=1e-5)
+    assert found["p"] == whole["p"]
+    assert all(width in (None, 0) for width in found["ci95"].values())
+    assert found["ssim_views_fg"] is None
+    # Windows stop at the borders of EIs here and do not there.
+    assert found["ssim_eia"] == pytest.approx(whole["ssim_eia"], abs=0.05)
+
+
+def test_intervals_hold_the_truth_about_95_times_in_100():
+    x, a, b = eia_case()
+    everything = [(row, column) for row in range(12) for column in range(16)]
+    truth, random = sampled(everything, x, a, b), np.random.default_rng(3)
+    foreground, background = np.argwhere(MASK), np.argwhere(~MASK)
+    hits = {name: 0 for name in ("ssim_eia", "ssim_eia_fg", "psnr_fg")}
+    for _ in range(60):
+        chosen = [*random.permutation(foreground)[:25], *random.permutation(background)[:12]]
+        found = sampled(chosen, x, a, b)
+        for name in hits:
+            hits[name] += abs(found[name] - truth[name]) <= found["ci95"][name]
+    assert all(50 <= count <= 60 for count in hits.values()), hits
+
+
+def test_strata_weigh_by_their_share_of_the_display():
+    """Eight of 54 foreground and two of 138 background lenses: the estimate must not weigh them 8 to 2."""
+    x, a, b = eia_case(noise=0)
+    background = np.repeat(np.repeat(~MASK, 8, 0), 8, 1)
+    x[background] = a[background]  # perfect there
+    found = sampled([*np.argwhere(MASK)[::7], (0, 0), (11, 15)], x, a, b)
+    expected = found["p"] * found["ssim_eia_fg"] + (1 - found["p"])
+    assert found["ssim_eia"] == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_stratum_without_samples_is_told_as_none():
+    found = sampled(np.argwhere(MASK)[:10], *eia_case())
+    assert found["ssim_eia"] is None and found["ssim_eia_fg"] is not None
+
+
+def test_each_tile_is_compared_with_its_own_lens():
+    x, _, _ = eia_case()
+    found = sampled([(3, 5), (8, 12), (0, 0), (4, 4), (11, 3)], x, x, x)
+    assert found["ssim_eia_fg"] == pytest.approx(1, abs=1e-9)
+    assert found["psnr_fg"] is None
+
+
+def test_shapes_that_do_not_fit_are_errors():
+    x, a, b = eia_case()
+    with pytest.raises(LfsrError, match=r"reference has shape \(96, 120, 3\)"):
+        eia_metrics.compare(x, a[:, :120], b, LENSES, MASK)
+    with pytest.raises(LfsrError, match="foreground mask has shape"):
+        eia_metrics.compare(x, a, b, LENSES, MASK[:, :8])
+    with pytest.raises(LfsrError, match="equal elemental images"):
+        eia_metrics.compare(x, a, b, (15, 12), MASK)
+    with pytest.raises(LfsrError, match="3 tiles of"):
+        eia_metrics.compare(x, a[:8, :16], b[:8, :16], LENSES, MASK, lens_list=((0, 0), (1, 1), (2, 2)))
+
+
+REFERENCE = frame_of(1)
+SHIFTED = tuple(tuple(value + 0.3 * (column == 3) for column, value in enumerate(row))
+                for row in REFERENCE.matrix_world)
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"scale": 2}, "has scale 2"),
+    ({"display": dataclasses.replace(load_display("mini"), name="other")}, "display other"),
+    ({"display": dataclasses.replace(load_display("mini"), viewing_angle_deg=30.0)}, "display"),
+    ({"convention": "paper"}, "convention paper"),
+    ({"frame": 7}, "frame number 7"),
+    ({"array": dataclasses.replace(REFERENCE.array, distance=9.0)}, "cameras"),
+    ({"array": dataclasses.replace(REFERENCE.array, spacing=REFERENCE.array.spacing * 1.01)}, "cameras"),
+    ({"matrix_world": SHIFTED}, "cameras"),
+])
+def test_mismatched_reference_is_refused(changes, message):
+    with pytest.raises(LfsrError, match=message):
+        reference.check_reference(frame_of(4), dataclasses.replace(REFERENCE, **changes))
+
+
+def test_matching_reference_passes_with_rounding_and_other_samples():
+    nudged = tuple(tuple(value + 1e-7 for value in row) for row in REFERENCE.matrix_world)
+    reference.check_reference(frame_of(4), dataclasses.replace(REFERENCE, matrix_world=nudged, samples=512, seed=9))
+    reference.check_reference(frame_of(4), dataclasses.replace(REFERENCE, lens_list=((0, 0), (3, 4))))
+
+
+def test_reference_of_other_lenses_is_refused():
+    with pytest.raises(LfsrError, match="other lenses"):
+        reference.check_reference(frame_of(4, lens_list=((0, 0),)), frame_of(1, lens_list=((0, 1),)))
+
+
+@pytest.mark.parametrize("freedom", [3, 5, 11, 40, 1000])
+def test_small_samples_get_students_intervals(freedom):
+    assert student_95(freedom) == pytest.approx(scipy.stats.t.ppf(0.975, freedom), rel=0.01)

@@ -1,0 +1,128 @@
+"""Display profiles: what they state, what follows, what they refuse."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
+
+GOOD = {"name": "test", "panel_pixels": [40, 20], "panel_mm": [80.0, 40.0], "lenses": [10, 5], "views": [4, 4],
+        "viewing_distance_mm": 200.0, "viewing_angle_deg": 40.0}
+
+
+def test_built_in_profiles_are_the_promised_ones():
+    assert set(builtin_names()) == {"bupt-32in-8k", "dense-8k", "fhd", "small", "mini"}
+    paper = load_display("bupt-32in-8k")
+    assert (paper.panel_pixels, paper.lenses, paper.views) == ((7680, 4320), (96, 54), (80, 80))
+    assert "assumption" in paper.description
+    assert load_display("dense-8k").lenses == (192, 108)
+    assert load_display("small").panel_pixels == (960, 560)
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_file_name_is_profile_name_and_diagonal_is_plausible(name):
+    profile = load_display(name)
+    assert profile.name == name
+    assert profile.scales(), "a built-in profile must offer at least one scale factor"
+
+
+def test_paper_panel_has_32_inches():
+    assert math.hypot(*load_display("bupt-32in-8k").panel_mm) == pytest.approx(32 * 25.4, rel=1e-3)
+
+
+def test_derived_numbers():
+    profile = DisplayProfile.from_dict(GOOD)
+    assert profile.lens_pitch_mm == (8.0, 8.0)
+    assert profile.camera_spacing_mm == pytest.approx(2 * 200 * math.tan(math.radians(20)) / 4)
+
+
+def test_depth_range_is_where_neighbouring_views_differ_by_one_lens():
+    profile = load_display("bupt-32in-8k")
+    front, behind = profile.depth_range_mm(4)
+    spacing, distance, pitch = 4 * profile.camera_spacing_mm, profile.viewing_distance_mm, profile.lens_pitch_mm[0]
+    # A point at depth z beyond the plane moves by spacing · z / (D + z) on it; z < 0 in front.
+    assert spacing * front / (distance - front) == pytest.approx(pitch)
+    assert spacing * behind / (distance + behind) == pytest.approx(pitch)
+
+
+def test_depth_behind_is_unlimited_for_views_closer_than_lenses():
+    narrow = DisplayProfile.from_dict(GOOD | {"viewing_angle_deg": 2.0})
+    assert narrow.camera_spacing_mm < narrow.lens_pitch_mm[0]
+    assert math.isinf(narrow.depth_range_mm()[1])
+
+
+def test_low_views_and_scales():
+    profile = load_display("bupt-32in-8k")
+    assert profile.low_views(4) == (20, 20)
+    assert profile.low_views(1) == (80, 80)
+    assert profile.scales() == [2, 4, 5, 8, 10]
+
+
+@pytest.mark.parametrize("scale", [3, 0, -2, 81])
+def test_scale_that_does_not_divide_is_refused_with_the_ones_that_do(scale):
+    with pytest.raises(LfsrError, match=rf"scale is {scale}, .*\[2, 4, 5, 8, 10\]"):
+        load_display("bupt-32in-8k").low_views(scale)
+
+
+def test_dict_round_trip():
+    profile = load_display("fhd")
+    assert DisplayProfile.from_dict(profile.to_dict()) == profile
+
+
+@pytest.mark.parametrize(("change", "told"), [
+    ({"panel_pixels": [41, 20]}, r"panel_pixels is \[41, 20\].*10 × 4 = 40"),
+    ({"panel_pixels": [40, 21]}, r"panel_pixels.*height.*5 × 4 = 20"),
+    ({"lenses": [0, 5]}, r"lenses is \(0, 5\).*at least 1"),
+    ({"lenses": [10.0, 5]}, "lenses.*whole numbers"),
+    ({"views": [4]}, "views is .*two whole numbers"),
+    ({"views": 4}, "views is 4"),
+    ({"panel_mm": [80.0, 50.0]}, "panel_mm.*square"),
+    ({"panel_mm": [80.0, -40.0]}, "panel_mm.*above 0"),
+    ({"viewing_distance_mm": 0}, "viewing_distance_mm is 0"),
+    ({"viewing_distance_mm": True}, "viewing_distance_mm is True"),
+    ({"viewing_angle_deg": 170}, "viewing_angle_deg is 170.*1 and 120"),
+    ({"viewing_angle_deg": float("nan")}, "viewing_angle_deg is nan"),
+    ({"ei_order": "mirrored"}, "ei_order is 'mirrored'.*flipped, direct"),
+    ({"background": [0.0, 2.0, 0.0]}, "background.*0 to 1"),
+    ({"background": [0.0, 0.0]}, "background.*three"),
+    ({"name": ""}, "name is ''"),
+    ({"viewing_distanse_mm": 3.0}, "unknown field 'viewing_distanse_mm'; did you mean 'viewing_distance_mm'"),
+    ({"zzz": 3.0}, "unknown field 'zzz'; the fields are name"),
+])
+def test_bad_field_is_named_with_value_and_rule(change, told):
+    with pytest.raises(LfsrError, match=told) as caught:
+        DisplayProfile.from_dict(GOOD | change, source="x.toml")
+    assert str(caught.value).startswith("x.toml: ")
+
+
+@pytest.mark.parametrize("field", list(GOOD))
+def test_missing_field_is_named(field):
+    with pytest.raises(LfsrError, match=f"field '{field}' is missing"):
+        DisplayProfile.from_dict({key: value for key, value in GOOD.items() if key != field})
+
+
+def test_unknown_name_suggests_the_nearest():
+    with pytest.raises(LfsrError, match="unknown display 'smal': did you mean 'small'"):
+        load_display("smal")
+
+
+def test_own_file(tmp_path):
+    file = tmp_path / "own.toml"
+    file.write_text("\n".join(f"{key} = {value!r}" for key, value in GOOD.items()), encoding="utf-8")
+    assert load_display(file) == DisplayProfile.from_dict(GOOD)
+
+
+@pytest.mark.parametrize("content", [b"name = ", b"\xff\xfe"])
+def test_broken_file_names_itself(tmp_path, content):
+    file = tmp_path / "broken.toml"
+    file.write_bytes(content)
+    with pytest.raises(LfsrError, match=r"broken.toml is not valid TOML"):
+        load_display(file)
+
+
+def test_absent_file_names_itself(tmp_path):
+    with pytest.raises(LfsrError, match=r"absent.toml cannot be read"):
+        load_display(tmp_path / "absent.toml")

@@ -1,0 +1,113 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics import eia
+from lfsr_core.optics.display import load_display
+from lfsr_core.optics.eye import gap_mm, see
+from lfsr_core.optics.rays import CameraArray, RayLayout, pixel_rays, view_offset
+
+MINI = load_display("mini")
+ARRAY = CameraArray.for_display(MINI, width=MINI.panel_mm[0])  # scene units are millimetres here
+NEAR, FAR, PLANE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+def painted(*squares):
+    """EIA (H, W, 3) in view order of squares (x, y, depth as a share of the distance, colour), the nearest last."""
+    origin, direction = pixel_rays(RayLayout.for_display(MINI, ARRAY))
+    image = np.zeros((*origin.shape[:2], 3), np.float32)
+    for x, y, depth, color in squares:
+        hit = origin + direction * (depth * ARRAY.distance / direction[..., 2:])
+        image[(np.abs(hit[..., 0] - x) < 16) & (np.abs(hit[..., 1] - y) < 16)] = color
+    return image
+
+
+def on_panel(image):
+    return eia.flip_order(image, MINI.lenses)
+
+
+def center(image, color):
+    """Mean (column, row) of pixels in which ``color``'s channel is on."""
+    rows, columns = np.nonzero(image[..., int(np.argmax(color))] > 0.5)
+    assert len(rows), "the square must be in sight"
+    return float(columns.mean()), float(rows.mean())
+
+
+def looking(image, x=0.0, y=0.0, z=None):
+    return see(on_panel(image), MINI, (x, y, MINI.viewing_distance_mm if z is None else z), width=0)
+
+
+def test_an_eye_where_a_camera_stood_sees_that_cameras_view():
+    image = np.random.default_rng(0).random((96, 128, 3)).astype(np.float32)
+    views = eia.to_views(image, MINI.lenses)
+    offset = view_offset(np.arange(8), 8, ARRAY.spacing)
+    for row, column in ((0, 0), (2, 5), (7, 7), (3, 0)):
+        np.testing.assert_array_equal(looking(image, offset[column], -offset[row]), views[row, column])
+
+
+def test_left_is_left_and_up_is_up():
+    x, y = center(looking(painted((-30, 20, 1.0, PLANE))), PLANE)
+    assert x < 7.5 - 2
+    assert y < 5.5 - 1.5
+    x, y = center(looking(painted((30, -20, 1.0, PLANE))), PLANE)
+    assert x > 7.5 + 2
+    assert y > 5.5 + 1.5
+
+
+def test_near_things_move_against_the_eye_and_far_things_with_it():
+    image = painted((0, 0, 1.2, FAR), (0, 0, 0.8, NEAR))
+    for axis in (0, 1):
+        step = [0.0, 0.0]
+        step[axis] = 40.0
+        before, after = looking(image, -step[0], -step[1]), looking(image, step[0], step[1])
+        near, far = (center(after, color)[axis] - center(before, color)[axis] for color in (NEAR, FAR))
+        upwards = -1 if axis else 1  # rows count downwards
+        assert near * upwards < -1
+        assert far * upwards > 0.5
+
+
+def test_things_on_the_display_stand_still_and_the_near_hide_the_far():
+    image = painted((-30, 0, 1.2, FAR), (-30, 0, 0.8, NEAR), (30, 0, 1.0, PLANE))
+    places = [center(looking(image, x), PLANE)[0] for x in (-50, 0, 50)]
+    assert np.ptp(places) < 1e-6
+    seen = looking(image)
+    column, row = (round(value) for value in center(seen, NEAR))
+    np.testing.assert_array_equal(seen[row, column], NEAR)
+
+
+def test_beyond_the_viewing_zone_the_picture_repeats_one_lens_on():
+    image = np.random.default_rng(0).random((96, 128, 3)).astype(np.float32)
+    zone = 8 * ARRAY.spacing
+    offset = view_offset(np.arange(8), 8, ARRAY.spacing)[2]
+    inside, outside = looking(image, offset), looking(image, offset + zone)
+    np.testing.assert_array_equal(outside[:, 1:], inside[:, :-1])
+    assert (outside[:, 0] == 0).all(), "left of the panel there is nothing"
+
+
+def test_a_display_whose_driver_flips_shows_the_same():
+    image = painted((-30, 20, 0.8, NEAR), (20, 0, 1.2, FAR))
+    direct = dataclasses.replace(MINI, ei_order="direct")
+    eye = (25.0, -10.0, MINI.viewing_distance_mm)
+    np.testing.assert_array_equal(see(image, direct, eye, width=0), see(on_panel(image), MINI, eye, width=0))
+
+
+def test_samples_are_enlarged_without_blur():
+    image = painted((-30, 20, 1.0, PLANE))
+    large = see(on_panel(image), MINI, (0, 0, 180), width=100)
+    assert large.shape == (12 * 6, 16 * 6, 3)
+    np.testing.assert_array_equal(large[::6, ::6], looking(image))
+    np.testing.assert_array_equal(large[5::6, 5::6], looking(image))
+
+
+def test_gap_gives_the_viewing_angle():
+    angle = 2 * np.degrees(np.arctan(MINI.lens_pitch_mm[0] / 2 / gap_mm(MINI)))
+    assert angle == pytest.approx(MINI.viewing_angle_deg)
+
+
+def test_bad_eye_and_bad_image_are_errors():
+    with pytest.raises(LfsrError, match="z = 0"):
+        see(np.zeros((96, 128, 3)), MINI, (0, 0, 0))
+    with pytest.raises(LfsrError, match="128×90"):
+        see(np.zeros((90, 128, 3)), MINI, (0, 0, 180))

@@ -1,0 +1,176 @@
+"""The choice of the least that will do, and its time model: properties of pure functions."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.plan import candidates as plan
+from lfsr_core.plan.candidates import Candidate, Rated, asymptote, candidates, chain, choose
+from lfsr_core.plan.estimate import Estimate
+from lfsr_core.plan.options import Options
+from lfsr_core.plan.times import StageTime, TimeModel, path_samples
+from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.registry import DEFAULT_METHOD, PLAIN_METHOD
+from tests.support.synthetic import MINI, frame_of
+
+SIMPLE = PLAIN_METHOD
+METHODS = ("bilinear", "oidn+bilinear", "bicubic")
+
+
+def rated(scale: int, spp: int, method: str, seconds: float, low: float | None, mean: float | None = None) -> Rated:
+    known = None if low is None else Estimate(low + 0.01 if mean is None else mean, low, low + 0.02, 0.005, 30)
+    return Rated(Candidate(scale, spp, method), seconds, known)
+
+
+@st.composite
+def rows(draw) -> list[Rated]:
+    keys = draw(st.lists(st.tuples(st.sampled_from((1, 2, 4)), st.sampled_from((4, 16, 64)), st.sampled_from(METHODS)),
+                         min_size=1, max_size=12, unique=True))
+    accuracy = st.one_of(st.none(), st.floats(0.8, 1.0))
+    return [rated(*key, draw(st.floats(0.1, 100)), draw(accuracy)) for key in keys]
+
+
+@given(rows(), st.floats(0.8, 1.0))
+def test_what_is_chosen_meets_the_target_and_nothing_confirmed_is_much_cheaper(found, target):
+    choice = choose(found, target)
+    confirmed = [row for row in found if row.estimate is not None
+                 and all(other.estimate.low >= target for other in chain(row, found)
+                         if other.candidate.spp >= row.candidate.spp)]
+    assert (choice.chosen is None) == (not confirmed)
+    if choice.chosen is None:
+        assert choice.limit
+    else:
+        assert choice.chosen in confirmed
+        assert choice.chosen.seconds <= plan.AS_GOOD * min(row.seconds for row in confirmed)
+
+
+@given(rows(), st.floats(0.8, 1.0), st.floats(0.1, 100))
+def test_nothing_slower_than_the_limit_is_chosen(found, target, most):
+    chosen = choose(found, target, most).chosen
+    assert chosen is None or chosen.seconds <= most
+
+
+def test_a_lucky_draw_at_few_samples_is_not_believed():
+    found = [rated(4, 4, "bilinear", 1, 0.96), rated(4, 16, "bilinear", 2, 0.94), rated(4, 64, "bilinear", 8, 0.97)]
+    assert choose(found, 0.95).chosen.candidate.spp == 64
+
+
+def test_of_equally_cheap_candidates_the_simplest_is_taken():
+    network = next(iter(catalogue.NETWORKS))
+    found = [rated(4, 16, network, 10.0, 0.97), rated(4, 16, "oidn+bilinear", 10.2, 0.96),
+             rated(4, 64, "bilinear", 10.4, 0.96), rated(2, 16, "bilinear", 11.0, 0.96)]
+    assert choose(found, 0.95).chosen.candidate == Candidate(4, 64, "bilinear")
+    assert choose(found[:2], 0.95).chosen.candidate == Candidate(4, 16, "oidn+bilinear")
+
+
+@pytest.mark.parametrize(("found", "told"), [
+    ([rated(4, 16, "bilinear", 1, 0.90, 0.92), rated(4, 64, "bilinear", 2, 0.93, 0.94)], "noise"),
+    ([rated(4, 16, "bilinear", 1, 0.90, 0.920), rated(4, 64, "bilinear", 2, 0.91, 0.921)], "upscaling: at scale 4"),
+    ([rated(1, 16, "none", 1, 0.90, 0.920), rated(1, 64, "none", 2, 0.91, 0.921)], "full resolution"),
+    ([rated(4, 16, "bilinear", 1, 0.94, 0.96)], "certainty"),
+])
+def test_what_limits_is_said(found, told):
+    choice = choose(found, 0.95)
+    assert choice.chosen is None and choice.best is found[-1]
+    assert told in choice.limit
+
+
+def test_a_target_that_is_reached_too_late_is_limited_by_time():
+    found = [rated(4, 16, "bilinear", 1, 0.90), rated(4, 64, "bilinear", 20, 0.97)]
+    choice = choose(found, 0.95, most_seconds=10)
+    assert choice.chosen is None and choice.limit.startswith("time:") and choice.best is found[0]
+
+
+def test_gains_that_shrink_end_where_their_sum_does():
+    assert asymptote([0.8, 0.9, 0.95]) == pytest.approx(1.0)
+    assert asymptote([0.9]) == 0.9
+    assert asymptote([0.9, 0.94]) == pytest.approx(0.98)
+    assert asymptote([0.9, 0.95, 0.94]) == 0.94
+
+
+@given(st.lists(st.integers(1, 4096), min_size=1, max_size=5, unique=True), st.integers(0, 5))
+def test_between_lies_between(spps, steps):
+    for spp, fewer, more, weight in plan.between(spps, steps):
+        assert fewer < spp < more and 0 < weight < 1
+        assert fewer in spps and more in spps and not any(fewer < other < more for other in spps)
+    assert plan.between(spps, 0) == []
+
+
+def test_between_goes_in_equal_ratios():
+    assert [(spp, weight) for spp, _, _, weight in plan.between([4, 64], 3)] == [(8, 0.25), (16, 0.5), (32, 0.75)]
+
+
+def test_candidates_are_all_combinations_the_display_and_methods_allow():
+    found = candidates(MINI, None, (4, 16), ("bilinear", "oidn+bilinear"))
+    assert {candidate.scale for candidate in found} == {1, 2, 4, 8}
+    assert {candidate.method for candidate in found if candidate.scale == 1} == {"none", "oidn"}
+    assert {candidate.method for candidate in found if candidate.scale == 2} == {"bilinear", "oidn+bilinear"}
+    costs = [plan.samples_of(candidate, MINI) for candidate in found]
+    assert costs == sorted(costs) and len(set(found)) == len(found) == 16
+
+
+def test_a_network_is_a_candidate_only_where_it_was_trained():
+    assert plan.methods_at(4, ("bilinear", "paper")) == ("bilinear", "paper")
+    assert plan.methods_at(2, ("bilinear", "paper")) == ("bilinear",)
+    assert plan.methods_at(1, ("bilinear", "oidn+bilinear")) == ("none", "oidn")
+    with pytest.raises(LfsrError, match="no method of none works at scale 2"):
+        candidates(MINI, (2,), (4,), ("none",))
+
+
+def test_layers_are_what_denoisers_and_networks_look_at(monkeypatch):
+    assert plan.layers_of(["bilinear", "oidn+bilinear"]) == ()
+    assert plan.layers_of(["bilinear", "oidn-guided+bilinear"]) == ("albedo", "normal")
+    spec = dataclasses.replace(catalogue.NETWORKS["paper"], layers=("normal", "position"))
+    monkeypatch.setitem(catalogue.NETWORKS, "paper", spec)
+    assert plan.layers_of(["oidn-guided+bilinear", "paper"]) == ("albedo", "normal", "position")
+
+
+def test_default_methods_hold_the_simple_one_and_the_default():
+    found = plan.default_methods()
+    assert found[0] == SIMPLE and DEFAULT_METHOD in found and len(set(found)) == len(found)
+
+
+@pytest.mark.parametrize(("arguments", "told"), [
+    (((3,), (4,), None), "scale is 3"), ((None, (0,), None), "samples per pixel is 0"),
+    ((None, (4,), ("bilinar",)), "did you mean 'bilinear'")])
+def test_impossible_candidates_are_refused(arguments, told):
+    with pytest.raises(LfsrError, match=told):
+        candidates(MINI, *arguments)
+
+
+@pytest.mark.parametrize("wrong", [{"target": 1.0}, {"target": 0.0}, {"metric": "psnr"}, {"share": 0.0}, {"lenses": 3},
+                                   {"reference_spp": 3}, {"between": -1}, {"most_seconds": 0.0}])
+def test_impossible_options_are_refused(wrong):
+    with pytest.raises(LfsrError, match="but"):
+        Options(**wrong)
+
+
+def timed(frame, setup: float, per_sample: float):
+    return dataclasses.replace(frame, seconds={"render": setup + per_sample * path_samples(frame)})
+
+
+def sampled_renders(setup: float, per_sample: float) -> list:
+    lens_list = tuple((row, 3) for row in range(12))
+    return [timed(frame_of(2, samples=samples, lens_list=lens_list), setup, per_sample) for samples in (4, 16, 64)]
+
+
+def test_time_model_finds_setup_and_samples():
+    quick = timed(frame_of(4, samples=4), 0.3, 2e-3)
+    start = TimeModel(1.0, 0.0, 0.0, 1e-3, 0.5, 80, 0.5, {(2, "bilinear"): StageTime(0.1, 1e-4, 1e-2)})
+    model = start.refined(quick, sampled_renders(0.3, 5e-3), 0.2)
+    assert model.setup == pytest.approx(0.3) and model.per_sample == pytest.approx(2e-3)
+    pixels = 64 * 48
+    expected = 1.0 + 0.3 + 2e-3 * pixels * 16 + 1e-3 * pixels + 0.5 + 0.1 + 1e-4 * pixels * 0.5 + 1e-2 * 80
+    assert model.seconds(Candidate(2, 16, "bilinear"), MINI) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("quick_setup", "expected"), [(0.2, 0.2 * 5e-3), (900.0, 5e-3)])
+def test_a_quick_render_that_was_all_setup_does_not_mislead(quick_setup, expected):
+    quick = timed(frame_of(4, samples=4), quick_setup, 0.0)
+    model = TimeModel(1.0, 0.0, 9.0, 0.0, 0.0, 80).refined(quick, sampled_renders(0.3, 5e-3), 0.2)
+    assert model.per_sample == pytest.approx(expected)

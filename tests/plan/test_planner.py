@@ -1,0 +1,278 @@
+"""A whole plan on a synthetic light field with noise, its renders played by NumPy: estimates against the truth."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, write_frame
+from lfsr_core.frames.job import Job
+from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.images.exr import write_layers
+from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.metrics.split_ssim import stacked_ssim
+from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.plan import planner, score
+from lfsr_core.plan.candidates import BETWEEN, Candidate
+from lfsr_core.plan.options import Options
+from lfsr_core.plan.planner import make_plan
+from lfsr_core.plan.report import as_json, sentence, table
+from lfsr_core.plan.score import Truth, split_scores
+from lfsr_core.reconstruct.second_stage import finished_linear
+from tests.support.synthetic import MINI, frame_of, light_field, tiles
+
+NOISE = 0.3  # of one sample
+SECONDS_PER_SAMPLE = 1e-5
+JOB = Job(output=".", display=MINI, scene="scene.blend", seed=5)
+OPTIONS = Options(target=0.9, scales=(2, 4), spps=(4, 16, 64), methods=("nearest", "bilinear"), lenses=40,
+                  reference_spp=1024, between=0)
+
+
+def noisy(image: np.ndarray, spp: int, seed: int) -> np.ndarray:
+    noise = np.random.default_rng(seed).normal(0, NOISE / spp**0.5, image[..., :3].shape) * (image[..., 3:] > 0)
+    return np.concatenate([np.maximum(image[..., :3] + noise, 0), image[..., 3:]], -1).astype(np.float32)
+
+
+def render(job: Job) -> None:
+    """What Blender would write for ``job`` of that light field."""
+    frame = frame_of(1 if job.kind == "reference" else job.scale, samples=job.spp, lens_list=job.lens_list,
+                     seed=job.seed)
+    folder, image = Path(job.output), light_field()
+    if job.lens_list is not None:
+        image = tiles(image, dataclasses.replace(frame, scale=1))
+    height, width, _ = image.shape
+    scale = frame.scale
+    image = image.reshape(height // scale, scale, width // scale, scale, 4).mean((1, 3))
+    pairs = [(LOW_RES_FILE, job.spp)] if job.kind == "render" else [(name, job.spp // 2) for name in REFERENCE_FILES]
+    for number, (name, spp) in enumerate(pairs):
+        write_layers(folder / name, {"color": noisy(image, spp, job.seed + 10**6 * number)})
+    seconds = 0.01 + SECONDS_PER_SAMPLE * image[..., 0].size * job.spp
+    write_frame(folder, dataclasses.replace(frame, seconds={"open": 1.0, "render": seconds}))
+
+
+def this_module():
+    """This module, whose names ``render`` looks up."""
+    return sys.modules[__name__]
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    """The quick look without a denoiser, which takes longer than all else here."""
+    monkeypatch.setattr(score, "is_available", lambda: False)
+
+
+@pytest.fixture
+def rendered(tmp_path):
+    """Jobs that were rendered, and a ``render`` that remembers them."""
+    jobs = []
+
+    def remember(job: Job) -> None:
+        jobs.append(job)
+        render(job)
+    return jobs, remember
+
+
+def truth(folder: Path, candidate) -> float:
+    """Accuracy of a whole frame of ``candidate``, mean over the lenses that show foreground."""
+    render(dataclasses.replace(JOB, output=str(folder), scale=candidate.scale, spp=candidate.spp, seed=991))
+    lenses = MINI.lenses
+    image = to_elemental_images(finished_linear(folder, candidate.method), lenses)
+    exact = to_elemental_images(light_field(), lenses)
+    hit = exact[..., 3].any((2, 3))
+    shown, wanted = (srgb_encode(values[hit][..., :3]) for values in (image, exact))
+    return float(stacked_ssim(shown, wanted, wanted).mean())
+
+
+def test_estimates_are_near_the_truth_of_whole_frames(tmp_path):
+    planned = make_plan(JOB, OPTIONS, render, tmp_path / "sample")
+    assert len(planned.rated) == 12
+    for number, row in enumerate(planned.rated):
+        if row.estimate is None:
+            continue
+        true = truth(tmp_path / f"truth{number}", row.candidate)
+        assert abs(row.estimate.mean - true) < 3 * row.estimate.error + 0.004, row
+    assert sum(row.estimate is not None for row in planned.rated) >= 6
+
+
+def test_chosen_meets_the_target_and_dearer_candidates_were_not_rendered(tmp_path, rendered):
+    jobs, remember = rendered
+    planned = make_plan(JOB, dataclasses.replace(OPTIONS, target=0.55), remember, tmp_path / "sample")
+    chosen = planned.choice.chosen
+    assert chosen is not None and chosen.estimate.low >= 0.55
+    assert truth(tmp_path / "truth", chosen.candidate) >= 0.55
+    assert (2, 64) not in {(job.scale, job.spp) for job in jobs}
+    skipped = [row for row in planned.rated if row.note.startswith("not needed")]
+    assert skipped and all(row.estimate is None and row.seconds > chosen.seconds for row in skipped)
+
+
+def test_between_measured_sample_counts_the_estimates_are_near_the_truth_too(tmp_path):
+    options = dataclasses.replace(OPTIONS, scales=(2,), methods=("bilinear",), between=1)
+    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    found = [row for row in planned.rated if row.note == BETWEEN]
+    assert [row.candidate.spp for row in found] == [8, 32]
+    for row in found:
+        true = truth(tmp_path / f"truth{row.candidate.spp}", row.candidate)
+        assert -0.02 < row.estimate.mean - true < 3 * row.estimate.error + 0.004
+    text = table(planned, options)
+    assert len(text.splitlines()) == 1 + 3 + 3
+
+
+def test_random_numbers_of_every_render_are_its_own(tmp_path, rendered):
+    jobs, remember = rendered
+    make_plan(JOB, OPTIONS, remember, tmp_path / "sample")
+    assert len({job.seed for job in jobs}) == len(jobs)
+    assert all(job.clamp_indirect == (0.0 if job.kind == "reference" else None) for job in jobs)
+    assert {job.layers for job in jobs if job.kind == "render"} == {JOB.layers}
+
+
+def test_an_unreachable_target_names_the_best_and_the_limit(tmp_path):
+    options = dataclasses.replace(OPTIONS, target=0.9999, scales=(4,))
+    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    assert planned.choice.chosen is None
+    assert planned.choice.best.candidate.spp == 64
+    assert "upscaling" in planned.choice.limit or "noise" in planned.choice.limit
+    assert sentence(planned.choice, options).startswith("nothing reaches ssim_eia_fg 0.9999")
+
+
+def test_an_interrupted_plan_goes_on_where_it_stopped(tmp_path, rendered):
+    jobs, remember = rendered
+
+    def stop(job: Job) -> None:
+        if job.scale == 2:
+            raise KeyboardInterrupt
+        remember(job)
+    folder = tmp_path / "sample"
+    with pytest.raises(KeyboardInterrupt):
+        make_plan(JOB, OPTIONS, stop, folder)
+    done = len(jobs)
+    assert done >= 5
+    resumed = make_plan(JOB, OPTIONS, remember, folder)
+    assert all(job.scale == 2 for job in jobs[done:])
+    whole = make_plan(JOB, OPTIONS, render, tmp_path / "at-once")
+    by_name = {row.candidate: row.estimate for row in whole.rated}
+    assert {row.candidate: row.estimate for row in resumed.rated} == by_name
+
+
+def test_a_sample_of_other_settings_is_not_taken(tmp_path):
+    folder, options = tmp_path / "sample", dataclasses.replace(OPTIONS, scales=(4,))
+    make_plan(JOB, options, render, folder)
+    with pytest.raises(LfsrError, match="sample of another scene or of other options"):
+        make_plan(dataclasses.replace(JOB, scene="other.blend"), options, render, folder)
+    again = make_plan(JOB, dataclasses.replace(options, target=0.3), lambda job: pytest.fail("it renders"), folder)
+    assert again.choice.chosen is not None
+
+
+def test_a_small_budget_leaves_dear_candidates_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(planner.plan_sample, "LEAST_LENSES", 4)
+    options = dataclasses.replace(OPTIONS, target=0.999, lenses=None, reference_spp=16, share=0.5)
+    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    left_out = [row for row in planned.rated if "budget" in row.note]
+    assert left_out and all(row.estimate is None for row in left_out)
+    assert planned.sample["within_budget"] and planned.sample["share"] <= 0.5 * 1.01 + 0.02
+
+
+def test_accuracy_of_the_whole_array_counts_every_lens(tmp_path):
+    options = dataclasses.replace(OPTIONS, metric="ssim_eia", scales=(4,), spps=(16,))
+    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    row = next(row for row in planned.rated if row.candidate.method == "bilinear")
+    folder = tmp_path / "whole"
+    render(dataclasses.replace(JOB, output=str(folder), scale=4, spp=16, seed=991))
+    shown, wanted = (srgb_encode(to_elemental_images(image[..., :3], MINI.lenses)).reshape(-1, 8, 8, 3)
+                     for image in (finished_linear(folder, "bilinear"), light_field()))
+    true = float(stacked_ssim(shown, wanted, wanted).mean())
+    assert planned.sample["lenses"]["rest"] >= 4
+    assert abs(row.estimate.mean - true) < 3 * row.estimate.error + 0.004
+
+
+def test_a_flat_scene_gets_the_simplest_method_and_the_fewest_samples(tmp_path, monkeypatch):
+    monkeypatch.setattr(this_module(), "NOISE", 0.002)
+    monkeypatch.setattr(this_module(), "light_field", lambda: np.full((96, 128, 4), (0.4, 0.3, 0.2, 1), np.float32))
+    options = dataclasses.replace(OPTIONS, target=0.95, scales=(4,), spps=(4, 16),
+                                  methods=("oidn+bilinear", "bilinear"))
+    chosen = make_plan(JOB, options, render, tmp_path / "sample").choice.chosen
+    assert chosen.candidate == Candidate(4, 4, "bilinear")
+
+
+@pytest.mark.parametrize("denoiser", [False, True])
+def test_features_tell_noisy_and_detailed_lenses_apart(monkeypatch, denoiser):
+    monkeypatch.setattr(score, "is_available", lambda: denoiser)
+    random = np.random.default_rng(0)
+    color = np.full((6, 6, 10, 10, 3), 0.5, np.float32)
+    color[2:4] += random.normal(0, 0.15, color[2:4].shape)
+    color[4:, ..., ::5, :, :] = 0.1
+    alpha = np.ones((6, 6, 10, 10, 1), np.float32)
+    alpha[:, 3:, 5:] = 0
+    found = score.features(LowResEIA(np.maximum(color, 0), alpha, {}, 4, 4))
+    coverage, noise, detail = found[..., 0], found[..., 1], found[..., -1]
+    assert np.allclose(coverage[:, :3], 1) and np.allclose(coverage[:, 3:], 0.5)
+    if denoiser:
+        assert noise[2:4].mean() < noise[:2].mean() - 0.05
+        assert detail[4:].mean() > 3 * detail[:2].mean()
+    else:
+        assert noise[2:4].mean() > noise[:2].mean() + 0.05
+
+
+def test_view_by_view_is_refused(tmp_path):
+    with pytest.raises(LfsrError, match="view-by-view"):
+        make_plan(dataclasses.replace(JOB, layout="view-by-view"), OPTIONS, render, tmp_path)
+
+
+def test_an_empty_scene_is_refused(tmp_path):
+    def empty(job: Job) -> None:
+        render(job)
+        path = Path(job.output, LOW_RES_FILE)
+        write_layers(path, {"color": np.zeros((*reversed(frame_of(job.scale).rays.size), 4), np.float32)})
+    with pytest.raises(LfsrError, match="no lens shows any foreground"):
+        make_plan(JOB, OPTIONS, empty, tmp_path)
+
+
+def test_correction_takes_some_of_the_references_noise_out():
+    random, noise = np.random.default_rng(0), 0.08
+    exact = np.full((600, 24, 24, 1), 0.5)
+    exact[:, :, 12:] += 0.2 * np.sin(np.arange(12) / 1.7)[:, None]
+    image = exact + random.normal(0, 0.015, exact.shape)
+    true = float(stacked_ssim(image, exact, exact).mean())
+
+    class Shown(Truth):
+        """Noise that is normal in display values, so that nothing but the metric is tested."""
+
+        def pair(self, first, second):
+            return tuple(np.mean([self.quarters[n] for n in names], 0) for names in (first, second))
+    quarters = tuple(exact + random.normal(0, noise, exact.shape) for _ in range(4))
+    scores = split_scores(image, Shown(quarters, np.ones(600, bool), noise))
+    plain = float(scores.values.mean()) - score.CORRECTED * scores.gain
+    assert plain < true - 0.003 and scores.gain > 0
+    assert abs(scores.values.mean() - true) < abs(plain - true)
+
+
+def test_report_says_everything(tmp_path):
+    options = dataclasses.replace(OPTIONS, target=0.6)
+    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    text = table(planned, options)
+    chosen = planned.choice.chosen
+    assert any(line.startswith("→") and chosen.candidate.method in line for line in text.splitlines())
+    assert "path samples of s2-spp64" in text and "with 95 % confidence" in text
+    data = json.loads(json.dumps(as_json(planned, options, JOB), allow_nan=False))
+    assert data["chosen"]["method"] == chosen.candidate.method and len(data["candidates"]) == 12
+    assert data["sample"]["lenses"]["foreground"] + data["sample"]["lenses"]["edge"] == 40
+
+
+def test_recovery_is_judged_and_timed_like_any_method(tmp_path):
+    options = dataclasses.replace(OPTIONS, scales=(4,), spps=(4,), methods=("bilinear", "bilinear+epi"))
+    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    rows = {row.candidate.method: row for row in planned.rated}
+    assert all(row.estimate is not None and row.estimate.low < row.estimate.mean for row in rows.values())
+    assert rows["bilinear+epi"].candidate.parts > rows["bilinear"].candidate.parts
+    assert all(0 < row.seconds < 60 for row in rows.values())
+
+
+def test_stage_time_grows_with_the_frame(tmp_path):
+    planned = make_plan(JOB, dataclasses.replace(OPTIONS, scales=(4,), spps=(4,)), render, tmp_path / "sample")
+    assert all(row.seconds > 1.0 for row in planned.rated), "the scene takes a second to open"
+    assert score.FINISHING

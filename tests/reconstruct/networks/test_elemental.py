@@ -1,0 +1,173 @@
+"""Our networks in NumPy: the arithmetic of the torch module, routing, fallback, and every wrong file."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.reconstruct.encoding import decode
+from lfsr_core.reconstruct.networks import catalogue, numpy_network
+from lfsr_core.reconstruct.networks.elemental import ElementalUpscaler, needs_network
+from lfsr_core.reconstruct.networks.numpy_network import ElementalNetwork, network_inputs
+from lfsr_core.reconstruct.networks.pytorch import checkpoint, lightfield
+from lfsr_core.reconstruct.registry import method
+from lfsr_core.train.lightfields.data import network_inputs as training_inputs
+
+GRID, SIDE = (3, 4), 6
+LENSES = np.array([(0, 0), (2, 3), (1, 1), (0, 2), (2, 0)])
+
+
+def random_network(name="refine", seed=0):
+    """Torch module with every tensor random."""
+    torch.manual_seed(seed)
+    net = catalogue.build(name, 4)
+    for value in net.parameters():
+        torch.nn.init.normal_(value, std=0.2)
+    return net.eval()
+
+
+@pytest.fixture
+def low():
+    rng = np.random.default_rng(0)
+
+    def image(channels, top=1.0):
+        return rng.uniform(0, top, (*GRID, SIDE, SIDE, channels)).astype(np.float32)
+
+    aux = {"albedo": image(3, 1.5), "normal": image(3) - 0.5, "noisy": image(3, 3), "guided": image(3, 2)}
+    return LowResEIA(image(3, 2), image(1), aux, 16, 4)
+
+
+@pytest.fixture
+def file(tmp_path):
+    """Weights of a random ``refine``."""
+    path = tmp_path / "refine-x4.safetensors"
+    checkpoint.save(path, random_network(), 4, {}, catalogue.spec("refine").options)
+    return path
+
+
+@pytest.mark.parametrize("name", ["refine", "light"])
+@pytest.mark.parametrize("side", [4, 5])
+def test_arithmetic_is_that_of_the_trained_module(name, side):
+    net = random_network(name)
+    features = torch.rand(7, net.config.input_channels, side, side)
+    with torch.no_grad():
+        expected = net(features, features[:, 1:4], (7, 1)).permute(0, 2, 3, 1).numpy()
+    tensors = {key: value.numpy() for key, value in net.state_dict().items()}
+    channels_last = np.ascontiguousarray(features.permute(0, 2, 3, 1).numpy())
+    result = ElementalNetwork(tensors, catalogue.spec(name).options, "here")(channels_last, channels_last[..., 1:4])
+    np.testing.assert_allclose(result, expected, rtol=1e-4, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["refine", "light"])
+def test_inputs_are_those_of_training(low, name):
+    net = random_network(name)
+    ours = ElementalNetwork({k: v.numpy() for k, v in net.state_dict().items()}, catalogue.spec(name).options, "here")
+    features, base = network_inputs(ours, low, LENSES)
+
+    def planes(values):
+        return torch.from_numpy(np.ascontiguousarray(values[LENSES[:, 0], LENSES[:, 1]].transpose(0, 3, 1, 2)))
+
+    noisy = low.aux["noisy"] if name == "refine" else low.color
+    layers = {"oidn": planes(low.color), "color": planes(noisy), "alpha": planes(low.alpha),
+              "guided": planes(low.aux["guided"]), "albedo": planes(np.minimum(low.aux["albedo"], 1)),
+              "normal": planes(low.aux["normal"])}
+    expected, expected_base = training_inputs(layers, 16, net.config)
+    np.testing.assert_allclose(features, expected.permute(0, 2, 3, 1).numpy(), atol=1e-6)
+    np.testing.assert_allclose(base, expected_base.permute(0, 2, 3, 1).numpy(), atol=1e-6)
+
+
+def test_each_elemental_image_is_on_its_own(low, file):
+    upscaler = ElementalUpscaler("refine", weights=file)
+    together = upscaler(low, LENSES)
+    assert together.shape == (5, SIDE * 4, SIDE * 4, 3) and together.dtype == np.float32 and together.min() >= 0
+    for index, lens in enumerate(LENSES):
+        np.testing.assert_allclose(upscaler(low, lens[None])[0], together[index], rtol=1e-5, atol=1e-6)
+    noise = np.random.default_rng(1).random(low.color.shape).astype(np.float32)
+    noise[1, 1] = low.color[1, 1]
+    np.testing.assert_allclose(upscaler(dataclasses.replace(low, color=noise), LENSES)[2], together[2], rtol=1e-5,
+                               atol=1e-6)
+
+
+@pytest.mark.parametrize("scale", [2, 3, 8])
+def test_one_set_of_weights_serves_every_scale(low, file, scale):
+    low = dataclasses.replace(low, scale=scale)
+    assert ElementalUpscaler("refine", weights=file)(low, LENSES).shape == (5, SIDE * scale, SIDE * scale, 3)
+
+
+def test_flat_elemental_images_need_no_network(low, file):
+    color = low.color.copy()
+    color[0, 0] = 0.25
+    low, upscaler = dataclasses.replace(low, color=color), ElementalUpscaler("refine", weights=file)
+    result = upscaler(low, LENSES)
+    np.testing.assert_allclose(result[0], 0.25, atol=1e-6)
+    assert upscaler.notes == ["refine ran on 4 of 5 elemental images; the others are flat"]
+    everywhere = ElementalUpscaler("refine", weights=file, flat=-1)(low, LENSES)
+    # Other batches, other sums: a BLAS may round them differently.
+    np.testing.assert_allclose(everywhere[1:], result[1:], rtol=1e-4)
+    assert np.abs(everywhere[0] - result[0]).max() > 1e-3
+
+
+def test_each_elemental_image_keeps_the_light_it_was_rendered_with(low, file):
+    checkpoint.save(file, catalogue.build("refine", 4), 4, {}, catalogue.spec("refine").options)
+    rendered = low.color * np.random.default_rng(3).uniform(0.9, 1.1, (*GRID, 1, 1, 3)).astype(np.float32)
+    low = dataclasses.replace(low, aux={**low.aux, "noisy": rendered})
+    kept = decode(ElementalUpscaler("refine", weights=file, flat=-1).clean(low, LENSES)).mean((1, 2))
+    np.testing.assert_allclose(kept, rendered[LENSES[:, 0], LENSES[:, 1]].mean((1, 2)), rtol=1e-3)
+
+
+def test_light_is_kept_as_in_training():
+    rng = np.random.default_rng(4)
+    encoded, light = (rng.uniform(0, 1.5, shape).astype(np.float32) for shape in ((5, 6, 7, 3), (5, 1, 1, 3)))
+    planes = [torch.from_numpy(np.ascontiguousarray(v.transpose(0, 3, 1, 2))) for v in (encoded, light)]
+    expected = lightfield.conserve(*planes).permute(0, 2, 3, 1).numpy()
+    np.testing.assert_allclose(numpy_network.conserve(encoded, light), expected, rtol=1e-4, atol=2e-4)
+    assert np.isfinite(numpy_network.conserve(np.zeros((1, 4, 4, 3), np.float32), light[:1])).all()
+
+
+def test_flatness_is_judged_per_channel():
+    images = np.zeros((3, 4, 4, 3), np.float32)
+    images[1, 2, 2, 1] = 0.05
+    images[2] = [0.1, 0.5, 0.9]
+    assert needs_network(images, 0.02).tolist() == [False, True, False]
+
+
+def test_missing_layers_fall_back_and_say_so(low, file):
+    bare = dataclasses.replace(low, aux={"noisy": low.aux["noisy"]})
+    upscaler = ElementalUpscaler("refine", weights=file)
+    np.testing.assert_array_equal(upscaler(bare, LENSES), method("bilinear").upscaler(bare, LENSES))
+    assert "needs the layers albedo, normal," in upscaler.notes[0] and "linearly instead" in upscaler.notes[0]
+
+
+def test_refine_without_denoiser_is_refused():
+    with pytest.raises(LfsrError, match=r"use 'oidn-both\+refine'"):
+        method("refine")
+
+
+def test_weights_written_again_are_read_again(file):
+    before = numpy_network.load(file)
+    assert numpy_network.load(file) is before
+    checkpoint.save(file, random_network(seed=1), 4, {}, catalogue.spec("refine").options)
+    assert numpy_network.load(file) is not before
+
+
+def test_wrong_files_are_told(tmp_path, file):
+    with pytest.raises(LfsrError, match="does not exist"):
+        numpy_network.load(tmp_path / "no.safetensors")
+    other = tmp_path / "other.safetensors"
+    checkpoint.save(other, catalogue.build("paper", 4), 4, {}, {"convolutions": 2})
+    with pytest.raises(LfsrError, match="expected 'LightFieldNet'"):
+        numpy_network.load(other)
+    checkpoint.save(other, random_network(), 4, {}, {**catalogue.spec("refine").options, "width": 12})
+    with pytest.raises(LfsrError, match=r"'stem' of shape \(8, 17, 3, 3\), expected \(12, 17, 3, 3\)"):
+        numpy_network.load(other)
+    checkpoint.save(other, random_network(), 4, {}, {**catalogue.spec("refine").options, "spatial": True})
+    with pytest.raises(LfsrError, match="across lenses"):
+        numpy_network.load(other)
+    file.write_bytes(file.read_bytes()[:-40])
+    with pytest.raises(LfsrError, match="cannot be read as safetensors"):
+        numpy_network.load(file)

@@ -1,0 +1,265 @@
+import dataclasses
+import json
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames import low_res
+from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
+from lfsr_core.images.exr import read_layers, write_layers
+from lfsr_core.images.png import read_mask, read_png
+from lfsr_core.images.view_transform import ColorSettings, ViewTransform
+from lfsr_core.optics import eia
+from lfsr_core.reconstruct import second_stage
+from lfsr_core.reconstruct.clock import STAGES, StageClock
+from lfsr_core.reconstruct.contract import Method
+from lfsr_core.reconstruct.registry import method
+from tests.support.prerequisites import needs_bpy
+from tests.support.synthetic import MINI, light_field, write_render
+
+pytestmark = needs_bpy  # for Blender's colour configuration
+
+
+
+def expected_linear(folder, name):
+    """The finished EIA the slow way: every lens through the method, then the background put in by hand."""
+    frame, layers = read_frame(folder), read_layers(folder / LOW_RES_FILE)
+    low = low_res.low_resolution(layers, frame)
+    sx, sy = MINI.lenses
+    lenses = np.argwhere(np.ones((sy, sx), bool))
+    images = method(name).upscaler(low, lenses).reshape(sy, sx, 8, 8, 3)
+    images[~low.alpha.any((2, 3, 4))] = MINI.background
+    return eia.from_elemental_images(images)
+
+
+@pytest.mark.parametrize("name", ["bicubic", "nearest", "bicubic-eia"])
+@pytest.mark.parametrize("step", [None, 1, 7, 1000])
+def test_finished_eia_is_the_method_on_every_foreground_lens(tmp_path, name, step):
+    write_render(tmp_path)
+    result = second_stage.finished_linear(tmp_path, name, step=step)
+    np.testing.assert_allclose(result, expected_linear(tmp_path, name), atol=1e-6)
+
+
+def test_upscaling_comes_near_the_true_light_field(tmp_path):
+    write_render(tmp_path)
+    result, truth = second_stage.finished_linear(tmp_path, "bicubic"), light_field()[..., :3]
+    error = np.sqrt(np.mean((result - truth) ** 2))
+    assert error < 0.06
+    assert error < np.sqrt(np.mean((second_stage.finished_linear(tmp_path, "nearest") - truth) ** 2))
+
+
+@pytest.mark.parametrize("view", ["Standard", "AgX"])
+def test_png_is_the_linear_eia_as_blender_shows_it_in_panel_order(tmp_path, view):
+    color = ColorSettings(view_transform=view, exposure=0.5)
+    write_render(tmp_path, color=color)
+    second_stage.upscale_frame(tmp_path, "bicubic")
+    shown = ViewTransform(color).to_uint8(second_stage.finished_linear(tmp_path, "bicubic"))
+    np.testing.assert_array_equal(read_png(tmp_path / "eia.png"), eia.flip_order(shown, MINI.lenses))
+
+
+def test_direct_display_gets_view_order(tmp_path):
+    direct = dataclasses.replace(MINI, ei_order="direct")
+    write_render(tmp_path, display=direct)
+    second_stage.upscale_frame(tmp_path, "bicubic")
+    shown = ViewTransform(ColorSettings()).to_uint8(second_stage.finished_linear(tmp_path, "bicubic"))
+    np.testing.assert_array_equal(read_png(tmp_path / "eia.png"), shown)
+
+
+def test_linear_exr_is_in_panel_order_and_an_old_one_goes(tmp_path):
+    write_render(tmp_path)
+    second_stage.upscale_frame(tmp_path, "bicubic", linear_exr=True)
+    linear = read_layers(tmp_path / "eia.exr")["color"][..., :3]
+    expected = eia.flip_order(second_stage.finished_linear(tmp_path, "bicubic"), MINI.lenses)
+    np.testing.assert_allclose(linear, expected, rtol=1e-3, atol=1e-6)
+    second_stage.upscale_frame(tmp_path, "nearest")
+    assert not (tmp_path / "eia.exr").exists()
+
+
+def test_display_background_shows_around_and_through(tmp_path):
+    green = dataclasses.replace(MINI, background=(0.0, 0.5, 0.0))
+    write_render(tmp_path, scale=1, display=green)
+    truth = light_field()
+    expected = truth[..., :3] + (1 - truth[..., 3:]) * np.float32([0, 0.5, 0])
+    np.testing.assert_allclose(second_stage.finished_linear(tmp_path, "none"), expected, atol=1e-6)
+    second_stage.upscale_frame(tmp_path, "none")
+    np.testing.assert_array_equal(read_png(tmp_path / "eia.png")[0, 0], [0, 188, 0])
+
+
+def test_visible_world_fills_the_background_lenses(tmp_path):
+    """Cycles weighs the environment by what shows of it: it is added, never weighted twice."""
+    write_render(tmp_path, world_visible=True)
+    color = read_layers(tmp_path / LOW_RES_FILE)["color"]
+    sky = np.linspace(0.2, 0.9, color.shape[1])[None, :, None] * np.ones_like(color[..., :3])
+    write_layers(tmp_path / LOW_RES_FILE, {"color": color, "environment": sky * (1 - color[..., 3:])})
+    layers = read_layers(tmp_path / LOW_RES_FILE)
+    low = low_res.over_background(layers, read_frame(tmp_path))
+    np.testing.assert_allclose(low, color[..., :3] + sky * (1 - color[..., 3:]), atol=1e-6)
+    result = eia.to_elemental_images(second_stage.finished_linear(tmp_path, "bicubic"), MINI.lenses)
+    mask = np.asarray(eia.to_elemental_images(color[..., 3:], MINI.lenses).any((2, 3, 4)))
+    assert 0 < mask.mean() < 1
+    sky_lenses = eia.to_elemental_images(sky, MINI.lenses)
+    np.testing.assert_allclose(result[~mask].mean((1, 2)), sky_lenses[~mask].mean((1, 2)), atol=2e-3)
+
+
+def test_visible_world_without_its_layer_is_an_error(tmp_path):
+    write_render(tmp_path, world_visible=True)
+    with pytest.raises(LfsrError, match="no environment layer"):
+        second_stage.upscale_frame(tmp_path, "bicubic")
+    assert not (tmp_path / "eia.png").exists()
+
+
+def test_background_meshes_are_filled_cheaply_and_objects_by_the_method(tmp_path):
+    write_render(tmp_path)
+    color = read_layers(tmp_path / LOW_RES_FILE)["color"]
+    color[..., 3] = 1
+    color[..., :3] += 0.3
+    index = np.full_like(color[..., :1], 2)
+    index[:8, :8] = 1  # lenses (0..1, 0..1)
+    write_layers(tmp_path / LOW_RES_FILE, {"color": color, "index": index})
+    result, method_, cheap = (eia.to_elemental_images(x, MINI.lenses) for x in (
+        second_stage.finished_linear(tmp_path, "nearest"), expected_linear(tmp_path, "nearest"),
+        expected_linear(tmp_path, second_stage.FILL_METHOD)))
+    np.testing.assert_allclose(result[:2, :2], method_[:2, :2], atol=1e-6)
+    np.testing.assert_allclose(result[2:], cheap[2:], atol=1e-6)
+    np.testing.assert_allclose(result[:2, 2:], cheap[:2, 2:], atol=1e-6)
+
+
+def test_mask_and_dilation_are_written(tmp_path):
+    write_render(tmp_path)
+    report = second_stage.upscale_frame(tmp_path, "bicubic")
+    plain = read_mask(tmp_path / "mask.png")
+    alpha = eia.to_elemental_images(read_layers(tmp_path / LOW_RES_FILE)["color"][..., 3:], MINI.lenses)
+    np.testing.assert_array_equal(plain, alpha.any((2, 3, 4)))
+    assert report["foreground_share"] == pytest.approx(plain.mean())
+    assert second_stage.upscale_frame(tmp_path, "bicubic", dilate=1)["foreground_share"] > plain.mean()
+    assert (read_mask(tmp_path / "mask.png") >= plain).all()
+
+
+def test_broken_pixels_are_counted_and_black(tmp_path):
+    write_render(tmp_path)
+    layers = read_layers(tmp_path / LOW_RES_FILE)
+    layers["color"][20, 30] = np.nan
+    layers["color"][21, 30, 0] = np.inf
+    write_layers(tmp_path / LOW_RES_FILE, layers)
+    assert second_stage.upscale_frame(tmp_path, "nearest")["replaced_pixels"] == 2
+    linear = second_stage.finished_linear(tmp_path, "nearest")
+    assert np.isfinite(linear).all()
+    np.testing.assert_array_equal(linear[40:42, 60:62], 0)
+
+
+def test_report_has_what_the_documentation_says(tmp_path):
+    write_render(tmp_path, seconds={"open": 0.5, "render": 2.0})
+    second_stage.upscale_frame(tmp_path, "oidn+bicubic")
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["method"] == "oidn+bicubic"
+    assert tuple(report["seconds"]) == STAGES
+    assert report["seconds"]["render"] == 2.5
+    assert all(report["seconds"][stage] > 0 for stage in STAGES)
+    assert report["peak_bytes"] > 50_000_000
+    assert report["metrics"] == {}
+    assert (report["replaced_pixels"], report["dilate"], report["notes"]) == (0, 0, [])
+
+
+def test_progress_rises_to_the_end(tmp_path):
+    write_render(tmp_path)
+    seen = []
+    second_stage.upscale_frame(tmp_path, "bicubic", progress=lambda *state: seen.append(state))
+    stages = list(dict.fromkeys(stage for stage, _, _ in seen))
+    assert stages == ["load", "upscale", "write"]
+    fractions = [fraction for stage, fraction, _ in seen if stage == "upscale"]
+    assert fractions == sorted(fractions) and fractions[-1] == 1
+    assert seen[-1][:2] == ("write", 1.0)
+
+
+@pytest.mark.parametrize(("scale", "name", "message"), [
+    (2, "bicubik", "did you mean 'bicubic'"),
+    (2, "none", "rendered at scale 2"),
+])
+def test_bad_method_leaves_the_folder_as_it_was(tmp_path, scale, name, message):
+    write_render(tmp_path, scale)
+    before = {path.name for path in tmp_path.iterdir()}
+    with pytest.raises(LfsrError, match=message):
+        second_stage.upscale_frame(tmp_path, name)
+    assert {path.name for path in tmp_path.iterdir()} == before
+
+
+def test_bad_step_and_wrong_size_are_errors(tmp_path):
+    write_render(tmp_path)
+    with pytest.raises(LfsrError, match="step is 0"):
+        second_stage.upscale_frame(tmp_path, "bicubic", step=0)
+    write_layers(tmp_path / LOW_RES_FILE, {"color": np.zeros((48, 60, 4), np.float32)})
+    with pytest.raises(LfsrError, match="60×48 pixels, but frame.json says 64×48"):
+        second_stage.upscale_frame(tmp_path, "bicubic")
+
+
+def test_lens_list_is_finished_as_tiles(tmp_path):
+    chosen = ((5, 5), (6, 7), (4, 9))
+    write_render(tmp_path)
+    whole = eia.to_elemental_images(read_layers(tmp_path / LOW_RES_FILE)["color"], MINI.lenses)
+    expected = eia.to_elemental_images(second_stage.finished_linear(tmp_path, "bicubic"), MINI.lenses)
+    write_render(tmp_path, lens_list=chosen)
+    across, down = read_frame(tmp_path).rays.tiles
+    tiles = np.stack([whole[lens] for lens in chosen]).reshape(down, across, 4, 4, 4)
+    write_layers(tmp_path / LOW_RES_FILE, {"color": eia.from_elemental_images(tiles)})
+    result = eia.to_elemental_images(second_stage.finished_linear(tmp_path, "bicubic"), (across, down))
+    for tile, lens in enumerate(chosen):
+        np.testing.assert_allclose(result[tile // across, tile % across], expected[lens], atol=1e-6)
+
+
+def test_prefilters_see_the_low_resolution_eia_before_the_upscaler(tmp_path, monkeypatch):
+    write_render(tmp_path)
+    expected = 2 * second_stage.finished_linear(tmp_path, "nearest")
+
+    def doubled(low):
+        return dataclasses.replace(low, color=2 * low.color)
+
+    monkeypatch.setattr(second_stage, "method", lambda name, *_: Method(name, (doubled,), method("nearest").upscaler))
+    np.testing.assert_allclose(second_stage.finished_linear(tmp_path, "doubled+nearest"), expected, rtol=1e-6)
+
+
+class OneAtATime:
+    """An upscaler that notices a second call while the first runs."""
+
+    name, thread_safe, notes = "one", False, ("said once",)
+
+    def __init__(self):
+        self.running, self.calls, self.overlapped = 0, [], False
+
+    def __call__(self, low, lenses):
+        self.running += 1
+        time.sleep(0.002)
+        self.overlapped |= self.running > 1
+        self.calls.append(len(lenses))
+        self.running -= 1
+        return np.ones((len(lenses), 8, 8, 3), np.float32)
+
+
+def test_an_upscaler_that_is_not_thread_safe_runs_alone_in_steps(tmp_path, monkeypatch):
+    write_render(tmp_path)
+    upscaler = OneAtATime()
+    monkeypatch.setattr(second_stage, "method", lambda name, *_: Method(name, (), upscaler))
+    report = second_stage.upscale_frame(tmp_path, "anything", step=5)
+    assert not upscaler.overlapped
+    assert max(upscaler.calls) == 5
+    assert sum(upscaler.calls) == read_mask(tmp_path / "mask.png").sum()
+    assert report["notes"] == ["said once"]
+
+
+def test_threads_share_the_clock():
+    clock = StageClock()
+    with clock.shared_by(2), ThreadPoolExecutor(2) as pool:
+        def work(_):
+            with clock("upscale"):
+                time.sleep(0.2)
+        list(pool.map(work, range(2)))
+    assert clock.seconds["upscale"] == pytest.approx(0.2, abs=0.1)
+
+
+def test_missing_guides_are_told(tmp_path):
+    write_render(tmp_path)
+    notes = second_stage.upscale_frame(tmp_path, "oidn-guided+bilinear")["notes"]
+    assert len(notes) == 1 and "albedo, normal" in notes[0] and "--layers albedo,normal" in notes[0]
+    assert second_stage.upscale_frame(tmp_path, "oidn+bilinear")["notes"] == []

@@ -1,0 +1,66 @@
+"""What the tests of the panel share: the registered add-on, a small saved scene, and a picture of its settings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+import blender_addon
+from blender_addon.array import edit
+from blender_addon.background import session
+from blender_addon.results import preview
+from blender_addon.settings import scene_settings
+from tests.support.scenes import add_box
+
+SKIPPED = {"rna_type", "bl_rna"}
+
+
+@contextmanager
+def registered() -> Iterator[None]:
+    """The add-on's classes are registered inside the block."""
+    blender_addon.register()
+    try:
+        yield
+    finally:
+        session.cancel()
+        preview.forget()
+        blender_addon.unregister()
+
+
+def artist_scene(folder: Path | None) -> bpy.types.Scene:
+    """A lit box in front of a mini display, rendered with the fewest rays; saved in ``folder`` if there is one."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    add_box(scene, (0.0, 0.0, 0.0), (0.5, 0.3, 0.4)).name = "Box"
+    light = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    light.data.energy = 3.0
+    scene.collection.objects.link(light)
+    scene.render.engine = "CYCLES"
+    scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method = "mini", "2", 1, "bicubic"
+    edit.fit(scene, scene_settings.display_of(scene), [bpy.data.objects["Box"]])
+    if folder is not None:
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
+    return scene
+
+
+def snapshot(scene: bpy.types.Scene) -> dict[str, Any]:
+    """Every setting that a render could have borrowed, and what the file holds."""
+    layer = scene.view_layers[0]
+    owners = {"scene": scene, "render": scene.render, "image": scene.render.image_settings, "layer": layer}
+    if hasattr(scene, "cycles"):
+        owners |= {"cycles": scene.cycles, "layer.cycles": layer.cycles}
+    values = {f"{name}.{item.identifier}": _plain(getattr(owner, item.identifier))
+              for name, owner in owners.items() for item in owner.bl_rna.properties
+              if item.type in {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"} and item.identifier not in SKIPPED}
+    held = {kind: sorted(item.name for item in getattr(bpy.data, kind))
+            for kind in ("objects", "cameras", "meshes", "materials", "worlds", "collections", "scenes")}
+    places = {item.name: (item.pass_index, [tuple(row) for row in item.matrix_world]) for item in scene.objects}
+    return values | held | {"camera": scene.camera and scene.camera.name, "file": bpy.data.filepath, "places": places}
+
+
+def _plain(value: Any) -> Any:
+    return tuple(value) if hasattr(value, "__len__") and not isinstance(value, (str, set)) else value

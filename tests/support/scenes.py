@@ -1,0 +1,114 @@
+"""Small scenes for the tests that need Blender, and what they share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+import mathutils
+import numpy as np
+
+from blender_addon import compat
+from blender_addon.array import spaces
+from blender_addon.render import cycles
+from lfsr_core.images import exr
+from lfsr_core.optics.display import load_display
+from lfsr_core.optics.rays import CameraArray, RayLayout
+
+ROOT = Path(__file__).resolve().parents[2]
+MINI = load_display("mini")
+ARRAY = CameraArray.for_display(MINI, 2.0)
+# Turned and moved, so that no axis and no origin can be mistaken for another.
+TURNED = mathutils.Matrix.Translation((0.3, -4.0, 0.7)) @ mathutils.Euler((1.3, 0.2, -0.4)).to_matrix().to_4x4()
+POSITION_OFFSET = 20.0   # makes every coordinate of the small scenes positive, as light is
+
+
+def fresh_scene() -> bpy.types.Scene:
+    """An empty scene in an empty file."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    return bpy.context.scene
+
+
+def front() -> tuple[tuple[float, ...], ...]:
+    """Array at the distance of ARRAY in front of the origin, looking along +Y with Z up."""
+    place = mathutils.Matrix.Translation((0, -ARRAY.distance, 0))
+    return spaces.from_blender(place @ mathutils.Matrix.Rotation(np.pi / 2, 4, "X"))
+
+
+def add_plane(scene: bpy.types.Scene, matrix: mathutils.Matrix, material: bpy.types.Material,
+              size: float = 50.0) -> bpy.types.Object:
+    """Square in the XY plane of ``matrix``, ``size`` to each side."""
+    corners = [(-size, -size, 0), (size, -size, 0), (size, size, 0), (-size, size, 0)]
+    return add_mesh(scene, corners, [(0, 1, 2, 3)], matrix, material)
+
+
+def add_box(scene: bpy.types.Scene, centre: tuple[float, ...], half: tuple[float, ...],
+            material: bpy.types.Material | None = None) -> bpy.types.Object:
+    """Box around ``centre``."""
+    corners = [tuple(c + h * s for c, h, s in zip(centre, half, sign, strict=True))
+               for sign in ((x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1))]
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return add_mesh(scene, corners, faces, mathutils.Matrix(), material)
+
+
+def add_mesh(scene: bpy.types.Scene, corners: list, faces: list, matrix: mathutils.Matrix,
+             material: bpy.types.Material | None) -> bpy.types.Object:
+    """Object with a mesh of its own."""
+    mesh = bpy.data.meshes.new("mesh")
+    mesh.from_pydata(corners, [], faces)
+    if material:
+        mesh.materials.append(material)
+    item = bpy.data.objects.new("item", mesh)
+    item.matrix_world = matrix
+    scene.collection.objects.link(item)
+    return item
+
+
+def add_camera(scene: bpy.types.Scene, place: tuple[float, ...] = (1.0, -5.0, 3.0),
+               angle: float = 0.6) -> bpy.types.Object:
+    """The scene's camera, at ``place``, looking along +Y with Z up."""
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    camera.data.angle = angle
+    camera.matrix_world = mathutils.Matrix.Translation(place) @ mathutils.Matrix.Rotation(np.pi / 2, 4, "X")
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    bpy.context.view_layer.update()
+    return camera
+
+
+def emission(color: tuple[float, float, float]) -> bpy.types.Material:
+    """Material that shines in ``color`` and reflects nothing."""
+    return _emission(lambda tree, shader: setattr(shader.inputs["Color"], "default_value", (*color, 1)))
+
+
+def position_emission(square: bool = False) -> bpy.types.Material:
+    """Material whose light is the world position plus POSITION_OFFSET; with ``square`` its square."""
+    def connect(tree: bpy.types.NodeTree, shader: bpy.types.Node) -> None:
+        geometry, add = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeVectorMath")
+        add.inputs[1].default_value = (0 if square else POSITION_OFFSET,) * 3
+        tree.links.new(geometry.outputs["Position"], add.inputs[0])
+        if square:
+            add.operation = "MULTIPLY"
+            tree.links.new(geometry.outputs["Position"], add.inputs[1])
+        tree.links.new(add.outputs[0], shader.inputs["Color"])
+    return _emission(connect)
+
+
+def _emission(connect: Callable[[bpy.types.NodeTree, bpy.types.Node], None]) -> bpy.types.Material:
+    material = bpy.data.materials.new("emission")
+    compat.use_nodes(material)
+    tree = material.node_tree
+    tree.nodes.clear()
+    shader, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    connect(tree, shader)
+    return material
+
+
+def encoded(scene: bpy.types.Scene, layout: RayLayout, folder: Path, matrix_world: spaces.Matrix | None = None,
+            **settings: object) -> dict[str, np.ndarray]:
+    """Layers of a one-pass render."""
+    settings = cycles.RenderSettings(**{"samples": 1} | settings)
+    cycles.render_encoded(scene, layout, matrix_world or front(), settings, folder / "image.exr")
+    return exr.read_layers(folder / "image.exr")

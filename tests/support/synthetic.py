@@ -1,0 +1,79 @@
+"""Frame folders without Blender: a smooth light field, box-sampled at any scale."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from lfsr_core.cli import main
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, Frame, write_frame
+from lfsr_core.images.exr import write_layers
+from lfsr_core.images.view_transform import ColorSettings
+from lfsr_core.optics.display import DisplayProfile, load_display
+from lfsr_core.optics.rays import CameraArray, pixel_rays
+
+MINI = load_display("mini")
+IDENTITY = tuple(tuple(float(row == column) for column in range(4)) for row in range(4))
+
+
+def light_field(display: DisplayProfile = MINI) -> np.ndarray:
+    """EIA (H, W, 4) in view order of a disc of waves behind the display plane; different in every direction."""
+    frame = frame_of(1, display)
+    origin, direction = pixel_rays(frame.rays)
+    depth = 1.2 * frame.array.distance
+    x, y = ((origin + direction * (depth / direction[..., 2:]))[..., axis] for axis in (0, 1))
+    color = np.stack([0.5 + 0.4 * np.sin(9 * x + 2), 0.5 + 0.4 * np.cos(7 * y), 0.5 + 0.3 * np.sin(5 * (x + y))], -1)
+    alpha = (np.hypot(x - 0.15, y + 0.1) < 0.4)[..., None]
+    return np.concatenate([color * alpha, alpha], axis=-1).astype(np.float32)
+
+
+def frame_of(scale: int, display: DisplayProfile = MINI, **changes) -> Frame:
+    """Frame of that light field."""
+    array = CameraArray.for_display(display, width=1.6)
+    return Frame(**{"display": display, "scale": scale, "array": array, "matrix_world": IDENTITY, "samples": 16,
+                    "color": ColorSettings(), "seconds": {"render": 1.0}} | changes)
+
+
+def write_render(folder: Path, scale: int = 2, display: DisplayProfile = MINI, **changes) -> Path:
+    """Folder as the render stage leaves it."""
+    high = light_field(display)
+    height, width, _ = high.shape
+    low = high.reshape(height // scale, scale, width // scale, scale, 4).mean((1, 3))
+    write_layers(folder / LOW_RES_FILE, {"color": low})
+    write_frame(folder, frame_of(scale, display, **changes))
+    return folder
+
+
+def write_reference(folder: Path, noise: float = 0.05, display: DisplayProfile = MINI, **changes) -> Path:
+    """Folder of two independently noisy halves, of all lenses or of ``lens_list``."""
+    frame, high = frame_of(1, display, **changes), light_field(display)
+    if frame.lens_list is not None:
+        high = tiles(high, frame)
+    random = np.random.default_rng(1)
+    for name in REFERENCE_FILES:
+        half = high.copy()
+        half[..., :3] += half[..., 3:] * random.normal(0, noise, half[..., :3].shape).astype(np.float32)
+        write_layers(folder / name, {"color": np.maximum(half, 0)})
+    write_frame(folder, frame)
+    return folder
+
+
+def tiles(image: np.ndarray, frame: Frame) -> np.ndarray:
+    """The listed lenses of an EIA side by side, as RayLayout places them."""
+    (px, py), (across, down) = frame.display.views, frame.rays.tiles
+    result = np.zeros((down * py, across * px, image.shape[2]), np.float32)
+    for tile in range(across * down):
+        row, column = frame.lens_list[min(tile, len(frame.lens_list) - 1)]
+        y, x = tile // across * py, tile % across * px
+        result[y:y + py, x:x + px] = image[row * py:(row + 1) * py, column * px:(column + 1) * px]
+    return result
+
+
+def fails(arguments: list[str], capsys) -> str:
+    """The one sentence on standard error of a run that must be refused."""
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1, captured.err
+    return captured.err

@@ -1,0 +1,96 @@
+"""Pictures of docs/artist-guide.md, taken in a real window: python tests/blender/gui/pictures.py docs/images"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
+
+from tests.support.window.desktop import Window, blender_window
+
+SECONDS_TO_RENDER = 1200
+COLORS = 200   # keeps a picture below 300 kB
+SCENE = """
+scene = bpy.context.scene
+for item in list(scene.objects):
+    bpy.data.objects.remove(item)
+def painted(color, roughness=0.4, metallic=0.0):
+    material = bpy.data.materials.new("Paint")
+    material.use_nodes = True
+    shader = material.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Base Color"].default_value = (*color, 1)
+    shader.inputs["Roughness"].default_value, shader.inputs["Metallic"].default_value = roughness, metallic
+    material.diffuse_color = (*color, 1)
+    bpy.context.object.data.materials.append(material)
+bpy.ops.mesh.primitive_monkey_add(location=(0, 0, 1)); bpy.ops.object.shade_smooth(); painted((0.8, 0.25, 0.06))
+bpy.ops.object.modifier_add(type="SUBSURF"); bpy.context.object.modifiers[0].render_levels = 2
+bpy.ops.mesh.primitive_uv_sphere_add(radius=0.35, location=(-1.3, -1.0, 0.5)); bpy.ops.object.shade_smooth()
+painted((0.05, 0.3, 0.8), 0.15)
+bpy.ops.mesh.primitive_torus_add(location=(1.35, 1.0, 0.9), rotation=(1.2, 0.4, 0), major_radius=0.6, minor_radius=0.2)
+bpy.ops.object.shade_smooth(); painted((0.9, 0.6, 0.1), 0.25, 1.0)
+bpy.ops.mesh.primitive_plane_add(size=60, location=(0, 0, -0.02)); bpy.context.object.name = "Floor"
+painted((0.6, 0.6, 0.62))
+bpy.ops.object.light_add(type="AREA", radius=3, location=(3, -4, 5), rotation=(0.7, 0, 0.6))
+bpy.context.object.data.energy = 700
+bpy.ops.object.light_add(type="SUN", location=(-3, 4, 6), rotation=(-0.6, -0.3, 0))
+for item in scene.objects:
+    item.select_set(item.type == "MESH" and item.name != "Floor")
+scene.render.engine = "CYCLES"
+bpy.context.space_data.shading.color_type = "MATERIAL"
+bpy.context.space_data.show_region_ui = True
+bpy.ops.wm.save_as_mainfile(filepath=FILE)
+"""
+LOOK = """
+import mathutils
+from blender_addon import array_rig
+view = bpy.context.space_data.region_3d
+view.view_perspective = "PERSP"
+view.view_location, view.view_distance = (-0.6, -1.9, 0.9), 12.5
+view.view_rotation = mathutils.Euler((1.22, 0, -0.62)).to_quaternion()
+"""
+IMAGE_EDITOR = """
+area = next(area for area in bpy.context.window.screen.areas if area.type == "PROPERTIES")
+area.ui_type = "IMAGE_EDITOR"
+"""
+
+
+def take(window: Window, folder: Path) -> None:
+    """Every picture, in the order of the guide."""
+    window.run(f"FILE = {str(window.folder / 'monkey.blend')!r}" + SCENE)
+    window.settle()
+    x, y, width, height = window.get("[(r.x, r.y, r.width, r.height) for r in bpy.context.area.regions "
+                                     "if r.type == 'UI'][0]")
+    top = window.get("bpy.context.window.height") - y - height
+    window.click(x + width - 12, top + 175)
+    window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True)" + LOOK)
+    window.run("for item in bpy.context.selected_objects: item.select_set(False)")
+    keep(window, folder, "panel-array")
+    window.run("bpy.ops.lfsr.check_scene('INVOKE_DEFAULT', True)")
+    keep(window, folder, "panel-check", (x - 20, top, width + 20, 900))
+    window.run("bpy.ops.lfsr.check_fix('INVOKE_DEFAULT', True, code='background', target='Floor')")
+    window.run("bpy.context.window_manager.lfsr.checked_scene = ''" + IMAGE_EDITOR)
+    window.run("lfsr = bpy.context.scene.lfsr; lfsr.display, lfsr.scale, lfsr.samples = 'fhd', '4', 16")
+    window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
+    window.until("addon.session.current().fraction > 0.3", SECONDS_TO_RENDER)
+    keep(window, folder, "panel-rendering")
+    window.until("addon.session.current() is None", SECONDS_TO_RENDER)
+    keep(window, folder, "panel-rendered")
+    window.run("bpy.context.scene.lfsr.eye_right = -0.8; bpy.ops.lfsr.preview_view('INVOKE_DEFAULT', True)")
+    keep(window, folder, "panel-preview")
+
+
+def keep(window: Window, folder: Path, name: str, crop: tuple[int, int, int, int] | None = None) -> None:
+    """Take a picture and make it small enough for the repository."""
+    window.xdotool("mousemove", 400, 700)
+    part = ["-crop", f"{crop[2]}x{crop[3]}+{crop[0]}+{crop[1]}", "+repage"] if crop else []
+    taken = window.screenshot(name)
+    smaller = [*part, "+dither", "-colors", str(COLORS), f"PNG8:{folder / name}.png"]
+    subprocess.run(["convert", str(taken), *smaller], check=True)
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as scratch, blender_window(Path(scratch), {"LFSR_PYTHON": sys.executable}) as it:
+        take(it, Path(sys.argv[1]).resolve())

@@ -1,0 +1,71 @@
+"""Fitting a network to a scene: it learns that scene, is judged on other lenses, and its file works everywhere."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json
+from lfsr_core.frames.frame import LOW_RES_FILE, REPORT_FILE
+from lfsr_core.images.exr import read_layers, write_layers
+from lfsr_core.metrics.compare import compare_folders
+from lfsr_core.reconstruct.registry import method
+from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.train.fit import fit
+from tests.support.synthetic import fails, write_reference, write_render
+
+SCALE = 2
+
+
+@pytest.fixture
+def folders(tmp_path):
+    """A noisy render of synthetic.light_field with albedo and normal, and its reference."""
+    folder, reference = write_render(tmp_path / "f", SCALE), write_reference(tmp_path / "r")
+    color = read_layers(folder / LOW_RES_FILE)["color"]
+    rng = np.random.default_rng(0)
+    albedo, normal = color[..., :3].copy(), np.repeat(color[..., 3:], 3, -1) * np.float32([0, 0, 1])
+    color[..., :3] *= rng.exponential(1, color[..., :1].shape).astype(np.float32)
+    write_layers(folder / LOW_RES_FILE, {"color": color, "albedo": albedo, "normal": normal})
+    return folder, reference
+
+
+def test_fit_gains_on_lenses_it_has_not_seen(folders, tmp_path):
+    folder, reference = folders
+    facts = fit(folder, reference, tmp_path / "w.safetensors", name="light", lenses=16, seconds=3)
+    assert facts["lenses"] == 16 and facts["unseen_lenses"] > 16 and facts["steps"] > 5
+    assert facts["after"] > facts["before"] + 0.01
+    upscale_frame(folder, "light")
+    general = compare_folders(folder, reference)["ssim_eia_fg"]
+    upscale_frame(folder, "light", weights=tmp_path / "w.safetensors")
+    assert read_json(folder / REPORT_FILE, "report")["weights"] == str(tmp_path / "w.safetensors")
+    assert compare_folders(folder, reference)["ssim_eia_fg"] > general + 0.01
+
+
+def test_no_time_leaves_the_network_as_it_was(folders, tmp_path):
+    facts = fit(*folders, tmp_path / "w.safetensors", name="light", seconds=0)
+    assert facts["steps"] == 0 and facts["after"] == facts["before"]
+
+
+def test_too_few_lenses(folders, tmp_path):
+    folder, _ = folders
+    listed = tuple((6, column) for column in range(6, 12))
+    reference = write_reference(tmp_path / "few", lens_list=listed)
+    with pytest.raises(LfsrError, match="a fit needs 8"):
+        fit(folder, reference, tmp_path / "w.safetensors", name="light", seconds=1)
+
+
+def test_layers_are_needed(tmp_path):
+    folder, reference = write_render(tmp_path / "f", SCALE), write_reference(tmp_path / "r")
+    with pytest.raises(LfsrError, match="lacks the layers albedo, normal"):
+        fit(folder, reference, tmp_path / "w.safetensors", name="light", seconds=1)
+
+
+def test_networks_of_photographs_are_refused(folders, tmp_path, capsys):
+    words = ["fit", *map(str, folders), "-o", str(tmp_path / "w.safetensors"), "--network", "paper"]
+    assert "cannot be fitted" in fails(words, capsys)
+
+
+def test_weights_without_a_network_are_refused():
+    with pytest.raises(LfsrError, match="'bicubic' is no network"):
+        method("oidn+bicubic", weights="w.safetensors")
