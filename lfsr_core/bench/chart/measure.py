@@ -200,7 +200,8 @@ def fresh_seconds(folder: Path, name: str, chart_folder: Path, again: bool = Fal
     known = read_json(path, "seconds of fresh processes") if path.exists() else {}
     if key not in known or again:
         with scratch_copy(folder) as copy:
-            known[key] = _process_seconds([sys.executable, "-m", "lfsr_core.cli", "upscale", str(copy), "--method", name])
+            command = [sys.executable, "-m", "lfsr_core.cli", "upscale", str(copy), "--method", name]
+            known[key] = _process_seconds(command)
         write_json(path, known)
     return known[key]
 
