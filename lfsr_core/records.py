@@ -1,0 +1,1 @@
+"""Records: frozen dataclasses and the JSON they are kept in."""
