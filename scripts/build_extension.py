@@ -58,7 +58,7 @@ RUNTIME_WHEELS = (
 )
 # Left out, since Blender brings them: NumPy, OpenImageIO, OpenColorIO, Open Image Denoise (libOpenImageDenoise, read
 # by lfsr_core/oidn.py; the pyoidn wheel would add 48 to 88 MB per platform). Left out, since our networks run in NumPy:
-# ONNX Runtime, 15 to 24 MB per platform and Python. docs/extension.md has the measurements.
+# ONNX Runtime, 15 to 24 MB per platform and Python. docs/guide/extension.md has the measurements.
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

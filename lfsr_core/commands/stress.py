@@ -14,7 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR",
                         help="bench folder; what is complete in it is not made again")
-    parser.add_argument("--dials", type=_names, metavar="NAME,NAME", help="default: all, see docs/stress.md")
+    parser.add_argument("--dials", type=_names, metavar="NAME,NAME", help="default: all, see docs/results/stress.md")
     parser.add_argument("--methods", type=_names, metavar="NAME,NAME",
                         help="bicubic is added; default: bicubic, the default method, every network with weights")
     parser.add_argument("--quick", action="store_true",

@@ -1,6 +1,6 @@
 """The frame folder: what the render stage hands to the second stage.
 
-``frame.json`` holds enough to render the same frame again; see docs/frame-folder.md.
+``frame.json`` holds enough to render the same frame again; see docs/reference/frame-folder.md.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ LEAST_SAMPLES = 8
 def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]:
     """Metrics of ``folder`` against ``reference``, also written into its report.json.
 
-    Keys as in docs/frame-folder.md. The foreground is the reference's where it
+    Keys as in docs/reference/frame-folder.md. The foreground is the reference's where it
     shows every lens: a mask that lost some must not hide them from the metrics.
     LfsrError where either folder is incomplete or the two show different pictures.
     """

@@ -1,4 +1,4 @@
-"""How near an EIA is to its reference: every number of docs/metrics.md.
+"""How near an EIA is to its reference: every number of docs/reference/metrics.md.
 
 Images are compared as plain sRGB values clipped to [0, 1], whatever the scene's
 view transform. "Split" numbers cancel the reference's own noise.

@@ -2,7 +2,7 @@
 
 A reference is two renders a and b of equal samples. Products of errors against
 different halves have no noise in common, so their means do not grow with the
-reference's noise (docs/metrics.md). Pixels are display values in [0, 1].
+reference's noise (docs/reference/metrics.md). Pixels are display values in [0, 1].
 """
 
 from __future__ import annotations

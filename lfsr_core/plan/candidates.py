@@ -1,7 +1,7 @@
 """Which candidate is the least that will do: candidates, their times, and the choice. Pure functions.
 
 ``plan_sample`` says which lenses to look at, ``plan_measure`` renders and
-measures them, ``plan_times`` predicts times; ``docs/plan.md`` explains the rules.
+measures them, ``plan_times`` predicts times; ``docs/guide/plan.md`` explains the rules.
 """
 
 from __future__ import annotations

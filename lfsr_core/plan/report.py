@@ -46,7 +46,7 @@ def sentence(choice: Choice, options: Options) -> str:
 
 
 def as_json(planned: Planned, options: Options, job: Job) -> dict[str, Any]:
-    """Everything that was measured, see docs/plan.md."""
+    """Everything that was measured, see docs/guide/plan.md."""
     settings = dataclasses.asdict(options)
     if math.isinf(options.most_seconds):
         settings["most_seconds"] = None

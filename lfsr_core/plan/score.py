@@ -129,7 +129,7 @@ def split_scores(images: np.ndarray, truth: Truth) -> Scores:
     The metric falls short by what is left of that noise, about in proportion to
     its variance: what it gains from halves of one quarter to halves of two is
     missing once more. CORRECTED of that is added, less than all of it because too
-    much would promise what the frame does not keep (docs/plan.md).
+    much would promise what the frame does not keep (docs/guide/plan.md).
     """
     full = _mean_ssim(images, *truth.pair((0, 1), (2, 3)))
     less = (_mean_ssim(images, *truth.pair((0,), (2,))) + _mean_ssim(images, *truth.pair((1,), (3,)))) / 2

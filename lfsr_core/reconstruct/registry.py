@@ -47,10 +47,10 @@ RECOVERY = "epi"
 UPSCALERS: dict[str, str] = {**{name: entry[0] for name, entry in CLASSICAL.items()}, **catalogue.NAMES}
 METHODS: dict[str, str] = {**UPSCALERS, **{name: entry[0] for name, entry in PREFILTERS.items()},
                            RECOVERY: "last: detail that was taken for noise comes back along epipolar lines"}
-PLAIN_METHOD = "bilinear"  # after OIDN more accurate than bicubic, see docs/measurements.md
+PLAIN_METHOD = "bilinear"  # after OIDN more accurate than bicubic, see docs/results/measurements.md
 # What our networks must beat.
 PLAIN_CHAINS = (*(f"{name}+{PLAIN_METHOD}" for name in DENOISERS), f"{DENOISERS[0]}+{PLAIN_METHOD}+{RECOVERY}")
-DEFAULT_METHOD = "oidn-both+refine+epi"  # see docs/networks.md
+DEFAULT_METHOD = "oidn-both+refine+epi"  # see docs/results/networks.md
 
 
 def method(name: str, weights: str | Path | None = None) -> Method:

@@ -107,7 +107,7 @@ def _write(folder: Path, pixels: np.ndarray, linear: np.ndarray | None, mask: np
 
 
 def _report(method_name: str, plan: Plan, frame: Frame, clock: StageClock) -> dict[str, Any]:
-    """Entries of report.json, see docs/frame-folder.md."""
+    """Entries of report.json, see docs/reference/frame-folder.md."""
     return {
         "method": method_name,
         "display": frame.display.name,

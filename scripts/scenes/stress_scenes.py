@@ -4,7 +4,7 @@
     blender --background --python scripts/scenes/stress_scenes.py -- SCENES.json
 
 The file holds "display" (a profile), "scale", "frames" and "scenes": objects of
-"dial", "value" and "path". `lfsr stress` writes it; docs/stress.md says what the
+"dial", "value" and "path". `lfsr stress` writes it; docs/results/stress.md says what the
 dials are. The scenes render with `lfsr render` and `lfsr reference` as they are.
 """
 

@@ -1,4 +1,4 @@
-"""docs/frame-folder.md says what the JSON files hold: no key more, none less, of the types it names."""
+"""docs/reference/frame-folder.md says what the JSON files hold: no key more, none less, of the types it names."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lfsr_core.metrics.compare import compare_folders
 from lfsr_core.reconstruct.second_stage import upscale_frame
 from tests.support.synthetic import write_reference, write_render
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "frame-folder.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "reference" / "frame-folder.md"
 TYPES = {"text": str, "integer": int, "number": (int, float), "boolean": bool, "array": list, "object": dict,
          "null": type(None)}
 STAGES = {"render", "load", "mask", "upscale", "assemble", "color", "write"}

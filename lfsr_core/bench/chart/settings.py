@@ -19,7 +19,7 @@ REFERENCE_FOLDER, CELL_FOLDER, TIMES_FOLDER = "reference", "cells", "render-time
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """One chart: ``folder`` holds a folder per scene, see docs/chart.md.
+    """One chart: ``folder`` holds a folder per scene, see docs/reference/chart.md.
 
     ``spps``: samples per pixel of low-resolution renders at ``scale``, each finished by every one of ``methods``;
     ``direct_spps``: of renders at scale 1, finished by ``direct_methods``. ``ceiling_spp``: of the nearly noise-free

@@ -1,7 +1,7 @@
 """Figures that only the stability suite needs: borders of elemental images, the moving eye, flicker, worst places.
 
 Images are EIAs (H, W, C) of sRGB values in [0, 1] in view order; ``a`` and ``b``
-are the two halves of a reference, so that its noise cancels (docs/metrics.md).
+are the two halves of a reference, so that its noise cancels (docs/reference/metrics.md).
 """
 
 from __future__ import annotations

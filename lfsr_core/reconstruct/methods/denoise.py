@@ -3,7 +3,7 @@
 The EIA, not decoded views: views of the low-resolution array lie far apart, the
 pixels inside one EI do not, so the EIA keeps far more detail (measured). Colour
 alone: a pixel of an EIA covers a whole lens, so albedo and normal are noisy too,
-and as guides they take away more than they give (docs/networks.md).
+and as guides they take away more than they give (docs/results/networks.md).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.
     """
     guides = {"albedo": albedo, "normal": normal} if albedo is not None else {}
     guides = {name: np.asarray(image, np.float32) for name, image in guides.items() if image is not None}
-    # With guides, "high" takes 2.5 times as long as "balanced" and is no better from 4 samples on (docs/networks.md).
+    # With guides, "high" takes 2.5 times as long as "balanced" and is no better from 4 samples on (docs/results/networks.md).
     quality = "fast" if fast else "balanced" if guides else "high"
     try:
         denoised = _library().denoise(np.asarray(color, np.float32), **guides, hdr=True, clean_aux=bool(guides),

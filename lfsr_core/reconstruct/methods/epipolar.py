@@ -27,7 +27,7 @@ from lfsr_core.reconstruct.methods.shear import averaged, interpolated, sheared
 if TYPE_CHECKING:
     from lfsr_core.frames.low_res import LowResEIA
 # (lenses, views) of a step: up to three usable depths off the display plane, on both sides. On the plane denoisers lose
-# little, and what looks like it is what they leave behind (docs/networks.md).
+# little, and what looks like it is what they leave behind (docs/results/networks.md).
 OFF_PLANE = ((1, 3), (1, 2), (2, 3), (1, 1), (3, 2), (2, 1), (5, 2), (3, 1))
 LINES = (*OFF_PLANE, *((-lenses, views) for lenses, views in OFF_PLANE))
 REACH = 2  # steps to each side of a pixel that its mean along a line takes in, in rows and in columns
@@ -37,7 +37,7 @@ CERTAIN = 4.0  # standard deviations by which a covariance must exceed noise
 LIMIT = 1.0  # of a residual, in encoded values: a firefly is no detail
 DARK = 1e-3  # scene-linear value below which √x is taken for a line
 STEEPEST = 1.0  # lenses per view up to which detail is interpolated inside an EI: a point steps over lenses beyond it
-KERNEL = "lanczos"  # for detail, which has no edges to ring at: see docs/networks.md
+KERNEL = "lanczos"  # for detail, which has no edges to ring at: see docs/results/networks.md
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 STEP, MAX_WORKERS = 24, 8
 VERSION = 3  # of what comes out: figures measured with another one are out of date

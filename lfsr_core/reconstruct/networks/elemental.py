@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from lfsr_core.frames.low_res import LowResEIA
 EIS_IN_CACHE = 4  # per step: the widest layer's patches of 20×20 pixels stay near 1 MB
 KERNEL = "linear"
-FLAT = 0.05  # range of encoded values below which an EI has little to restore, see docs/networks.md
+FLAT = 0.05  # range of encoded values below which an EI has little to restore, see docs/results/networks.md
 
 
 class ElementalUpscaler:

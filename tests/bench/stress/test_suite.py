@@ -22,7 +22,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.images.png import read_png
 from tests.support.synthetic import MINI, fails, write_reference, write_render
 
-DOCUMENT = Path(__file__).parents[3] / "docs" / "stress.md"
+DOCUMENT = Path(__file__).parents[3] / "docs" / "results" / "stress.md"
 TYPES = {"text": str, "integer": int, "number": (int, float), "array": list, "object": dict, "null": type(None)}
 DIALS, FRAMES, SCALE = ("samples", "wire", "motion", "eye", "recall"), 2, 2
 OPTIONS = ["--dials", ",".join(DIALS), "--methods", "bilinear,nearest", "--quick", "--display", "mini",

@@ -1,4 +1,4 @@
-"""Pictures of docs/artist-guide.md, taken in a real window: python tests/blender/gui/pictures.py docs/images"""
+"""Pictures of docs/guide/artist-guide.md, taken in a real window: python tests/blender/gui/pictures.py docs/images"""
 
 from __future__ import annotations
 

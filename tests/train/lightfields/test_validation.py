@@ -16,7 +16,7 @@ CPU = torch.device("cpu")
 SX, SY, SIDE, SCALE = 6, 5, 4, 2
 
 
-def write_scene(path, noise=0.02, seed=0):  # within what docs/metrics.md asks of a reference
+def write_scene(path, noise=0.02, seed=0):  # within what docs/reference/metrics.md asks of a reference
     """A smooth light field whose right half is background, with noisy halves and noisy low-resolution renders."""
     random = np.random.default_rng(seed)
     y, x = np.mgrid[:SY * SIDE * SCALE, :SX * SIDE * SCALE] / 20.0

@@ -2,7 +2,7 @@
 
 A shallow U of 3×3 convolutions inside one EI, trained through linear upscaling
 on noisy renders. A nonlinear upscaling head and convolutions across lenses
-(``spatial``, kept for that ablation) gained nothing, see docs/networks.md.
+(``spatial``, kept for that ablation) gained nothing, see docs/results/networks.md.
 """
 
 from __future__ import annotations
