@@ -26,6 +26,7 @@ from lfsr_core.files import read_json, write_json
 from lfsr_core.optics.display import load_display
 
 RESULTS_FILE, PAGE_FILE, IMAGES = "results.json", "paper.md", "images"
+PAGE_IN_DOCS = "results/paper.md"
 STOPPED, BAD_INPUT = 130, 2
 
 
@@ -52,7 +53,7 @@ def reproduce(arguments: argparse.Namespace, command: str) -> dict[str, Results]
     for figure in figures:
         results[figure.id] = figure.measure(chosen, chosen.output)
         write_json(chosen.output / RESULTS_FILE, {**run, "command": command, "figures": results})
-        _publish(figure, results, run, command, chosen.output, chosen.output)
+        _publish(figure, results, run, command, chosen.output)
         if arguments.docs:
             _publish(figure, results, run, command, chosen.output, arguments.docs)
         print(f"{figure.title}: {figure.line(results[figure.id])}", flush=True)
@@ -60,11 +61,14 @@ def reproduce(arguments: argparse.Namespace, command: str) -> dict[str, Results]
 
 
 def _publish(figure: Figure, results: dict[str, Results], run: dict[str, Any], command: str, output: Path,
-             target: Path) -> None:
-    """The figure's picture and the page so far."""
+             docs: Path | None = None) -> None:
+    """The figure's picture and the page so far, beside each other in ``output``, or where ``docs`` has them."""
+    target = docs or output
+    page_file = docs / PAGE_IN_DOCS if docs else output / PAGE_FILE
     if figure.draw:
         figure.draw(results[figure.id], output, target / IMAGES / page.picture_name(figure))
-    page.write(target / PAGE_FILE, page.markdown(results, run, command, IMAGES))
+    images = f"../{IMAGES}" if docs else IMAGES
+    page.write(page_file, page.markdown(results, run, command, images))
 
 
 def make_settings(arguments: argparse.Namespace) -> settings.Settings:
@@ -106,7 +110,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--scenes", type=Path, nargs="+", default=[], metavar="FILE", help="default: the demo scene")
     add("--quick", action="store_true", help="tiny frames and few samples: every figure in minutes")
     add("--only", metavar="ID,ID", help=f"of {', '.join(page.FIGURES)}")
-    add("--docs", type=Path, metavar="DIR", help="also write paper.md and images/paper-*.png there")
+    add("--docs", type=Path, metavar="DIR", help="also write results/paper.md and images/paper-*.png there")
     add("--bench", type=Path, metavar="DIR", help="folder with renders on --display to reuse and add to")
     add("--display", metavar="NAME|FILE.toml", help="for accuracy; default: small")
     add("--timing-display", metavar="NAME|FILE.toml", help="for times of whole frames; default: bupt-32in-8k")

@@ -36,7 +36,7 @@ RENDER_FOLDER = re.compile(r"s(\d+)-spp(\d+)")
 
 @dataclasses.dataclass(frozen=True)
 class Actual:
-    """``accuracy`` by the metric as sampled lenses define it (docs/reference/metrics.md), and ``seconds`` of the whole frame."""
+    """``accuracy`` by the metric of sampled lenses (docs/reference/metrics.md), ``seconds`` of the whole frame."""
 
     accuracy: float
     seconds: float

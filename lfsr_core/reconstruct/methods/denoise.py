@@ -45,7 +45,7 @@ def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.
     """
     guides = {"albedo": albedo, "normal": normal} if albedo is not None else {}
     guides = {name: np.asarray(image, np.float32) for name, image in guides.items() if image is not None}
-    # With guides, "high" takes 2.5 times as long as "balanced" and is no better from 4 samples on (docs/results/networks.md).
+    # With guides, "high" takes 2.5 times as long as "balanced", no better from 4 on: docs/results/networks.md.
     quality = "fast" if fast else "balanced" if guides else "high"
     try:
         denoised = _library().denoise(np.asarray(color, np.float32), **guides, hdr=True, clean_aux=bool(guides),
