@@ -1,9 +1,21 @@
-"""The one exception that a user is meant to read."""
+"""The one exception that a user is meant to read, and the hint that its sentences share."""
+
+import difflib
+from collections.abc import Iterable
 
 
 class LfsrError(ValueError):
-    """Bad input or a missing prerequisite, told in one sentence.
+    """Bad input or a missing prerequisite, reported in one sentence.
 
     The message names the value, what was expected and what to do; command-line
     entry points print it and exit with code 2.
     """
+
+
+def did_you_mean(value: str, choices: Iterable[str], cutoff: float = 0.6) -> str:
+    """``did you mean 'x'? `` for the choice nearest to ``value``, "" where none is near.
+
+    ``cutoff`` in [0, 1]: the least likeness that counts, as in ``difflib``.
+    """
+    near = difflib.get_close_matches(value, list(choices), n=1, cutoff=cutoff)
+    return f"did you mean {near[0]!r}? " if near else ""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.frames.job import LAYERS
 
 from .. import compat
@@ -21,9 +20,7 @@ def check_layers(layers: Sequence[str]) -> None:
     """LfsrError names the first unknown layer."""
     for name in layers:
         if name not in LAYERS:
-            close = difflib.get_close_matches(name, LAYERS, n=1)
-            hint = f"did you mean {close[0]!r}? " if close else ""
-            raise LfsrError(f"unknown layer {name!r}: {hint}The layers are {', '.join(LAYERS)}")
+            raise LfsrError(f"unknown layer {name!r}: {did_you_mean(name, LAYERS)}The layers are {', '.join(LAYERS)}")
 
 
 @contextmanager

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.files import read_json
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CONVENTIONS
@@ -70,9 +69,8 @@ class Job:
         known = {field.name for field in dataclasses.fields(cls)}
         for key in data:
             if key not in known:
-                close = difflib.get_close_matches(key, known, n=1)
                 raise LfsrError(f"job: unknown field {key!r}; " + (
-                    f"did you mean {close[0]!r}?" if close else f"the fields are {', '.join(sorted(known))}"))
+                    did_you_mean(key, known).rstrip() or f"the fields are {', '.join(sorted(known))}"))
         for key in ("output", "display"):
             if key not in data:
                 raise LfsrError(f"job: field {key!r} is missing; every job needs it")
@@ -105,9 +103,8 @@ def _typed(data: dict[str, Any]) -> dict[str, Any]:
 
 def _check_choice(field: str, value: str, choices: tuple[str, ...]) -> None:
     if value not in choices:
-        close = difflib.get_close_matches(str(value), choices, n=1)
-        hint = f"did you mean {close[0]!r}? " if close else ""
-        raise LfsrError(f"{field} is {value!r}: {hint}It must be one of {', '.join(choices)}")
+        raise LfsrError(f"{field} is {value!r}: {did_you_mean(str(value), choices)}"
+                        f"It must be one of {', '.join(choices)}")
 
 
 def _check_numbers(job: Job) -> None:

@@ -7,7 +7,6 @@ OpenColorIO configuration; ``srgb_encode`` is the plain curve that metrics use.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import importlib.util
 import os
 from collections.abc import Iterable
@@ -16,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import PyOpenColorIO as ocio
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.errors import LfsrError, did_you_mean
 
 CONFIG_IN_BLENDER = "datafiles/colormanagement/config.ocio"
 NO_LOOK = ("", "None")
@@ -97,8 +96,7 @@ def _look_name(config: ocio.Config, settings: ColorSettings) -> str:
 def _check_known(what: str, name: str, known: Iterable[str]) -> None:
     names = list(known)
     if name not in names:
-        close = difflib.get_close_matches(name, names, n=1)
-        hint = f"did you mean {close[0]!r}" if close else f"choose one of {', '.join(names)}"
+        hint = did_you_mean(name, names).rstrip("? ") or f"choose one of {', '.join(names)}"
         raise LfsrError(f"{what} {name!r} is not in Blender's colour configuration: {hint}")
 
 

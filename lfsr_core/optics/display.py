@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.errors import LfsrError, did_you_mean
 
 PROFILE_FOLDER = Path(__file__).parent / "displays"
 EI_ORDERS = ("flipped", "direct")
@@ -91,9 +90,8 @@ class DisplayProfile:
         known = {field.name: field for field in dataclasses.fields(cls)}
         for key in data:
             if key not in known:
-                hint = difflib.get_close_matches(key, known, n=1)
                 raise LfsrError(f"{source}: unknown field {key!r}; " + (
-                    f"did you mean {hint[0]!r}?" if hint else f"the fields are {', '.join(known)}"))
+                    did_you_mean(key, known).rstrip() or f"the fields are {', '.join(known)}"))
         missing = [name for name, field in known.items()
                    if field.default is dataclasses.MISSING and name not in data]
         if missing:
@@ -164,9 +162,7 @@ def load_display(name_or_file: str | Path) -> DisplayProfile:
     if path.suffix != ".toml":
         names = builtin_names()
         if str(name_or_file) not in names:
-            close = difflib.get_close_matches(str(name_or_file), names, n=1)
-            hint = f"did you mean {close[0]!r}? " if close else ""
-            raise LfsrError(f"unknown display {str(name_or_file)!r}: {hint}"
+            raise LfsrError(f"unknown display {str(name_or_file)!r}: {did_you_mean(str(name_or_file), names)}"
                             f"Give a .toml file or one of {', '.join(names)}")
         path = PROFILE_FOLDER / f"{name_or_file}.toml"
     return _read_profile(path)

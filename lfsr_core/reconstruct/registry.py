@@ -8,14 +8,13 @@ half-pixel centres.
 
 from __future__ import annotations
 
-import difflib
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Cleaner, Method, Upscaler
 from lfsr_core.reconstruct.methods import denoise, epipolar
@@ -118,8 +117,7 @@ def _cleaner(upscaler: Upscaler) -> Cleaner:
 
 def _check_known(part: str) -> None:
     if part not in METHODS:
-        close = difflib.get_close_matches(part, METHODS, n=1, cutoff=0.4)
-        hint = f"did you mean {close[0]!r}? " if close else ""
+        hint = did_you_mean(part, METHODS, cutoff=0.4)
         raise LfsrError(f"unknown method {part!r}: {hint}Choose from {', '.join(METHODS)}, joined by '+'")
 
 

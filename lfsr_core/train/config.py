@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.reconstruct.networks import catalogue
 
 CONFIG_FOLDER = Path(__file__).parent / "configs"
@@ -90,8 +89,7 @@ def from_values(values: dict[str, Any], origin: str) -> TrainConfig | LightField
     hints = get_type_hints(kind)
     for key, value in values.items():
         if key not in hints:
-            near = difflib.get_close_matches(key, hints, n=1, cutoff=0)[0]
-            raise LfsrError(f"{origin} has the unknown key {key!r}: did you mean {near!r}?")
+            raise LfsrError(f"{origin} has the unknown key {key!r}: {did_you_mean(key, hints, cutoff=0).rstrip()}")
         if hints[key] is float and type(value) is int:
             values[key] = float(value)
         elif type(value) is not hints[key]:

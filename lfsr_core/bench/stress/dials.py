@@ -7,10 +7,9 @@ y = 0, the viewer stands at y = -distance, behind the display is y > 0.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Mapping, Sequence
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.errors import LfsrError, did_you_mean
 
 SAMPLES = 16
 DROP = 0.05       # how far below its own start a method counts as broken
@@ -92,8 +91,7 @@ def choose_dials(names: Sequence[str] | None) -> tuple[Dial, ...]:
     known = [dial.name for dial in DIALS]
     for name in names or ():
         if name not in known:
-            close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
-            hint = f"did you mean {close[0]!r}? " if close else ""
+            hint = did_you_mean(name, known, cutoff=0.4)
             raise LfsrError(f"there is no dial {name!r}: {hint}Choose from {', '.join(known)}")
     return tuple(dial for dial in DIALS if not names or dial.name in names)
 

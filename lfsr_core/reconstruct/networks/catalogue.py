@@ -5,14 +5,13 @@ Importing this module imports no torch.
 
 from __future__ import annotations
 
-import difflib
 import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.errors import LfsrError, did_you_mean
 
 if TYPE_CHECKING:
     from torch import nn
@@ -89,8 +88,7 @@ NAMES: dict[str, str] = {name: spec.description for name, spec in NETWORKS.items
 def spec(name: str) -> NetworkSpec:
     """Entry of NETWORKS; LfsrError with the nearest name if there is none."""
     if name not in NETWORKS:
-        near = difflib.get_close_matches(name, NETWORKS, n=1, cutoff=0)[0]
-        raise LfsrError(f"there is no network {name!r}: did you mean {near!r}?")
+        raise LfsrError(f"there is no network {name!r}: {did_you_mean(name, NETWORKS, cutoff=0).rstrip()}")
     return NETWORKS[name]
 
 

@@ -1,0 +1,17 @@
+"""The hint that every sentence about an unknown name shares."""
+
+from lfsr_core.errors import did_you_mean
+
+FRUIT = ("apple", "banana", "cherry")
+
+
+def test_the_nearest_name_is_suggested():
+    assert did_you_mean("aple", FRUIT) == "did you mean 'apple'? "
+
+
+def test_nothing_is_suggested_where_nothing_is_near():
+    assert did_you_mean("xyz", FRUIT) == did_you_mean("apple", ()) == ""
+
+
+def test_a_lower_cutoff_suggests_what_is_less_alike():
+    assert did_you_mean("berry", FRUIT, cutoff=0.9) == "" and "cherry" in did_you_mean("berry", FRUIT, cutoff=0.4)
