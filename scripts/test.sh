@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Make the environment, then run ruff and every test; arguments go to pytest.
+# Make the environment, then run ruff, the rule of layers and every test; arguments go to pytest.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 venv=$(./scripts/setup.sh blender,training,dev)
 "$venv/bin/ruff" check .
+"$venv/bin/lint-imports"
 exec "$venv/bin/python" -m pytest "$@"

@@ -1,0 +1,98 @@
+"""The package as ``pip install .`` leaves it: every file is there, and the command works far from the clone."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tomllib
+import venv
+from pathlib import Path, PurePosixPath
+
+import pytest
+
+from lfsr_core.images.png import read_png
+from lfsr_core.optics.display import load_display
+from tests.support.prerequisites import needs_bpy
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = {"lfsr_core": "lfsr_core", "blender_addon": "blender_addon", "scripts/scenes": "lfsr_scenes"}
+
+
+def sources() -> list[str]:
+    """Paths of every file that git has or would take, relative to the root."""
+    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+    return [path for path in listed if (ROOT / path).is_file()]
+
+
+def installed_paths() -> dict[str, str]:
+    """Place among the installed packages of every file of theirs, and its place in the repository."""
+    return {path.replace(folder, package, 1): path for path in sources() for folder, package in PACKAGES.items()
+            if path.startswith(folder + "/")}
+
+
+def test_every_folder_of_modules_is_a_listed_package():
+    folders = {str(PurePosixPath(path).parent).replace("/", ".") for path in installed_paths() if path.endswith(".py")}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert set(project["tool"]["setuptools"]["packages"]) == folders
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory):
+    """A fresh environment that sees this one's libraries, with the package installed from a copy of the repository."""
+    folder = tmp_path_factory.mktemp("packaging")
+    for path in sources():
+        (folder / "copy" / path).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / path, folder / "copy" / path)
+    venv.create(folder / "venv")
+    # A plain line adds the folder without reading its own .pth files: an editable install there stays unseen.
+    packages(folder / "venv").joinpath("libraries.pth").write_text(sysconfig.get_paths()["purelib"] + "\n")
+    run(sys.executable, "-m", "pip", "--python", folder / "venv/bin/python", "install", "-q", "--no-index", "--no-deps",
+        "--no-build-isolation", "--ignore-installed", folder / "copy", cwd=folder)
+    shutil.rmtree(folder / "copy")
+    return folder / "venv"
+
+
+def packages(environment: Path) -> Path:
+    return Path(sysconfig.get_path("purelib", "venv", {"base": str(environment)}))
+
+
+def run(*command: object, cwd: Path) -> str:
+    """Standard output of a command that knows nothing of the clone."""
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(list(map(str, command)), cwd=cwd, env=variables, capture_output=True, text=True, timeout=120,
+                          check=False)
+    assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+def test_every_file_is_installed(environment):
+    assert [path for path in installed_paths() if not (packages(environment) / path).is_file()] == []
+
+
+@pytest.mark.parametrize(("arguments", "answer"), [(("displays",), "bupt-32in-8k"), (("stress", "--help"), "--dials")])
+def test_the_command_answers_outside_the_clone(environment, tmp_path, arguments, answer):
+    assert answer in run(environment / "bin/lfsr", *arguments, cwd=tmp_path)
+
+
+@pytest.mark.slow
+@needs_bpy
+def test_a_scene_of_the_package_renders_outside_the_clone(environment, tmp_path):
+    scenes = packages(environment) / "lfsr_scenes"
+    run(environment / "bin/python", scenes / "demo_scene.py", "scene.blend", cwd=tmp_path)
+    run(environment / "bin/lfsr", "render", "scene.blend", "-o", "frame", "--display", "mini", "--spp", 1, cwd=tmp_path)
+    picture = read_png(tmp_path / "frame" / "eia.png")
+    assert picture.shape[1::-1] == load_display("mini").panel_pixels and picture.std() > 10
+
+
+@needs_bpy
+@pytest.mark.parametrize("script", ["training_scenes.py", "stress_scenes.py", "move_camera_array.py"])
+def test_scene_scripts_find_the_core_where_they_are_installed(environment, tmp_path, script):
+    # Under another name than __main__ a script only imports what it needs.
+    code = (f"import runpy, sys; sys.argv = [{script!r}]; "
+            f"runpy.run_path({str(packages(environment) / 'lfsr_scenes' / script)!r}); "
+            "import lfsr_core; print(lfsr_core.__file__)")
+    assert run(environment / "bin/python", "-c", code, cwd=tmp_path).startswith(str(packages(environment)))
