@@ -57,5 +57,7 @@ def metric_facts(scene: bpy.types.Scene) -> Facts:
 def _metrics(path: str, _changed: int) -> tuple[tuple[str, str], ...]:
     """Panels ask on every redraw; the file is read once per change."""
     metrics = read_json(Path(path), "a report").get("metrics", {})
-    return tuple((title, f"{metrics[name]:.1f} dB" if name in IN_DECIBEL else f"{metrics[name]:.4f}")
-                 for name, title in METRICS.items() if isinstance(metrics.get(name), (int, float)))
+    facts = [(title, f"{metrics[name]:.1f} dB" if name in IN_DECIBEL else f"{metrics[name]:.4f}")
+             for name, title in METRICS.items() if isinstance(metrics.get(name), (int, float))]
+    without_flip = "flip" in metrics and metrics["flip"] is None
+    return (*facts, ("FLIP", "not computed")) if without_flip else tuple(facts)

@@ -36,9 +36,10 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def table(metrics: dict[str, Any]) -> list[str]:
-    """One line per known metric: value, 95 % interval where the reference is a sample of lenses, meaning."""
-    return [f"{name:15} {metrics[name]:8.4f}{_spread(metrics, name):10}  {meaning}"
-            for name, meaning in MEANING.items() if metrics.get(name) is not None]
+    """One line per known metric (value, 95 % interval of a sample of lenses, meaning), then one per note."""
+    lines = [f"{name:15} {metrics[name]:8.4f}{_spread(metrics, name):10}  {meaning}"
+             for name, meaning in MEANING.items() if metrics.get(name) is not None]
+    return lines + metrics.get("notes", [])
 
 
 def _spread(metrics: dict[str, Any], name: str) -> str:

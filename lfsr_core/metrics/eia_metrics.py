@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import flip_evaluator
 import numpy as np
 
 from lfsr_core.errors import LfsrError
@@ -18,7 +17,13 @@ from lfsr_core.metrics.intervals import _stratified, _stratum
 from lfsr_core.metrics.split_ssim import inside_border, mean_of, psnr, split_mse, split_ssim_map, ssim, stacked_ssim
 from lfsr_core.optics.eia import to_elemental_images, to_views, views_per_lens
 
+try:
+    import flip_evaluator
+except ImportError:  # its wheels are bound to one Python version each, so the Blender extension has none
+    flip_evaluator = None
+
 METRIC_NAMES = ("p", "ssim_eia", "ssim_eia_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain", "ssim_ceiling", "flip")
+NO_FLIP = "FLIP was not computed: the Python that compared has no package flip-evaluator"
 LensList = tuple[tuple[int, int], ...]
 
 
@@ -31,22 +36,26 @@ def compare(image: np.ndarray, reference_a: np.ndarray, reference_b: np.ndarray,
     whole EIA, (H, W, 3), or with ``lens_list`` tiles of those (row, column)
     lenses as ``RayLayout`` places them. Then the numbers estimate the whole EIA
     from lenses drawn at random inside and outside the mask, and "ci95" holds the
-    half-widths of their 95 % confidence intervals. LfsrError where shapes differ.
+    half-widths of their 95 % confidence intervals. Without the package
+    flip-evaluator "flip" is None and "notes" says so. LfsrError where shapes differ.
     """
     views_per_lens(image, lenses)
     if mask.shape != lenses[::-1]:
         raise LfsrError(f"the foreground mask has shape {mask.shape}, expected {lenses[::-1]}, one entry per lens: "
                         "upscale the frame again")
+    notes = {} if flip_evaluator else {"notes": [NO_FLIP]}
     if lens_list is not None:
-        return _compare_sampled(image, reference_a, reference_b, lenses, mask, lens_list)
+        return _compare_sampled(image, reference_a, reference_b, lenses, mask, lens_list) | notes
     for half in (reference_a, reference_b):
         if half.shape != image.shape:
             raise _shape_error(half.shape, image.shape)
-    return _compare_whole(*(srgb_encode(values) for values in (image, reference_a, reference_b)), lenses, mask)
+    return _compare_whole(*(srgb_encode(values) for values in (image, reference_a, reference_b)), lenses, mask) | notes
 
 
-def mean_flip(image: np.ndarray, reference: np.ndarray) -> float:
-    """Mean LDR-FLIP (Andersson et al. 2020) of two (H, W, 3) sRGB images in [0, 1]."""
+def mean_flip(image: np.ndarray, reference: np.ndarray) -> float | None:
+    """Mean LDR-FLIP (Andersson et al. 2020) of two (H, W, 3) sRGB images in [0, 1]; None without its package."""
+    if flip_evaluator is None:
+        return None
     images = [np.ascontiguousarray(values, np.float32) for values in (reference, image)]
     return float(flip_evaluator.evaluate(*images, "LDR", inputsRGB=True, applyMagma=False, computeMeanError=True)[1])
 
@@ -96,7 +105,7 @@ def _compare_sampled(image: np.ndarray, reference_a: np.ndarray, reference_b: np
     stacks = [srgb_encode(chosen), *(srgb_encode(_tiles(half, chosen.shape)) for half in (reference_a, reference_b))]
     values = _per_lens(*stacks)
     in_foreground = mask[rows, columns]
-    whole = {name: _stratified(values[name], in_foreground, mask)
+    whole = {name: _stratified(values[name], in_foreground, mask) if name in values else (None, None)
              for name in ("ssim_eia", "ssim_eia_plain", "ssim_ceiling", "flip")}
     foreground = {f"{name}_fg": _stratum(values[name][in_foreground], int(mask.sum())) for name in ("ssim_eia", "psnr")}
     estimates = whole | foreground | {"ssim_views_fg": (None, None)}
@@ -116,13 +125,13 @@ def _tiles(half: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
 def _per_lens(x: np.ndarray, a: np.ndarray, b: np.ndarray) -> dict[str, np.ndarray]:
     """Metrics (N,) of each EI (N, py, px, C) on its own; "psnr" holds squared errors."""
     mean = (a + b) / 2
+    flip = {"flip": np.array([mean_flip(*pair) for pair in zip(x, mean, strict=True)])} if flip_evaluator else {}
     return {
         "ssim_eia": stacked_ssim(x, a, b).mean((1, 2)),
         "ssim_eia_plain": stacked_ssim(x, mean, mean).mean((1, 2)),
         "ssim_ceiling": stacked_ssim(a, b, b).mean((1, 2)),
         "psnr": np.mean((x - a) * (x - b), (1, 2, 3), dtype=np.float64),
-        "flip": np.array([mean_flip(*pair) for pair in zip(x, mean, strict=True)]),
-    }
+    } | flip
 
 
 def _decibels(error: float | None, width: float | None) -> tuple[float | None, float | None]:

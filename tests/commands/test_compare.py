@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -24,6 +26,24 @@ def test_compare_writes_and_prints_every_metric(tmp_path, capsys, lenses):
         assert (name in printed.split()) == (metrics[name] is not None)
     assert 1 > metrics["ssim_eia"] > metrics["ssim_eia_fg"] > 0.5, "the background is easy"
     assert ("±" in printed) == (lenses is not None)
+
+
+@pytest.mark.parametrize("lenses", [None, tuple((row, column) for row in range(3, 9) for column in range(4, 12))])
+def test_without_its_package_flip_is_reported_as_not_computed(tmp_path, lenses):
+    """A Python that has no flip-evaluator, as Blender's, compares all the same."""
+    folder, reference = write_render(tmp_path / "frame"), write_reference(tmp_path / "reference", lens_list=lenses)
+    main(["upscale", str(folder), "--method", "bicubic"])
+    main(["compare", str(folder), str(reference)])
+    with_flip = json.loads((folder / "report.json").read_text())["metrics"]
+    source = ("import sys; sys.modules['flip_evaluator'] = None; from lfsr_core.cli import main; "
+              f"sys.exit(main(['compare', {str(folder)!r}, {str(reference)!r}]))")
+    done = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=True)
+    assert "FLIP was not computed" in done.stdout and "flip  " not in done.stdout
+    metrics = json.loads((folder / "report.json").read_text())["metrics"]
+    assert metrics["flip"] is None and "flip-evaluator" in metrics["notes"][0]
+    left_out = ("flip", "notes", "ci95")
+    assert {name: metrics[name] for name in metrics if name not in left_out} == {
+        name: with_flip[name] for name in with_flip if name not in left_out}
 
 
 @pytest.mark.parametrize("lenses", [((5, 7),), ((0, 0),), ((5, 7), (5, 8))])
