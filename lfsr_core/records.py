@@ -1,1 +1,171 @@
-"""Records: frozen dataclasses and the JSON they are kept in."""
+"""Records: frozen dataclasses and the JSON they are kept in, both ways in one place.
+
+Nothing is converted on the way in: a field holds what the data said, or reading fails with one sentence.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import sys
+import types
+import typing
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+import cattrs
+
+from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.files import read_json, write_json
+
+Record = TypeVar("Record")
+MOST_VALUE, MOST_PLACE, MOST_RULE, MOST_SENTENCE = 50, 70, 90, 300  # characters
+PLAIN = {str: (str, "text"), bool: (bool, "true or false"), int: (int, "a whole number"),
+         float: ((int, float), "a finite number")}
+
+
+def from_data(cls: type[Record], data: Any, source: str) -> Record:
+    """The record of class ``cls`` that JSON ``data`` describes; ``source`` names the data in errors.
+
+    LfsrError, one sentence, for an unknown or missing field, a value of another type, or a number that is not finite.
+    """
+    try:
+        return _converter().structure(data, cls)
+    except _WrongError as error:
+        place = _end("".join(reversed(error.places)).removeprefix("."), MOST_PLACE)
+        rest = f"{place} {error}" if place else f"it {error}"
+    except LfsrError as error:  # a record's own check
+        rest = str(error)
+    raise LfsrError(f"{_end(source, MOST_PLACE)}: {rest}"[:MOST_SENTENCE])
+
+
+def to_data(record: Any) -> Any:
+    """JSON-ready data of a record: objects, lists, text, numbers, true, false and null."""
+    return _converter().unstructure(record)
+
+
+def read_record(path: str | Path, cls: type[Record], what: str) -> Record:
+    """The record in a JSON file; LfsrError names ``what`` the file should have been, or what is wrong in it."""
+    return from_data(cls, read_json(path, what), str(path))
+
+
+def write_record(path: str | Path, record: Any) -> None:
+    """Write a record as JSON, whole or not at all; LfsrError where ``read_record`` would not take it back."""
+    data = to_data(record)
+    from_data(type(record), data, str(path))
+    write_json(path, data)
+
+
+class _WrongError(Exception):
+    """What is wrong, without the place; ``places`` are its parts, the innermost first."""
+
+    def __init__(self, rule: str) -> None:
+        super().__init__(rule)
+        self.places: list[str] = []
+
+
+def _value_error(value: Any, rule: str) -> _WrongError:
+    return _WrongError(f"is {_start(repr(value), MOST_VALUE)}, but it must be {_start(rule, MOST_RULE)}")
+
+
+@contextmanager
+def _at(place: str) -> Iterator[None]:
+    try:
+        yield
+    except _WrongError as error:
+        error.places.append(place)
+        raise
+
+
+@functools.cache
+def _converter() -> cattrs.Converter:
+    """A converter whose every hook checks before it takes."""
+    converter = cattrs.Converter(unstruct_collection_overrides={tuple: list})
+    hooks: dict[Callable[[Any], bool], Callable[[Any, Any], Any]] = {
+        dataclasses.is_dataclass: _record, _origin(tuple): _tuple, _origin(dict): _dict,
+        _origin(typing.Literal): _literal, _origin(typing.Union, types.UnionType): _union}
+    for kind in PLAIN:
+        converter.register_structure_hook(kind, _plain)
+    for fits, hook in hooks.items():
+        converter.register_structure_hook_func(fits, hook)
+    return converter
+
+
+def _origin(*kinds: Any) -> Callable[[Any], bool]:
+    return lambda cls: typing.get_origin(cls) in kinds
+
+
+def _plain(value: Any, cls: type) -> Any:
+    kinds, rule = PLAIN[cls]
+    fits = isinstance(value, kinds) and isinstance(value, bool) <= (cls is bool)
+    if not fits or (cls is float and not abs(value) <= sys.float_info.max):
+        raise _value_error(value, rule)
+    return value
+
+
+def _record(data: Any, cls: type) -> Any:
+    if not isinstance(data, dict):
+        raise _value_error(data, "an object")
+    fields = {field.name: field for field in dataclasses.fields(cls) if field.init}
+    for key in data:
+        if key not in fields:
+            raise _WrongError(f"has an unknown field {_start(repr(key), MOST_VALUE)}: {did_you_mean(key, fields)}"
+                              f"the fields are {_start(', '.join(fields), MOST_RULE)}")
+    for name, field in fields.items():
+        if name not in data and field.default is field.default_factory is dataclasses.MISSING:
+            raise _WrongError(f"lacks the field {name!r}, which every {cls.__name__} has")
+    hints, values = _hints(cls), {}
+    for name, value in data.items():
+        with _at(f".{name}"):
+            values[name] = _converter().structure(value, hints[name])
+    return cls(**values)
+
+
+_hints = functools.cache(typing.get_type_hints)
+
+
+def _tuple(data: Any, cls: Any) -> tuple[Any, ...]:
+    kinds = typing.get_args(cls)
+    if not isinstance(data, (list, tuple)):
+        raise _value_error(data, "a list")
+    if kinds[-1] is Ellipsis:
+        kinds = kinds[:1] * len(data)
+    if len(data) != len(kinds):
+        raise _value_error(data, f"a list of {len(kinds)} entries")
+    return tuple(_item(f"[{index}]", value, kind) for index, (value, kind) in enumerate(zip(data, kinds, strict=True)))
+
+
+def _dict(data: Any, cls: Any) -> dict[str, Any]:
+    if not isinstance(data, dict) or not all(isinstance(key, str) for key in data):
+        raise _value_error(data, "an object")
+    return {key: _item(f".{key}", value, typing.get_args(cls)[1]) for key, value in data.items()}
+
+
+def _item(place: str, value: Any, kind: Any) -> Any:
+    with _at(place):
+        return _converter().structure(value, kind)
+
+
+def _literal(value: Any, cls: Any) -> Any:
+    choices = typing.get_args(cls)
+    if not any(value == choice and type(value) is type(choice) for choice in choices):
+        raise _value_error(value, f"one of {', '.join(map(str, choices))}")
+    return value
+
+
+def _union(value: Any, cls: Any) -> Any:
+    """Null where it may be, else the one other type."""
+    kinds = [kind for kind in typing.get_args(cls) if kind is not type(None)]
+    if len(kinds) != 1:
+        raise TypeError(f"{cls} is a choice of several types, which records do not have")
+    return None if value is None else _converter().structure(value, kinds[0])
+
+
+def _start(text: str, most: int) -> str:
+    return text if len(text) <= most else text[:most - 1] + "…"
+
+
+def _end(text: str, most: int) -> str:
+    return text if len(text) <= most else "…" + text[1 - most:]
