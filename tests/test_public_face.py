@@ -1,0 +1,28 @@
+"""What ``import lfsr_core`` offers, and what it does not load."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+import lfsr_core
+
+
+@pytest.mark.parametrize("name", lfsr_core.__all__)
+def test_every_public_name_is_there_and_documented(name):
+    value = getattr(lfsr_core, name)
+    assert name in dir(lfsr_core)
+    assert isinstance(value, str) or value.__doc__
+
+
+def test_unknown_names_are_no_attributes():
+    with pytest.raises(AttributeError, match="no attribute 'upscale_frames'"):
+        _ = lfsr_core.upscale_frames
+
+
+def test_importing_the_package_loads_nothing_heavy():
+    code = "import sys, lfsr_core; print(sorted({'numpy', 'torch', 'bpy', 'OpenImageIO'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
