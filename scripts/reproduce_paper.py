@@ -18,12 +18,13 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from lfsr_core.bench.chart import frames
+from lfsr_core.bench.environment import environment
 from lfsr_core.bench.paper import page, renders, settings
 from lfsr_core.bench.paper.figure import Figure, Results
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.optics.display import load_display
+from lfsr_core.records import to_data
 
 RESULTS_FILE, PAGE_FILE, IMAGES = "results.json", "paper.md", "images"
 PAGE_IN_DOCS = "results/paper.md"
@@ -48,7 +49,7 @@ def reproduce(arguments: argparse.Namespace, command: str) -> dict[str, Results]
     """Measure, draw and write figure by figure; returns all results by id, earlier ones included."""
     figures = page.chosen(arguments.only)
     chosen = make_settings(arguments)
-    run = {"settings": chosen.facts(), "environment": frames.environment()}
+    run = {"settings": chosen.facts(), "environment": to_data(environment())}
     results = _earlier(chosen.output / RESULTS_FILE, run["settings"])
     for figure in figures:
         results[figure.id] = figure.measure(chosen, chosen.output)

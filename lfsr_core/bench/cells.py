@@ -1,53 +1,67 @@
-"""Single measurements that are kept: a run that was stopped goes on where it was."""
+"""Results that are kept in files, so that a run that was stopped goes on where it was."""
 
 from __future__ import annotations
 
-import os
-import sys
+import dataclasses
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
+from lfsr_core.records import from_data, to_data
 
-FOLDER = "cells"
-VERSION = 3  # another one where a measurement of the same inputs holds other numbers
+Record = TypeVar("Record")
+Fingerprint = dict[str, Any]
 
 
-class Cells:
-    """Measurements of one figure, a JSON file each, in ``output``/cells/``figure``.
+@dataclasses.dataclass(frozen=True)
+class Cells(Generic[Record]):
+    """A cache of measured records, one JSON file each: the record's fields and a fingerprint of what it depends on.
 
-    ``load``: highest load average that was seen after any of them, None where the system tells none.
+    Attributes
+    ----------
+    folder : where the files are
+    kind : the records' class, a frozen dataclass
+    key : entry of a file that holds the fingerprint; None: its parts stand beside the record's fields
     """
 
-    def __init__(self, output: Path, figure: str) -> None:
-        self.folder = Path(output) / FOLDER / figure
-        self.load: float | None = None
+    folder: Path
+    kind: type[Record]
+    key: str | None = "fingerprint"
 
-    def __call__(self, name: str, inputs: dict[str, Any], measure: Callable[[], Any]) -> Any:
-        """The result of ``measure()``, or the one kept from an earlier call of this name with the same ``inputs``.
+    def path(self, name: str) -> Path:
+        """File of one record."""
+        return self.folder / f"{name}.json"
 
-        Both must be plain JSON. Nothing is kept of a measurement that fails.
+    def read(self, name: str, fingerprint: Fingerprint) -> Record | None:
+        """The record kept under ``name``; None if there is none, its fingerprint differs, or the file is damaged."""
+        try:
+            kept = read_json(self.path(name), "a kept measurement")
+            parts = dict(kept) if isinstance(kept, dict) else {}
+            found = parts.pop(self.key, None) if self.key else {part: parts.pop(part, None) for part in fingerprint}
+            return from_data(self.kind, parts, str(self.path(name))) if found == fingerprint else None
+        except LfsrError:  # it can be measured again
+            return None
+
+    def write(self, name: str, fingerprint: Fingerprint, record: Record) -> None:
+        """Keep a record under ``name``."""
+        mark = {self.key: fingerprint} if self.key else fingerprint
+        write_json(self.path(name), {**mark, **to_data(record)})
+
+    def get(self, name: str, fingerprint: Fingerprint, measure: Callable[[], Record]) -> Record:
+        """The record kept under ``name``, else what ``measure()`` gives, which is then kept.
+
+        ``fingerprint`` must be plain JSON. Nothing is kept of a measurement that fails.
         """
-        path, inputs = self.folder / f"{name}.json", {"version": VERSION, **inputs}
-        kept = _kept(path)
-        if kept is None or kept.get("inputs") != inputs:
-            print(f"{self.folder.name:7} {name}", file=sys.stderr, flush=True)
-            kept = {"inputs": inputs, "result": measure(), "load": _load()}
-            write_json(path, kept)
-        self.load = max((load for load in (self.load, kept.get("load")) if load is not None), default=None)
-        return kept["result"]
+        found = self.read(name, fingerprint)
+        if found is None:
+            found = measure()
+            self.write(name, fingerprint, found)
+        return found
 
 
-def _load() -> float | None:
-    return round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None
-
-
-def _kept(path: Path) -> dict[str, Any] | None:
-    """What the file holds, None if it is absent or damaged: it can be measured again."""
-    try:
-        kept = read_json(path, "a kept measurement")
-    except LfsrError:
-        return None
-    return kept if isinstance(kept, dict) and "result" in kept else None
+def digest(data: bytes) -> str:
+    """Short hash of bytes, as a part of a fingerprint."""
+    return hashlib.sha256(data).hexdigest()[:16]

@@ -1,30 +1,87 @@
-"""Runs the stability suite: scenes, references, renders and one small JSON file per cell.
-
-A *cell* is one method at one value of one dial. What is complete in the bench
-folder is not made again, so an interrupted run goes on where it stopped.
-"""
+"""The machine and the versions that measured figures depend on besides the code."""
 
 from __future__ import annotations
 
-import importlib.metadata
-import importlib.util
+import dataclasses
 import os
 import platform
 import sys
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+
+from lfsr_core import __version__
+
+PACKAGES = ("bpy", "numpy", "pyoidn", "torch", "onnxruntime", "OpenImageIO", "opencolorio")
 
 
-def environment() -> dict[str, Any]:
-    """What the figures depend on besides the code."""
-    packages = [name for name in ("bpy", "numpy", "pyoidn", "openimageio", "torch") if importlib.util.find_spec(
-        {"openimageio": "OpenImageIO"}.get(name, name))]
-    return {"cores": os.cpu_count(), "machine": platform.machine(), "python": platform.python_version(),
-            "executable": Path(sys.executable).name, "versions": {name: _version(name) for name in packages}}
+@dataclasses.dataclass(frozen=True)
+class Environment:
+    """What figures were measured with, as every report of a benchmark keeps it.
+
+    Attributes
+    ----------
+    cpu : name of the processor
+    cores : number of its logical cores
+    memory_gib : main memory, None where the system does not tell
+    system : operating system
+    python : version of Python
+    gpu : name of the graphics card that PyTorch used, None without one
+    versions : version of LFSR and of each package that is installed, by name
+    """
+
+    cpu: str
+    cores: int
+    memory_gib: float | None
+    system: str
+    python: str
+    gpu: str | None
+    versions: dict[str, str]
+
+    @property
+    def machine(self) -> str:
+        """Processor and graphics card in words."""
+        return f"{self.cores} cores of {self.cpu}" + (f" and {self.gpu}" if self.gpu else "")
+
+    @property
+    def packages(self) -> str:
+        """Names and versions in words."""
+        return ", ".join(f"{name} {number}" for name, number in self.versions.items())
 
 
-def _version(name: str) -> str:
+def environment() -> Environment:
+    """Of this process, now: a graphics card counts only after PyTorch was loaded."""
+    versions = {"lfsr": __version__} | {name: found for name in PACKAGES if (found := _version(name))}
+    return Environment(_cpu(), os.cpu_count() or 1, _memory_gib(), platform.system(), platform.python_version(), _gpu(),
+                       versions)
+
+
+def load_average() -> float | None:
+    """Processes that wanted to run over the last minute, None where the system does not tell."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+
+
+def _version(package: str) -> str | None:
     try:
-        return importlib.metadata.version(name)
-    except importlib.metadata.PackageNotFoundError:
-        return "unknown"
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _cpu() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
+
+
+def _memory_gib() -> float | None:
+    try:
+        return round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1)
+    except (AttributeError, ValueError, OSError):
+        return None
+
+
+def _gpu() -> str | None:
+    torch = sys.modules.get("torch")  # not imported only to ask: without it no method used a GPU
+    return torch.cuda.get_device_name() if torch is not None and torch.cuda.is_available() else None

@@ -8,19 +8,18 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import subprocess
 import sys
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from lfsr_core.bench.environment import environment
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.frames.frame import REFERENCE_FILES, REPORT_FILE, read_frame
 from lfsr_core.plan.candidates import layers_of
+from lfsr_core.records import to_data
 
 STAGES = ("render", "load", "mask", "upscale", "assemble", "color", "write")
 METRICS = ("ssim_eia", "ssim_eia_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain", "ssim_ceiling", "flip")
@@ -51,12 +50,6 @@ def _lfsr(*words: object) -> None:
     print("$ lfsr", *map(str, words), flush=True)
     if subprocess.run(command, check=False).returncode:
         raise LfsrError(f"`lfsr {' '.join(map(str, words))}` failed: correct what it says and run this again")
-
-
-def environment() -> dict[str, Any]:
-    """What the figures depend on besides the code."""
-    return {"cores": os.cpu_count(), "machine": platform.machine(), "python": platform.python_version(),
-            "versions": {name: version(name) for name in ("bpy", "numpy", "pyoidn", "openimageio", "opencolorio")}}
 
 
 def markdown(rows: Sequence[dict[str, Any]]) -> str:
@@ -99,7 +92,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     rows = []
     for scene in options.scenes:
         rows.append(measure(scene, options))
-        write_json(options.json, {"settings": settings, "environment": environment(), "scenes": rows})
+        write_json(options.json, {"settings": settings, "environment": to_data(environment()), "scenes": rows})
     print(markdown(json.loads(options.json.read_text(encoding="utf-8"))["scenes"]))
     return 0
 

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-import os
-import platform
 import statistics
-import sys
 from collections.abc import Callable, Iterator, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from lfsr_core import __version__
 from lfsr_core.bench.chart import measure as chart_cells
 from lfsr_core.bench.chart import measure as chart_cost
 from lfsr_core.bench.chart import renders as chart_renders
 from lfsr_core.bench.chart.analysis import CEILING, DIRECT, LOW, METRICS, analyse
 from lfsr_core.bench.chart.records import FORMAT, check_chart
 from lfsr_core.bench.chart.settings import Settings
+from lfsr_core.bench.environment import environment
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, write_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES
 from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.records import to_data
 
 CHART_FILE, PAGE_FILE, PICTURE_FILE, TABLE_FILE = "chart.json", "chart.html", "chart.svg", "chart.md"
-PACKAGES = ("bpy", "numpy", "pyoidn", "torch", "onnxruntime", "OpenImageIO", "opencolorio")
 Say = Callable[[str], None]
 
 
@@ -34,7 +30,7 @@ def measure(settings: Settings, scenes: Sequence[Path], say: Say) -> dict[str, A
 
     ``say(sentence)`` for every step. LfsrError where not one scene can be measured.
     """
-    chart = {"format": FORMAT, "settings": settings.described(), "environment": environment(), "methods": [],
+    chart = {"format": FORMAT, "settings": settings.described(), "environment": to_data(environment()), "methods": [],
              "skipped": [], "scenes": []}
     _check_names(scenes)
     for scene in scenes:
@@ -57,7 +53,7 @@ def _check_names(scenes: Sequence[Path]) -> None:
 
 
 def _write(settings: Settings, chart: dict[str, Any]) -> None:
-    chart["environment"] = environment()  # only now is it known whether PyTorch was needed
+    chart["environment"] = to_data(environment())  # only now is it known whether PyTorch was needed
     check_chart(chart)
     write_json(settings.folder / CHART_FILE, chart)
 
@@ -153,40 +149,6 @@ def _skip(sentence: str, skipped: list[str], say: Say) -> None:
     if sentence not in skipped:
         skipped.append(sentence)
         say(f"skipped: {sentence}")
-
-
-def environment() -> dict[str, Any]:
-    """What the figures depend on besides the code: processor, memory, system, versions."""
-    versions = {"lfsr": __version__} | {name: found for name in PACKAGES if (found := _version(name))}
-    return {"cpu": _cpu(), "cores": os.cpu_count() or 1, "memory_gib": _memory_gib(), "system": platform.system(),
-            "python": platform.python_version(), "gpu": _gpu(), "versions": versions}
-
-
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
-
-
-def _cpu() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor() or platform.machine()
-    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
-
-
-def _memory_gib() -> float | None:
-    try:
-        return round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1)
-    except (AttributeError, ValueError, OSError):
-        return None
-
-
-def _gpu() -> str | None:
-    torch = sys.modules.get("torch")  # not imported only to ask: without it no method used a GPU
-    return torch.cuda.get_device_name() if torch is not None and torch.cuda.is_available() else None
 
 
 def write_pages(folder: Path, chart: dict[str, Any]) -> list[Path]:

@@ -96,5 +96,5 @@ def _run(run: Mapping[str, Any], command: str) -> Sequence[str]:
             f"Accuracy on `{settings['display']}`, times of whole frames on `{settings['timing_display']}`; s = "
             f"{settings['scale']}, {settings['spp']} samples per pixel ({settings['clean_spp']} where noise should not "
             f"matter), references of {lenses}, convention {settings['convention']}. "
-            f"Scenes: {', '.join(settings['scenes'])}. {machine['cores']} cores of {machine['machine']}, "
+            f"Scenes: {', '.join(settings['scenes'])}. {machine['cores']} cores of {machine['cpu']}, "
             f"Python {machine['python']}, {versions}."]

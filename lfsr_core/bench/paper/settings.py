@@ -6,7 +6,7 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.bench.cells import VERSION
+from lfsr_core.bench.paper.cells import VERSION
 from lfsr_core.optics.display import DisplayProfile, load_display
 
 QUICK_DISPLAY = DisplayProfile("paper-quick", (192, 112), (192.0, 112.0), (12, 7), (16, 16), 250.0, 40.0)

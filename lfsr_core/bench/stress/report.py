@@ -11,6 +11,7 @@ from lfsr_core.bench.stress.dials import Break, Dial, breaking_point, label
 from lfsr_core.bench.stress.folder import BASELINE, FORMAT, Bench, read_cell
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, write_json
+from lfsr_core.records import to_data
 
 REPORT_FILE, TABLE_FILE = "stress.json", "stress.md"
 MARKS = {"below bicubic": "b", "below its start": "s"}
@@ -25,7 +26,7 @@ EXTRAS = {"border": ("rmse_border", "rmse_centre", "border_ratio", "ssim_centre"
 def write_report(bench: Bench, values: Mapping[Dial, Sequence[float]], methods: Sequence[str]) -> Path:
     """Write stress.json and stress.md of measured cells; path of the former. LfsrError where a cell is missing."""
     dials = [_dial(bench, dial, chosen, methods) for dial, chosen in values.items()]
-    report = {"format": FORMAT, "settings": bench.settings.to_dict(), "environment": environment(),
+    report = {"format": FORMAT, "settings": bench.settings.to_dict(), "environment": to_data(environment()),
               "methods": list(methods), "dials": dials}
     path = bench.folder / REPORT_FILE
     write_json(path, report)

@@ -11,8 +11,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-from lfsr_core.bench import cells
-from lfsr_core.bench.paper import page, quality, renders, settings, timing, weights
+from lfsr_core.bench.paper import cells, page, quality, renders, settings, timing, weights
 from lfsr_core.bench.paper.figure import CROPS_SEEN
 from lfsr_core.bench.paper.figures import figure9, figure11
 from lfsr_core.reconstruct.networks import catalogue

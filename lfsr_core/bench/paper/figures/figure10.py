@@ -5,8 +5,8 @@ from __future__ import annotations
 import statistics
 from pathlib import Path
 
-from lfsr_core.bench.cells import Cells
 from lfsr_core.bench.paper import quality, renders, timing, weights
+from lfsr_core.bench.paper.cells import Cells
 from lfsr_core.bench.paper.figure import COLORS, Figure, Results, axes, markdown, number, save
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.bench.paper.verdict import Difference, mean_interval, overall, paired, say

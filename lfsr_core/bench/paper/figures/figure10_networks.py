@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.bench.cells import Cells
 from lfsr_core.bench.paper import quality, renders, timing, weights
+from lfsr_core.bench.paper.cells import Cells
 from lfsr_core.bench.paper.figure import (
     COLORS,
     Figure,

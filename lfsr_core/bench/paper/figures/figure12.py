@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.bench.cells import Cells
 from lfsr_core.bench.paper import quality, renders, timing, weights
+from lfsr_core.bench.paper.cells import Cells
 from lfsr_core.bench.paper.figure import COLORS, Figure, Results, axes, markdown, number, save
 from lfsr_core.bench.paper.figures import figure10
 from lfsr_core.bench.paper.settings import Settings

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from lfsr_core.bench.cells import Cells
 from lfsr_core.bench.paper import quality, renders, weights
+from lfsr_core.bench.paper.cells import Cells
 from lfsr_core.bench.paper.figure import Figure, Results, axes, gains, markdown, metric, missing, save, unequal
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.bench.paper.verdict import Difference, overall, say

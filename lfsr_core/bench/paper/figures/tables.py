@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.bench.cells import Cells
 from lfsr_core.bench.paper import quality, renders, timing, weights
+from lfsr_core.bench.paper.cells import Cells
 from lfsr_core.bench.paper.figure import Figure, Results, by_name, gains, markdown, metric, missing, number, unequal
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.bench.paper.verdict import Difference, overall, say, single_runs

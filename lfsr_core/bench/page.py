@@ -1,0 +1,55 @@
+"""HTML pages of measurements: one file each that loads nothing from elsewhere, light and dark."""
+
+from __future__ import annotations
+
+import base64
+import functools
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lfsr_core.files import atomic_path
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from markupsafe import Markup
+
+
+def page_html(template: str, **values: Any) -> str:
+    """The page that ``template``, a file of templates/, makes of ``values``; text in them is escaped.
+
+    Every template extends base.html and may import the tables of macros.html.
+    """
+    return _templates().get_template(template).render(values)
+
+
+def write_page(path: Path, template: str, **values: Any) -> Path:
+    """Write ``page_html`` to ``path``, whole or not at all; returns ``path``."""
+    return write_text(path, page_html(template, **values))
+
+
+def write_text(path: Path, text: str) -> Path:
+    """Write text, whole or not at all; returns ``path``."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return path
+
+
+def inline_svg(svg: str) -> Markup:
+    """An SVG document to stand in a page as it is: text of it can be marked, and it scales with the page."""
+    from markupsafe import Markup
+
+    return Markup(svg[svg.index("<svg"):])
+
+
+def image_source(path: Path) -> str:
+    """A PNG or JPEG file as the ``src`` of an image, its bytes included."""
+    kind = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}[path.suffix.lower()]
+    return f"data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
+
+
+@functools.cache
+def _templates() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    return Environment(loader=PackageLoader("lfsr_core.bench", "templates"), autoescape=True, undefined=StrictUndefined,
+                       trim_blocks=True, lstrip_blocks=True)
