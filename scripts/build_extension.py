@@ -2,15 +2,14 @@
 
 Stages the add-on, its manifest and wheels in a temporary folder, then builds and
 validates the zip with Blender's own extension tool, which the bpy wheel carries.
-Wheels for every platform are fetched by pip from the index it is configured with;
-the extension itself never runs pip and never uses the network. DIR gets finished,
-valid zips or nothing.
+Every wheel is pure Python, so one zip serves every platform and every Python from
+3.11. pip fetches them from the index it is configured with; the extension itself
+never runs pip and never uses the network. DIR gets a finished, valid zip or nothing.
 """
 
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import importlib.util
 import re
 import shutil
@@ -18,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -32,67 +31,43 @@ EXTENSION_TOOL = "*/scripts/addons_core/bl_pkg/cli/blender_ext.py"
 MANIFEST = "blender_manifest.toml"
 NOT_SOURCES = shutil.ignore_patterns("__pycache__", ".*")
 CORE_FILES = ("pyproject.toml", "README.md", "LICENSE")
-# Blender 4.5 and 5.0 run on Python 3.11, 5.2 on 3.13.
-PYTHONS = ("3.11", "3.13")
-# Platforms by Blender's name, with the names that wheels for it may have. Blender 4.5 needs glibc 2.28 and macOS 11.
-PLATFORMS = {
-    "linux-x64": ("manylinux_2_28_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"),
-    "windows-x64": ("win_amd64",),
-    "macos-arm64": ("macosx_11_0_arm64",),
+# What the second stage imports and Blender's Python does not bring everywhere; pip adds what these need themselves.
+RUNTIME_WHEELS = {
+    "threadpoolctl": "one BLAS thread per worker: cores would wait for each other without it",
+    "cattrs": "records to and from JSON",
+    "einops": "arrays reshaped by names of axes",
 }
-# One zip for all platforms, unless it would be a burden to download.
-LARGEST_SINGLE_ZIP = 100e6
-
-
-@dataclasses.dataclass(frozen=True)
-class Wheel:
-    """A package that the second stage imports and Blender's Python does not bring, and what for."""
-
-    name: str
-    reason: str
-
-
-RUNTIME_WHEELS = (
-    Wheel("flip-evaluator", "mean FLIP after 'Render reference + SSIM'; 0.4 MB"),
-    Wheel("threadpoolctl", "one BLAS thread per worker: cores would wait for each other without it; 0.03 MB"),
-)
-# Left out, since Blender brings them: NumPy, OpenImageIO, OpenColorIO, Open Image Denoise (libOpenImageDenoise, read
-# by lfsr_core/oidn.py; the pyoidn wheel would add 48 to 88 MB per platform). Left out, since our networks run in NumPy:
-# ONNX Runtime, 15 to 24 MB per platform and Python. docs/guide/extension.md has the measurements.
+# Left out, since Blender brings them: NumPy, OpenImageIO, OpenColorIO, Open Image Denoise (libOpenImageDenoise, read by
+# lfsr_core/reconstruct/methods/oidn.py). Left out, since bound to one Python version each: flip-evaluator, without
+# which the report says that FLIP was not computed. docs/guide/extension.md has the measurements.
+PURE = ("--platform", "any", "--implementation", "py", "--abi", "none", "--python-version", "3.11")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Build as the command line says; the exit code."""
     parser = argparse.ArgumentParser(description="Build the Blender extension.")
     parser.add_argument("--output", type=Path, required=True, metavar="DIR", help="where the zip goes")
-    parser.add_argument("--platform", action="append", choices=PLATFORMS, help="only this one (repeatable)")
-    parser.add_argument("--python", action="append", choices=PYTHONS, help="only this version (repeatable)")
-    asked = parser.parse_args(arguments)
     try:
-        for path in build(asked.output, asked.platform or tuple(PLATFORMS), asked.python or PYTHONS):
-            print(f"{path}: {path.stat().st_size / 1e6:.1f} MB, valid")
+        path = build(parser.parse_args(arguments).output)
     except LfsrError as error:
         print(f"build_extension: {error}", file=sys.stderr)
         return 2
+    print(f"{path}: {path.stat().st_size / 1e6:.1f} MB, valid")
     return 0
 
 
-def build(output: Path, platforms: Sequence[str] = tuple(PLATFORMS), pythons: Sequence[str] = PYTHONS) -> list[Path]:
-    """Build and validate the zips of ``platforms`` in ``output``; their paths. LfsrError where a step fails."""
-    tool = find_tool()
+def build(output: Path) -> Path:
+    """Build and validate the zip in ``output``; its path. LfsrError where a step fails."""
+    tool = [sys.executable, str(find_tool())]
     with tempfile.TemporaryDirectory(prefix="lfsr-extension-") as name:
         staged, built = Path(name, "staged"), Path(name, "built")
         built.mkdir()
         stage_addon(staged)
-        wheels = collect_wheels(staged / "wheels", platforms, pythons)
-        write_manifest(staged / MANIFEST, platforms, wheels)
-        split = sum(path.stat().st_size for path in wheels) > LARGEST_SINGLE_ZIP
-        run("Blender's extension tool", [sys.executable, str(tool), "build", "--source-dir", str(staged),
-                                         "--output-dir", str(built), *(["--split-platforms"] if split else [])])
-        zips = sorted(built.glob("*.zip"))
-        for path in zips:
-            run("Blender's extension tool", [sys.executable, str(tool), "validate", str(path)])
-        return [publish(path, output) for path in zips]
+        write_manifest(staged / MANIFEST, collect_wheels(staged / "wheels"))
+        run("Blender's extension tool", [*tool, "build", "--source-dir", str(staged), "--output-dir", str(built)])
+        [archive] = built.glob("*.zip")
+        run("Blender's extension tool", [*tool, "validate", str(archive)])
+        return publish(archive, output)
 
 
 def find_tool() -> Path:
@@ -110,13 +85,11 @@ def stage_addon(staged: Path) -> None:
     shutil.copy(ROOT / "LICENSE", staged)
 
 
-def collect_wheels(folder: Path, platforms: Sequence[str], pythons: Sequence[str]) -> list[Path]:
-    """lfsr_core's wheel and RUNTIME_WHEELS for every platform and Python, in ``folder``."""
+def collect_wheels(folder: Path) -> list[Path]:
+    """lfsr_core's wheel and RUNTIME_WHEELS, in ``folder``."""
     folder.mkdir()
     build_core(folder)
-    for platform in platforms:
-        for python in pythons:
-            download(folder, platform, python)
+    download(folder, RUNTIME_WHEELS)
     return sorted(folder.glob("*.whl"))
 
 
@@ -137,33 +110,28 @@ def only_core(project: str) -> str:
     return re.sub(r"\[tool\.setuptools\.package-dir\]\n.*\n", "", project)
 
 
-def download(folder: Path, platform: str, python: str) -> None:
-    """Fetch RUNTIME_WHEELS, in the versions that the tests run with, for one platform and Python."""
-    tags = [part for tag in PLATFORMS[platform] for part in ("--platform", tag)]
-    run(f"pip for {platform} and Python {python}",
-        [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "--only-binary=:all:", "--implementation", "cp",
-         "--python-version", python, *tags, "--constraint", str(ROOT / "scripts" / "constraints.txt"),
-         "--dest", str(folder), *(wheel.name for wheel in RUNTIME_WHEELS)])
+def download(folder: Path, names: Iterable[str]) -> None:
+    """Fetch the pure Python wheels of packages and of what they need, in the versions that the tests run with."""
+    run("pip", [sys.executable, "-m", "pip", "download", "-q", "--only-binary=:all:", *PURE,
+                "--constraint", str(ROOT / "scripts" / "constraints.txt"), "--dest", str(folder), *names])
 
 
-def write_manifest(path: Path, platforms: Sequence[str], wheels: Sequence[Path]) -> None:
-    """The manifest of the repository, with its platforms narrowed and its wheels listed."""
+def write_manifest(path: Path, wheels: Sequence[Path]) -> None:
+    """The manifest of the repository, with its wheels listed. LfsrError where it is of another version."""
     text = (ROOT / MANIFEST).read_text(encoding="utf-8")
     if (version := tomllib.loads(text)["version"]) != __version__:
-        raise LfsrError(f"{MANIFEST} says version {version}, but lfsr_core is {__version__}: make them equal")
+        raise LfsrError(f"{MANIFEST} has version {version}, but lfsr_core is {__version__}: make them equal")
     listed = "".join(f'    "./wheels/{wheel.name}",\n' for wheel in wheels)
-    names = ", ".join(f'"{name}"' for name in platforms)
-    text = re.sub(r"^platforms = .*$", f"platforms = [{names}]\nwheels = [\n{listed}]", text, flags=re.MULTILINE)
-    path.write_text(text, encoding="utf-8")
+    path.write_text(text.replace("[permissions]", f"wheels = [\n{listed}]\n\n[permissions]"), encoding="utf-8")
 
 
 def run(what: str, command: Sequence[str]) -> None:
-    """Run a tool silently; LfsrError with the last line it said if it fails."""
+    """Run a tool silently; LfsrError with the last line of its output if it fails."""
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
                           check=False)
     if done.returncode:
-        said = [line for line in done.stdout.splitlines() if line.strip()] or ["nothing"]
-        raise LfsrError(f"{what} failed, saying {said[-1].strip()!r}: {' '.join(command)} says more")
+        lines = [line.strip() for line in done.stdout.splitlines() if line.strip()] or ["nothing"]
+        raise LfsrError(f"{what} failed with {lines[-1]!r}: run {' '.join(command)} for more")
 
 
 def publish(built: Path, output: Path) -> Path:

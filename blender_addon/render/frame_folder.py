@@ -12,7 +12,7 @@ import bpy
 
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, Frame, write_frame
 from lfsr_core.frames.job import Job
-from lfsr_core.images.view_transform import ColorSettings
+from lfsr_core.images.color_settings import ColorSettings
 
 from ..array import placement
 from ..scene import light

@@ -11,7 +11,7 @@ from typing import Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
-from lfsr_core.images.view_transform import ColorSettings
+from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray, RayLayout
 

@@ -6,7 +6,6 @@ OpenColorIO configuration; ``srgb_encode`` is the plain curve that metrics use.
 
 from __future__ import annotations
 
-import dataclasses
 import importlib.util
 import os
 from collections.abc import Iterable
@@ -16,6 +15,7 @@ import numpy as np
 import PyOpenColorIO as ocio
 
 from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.images.color_settings import ColorSettings
 
 CONFIG_IN_BLENDER = "datafiles/colormanagement/config.ocio"
 NO_LOOK = ("", "None")
@@ -107,19 +107,3 @@ def _image(pixels: np.ndarray) -> ocio.PackedImageDesc:
     size = pixels.itemsize
     return ocio.PackedImageDesc(pixels, width, height, channels, depth, size, size * channels,
                                 size * channels * width)
-
-
-@dataclasses.dataclass(frozen=True)
-class ColorSettings:
-    """How Blender would show the scene: names of its OpenColorIO configuration.
-
-    ``exposure`` is in stops; ``config`` is the path of the configuration of the
-    Blender that rendered, a hint only.
-    """
-
-    display_device: str = "sRGB"
-    view_transform: str = "Standard"
-    look: str = "None"
-    exposure: float = 0.0
-    gamma: float = 1.0
-    config: str = ""

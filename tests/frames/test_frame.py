@@ -9,7 +9,7 @@ import pytest
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, Frame, read_frame, write_frame
-from lfsr_core.images.view_transform import ColorSettings
+from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray
 

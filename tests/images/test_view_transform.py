@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.images.png import read_png
 from lfsr_core.images.srgb import srgb_decode, srgb_encode
-from lfsr_core.images.view_transform import ColorSettings, ViewTransform, find_config
+from lfsr_core.images.view_transform import ViewTransform, find_config
 from tests.support.prerequisites import needs_bpy
 
 SAVER = Path(__file__).parents[1] / "support" / "blender_saves_png.py"
@@ -107,6 +108,7 @@ def test_no_configuration_says_how_to_get_one(monkeypatch):
 
 @needs_bpy
 def test_finding_the_configuration_does_not_import_blender():
-    code = ("import sys; from lfsr_core.images.view_transform import ColorSettings, ViewTransform; "
+    code = ("import sys; from lfsr_core.images.color_settings import ColorSettings; "
+            "from lfsr_core.images.view_transform import ViewTransform; "
             "ViewTransform(ColorSettings()); print('bpy' in sys.modules)")
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"

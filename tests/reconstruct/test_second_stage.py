@@ -9,9 +9,10 @@ import pytest
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames import low_res
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
+from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_mask, read_png
-from lfsr_core.images.view_transform import ColorSettings, ViewTransform
+from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics import eia
 from lfsr_core.reconstruct import second_stage
 from lfsr_core.reconstruct.clock import STAGES, StageClock

@@ -1,7 +1,7 @@
 """What an artist does with the extension, in a Blender of its own: extension_steps.py STEP FOLDER [ZIP]
 
-Run by test_extension.py with a Python that has Blender and nothing else. What was
-found goes to FOLDER/found.json.
+tests/blender/test_extension.py runs it with a Python that has Blender and nothing
+else. What it finds goes to FOLDER/found.json.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ import bpy
 
 REPOSITORY, NAME = "user_default", "lfsr"
 MODULE = f"bl_ext.{REPOSITORY}.{NAME}"
-FOREIGN = ("cv2", "torch", "pyoidn", "onnxruntime", "lfsr_core", "flip_evaluator", "threadpoolctl")
+FOREIGN = ("cv2", "torch", "pyoidn", "onnxruntime", "lfsr_core", "flip_evaluator", "threadpoolctl", "cattrs",
+           "einops")
 
 
 def install(folder: Path, archive: str) -> dict[str, object]:
@@ -26,7 +27,7 @@ def install(folder: Path, archive: str) -> dict[str, object]:
     done = bpy.ops.extensions.package_install_files(filepath=archive, repo=REPOSITORY, enable_on_install=True)
     found |= {"install": sorted(done), "enabled": state()}
     found["core"] = importlib.import_module("lfsr_core").__file__
-    found["second_stage"] = importlib.import_module(f"{MODULE}.preferences").probe()
+    found["second_stage"] = importlib.import_module(f"{MODULE}.ui.preferences").probe()
     found["test_button"] = sorted(bpy.ops.lfsr.test_python())
     bpy.ops.preferences.addon_disable(module=MODULE)
     found["disabled"] = state()
@@ -38,7 +39,7 @@ def install(folder: Path, archive: str) -> dict[str, object]:
 
 def render(folder: Path) -> dict[str, object]:
     """In a new session: render the default cube with the extension's two commands."""
-    runtime = importlib.import_module(f"{MODULE}.runtime")
+    runtime = importlib.import_module(f"{MODULE}.background.runtime")
     display = importlib.import_module("lfsr_core.optics.display").load_display("mini")
     job = importlib.import_module("lfsr_core.frames.job").Job(
         str(folder / "frame"), display, scene=str(folder / "cube.blend"), spp=2, layers=("albedo", "normal"))
@@ -64,7 +65,7 @@ def press(folder: Path) -> dict[str, object]:
 
 
 def uninstall(folder: Path) -> dict[str, object]:
-    """Uninstall, and say what is left."""
+    """Uninstall; the state before and after."""
     repositories = [repository.module for repository in bpy.context.preferences.extensions.repos]
     before = state()
     done = bpy.ops.extensions.package_uninstall(repo_index=repositories.index(REPOSITORY), pkg_id=NAME)

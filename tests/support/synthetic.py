@@ -8,8 +8,8 @@ import numpy as np
 
 from lfsr_core.cli import main
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, Frame, write_frame
+from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.images.exr import write_layers
-from lfsr_core.images.view_transform import ColorSettings
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.rays import CameraArray, pixel_rays
 
