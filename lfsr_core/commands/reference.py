@@ -1,4 +1,4 @@
-"""``lfsr reference SCENE -o DIR``: the high-resolution truth, as two independent halves."""
+"""``lfsr reference SCENE -o DIR``: the full-resolution reference, as two independent halves."""
 
 from __future__ import annotations
 

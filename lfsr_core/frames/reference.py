@@ -1,31 +1,95 @@
-"""A frame folder against a reference folder: is it the same picture, and how close."""
+"""References: the full-resolution picture that others are measured against, as two independent halves."""
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import Frame
+from lfsr_core.frames.foreground import foreground_mask
+from lfsr_core.frames.frame import REFERENCE_FILES, Frame, read_frame
+from lfsr_core.frames.low_res import over_background
+from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.optics.eia import to_elemental_images
 
 
-def read_half(path: Path, truth: Frame) -> tuple[np.ndarray, np.ndarray]:
+@dataclasses.dataclass(frozen=True)
+class Reference:
+    """A reference folder in memory.
+
+    Attributes
+    ----------
+    folder : where it came from
+    frame : how it was rendered
+    half_a, half_b : (H, W, 3) scene-linear over the background; all lenses, or side by side those of the list
+    hits : (rows, columns) bool, the tiles where either half shows foreground
+    """
+
+    folder: Path
+    frame: Frame
+    half_a: np.ndarray
+    half_b: np.ndarray
+    hits: np.ndarray
+
+    @classmethod
+    def read(cls, folder: str | Path) -> Reference:
+        """The reference in ``folder``; LfsrError where a file is missing or of another size than frame.json says."""
+        folder = Path(folder)
+        frame = read_frame(folder)
+        (half_a, hits_a), (half_b, hits_b) = (read_half(folder / name, frame) for name in REFERENCE_FILES)
+        return cls(folder, frame, half_a, half_b, hits_a | hits_b)
+
+    @property
+    def lens_list(self) -> tuple[tuple[int, int], ...] | None:
+        """(row, column) of the lenses it shows, None for all."""
+        return self.frame.lens_list
+
+    @property
+    def lenses(self) -> np.ndarray:
+        """(n, 2) rows and columns of the lenses it shows, in the order of its tiles."""
+        sx, sy = self.frame.display.lenses
+        return np.argwhere(np.ones((sy, sx), bool)) if self.lens_list is None else np.array(self.lens_list)
+
+    @property
+    def foreground(self) -> np.ndarray:
+        """(n,) bool: which of ``lenses`` show foreground."""
+        return self.hits.reshape(-1)[:len(self.lenses)]
+
+    def linear_images(self) -> tuple[np.ndarray, np.ndarray]:
+        """Both halves as scene-linear elemental images (n, py, px, 3), in the order of ``lenses``."""
+        return listed_images(self.half_a, self.frame), listed_images(self.half_b, self.frame)
+
+    def elemental_images(self) -> tuple[np.ndarray, np.ndarray]:
+        """Both halves as sRGB values in [0, 1], (n, py, px, 3), in the order of ``lenses``."""
+        return tuple(srgb_encode(images) for images in self.linear_images())
+
+    def foreground_mask(self, low_resolution: np.ndarray) -> np.ndarray:
+        """(sy, sx) bool: its own foreground where it shows every lens, else that of a ``low_resolution`` render."""
+        return self.hits if self.lens_list is None else low_resolution
+
+
+def listed_images(pixels: np.ndarray, frame: Frame) -> np.ndarray:
+    """Elemental images (n, py, px, 3) of the lenses that a render (H, W, 3) of ``frame`` shows, without spare tiles."""
+    images = to_elemental_images(pixels, frame.rays.tiles)
+    count = images.shape[0] * images.shape[1] if frame.lens_list is None else len(frame.lens_list)
+    return images.reshape(-1, *images.shape[2:])[:count]
+
+
+def read_half(path: Path, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     """One half of a reference: (H, W, 3) scene-linear over its background, and (rows, columns) of tiles with any hit.
 
-    LfsrError where the file is missing or of another size.
+    LfsrError where the file is missing or of another size than ``frame``.
     """
-    from lfsr_core.frames.foreground import foreground_mask
-    from lfsr_core.frames.low_res import over_background
-    from lfsr_core.images.exr import clean, read_layers
-
     layers = clean(read_layers(path))[0]
-    pixels = over_background(layers, truth)
-    width, height = truth.rays.size
+    pixels = over_background(layers, frame)
+    width, height = frame.rays.size
     if pixels.shape[:2] != (height, width):
         raise LfsrError(f"{path} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but its frame.json says "
                         f"{width}×{height}: render the reference again")
-    return pixels, foreground_mask(layers, truth.rays.tiles)
+    return pixels, foreground_mask(layers, frame.rays.tiles)
 
 
 def check_reference(frame: Frame, reference: Frame) -> None:

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.files import read_json, write_json
-from lfsr_core.frames.frame import MASK_FILE, REFERENCE_FILES, REPORT_FILE, read_frame
-from lfsr_core.frames.reference import read_half
+from lfsr_core.frames.foreground import recall
+from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE, read_frame
+from lfsr_core.frames.reference import Reference, check_reference
+from lfsr_core.images.png import read_mask
 
 LEAST_SAMPLES = 8
 
@@ -21,25 +23,20 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
     shows every lens: a mask that lost some must not hide them from the metrics.
     LfsrError where either folder is incomplete or the two show different pictures.
     """
-    from lfsr_core.frames.foreground import recall
-    from lfsr_core.frames.reference import check_reference
-    from lfsr_core.images.png import read_mask
     from lfsr_core.metrics.eia_metrics import compare
     from lfsr_core.reconstruct.second_stage import finished_linear
 
-    folder, reference = Path(folder), Path(reference)
-    frame, truth = read_frame(folder), read_frame(reference)
-    check_reference(frame, truth)
+    folder, frame = Path(folder), read_frame(folder)
+    check_reference(frame, read_frame(reference))
     report = read_json(folder / REPORT_FILE, "the report of `lfsr render` or `lfsr upscale`")
     image = finished_linear(folder, report["method"], dilate=report.get("dilate", 0), weights=report.get("weights"))
-    (half_a, hit_a), (half_b, hit_b) = (read_half(reference / name, truth) for name in REFERENCE_FILES)
-    mask, true_mask = read_mask(folder / MASK_FILE), hit_a | hit_b
-    lenses = frame.display.lenses
-    if truth.lens_list is None:
-        metrics = compare(image, half_a, half_b, lenses, true_mask) | {"recall": recall(mask, true_mask)}
+    known, mask = Reference.read(reference), read_mask(folder / MASK_FILE)
+    metrics = compare(image, known.half_a, known.half_b, frame.display.lenses, known.foreground_mask(mask),
+                      lens_list=known.lens_list)
+    if known.lens_list is None:
+        metrics["recall"] = recall(mask, known.hits)
     else:
-        metrics = compare(image, half_a, half_b, lenses, mask, lens_list=truth.lens_list)
-        metrics["recall"] = sampled_recall(mask, true_mask.reshape(-1)[:len(truth.lens_list)], truth.lens_list)
+        metrics["recall"] = sampled_recall(mask, known.foreground, known.lens_list)
     write_json(folder / REPORT_FILE, report | {"metrics": metrics})
     return metrics
 

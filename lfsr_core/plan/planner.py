@@ -23,7 +23,7 @@ from lfsr_core.plan import sample as plan_sample
 from lfsr_core.plan.candidates import Candidate, Choice, Rated
 from lfsr_core.plan.estimate import Estimate, Stratum, estimate
 from lfsr_core.plan.options import Options
-from lfsr_core.plan.score import Truth, quick_look, score, stage_time
+from lfsr_core.plan.score import SampledReference, quick_look, score, stage_time
 from lfsr_core.plan.times import TimeModel, path_samples
 from lfsr_core.progress import Progress, silent
 from lfsr_core.render.process import run_job
@@ -131,7 +131,7 @@ class _Planner:
         """All steps."""
         self._look()
         self._choose_lenses()
-        self.truth = self._reference()
+        self.reference = self._reference()
         for scale in sorted({candidate.scale for candidate in self.wanted}, reverse=True):
             self._measure_scale(scale)
         rated = self.rated()
@@ -176,7 +176,7 @@ class _Planner:
         # Fewer lenses would tell nothing, and a number that was asked for is taken: then there is no limit.
         self.bound = math.inf if self.options.lenses or count <= plan_sample.LEAST_LENSES else self.budget.allowed
 
-    def _reference(self) -> Truth:
+    def _reference(self) -> SampledReference:
         """The sampled lenses at full resolution, in four independent quarters."""
         halves = []
         for part in range(REFERENCE_PARTS):
@@ -185,7 +185,7 @@ class _Planner:
             folder = self.renders(f"reference-{part}", part, REFERENCE_FILES, kind="reference", scale=1, spp=spp,
                                   layers=(), clamp_indirect=0.0, lens_list=tuple(self.lenses), seed=REFERENCE_SEED)
             halves += [folder / name for name in REFERENCE_FILES]
-        return Truth.read(halves, self.renders.frames["reference-0"], len(self.lenses))
+        return SampledReference.read(halves, self.renders.frames["reference-0"], len(self.lenses))
 
     def _measure_scale(self, scale: int) -> None:
         """Every candidate of ``scale`` that could be the cheapest, and the next more samples, which confirm it."""
@@ -227,7 +227,7 @@ class _Planner:
 
     def _score(self, candidate: Candidate, folder: Path, mosaic: plan_sample.Mosaic, one: plan_sample.Mosaic) -> None:
         try:
-            self.scores[candidate] = score(folder, candidate.method, mosaic, self.truth)
+            self.scores[candidate] = score(folder, candidate.method, mosaic, self.reference)
             stage = stage_time(folder, candidate.method, mosaic, one)
         except LfsrError as error:
             self.notes[candidate] = str(error)
@@ -261,7 +261,7 @@ class _Planner:
             if name == "rest" and not whole:
                 continue
             values = of_lenses[rows]
-            inside = np.ones(len(values), bool) if whole or name == "foreground" else self.truth.hits[rows]
+            inside = np.ones(len(values), bool) if whole or name == "foreground" else self.reference.hits[rows]
             strata.append(Stratum(int(self.quick.masks[name].sum()), values, inside,
                                   *self.quick.covariates(name, self.strata[name])))
         return estimate(strata)
@@ -282,7 +282,7 @@ class _Planner:
                 "share": self.renders.samples / candidates.samples_of(dearest, self.display),
                 "share_of_seconds": self.renders.seconds / times.seconds(dearest, self.display),
                 "dearness": self.budget.dearness, "within_budget": math.isfinite(self.bound),
-                "reference_noise": self.truth.noise, "largest_gain": max(gains, default=0.0)}
+                "reference_noise": self.reference.noise, "largest_gain": max(gains, default=0.0)}
 
     def _tell(self, message: str) -> None:
         """Progress by what the sample costs; before that is known, none."""

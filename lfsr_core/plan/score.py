@@ -14,11 +14,10 @@ import numpy as np
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
-from lfsr_core.frames.reference import read_half
+from lfsr_core.frames.reference import listed_images, read_half
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
-from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.plan.sample import Lens, Mosaic, strata_masks
 from lfsr_core.plan.times import StageTime
 from lfsr_core.reconstruct.assembly import MAX_WORKERS
@@ -55,7 +54,7 @@ class QuickLook:
 
 
 @dataclasses.dataclass(frozen=True)
-class Truth:
+class SampledReference:
     """The sampled lenses' reference: four independent ``quarters`` (n, py, px, 3) as sRGB values in [0, 1].
 
     ``hits`` (n,): lenses with any foreground. ``noise``: standard deviation of
@@ -67,11 +66,10 @@ class Truth:
     noise: float
 
     @classmethod
-    def read(cls, paths: Sequence[Path], frame: Frame, count: int) -> Truth:
+    def read(cls, paths: Sequence[Path], frame: Frame, count: int) -> SampledReference:
         """From the EXR files of the quarters; ``frame`` describes all of them."""
         images, hits = zip(*(read_half(path, frame) for path in paths), strict=True)
-        linear = [to_elemental_images(image, frame.rays.tiles) for image in images]
-        quarters = tuple(np.asarray(values.reshape(-1, *values.shape[2:])[:count]) for values in linear)
+        quarters = tuple(listed_images(image, frame)[:count] for image in images)
         shown = [srgb_encode((quarters[i] + quarters[i + 1]) / 2) for i in (0, 2)]
         noise = float(np.sqrt(np.mean((shown[0] - shown[1]) ** 2, dtype=np.float64) / 2))
         return cls(quarters, np.any(hits, 0).reshape(-1)[:count], noise)
@@ -116,14 +114,14 @@ def features(low: LowResEIA) -> np.ndarray:
     return np.stack([coverage, alike, detail], -1)
 
 
-def score(folder: Path, name: str, mosaic: Mosaic, truth: Truth) -> Scores:
+def score(folder: Path, name: str, mosaic: Mosaic, reference: SampledReference) -> Scores:
     """Accuracy of method ``name`` on the centres of ``mosaic``, from the sample's render in ``folder``."""
     low, mask = _sampled(folder, mosaic)
     images = srgb_encode(finished(low, mask, in_blocks(method(name), mosaic), mosaic.centres))
-    return split_scores(images, truth)
+    return split_scores(images, reference)
 
 
-def split_scores(images: np.ndarray, truth: Truth) -> Scores:
+def split_scores(images: np.ndarray, reference: SampledReference) -> Scores:
     """Split SSIM of images (n, py, px, 3) in [0, 1], corrected for the reference's noise.
 
     The metric falls short by what is left of that noise, about in proportion to
@@ -131,8 +129,8 @@ def split_scores(images: np.ndarray, truth: Truth) -> Scores:
     missing once more. CORRECTED of that is added, less than all of it because too
     much would promise what the frame does not keep (docs/guide/plan.md).
     """
-    full = _mean_ssim(images, *truth.pair((0, 1), (2, 3)))
-    less = (_mean_ssim(images, *truth.pair((0,), (2,))) + _mean_ssim(images, *truth.pair((1,), (3,)))) / 2
+    full = _mean_ssim(images, *reference.pair((0, 1), (2, 3)))
+    less = (_mean_ssim(images, *reference.pair((0,), (2,))) + _mean_ssim(images, *reference.pair((1,), (3,)))) / 2
     gain = float(np.mean(full - less))
     # Noise so strong that variances are cut off at 0 raises the metric: that is no gain to go on from.
     return Scores(full + CORRECTED * (full - less) if gain > 0 else full, gain)

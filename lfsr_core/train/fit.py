@@ -17,11 +17,10 @@ import torch
 from torch import Tensor
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame
+from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.frames.low_res import low_resolution
-from lfsr_core.frames.reference import check_reference, read_half
+from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.exr import clean, read_layers
-from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.networks import catalogue, numpy_network
 from lfsr_core.reconstruct.networks.pytorch import checkpoint
@@ -79,25 +78,21 @@ def fit(folder: str | Path, reference: str | Path, output: str | Path, *, name: 
 
 def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
     """Foreground lenses of ``reference``, as network ``name`` sees them in ``folder``; LfsrError if they differ."""
-    frame, truth = read_frame(folder), read_frame(reference)
-    check_reference(frame, truth)
+    frame = read_frame(folder)
+    check_reference(frame, read_frame(reference))
     low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame)
     before = catalogue.spec(name).after
     low = method(f"{before}+{name}" if before else name).prepare(low)
-    halves, hits = zip(*(read_half(reference / file, truth) for file in REFERENCE_FILES), strict=True)
-    py, px = low.color.shape[2] * frame.scale, low.color.shape[3] * frame.scale
-    tiles = [to_elemental_images(half, (half.shape[1] // px, half.shape[0] // py)).reshape(-1, py, px, 3)
-             for half in halves]
-    places = np.array(truth.lens_list if truth.lens_list is not None else list(np.ndindex(low.color.shape[:2])))
-    chosen = np.flatnonzero((hits[0] | hits[1]).reshape(-1)[:len(places)])
+    known = Reference.read(reference)
+    chosen = known.lenses[known.foreground]
     shipped = numpy_network.load(catalogue.weights_path(name, frame.scale))
     missing = [layer for layer in shipped.layers if layer not in low.aux]
     if missing:
         raise LfsrError(f"{folder} lacks the layers {', '.join(missing)} that {name!r} needs: "
                         "render it again with --layers albedo,normal")
-    features, base = numpy_network.network_inputs(shipped, low, places[chosen])
-    rendered = low.aux.get("noisy", low.color)[places[chosen, 0], places[chosen, 1]]
-    halves = tuple(display_values(encode(_planes(tile[chosen]))) for tile in tiles)
+    features, base = numpy_network.network_inputs(shipped, low, chosen)
+    rendered = low.aux.get("noisy", low.color)[tuple(chosen.T)]
+    halves = tuple(display_values(encode(_planes(half[known.foreground]))) for half in known.linear_images())
     return Lenses(_planes(features), _planes(base), _planes(rendered).mean((2, 3), keepdim=True), halves, frame.scale)
 
 

@@ -1,4 +1,3 @@
-import dataclasses
 
 import cv2
 import numpy as np
@@ -7,12 +6,10 @@ import scipy.stats
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames import reference
 from lfsr_core.images.srgb import srgb_decode, srgb_encode
 from lfsr_core.metrics import eia_metrics
 from lfsr_core.metrics.intervals import student_95
 from lfsr_core.metrics.split_ssim import psnr, split_mse, split_ssim, split_ssim_map, ssim, stacked_ssim
-from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import to_views
 from tests.support.synthetic import frame_of, tiles
 
@@ -238,37 +235,6 @@ def test_shapes_that_do_not_fit_are_errors():
         eia_metrics.compare(x, a, b, (15, 12), MASK)
     with pytest.raises(LfsrError, match="3 tiles of"):
         eia_metrics.compare(x, a[:8, :16], b[:8, :16], LENSES, MASK, lens_list=((0, 0), (1, 1), (2, 2)))
-
-
-REFERENCE = frame_of(1)
-SHIFTED = tuple(tuple(value + 0.3 * (column == 3) for column, value in enumerate(row))
-                for row in REFERENCE.matrix_world)
-
-
-@pytest.mark.parametrize(("changes", "message"), [
-    ({"scale": 2}, "has scale 2"),
-    ({"display": dataclasses.replace(load_display("mini"), name="other")}, "display other"),
-    ({"display": dataclasses.replace(load_display("mini"), viewing_angle_deg=30.0)}, "display"),
-    ({"convention": "paper"}, "convention paper"),
-    ({"frame": 7}, "frame number 7"),
-    ({"array": dataclasses.replace(REFERENCE.array, distance=9.0)}, "cameras"),
-    ({"array": dataclasses.replace(REFERENCE.array, spacing=REFERENCE.array.spacing * 1.01)}, "cameras"),
-    ({"matrix_world": SHIFTED}, "cameras"),
-])
-def test_mismatched_reference_is_refused(changes, message):
-    with pytest.raises(LfsrError, match=message):
-        reference.check_reference(frame_of(4), dataclasses.replace(REFERENCE, **changes))
-
-
-def test_matching_reference_passes_with_rounding_and_other_samples():
-    nudged = tuple(tuple(value + 1e-7 for value in row) for row in REFERENCE.matrix_world)
-    reference.check_reference(frame_of(4), dataclasses.replace(REFERENCE, matrix_world=nudged, samples=512, seed=9))
-    reference.check_reference(frame_of(4), dataclasses.replace(REFERENCE, lens_list=((0, 0), (3, 4))))
-
-
-def test_reference_of_other_lenses_is_refused():
-    with pytest.raises(LfsrError, match="other lenses"):
-        reference.check_reference(frame_of(4, lens_list=((0, 0),)), frame_of(1, lens_list=((0, 1),)))
 
 
 @pytest.mark.parametrize("freedom", [3, 5, 11, 40, 1000])

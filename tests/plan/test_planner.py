@@ -23,7 +23,7 @@ from lfsr_core.plan.candidates import BETWEEN, Candidate
 from lfsr_core.plan.options import Options
 from lfsr_core.plan.planner import make_plan
 from lfsr_core.plan.report import as_json, sentence, table
-from lfsr_core.plan.score import Truth, split_scores
+from lfsr_core.plan.score import SampledReference, split_scores
 from lfsr_core.reconstruct.second_stage import finished_linear
 from tests.support.synthetic import MINI, frame_of, light_field, tiles
 
@@ -239,7 +239,7 @@ def test_correction_takes_some_of_the_references_noise_out():
     image = exact + random.normal(0, 0.015, exact.shape)
     true = float(stacked_ssim(image, exact, exact).mean())
 
-    class Shown(Truth):
+    class Shown(SampledReference):
         """Noise that is normal in display values, so that nothing but the metric is tested."""
 
         def pair(self, first, second):

@@ -23,10 +23,10 @@ from lfsr_core.bench.chart.settings import CELL_FOLDER
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.frames.foreground import foreground_mask, recall
-from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame
-from lfsr_core.frames.reference import check_reference, read_half
+from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
+from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.exr import read_layers
-from lfsr_core.metrics.eia_metrics import LensList, compare
+from lfsr_core.metrics.eia_metrics import compare
 from lfsr_core.metrics.intervals import lens_intervals
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.registry import versions_of
@@ -37,34 +37,29 @@ STAGES = ("load", "mask", "upscale", "assemble", "color", "write")
 
 
 @dataclasses.dataclass(frozen=True)
-class Truth:
-    """A reference in memory: halves (H, W, 3) scene-linear, foreground (sy, sx) bool, where it came from."""
+class Target:
+    """What the cells of a scene are measured against.
 
-    folder: Path
-    frame: Frame
-    half_a: np.ndarray
-    half_b: np.ndarray
+    Attributes
+    ----------
+    reference : the reference
+    mask : (sy, sx) bool, the foreground that counts
+    """
+
+    reference: Reference
     mask: np.ndarray
 
-    @property
-    def lens_list(self) -> LensList | None:
-        """The lenses it shows, None for all."""
-        return self.frame.lens_list
+    @classmethod
+    def read(cls, folder: Path, mask: np.ndarray | None) -> Target:
+        """The reference in ``folder``; ``mask`` (sy, sx) is the foreground where it shows only some lenses."""
+        reference = Reference.read(folder)
+        if reference.lens_list is not None and mask is None:
+            raise LfsrError(f"{folder} shows only some lenses, so a low-resolution render must say which are "
+                            "foreground, but there is none: run it without --only-measure")
+        return cls(reference, reference.foreground_mask(mask))
 
 
-def read_truth(folder: Path, mask: np.ndarray | None) -> Truth:
-    """The reference in ``folder``; ``mask`` (sy, sx) is the foreground where it shows only some lenses."""
-    frame = read_frame(folder)
-    (half_a, hit_a), (half_b, hit_b) = (read_half(folder / name, frame) for name in REFERENCE_FILES)
-    if frame.lens_list is None:
-        mask = hit_a | hit_b
-    if mask is None:
-        raise LfsrError(f"{folder} shows only some lenses, so a low-resolution render must say which are foreground, "
-                        "but there is none: run it without --only-measure")
-    return Truth(folder, frame, half_a, half_b, mask)
-
-
-def cell(folder: Path, name: str, truth: Truth, repeats: int, again: bool = False,
+def cell(folder: Path, name: str, target: Target, repeats: int, again: bool = False,
          retime: bool = False) -> dict[str, Any]:
     """The cell of frame folder ``folder`` and method ``name``; measured unless its file is there and still fits.
 
@@ -72,24 +67,25 @@ def cell(folder: Path, name: str, truth: Truth, repeats: int, again: bool = Fals
     written to. LfsrError where the method cannot finish this frame.
     """
     path = folder.parent / CELL_FOLDER / f"{folder.name}-{name}.json"
-    print_of = fingerprint(folder, name, truth)
+    print_of = fingerprint(folder, name, target)
     known = read_json(path, "a measured cell") if path.exists() and not again else {}
     fits = known.get("fingerprint") == print_of
     if fits and not retime and len(known["second_stage_seconds"]) >= repeats:
         return known
-    check_reference(read_frame(folder), truth.frame)
+    check_reference(read_frame(folder), target.reference.frame)
     with scratch_copy(folder) as copy:
-        found = known if fits else {"fingerprint": print_of, "method": name, **_measured(copy, name, truth)}
+        found = known if fits else {"fingerprint": print_of, "method": name, **_measured(copy, name, target)}
         found |= _times(copy, name, repeats, warm=not fits)
     write_json(path, found)
     return found
 
 
-def fingerprint(folder: Path, name: str, truth: Truth) -> dict[str, Any]:
+def fingerprint(folder: Path, name: str, target: Target) -> dict[str, Any]:
     """What a cell depends on, as hashes: a change means that it must be measured again."""
     return {"format": CELL_FORMAT, "lfsr": __version__,
             "frame": _hash((folder / FRAME_FILE).read_bytes()),
-            "reference": _hash((truth.folder / FRAME_FILE).read_bytes()), "mask": _hash(truth.mask.tobytes()),
+            "reference": _hash((target.reference.folder / FRAME_FILE).read_bytes()),
+            "mask": _hash(target.mask.tobytes()),
             "weights": fingerprint_of_weights(name),
             **versions_of(name)}
 
@@ -110,12 +106,12 @@ def _hash(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()[:16]
 
 
-def _measured(folder: Path, name: str, truth: Truth) -> dict[str, Any]:
-    metrics = _metrics(finished_linear(folder, name), truth)
-    if truth.lens_list is None:
+def _measured(folder: Path, name: str, target: Target) -> dict[str, Any]:
+    metrics = _metrics(finished_linear(folder, name), target)
+    if target.reference.lens_list is None:
         frame = read_frame(folder)
         mask = foreground_mask(read_layers(folder / LOW_RES_FILE), frame.rays.tiles)
-        metrics["recall"] = recall(mask, truth.mask)
+        metrics["recall"] = recall(mask, target.mask)
     return {"metrics": metrics}
 
 
@@ -140,12 +136,13 @@ def _timed(folder: Path, name: str) -> tuple[float, dict[str, Any]]:
     return round(time.perf_counter() - started, 4), report
 
 
-def _metrics(image: np.ndarray, truth: Truth) -> dict[str, Any]:
+def _metrics(image: np.ndarray, target: Target) -> dict[str, Any]:
     """Every metric with "ci95", whether the reference is whole or of sampled lenses."""
-    lenses = truth.frame.display.lenses
-    found = compare(image, truth.half_a, truth.half_b, lenses, truth.mask, lens_list=truth.lens_list)
-    if truth.lens_list is None:
-        found |= {"lenses": None, "ci95": lens_intervals(image, truth.half_a, truth.half_b, lenses, truth.mask)}
+    reference, mask = target.reference, target.mask
+    lenses = reference.frame.display.lenses
+    found = compare(image, reference.half_a, reference.half_b, lenses, mask, lens_list=reference.lens_list)
+    if reference.lens_list is None:
+        found |= {"lenses": None, "ci95": lens_intervals(image, reference.half_a, reference.half_b, lenses, mask)}
     return {"recall": None} | found
 
 

@@ -66,15 +66,16 @@ def _scene(settings: Settings, path: Path, say: Say, skipped: list[str]) -> dict
         return None
     renders = list(_renders(settings, path, say, skipped))
     mask = chart_renders.widest_mask(settings.folder / path.stem, settings.scale, settings.profile.lenses)
-    truth = chart_cells.read_truth(folder, mask)
+    target = chart_cells.Target.read(folder, mask)
     cells = [cell for role, frame_folder in renders
-             for cell in _cells(settings, path, role, frame_folder, truth, say, skipped)]
+             for cell in _cells(settings, path, role, frame_folder, target, say, skipped)]
     if not cells:
         _skip(f"{path.stem} has no render that a method could finish", skipped, say)
         return None
-    return {"scene": path.stem, "blender": truth.frame.blender, "p": float(truth.mask.mean()),
-            "reference": {"samples": truth.frame.samples, "seconds": sum(truth.frame.seconds.values()),
-                          "lenses": None if truth.lens_list is None else len(truth.lens_list)},
+    frame = target.reference.frame
+    return {"scene": path.stem, "blender": frame.blender, "p": float(target.mask.mean()),
+            "reference": {"samples": frame.samples, "seconds": sum(frame.seconds.values()),
+                          "lenses": None if frame.lens_list is None else len(frame.lens_list)},
             "cells": cells, "analysis": [analyse(cells, settings.ours, metric) for metric in METRICS]}
 
 
@@ -91,7 +92,7 @@ def _renders(settings: Settings, scene: Path, say: Say, skipped: list[str]) -> I
             yield role, folder
 
 
-def _cells(settings: Settings, scene: Path, role: str, folder: Path, truth: chart_cells.Truth, say: Say,
+def _cells(settings: Settings, scene: Path, role: str, folder: Path, target: chart_cells.Target, say: Say,
            skipped: list[str]) -> Iterator[dict[str, Any]]:
     frame = read_frame(folder)
     # The ceiling's time is on no axis.
@@ -105,7 +106,7 @@ def _cells(settings: Settings, scene: Path, role: str, folder: Path, truth: char
             continue
         say(f"{scene.stem}: {name} at scale {frame.scale}, {frame.samples} samples")
         try:
-            found = chart_cells.cell(folder, name, truth, settings.repeats, again=name in settings.again,
+            found = chart_cells.cell(folder, name, target, settings.repeats, again=name in settings.again,
                                      retime=name in settings.retime and role != CEILING)
         except LfsrError as error:
             _skip(f"{name} at scale {frame.scale}: {error}", skipped, say)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,9 @@ import numpy as np
 from lfsr_core.bench.paper import renders, weights
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.frames.foreground import foreground_mask
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame
-from lfsr_core.frames.low_res import low_resolution, over_background
-from lfsr_core.frames.reference import check_reference
+from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
+from lfsr_core.frames.low_res import low_resolution
+from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.images.view_transform import ViewTransform
@@ -29,41 +28,6 @@ from lfsr_core.reconstruct.registry import method as method_of
 from lfsr_core.reconstruct.second_stage import FILL_METHOD
 
 SHOWN = ("p", "ssim_eia", "ssim_eia_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain", "ssim_ceiling", "flip")
-
-
-@dataclasses.dataclass(frozen=True)
-class Truth:
-    """A reference: two halves, scene-linear (H, W, 3), of all lenses or in tiles of those listed."""
-
-    frame: Frame
-    half_a: np.ndarray
-    half_b: np.ndarray
-    hit: np.ndarray
-
-    @classmethod
-    def read(cls, folder: Path) -> Truth:
-        """LfsrError where a file is missing."""
-        frame = read_frame(folder)
-        layers = [clean(read_layers(folder / name))[0] for name in REFERENCE_FILES]
-        hits = [foreground_mask(half, frame.rays.tiles) for half in layers]
-        return cls(frame, *(over_background(half, frame) for half in layers), hits[0] | hits[1])
-
-    @property
-    def lenses(self) -> np.ndarray:
-        """(n, 2) rows and columns of the lenses it shows."""
-        listed = self.frame.lens_list
-        return np.argwhere(np.ones(self.frame.display.lenses[::-1], bool)) if listed is None else np.array(listed)
-
-    @property
-    def foreground(self) -> np.ndarray:
-        """(n,) bool: which of ``lenses`` the reference itself hits."""
-        return self.hit.reshape(-1)[:len(self.lenses)]
-
-    def elemental_images(self) -> tuple[np.ndarray, np.ndarray]:
-        """Both halves as display values in [0, 1], (n, py, px, 3), in the order of ``lenses``."""
-        count, (px, py) = len(self.lenses), self.frame.display.views
-        return tuple(srgb_encode(to_elemental_images(half, self.frame.rays.tiles).reshape(-1, py, px, 3)[:count])
-                     for half in (self.half_a, self.half_b))
 
 
 def linear_picture(folder: Path, method: Method) -> tuple[np.ndarray, np.ndarray]:
@@ -110,52 +74,50 @@ def measure(settings: Settings, scene: Path, folder: Path, name: str) -> dict[st
     if method is None:
         return None
     image, mask = linear_picture(folder, method)
-    return against(Truth.read(renders.reference(settings, scene)), read_frame(folder), image, mask)
+    return against(Reference.read(renders.reference(settings, scene)), read_frame(folder), image, mask)
 
 
-def against(truth: Truth, frame: Frame, image: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
+def against(reference: Reference, frame: Frame, image: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
     """Metrics of an EIA (H, W, 3), scene-linear, made of ``frame`` with the foreground ``mask``."""
-    check_reference(frame, truth.frame)
-    whole = truth.frame.lens_list is None
-    counted = truth.hit if whole else mask
-    metrics = compare(image, truth.half_a, truth.half_b, frame.display.lenses, counted,
-                      None if whole else truth.frame.lens_list)
+    check_reference(frame, reference.frame)
+    metrics = compare(image, reference.half_a, reference.half_b, frame.display.lenses,
+                      reference.foreground_mask(mask), reference.lens_list)
     return {"metrics": {name: metrics.get(name) for name in SHOWN}, "ci95": metrics.get("ci95", {}),
-            "error": _errors(truth, image, frame.scale),
-            "lens_ssim_fg": [round(float(value), 6) for value in _per_lens(truth, image)]}
+            "error": _errors(reference, image, frame.scale),
+            "lens_ssim_fg": [round(float(value), 6) for value in _per_lens(reference, image)]}
 
 
-def middle_lenses(truth: Truth, count: int) -> np.ndarray:
-    """Indices into ``truth.lenses`` of the ``count`` foreground lenses nearest their centre, in reading order."""
-    inside = np.flatnonzero(truth.foreground)
-    inside = inside if len(inside) else np.arange(len(truth.lenses))
-    centre = truth.lenses[inside].mean(0)
-    near = np.argsort(((truth.lenses[inside] - centre) ** 2).sum(1), kind="stable")[:count]
+def middle_lenses(reference: Reference, count: int) -> np.ndarray:
+    """Indices into ``reference.lenses`` of the ``count`` foreground lenses nearest their centre, in reading order."""
+    inside = np.flatnonzero(reference.foreground)
+    inside = inside if len(inside) else np.arange(len(reference.lenses))
+    centre = reference.lenses[inside].mean(0)
+    near = np.argsort(((reference.lenses[inside] - centre) ** 2).sum(1), kind="stable")[:count]
     return inside[np.sort(near)]
 
 
-def _per_lens(truth: Truth, image: np.ndarray) -> np.ndarray:
+def _per_lens(reference: Reference, image: np.ndarray) -> np.ndarray:
     """Split SSIM of the reference's foreground lenses, the same ones for every image.
 
     Windows cross into the next lens exactly where they do in ``compare``.
     """
-    lenses = truth.frame.display.lenses
-    if truth.frame.lens_list is None:
-        local = split_ssim_map(*(srgb_encode(pixels) for pixels in (image, truth.half_a, truth.half_b)))
-        return to_elemental_images(local, lenses).mean((2, 3, 4))[truth.hit]
-    rows, columns = truth.lenses[truth.foreground].T
-    half_a, half_b = (half[truth.foreground] for half in truth.elemental_images())
+    lenses = reference.frame.display.lenses
+    if reference.lens_list is None:
+        local = split_ssim_map(*(srgb_encode(pixels) for pixels in (image, reference.half_a, reference.half_b)))
+        return to_elemental_images(local, lenses).mean((2, 3, 4))[reference.hits]
+    rows, columns = reference.lenses[reference.foreground].T
+    half_a, half_b = (half[reference.foreground] for half in reference.elemental_images())
     ours = srgb_encode(to_elemental_images(image, lenses)[rows, columns])
     return stacked_ssim(ours, half_a, half_b).mean((1, 2)) if len(rows) else np.empty(0)
 
 
-def _errors(truth: Truth, image: np.ndarray, margin: int) -> dict[str, float] | None:
+def _errors(reference: Reference, image: np.ndarray, margin: int) -> dict[str, float] | None:
     """Split squared error of foreground lenses in two parts that add up: ``margin`` outermost views, and the rest."""
-    if not truth.foreground.any():
+    if not reference.foreground.any():
         return None
-    rows, columns = truth.lenses.T
-    ours = srgb_encode(to_elemental_images(image, truth.frame.display.lenses)[rows, columns][truth.foreground])
-    half_a, half_b = (half[truth.foreground] for half in truth.elemental_images())
+    rows, columns = reference.lenses.T
+    ours = srgb_encode(to_elemental_images(image, reference.frame.display.lenses)[rows, columns][reference.foreground])
+    half_a, half_b = (half[reference.foreground] for half in reference.elemental_images())
     squares = ((ours - half_a) * (ours - half_b)).mean((0, 3), dtype=np.float64)
     inside = np.zeros(squares.shape, bool)
     inside[margin:-margin, margin:-margin] = True
@@ -177,11 +139,11 @@ def _plan(folder: Path, method: Method, selection: bool) -> tuple[Frame, Plan]:
 
 def inputs(settings: Settings, scene: Path, name: str, **more: Any) -> dict[str, Any]:
     """What a kept measurement of accuracy depends on."""
-    truth = read_frame(renders.reference(settings, scene))
+    reference = read_frame(renders.reference(settings, scene))
     return {"scene": scene.stem, "method": name, "display": settings.display.to_dict(), "scale": settings.scale,
-            "convention": settings.convention, "reference_spp": truth.samples,
+            "convention": settings.convention, "reference_spp": reference.samples,
             "weights": weights.fingerprints(settings, name),
-            "lenses": None if truth.lens_list is None else len(truth.lens_list), **more}
+            "lenses": None if reference.lens_list is None else len(reference.lens_list), **more}
 
 
 def schedules(settings: Settings, names: Sequence[str]) -> dict[str, str]:

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame
+from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
-from lfsr_core.frames.reference import check_reference, read_half
+from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
@@ -34,28 +34,18 @@ def differences(folder: Path, reference: Path, name: str) -> Iterator[tuple[int,
     """Neighbours on each side, and by how much that changes the split SSIM (n,) of each foreground lens."""
     frame = read_frame(folder)
     check_reference(frame, read_frame(reference))
-    lenses, halves = _reference(reference)
+    known = Reference.read(reference)
+    lenses = [(int(row), int(column)) for row, column in known.lenses[known.foreground]]
+    halves = [half[known.foreground] for half in known.elemental_images()]
     low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame)
     whole = to_elemental_images(finished_linear(folder, name), frame.display.lenses)[tuple(np.array(lenses).T)]
-    known = _ssim(whole, halves)
+    usual = _ssim(whole, halves)
     for reach in REACHES:
         listed, blocks = with_neighbours(lenses, reach, frame.display.lenses)
         mosaic = Mosaic.of(blocks)
         images = finished(mosaic.of_render(_listed(low, listed)), np.ones(len(lenses), bool), method(name),
                           mosaic.centres)
-        yield reach, _ssim(images, halves) - known
-
-
-def _reference(folder: Path) -> tuple[list[Lens], list[np.ndarray]]:
-    """Lenses with foreground, and each half's elemental images of them (n, py, px, 3) as sRGB values."""
-    frame = read_frame(folder)
-    sx, sy = frame.display.lenses
-    listed = frame.lens_list or tuple((row, column) for row in range(sy) for column in range(sx))
-    images, hits = zip(*(read_half(folder / name, frame) for name in REFERENCE_FILES), strict=True)
-    hit = np.any(hits, 0).reshape(-1)[:len(listed)]
-    tiles = [to_elemental_images(image, frame.rays.tiles) for image in images]
-    halves = [srgb_encode(tile.reshape(-1, *tile.shape[2:])[:len(listed)][hit]) for tile in tiles]
-    return [lens for lens, shows in zip(listed, hit, strict=True) if shows], halves
+        yield reach, _ssim(images, halves) - usual
 
 
 def _listed(low: LowResEIA, lenses: list[Lens]) -> LowResEIA:

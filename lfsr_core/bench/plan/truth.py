@@ -21,7 +21,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame, write_frame
 from lfsr_core.frames.job import Job
-from lfsr_core.frames.reference import check_reference, read_half
+from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
@@ -72,23 +72,22 @@ def truth(scene: Path, candidate: Candidate, metric: str, cache: Path) -> Actual
 
 
 def _accuracy(folder: Path, reference: Path, method: str, metric: str) -> float:
-    frame = read_frame(folder)
-    halves, hits = _reference(reference)
-    check_reference(frame, read_frame(reference))
-    image = to_elemental_images(finished_linear(folder, method), frame.display.lenses)
-    counted = hits if metric == "ssim_eia_fg" else np.ones_like(hits)
-    return float(stacked_ssim(srgb_encode(image[counted]), *(half[counted] for half in halves)).mean())
+    check_reference(read_frame(folder), read_frame(reference))
+    known, halves = _reference(reference)
+    counted = known.foreground if metric == "ssim_eia_fg" else np.ones_like(known.foreground)
+    rows, columns = known.lenses[counted].T
+    images = to_elemental_images(finished_linear(folder, method), known.frame.display.lenses)[rows, columns]
+    return float(stacked_ssim(srgb_encode(images), *(half[counted] for half in halves)).mean())
 
 
 @functools.lru_cache(maxsize=1)
-def _reference(folder: Path) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Both halves (sy, sx, py, px, 3) as sRGB values, and the lenses with foreground (sy, sx)."""
-    frame = read_frame(folder)
-    if frame.lens_list is not None:
-        raise LfsrError(f"the reference {folder} is of {len(frame.lens_list)} lenses only, but the truth needs all: "
+def _reference(folder: Path) -> tuple[Reference, tuple[np.ndarray, np.ndarray]]:
+    """The reference, which must show every lens, and its elemental images."""
+    reference = Reference.read(folder)
+    if reference.lens_list is not None:
+        raise LfsrError(f"the reference {folder} is of {len(reference.lens_list)} lenses only, but all are needed: "
                         "render it without --lenses")
-    images, hits = zip(*(read_half(folder / name, frame) for name in REFERENCE_FILES), strict=True)
-    return tuple(srgb_encode(to_elemental_images(image, frame.rays.tiles)) for image in images), np.any(hits, 0)
+    return reference, reference.elemental_images()
 
 
 def _seconds(folder: Path, method: str) -> float:

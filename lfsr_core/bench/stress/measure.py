@@ -12,8 +12,8 @@ from lfsr_core.bench.stress import metrics as stress_metrics
 from lfsr_core.bench.stress.dials import EYE, MOTION, Dial
 from lfsr_core.bench.stress.space import Space, card_centre, card_of_motion
 from lfsr_core.frames.foreground import foreground_mask, recall
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame
-from lfsr_core.frames.low_res import over_background
+from lfsr_core.frames.frame import LOW_RES_FILE
+from lfsr_core.frames.reference import Reference
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.eia_metrics import compare
@@ -27,7 +27,7 @@ Metrics = dict[str, Any]
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """A dial's scene at one value with its truth: linear halves ``a``, ``b`` (H, W, 3) and ``mask`` (sy, sx).
+    """A dial's scene at one value with its reference: linear halves ``a``, ``b`` (H, W, 3) and ``mask`` (sy, sx).
 
     ``found``: the mask of the low-resolution ``render``.
     """
@@ -44,10 +44,10 @@ class Scene:
     @classmethod
     def load(cls, bench: Bench, dial: Dial, value: float) -> Scene:
         """Read the scene's folders, rendering what is missing."""
-        a, b, mask = read_truth(bench.reference(dial, value))
+        known = Reference.read(bench.reference(dial, value))
         render = bench.render(dial, value)
         found = foreground_mask(clean(read_layers(render / LOW_RES_FILE))[0], bench.settings.display.lenses)
-        return cls(bench, dial, value, a, b, mask, render, found)
+        return cls(bench, dial, value, known.half_a, known.half_b, known.hits, render, found)
 
     @property
     def lenses(self) -> tuple[int, int]:
@@ -96,13 +96,3 @@ class Scene:
             found[f"flicker_{name}"] = stress_metrics.flicker(images, self.lenses, path, cards)
         told = [value for value in found.values() if value is not None]
         return found | {"steadiness": 1 - max(told) if told else None}
-
-
-def read_truth(reference: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Both halves of a reference, scene-linear (H, W, 3) over their background, and its foreground mask (sy, sx)."""
-    frame = read_frame(reference)
-    layers = [clean(read_layers(reference / name))[0] for name in REFERENCE_FILES]
-    masks = [foreground_mask(half, frame.display.lenses) for half in layers]
-    return over_background(layers[0], frame), over_background(layers[1], frame), masks[0] | masks[1]
-
-

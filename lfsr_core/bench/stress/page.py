@@ -50,7 +50,7 @@ def shown_cell(dial: dict[str, Any], method: str) -> dict[str, Any] | None:
 
 def _write_crop(bench: Bench, entry: dict[str, Any], method: str) -> tuple[str, dict[str, Any]] | None:
     """Picture of reference, bicubic and method around the worst lens: its path from the page, and its cell."""
-    from lfsr_core.bench.stress.measure import read_truth
+    from lfsr_core.frames.reference import Reference
     from lfsr_core.images.png import write_png
     from lfsr_core.images.srgb import srgb_encode
     from lfsr_core.reconstruct.second_stage import finished_linear
@@ -59,9 +59,10 @@ def _write_crop(bench: Bench, entry: dict[str, Any], method: str) -> tuple[str, 
     if cell is None:
         return None
     dial: Dial = choose_dials([entry["name"]])[0]
-    a, b, _ = read_truth(bench.reference(dial, cell["value"]))
+    known = Reference.read(bench.reference(dial, cell["value"]))
     render = bench.render(dial, cell["value"])
-    images = [(a + b) / 2, *(finished_linear(render, name) for name in dict.fromkeys((BASELINE, method)))]
+    images = [(known.half_a + known.half_b) / 2]
+    images += [finished_linear(render, name) for name in dict.fromkeys((BASELINE, method))]
     lenses = bench.settings.display.lenses
     crops = [enlarged(crop_around(srgb_encode(image), lenses, tuple(cell["worst_lens"]))) for image in images]
     name = f"{PICTURES}/{dial.name}-{method.replace('+', '-')}.png"

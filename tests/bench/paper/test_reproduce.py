@@ -91,15 +91,15 @@ def test_accuracy_is_what_compare_gives(frames, measured):
 def test_sampled_lenses_are_compared_as_they_are_elsewhere(frames, tmp_path):
     listed = tuple((row, column) for row in range(0, 12, 3) for column in range(0, 16, 2))
     write_reference(tmp_path, noise=0.02, lens_list=listed)
-    truth, folder = quality.Truth.read(tmp_path), frames.bench / "toy" / f"s4-spp{CLEAN}"
+    reference, folder = quality.Reference.read(tmp_path), frames.bench / "toy" / f"s4-spp{CLEAN}"
     image, mask = quality.linear_picture(folder, quality.method_of("bicubic"))
-    found = quality.against(truth, quality.read_frame(folder), image, mask)
+    found = quality.against(reference, quality.read_frame(folder), image, mask)
     inside = [mask[row, column] for row, column in listed]
-    assert 0 < sum(inside) < len(listed) and len(found["lens_ssim_fg"]) == truth.foreground.sum()
+    assert 0 < sum(inside) < len(listed) and len(found["lens_ssim_fg"]) == reference.foreground.sum()
     assert found["ci95"]["ssim_eia_fg"] > 0
-    if list(truth.foreground) == inside:
+    if list(reference.foreground) == inside:
         assert sum(found["lens_ssim_fg"]) / sum(inside) == pytest.approx(found["metrics"]["ssim_eia_fg"], abs=1e-5)
-    rows, columns = truth.lenses[quality.middle_lenses(truth, 4)].T
+    rows, columns = reference.lenses[quality.middle_lenses(reference, 4)].T
     assert len(rows) == 4 and mask[rows, columns].all()
 
 

@@ -52,11 +52,11 @@ def _measure_one(settings: Settings, scene: Path, name: str, picture: Path) -> d
         return None
     folder = renders.low_resolution(settings, scene, settings.scale, settings.clean_spp)
     image = quality.srgb_encode(quality.linear_picture(folder, method)[0])
-    truth = quality.Truth.read(renders.reference(settings, scene))
-    half_a, half_b = (quality.srgb_encode(half) for half in (truth.half_a, truth.half_b))
-    _write_epi(image, truth, picture)
-    _write_epi((half_a + half_b) / 2, truth, picture.with_name(f"{scene.stem}-{TRUTH}.png"))
-    return {"metrics": epi_errors(image, half_a, half_b, truth.hit, settings.scale), "picture": picture.name}
+    reference = quality.Reference.read(renders.reference(settings, scene))
+    half_a, half_b = (quality.srgb_encode(half) for half in (reference.half_a, reference.half_b))
+    _write_epi(image, reference, picture)
+    _write_epi((half_a + half_b) / 2, reference, picture.with_name(f"{scene.stem}-{TRUTH}.png"))
+    return {"metrics": epi_errors(image, half_a, half_b, reference.hits, settings.scale), "picture": picture.name}
 
 
 def epi_errors(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray, hit: np.ndarray,
@@ -75,11 +75,11 @@ def epi_errors(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray, hit: n
             "epi_border": [float(border[row][hit[row]].mean()) for row in rows]}
 
 
-def _write_epi(image: np.ndarray, truth: quality.Truth, path: Path) -> None:
+def _write_epi(image: np.ndarray, reference: quality.Reference, path: Path) -> None:
     from lfsr_core.images.png import write_png
 
-    lens_row = int(truth.hit.sum(1).argmax())
-    epi = horizontal_epi(image, truth.frame.display.lenses, lens_row, truth.frame.display.views[1] // 2)
+    lens_row = int(reference.hits.sum(1).argmax())
+    epi = horizontal_epi(image, reference.frame.display.lenses, lens_row, reference.frame.display.views[1] // 2)
     write_png(path, (epi.clip(0, 1) * 255).round().astype(np.uint8))
 
 

@@ -47,20 +47,20 @@ def _measure_one(settings: Settings, scene: Path, spp: int, name: str, picture: 
         return None
     folder = renders.low_resolution(settings, scene, settings.scale, spp)
     image, mask = quality.linear_picture(folder, method)
-    truth = quality.Truth.read(renders.reference(settings, scene))
-    _write_residual(truth, image, picture)
-    found = quality.against(truth, quality.read_frame(folder), image, mask)
+    reference = quality.Reference.read(renders.reference(settings, scene))
+    _write_residual(reference, image, picture)
+    found = quality.against(reference, quality.read_frame(folder), image, mask)
     return {**found, "picture": picture.name}
 
 
-def _write_residual(truth: quality.Truth, image: np.ndarray, path: Path) -> None:
+def _write_residual(reference: quality.Reference, image: np.ndarray, path: Path) -> None:
     """Amplified difference from the mean of the halves, of foreground lenses side by side."""
     from lfsr_core.images.png import write_png
 
-    shown = quality.middle_lenses(truth, LENSES_SHOWN)
-    rows, columns = truth.lenses[shown].T
-    ours = quality.srgb_encode(quality.to_elemental_images(image, truth.frame.display.lenses)[rows, columns])
-    half_a, half_b = (half[shown] for half in truth.elemental_images())
+    shown = quality.middle_lenses(reference, LENSES_SHOWN)
+    rows, columns = reference.lenses[shown].T
+    ours = quality.srgb_encode(quality.to_elemental_images(image, reference.frame.display.lenses)[rows, columns])
+    half_a, half_b = (half[shown] for half in reference.elemental_images())
     residual = np.abs(ours - (half_a + half_b) / 2) * AMPLIFIED
     write_png(path, (mosaic(residual).clip(0, 1) * 255).round().astype(np.uint8))
 

@@ -1,0 +1,94 @@
+"""References read from their folders, and what they may be compared with."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import REFERENCE_FILES, write_frame
+from lfsr_core.frames.reference import Reference, check_reference
+from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.optics.display import load_display
+from lfsr_core.optics.eia import to_elemental_images
+from tests.support.synthetic import frame_of, light_field, write_reference
+
+LISTED = tuple((row, column) for row in range(1, 9) for column in (2, 7, 8))[:23]
+
+
+def test_a_whole_reference_holds_every_lens(tmp_path):
+    reference = Reference.read(write_reference(tmp_path, noise=0))
+    sx, sy = reference.frame.display.lenses
+    field = light_field()
+    assert reference.folder == tmp_path and reference.lens_list is None
+    assert np.array_equal(reference.half_a, field[..., :3]) and np.array_equal(reference.half_b, field[..., :3])
+    assert reference.lenses.tolist() == [[row, column] for row in range(sy) for column in range(sx)]
+    hits = to_elemental_images(field[..., 3:], (sx, sy)).any((2, 3, 4))
+    assert 0 < hits.sum() < hits.size and np.array_equal(reference.hits, hits)
+    assert np.array_equal(reference.foreground.reshape(sy, sx), hits)
+    other = np.zeros_like(hits)
+    assert reference.foreground_mask(other) is reference.hits
+
+
+def test_a_reference_of_listed_lenses_holds_those_without_spare_tiles(tmp_path):
+    listed = Reference.read(write_reference(tmp_path / "listed", noise=0, lens_list=LISTED))
+    whole = Reference.read(write_reference(tmp_path / "whole", noise=0))
+    places = [row * whole.hits.shape[1] + column for row, column in LISTED]
+    assert listed.lens_list == LISTED and listed.lenses.tolist() == [list(lens) for lens in LISTED]
+    assert listed.hits.size > len(LISTED)  # a square of tiles
+    assert np.array_equal(listed.foreground, whole.foreground[places])
+    for ours, theirs in zip(listed.linear_images(), whole.linear_images(), strict=True):
+        assert np.array_equal(ours, theirs[places])
+    assert np.array_equal(listed.elemental_images()[0], srgb_encode(listed.linear_images()[0]))
+    mask = np.zeros((3, 3), bool)
+    assert listed.foreground_mask(mask) is mask
+
+
+def test_halves_stay_apart(tmp_path):
+    reference = Reference.read(write_reference(tmp_path, noise=0.1))
+    assert not np.array_equal(reference.half_a, reference.half_b)
+
+
+def test_a_reference_that_is_not_whole_is_refused(tmp_path):
+    folder = write_reference(tmp_path)
+    write_frame(folder, frame_of(1, lens_list=LISTED))
+    with pytest.raises(LfsrError, match="but its frame.json says"):
+        Reference.read(folder)
+
+
+def test_a_missing_half_is_named(tmp_path):
+    folder = write_reference(tmp_path)
+    (folder / REFERENCE_FILES[1]).unlink()
+    with pytest.raises(LfsrError, match=REFERENCE_FILES[1]):
+        Reference.read(folder)
+
+
+REFERENCE = frame_of(1)
+SHIFTED = tuple(tuple(value + 0.3 * (column == 3) for column, value in enumerate(row))
+                for row in REFERENCE.matrix_world)
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"scale": 2}, "has scale 2"),
+    ({"display": dataclasses.replace(load_display("mini"), name="other")}, "display other"),
+    ({"display": dataclasses.replace(load_display("mini"), viewing_angle_deg=30.0)}, "display"),
+    ({"convention": "paper"}, "convention paper"),
+    ({"frame": 7}, "frame number 7"),
+    ({"array": dataclasses.replace(REFERENCE.array, distance=9.0)}, "cameras"),
+    ({"array": dataclasses.replace(REFERENCE.array, spacing=REFERENCE.array.spacing * 1.01)}, "cameras"),
+    ({"matrix_world": SHIFTED}, "cameras"),
+])
+def test_mismatched_reference_is_refused(changes, message):
+    with pytest.raises(LfsrError, match=message):
+        check_reference(frame_of(4), dataclasses.replace(REFERENCE, **changes))
+
+
+def test_matching_reference_passes_with_rounding_and_other_samples():
+    nudged = tuple(tuple(value + 1e-7 for value in row) for row in REFERENCE.matrix_world)
+    check_reference(frame_of(4), dataclasses.replace(REFERENCE, matrix_world=nudged, samples=512, seed=9))
+    check_reference(frame_of(4), dataclasses.replace(REFERENCE, lens_list=((0, 0), (3, 4))))
+
+
+def test_reference_of_other_lenses_is_refused():
+    with pytest.raises(LfsrError, match="other lenses"):
+        check_reference(frame_of(4, lens_list=((0, 0),)), frame_of(1, lens_list=((0, 1),)))
