@@ -12,11 +12,11 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE
 from lfsr_core.frames.job import Job
+from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.render.process import DERIVED_FILES
 
 from ..array import rig
 from ..settings import scene_settings
-from ..settings.methods import networks_of
 from . import runtime
 from .steps import PANEL_TASKS, Steps, file_copy, publish, render_step, second_stage_step, staging
 
@@ -62,7 +62,7 @@ def plan_animation(scene: bpy.types.Scene) -> tuple[list[FramePlan], int]:
 def render_frames(plans: Sequence[FramePlan]) -> Steps:
     """Render and finish ``plans``; the result is the last one's folder."""
     with file_copy() as copy:
-        if networks_of(plans[0].method):
+        if MethodName.parse(plans[0].method).networks:
             yield second_stage_step("Checking method", 0.0, copy.parent, "check", method=plans[0].method)
         for number, plan in enumerate(plans):
             title = f" {number + 1}/{len(plans)}" if len(plans) > 1 else ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.networks import catalogue
 
 # The pure second stage knows more; these are worth a menu entry, best first.
@@ -43,15 +44,9 @@ def method_items() -> list[tuple[str, str, str, str, int]]:
     return [(name, *entry, zlib.crc32(name.encode()) & 0x7FFFFFFF) for name, entry in entries.items()]
 
 
-def networks_of(method: str) -> list[str]:
-    """The parts of ``method`` that are networks."""
-    return [part for part in method.split("+") if part in catalogue.NETWORKS]
-
-
 def check_scale(method: str, scale: int) -> None:
     """LfsrError if a network of ``method`` was not trained for ``scale``."""
-    for name in networks_of(method):
-        trained = catalogue.trained_scales(name)
-        if scale not in trained:
-            raise LfsrError(f"method {name!r} was not trained for scale {scale}× but for "
-                            f"{', '.join(f'{s}×' for s in trained)}: choose one of these or another method")
+    for name in MethodName.parse(method).untrained(scale):
+        trained = ", ".join(f"{s}×" for s in catalogue.trained_scales(name))
+        raise LfsrError(f"method {name!r} was not trained for scale {scale}× but for {trained}: "
+                        "choose one of these or another method")

@@ -17,7 +17,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from lfsr_core.reconstruct.registry import DEFAULT_METHOD
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 
 from .. import compat
 from ..array import rig

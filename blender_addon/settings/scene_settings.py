@@ -13,7 +13,7 @@ from lfsr_core.files import read_json
 from lfsr_core.frames.frame import EIA_FILE, REPORT_FILE, Frame, read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
-from lfsr_core.reconstruct.registry import DEFAULT_METHOD, layers_of
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, MethodName
 
 from .. import compat
 from ..render import devices
@@ -102,7 +102,8 @@ def render_job(scene: bpy.types.Scene, output: Path, number: int | None = None) 
     """The job of one frame; LfsrError where the settings cannot be rendered."""
     settings = scene.lfsr
     return Job(output=str(output), display=display_of(scene), scale=int(settings.scale), spp=settings.samples,
-               scene_name=scene.name, layers=layers_of(settings.method), layout=layout_of(scene), seed=settings.seed,
+               scene_name=scene.name, layers=MethodName.parse(settings.method).layers,
+               layout=layout_of(scene), seed=settings.seed,
                frame=scene.frame_current if number is None else number, device=device_of(scene))
 
 

@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _settings(arguments: argparse.Namespace) -> Any:
     from lfsr_core.bench.chart.settings import DIRECT_METHODS, Settings, check_methods, default_methods
-    from lfsr_core.reconstruct.registry import DEFAULT_METHOD
+    from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 
     ours = arguments.ours or DEFAULT_METHOD
     methods = tuple(dict.fromkeys([ours, *(arguments.methods or default_methods())]))

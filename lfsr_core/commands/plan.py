@@ -36,10 +36,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Plan, print the table, and the command that renders the choice."""
-    from lfsr_core.plan.candidates import default_methods, layers_of
+    from lfsr_core.plan.candidates import default_methods
     from lfsr_core.plan.options import Options
     from lfsr_core.plan.planner import make_plan, rendering, work_folder
     from lfsr_core.plan.report import as_json, table
+    from lfsr_core.reconstruct.method_name import layers_of
     from lfsr_core.render.blender import find_blender
 
     names = ("target", "metric", "scales", "spps", "between", "methods", "most_seconds", "share", "lenses",

@@ -27,10 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Render, then upscale; a bad method is refused before any time is spent on rendering."""
-    from lfsr_core.reconstruct.registry import layers_of
+    from lfsr_core.reconstruct.method_name import MethodName
 
     method = upscale.chosen_method(arguments.method, arguments.scale)
-    layers = layers_of(method) if arguments.layers is None else arguments.layers
+    layers = MethodName.parse(method).layers if arguments.layers is None else arguments.layers
     job = _scene.make_job(arguments, scale=arguments.scale, layers=layers)
     _scene.render(arguments, job)
     upscale.upscale(arguments.output, method, arguments)

@@ -38,13 +38,14 @@ def run(arguments: argparse.Namespace) -> None:
 
 def chosen_method(name: str | None, scale: int) -> str:
     """``name``, or the default for ``scale``; LfsrError if no such method exists."""
+    from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
     from lfsr_core.reconstruct.methods import denoise
-    from lfsr_core.reconstruct.registry import DEFAULT_METHOD, method
+    from lfsr_core.reconstruct.registry import method as load_method
 
     if name is None:
         name = DEFAULT_METHOD if denoise.is_available() else METHOD_WITHOUT_DENOISER
         name = name if scale > 1 else METHOD_AT_FULL_RESOLUTION
-    method(name)
+    load_method(name)
     return name
 
 

@@ -14,9 +14,9 @@ from collections.abc import Iterable, Sequence
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.estimate import Estimate
-from lfsr_core.reconstruct import registry
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_CHAINS, PLAIN_METHOD, MethodName
 from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.registry import DEFAULT_METHOD, DENOISERS, PLAIN_CHAINS, PLAIN_METHOD, PREFILTERS, method
+from lfsr_core.reconstruct.registry import method
 
 METRICS = ("ssim_eia_fg", "ssim_eia")
 SCALES, SAMPLES = (1, 2, 4, 8), (4, 16, 64, 256)
@@ -46,8 +46,7 @@ class Candidate:
     @property
     def parts(self) -> int:
         """How many steps the method has, the measure of its simplicity; a network counts for three."""
-        names = [part for part in self.method.split("+") if part != "none"]
-        return len(names) + 2 * sum(name in catalogue.NETWORKS for name in names)
+        return MethodName.parse(self.method).steps
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,7 +115,7 @@ def default_methods() -> tuple[str, ...]:
 
     ours = [name for name, entry in catalogue.NETWORKS.items() if entry.light_field and not entry.after]
     names = [PLAIN_METHOD, *ours, *PLAIN_CHAINS, DEFAULT_METHOD]
-    usable = [name for name in names if PREFILTERS.keys().isdisjoint(name.split("+")) or is_available()]
+    usable = [name for name in names if is_available() or not MethodName.parse(name).prefilters]
     return tuple(dict.fromkeys(usable))
 
 
@@ -134,17 +133,12 @@ def between(spps: Sequence[int], steps: int) -> list[tuple[int, int, int, float]
     return found
 
 
-def layers_of(names: Iterable[str]) -> tuple[str, ...]:
-    """Auxiliary layers to render for these methods, sorted."""
-    return tuple(sorted({layer for name in names for layer in registry.layers_of(name)}))
-
-
 def methods_at(scale: int, names: Iterable[str]) -> tuple[str, ...]:
     """What ``names`` become at ``scale``: no upscaler at 1, no network that was not trained for it."""
+    methods = map(MethodName.parse, names)
     if scale == 1:
-        names = [_without_upscaler(name) for name in names]
-        return tuple(dict.fromkeys(name for name in names if _is_trained(name, scale)))
-    return tuple(dict.fromkeys(name for name in names if _works_at(name, scale)))
+        return tuple(dict.fromkeys(method.without_upscaler().text for method in methods))
+    return tuple(dict.fromkeys(method.text for method in methods if method.works_at(scale)))
 
 
 def choose(rated: Sequence[Rated], target: float, most_seconds: float = math.inf) -> Choice:
@@ -210,19 +204,3 @@ def asymptote(means: Sequence[float]) -> float:
     before = means[-2] - means[-3] if len(means) > 2 else 2 * gain
     kept = min(max(gain / before, 0.0), MOST_KEPT) if before > 0 else 0.5
     return means[-1] + gain * kept / (1 - kept)
-
-
-def _without_upscaler(name: str) -> str:
-    kept = [part if part in DENOISERS else DENOISERS[0] for part in name.split("+") if part in PREFILTERS]
-    return "+".join(kept) or "none"
-
-
-def _works_at(name: str, scale: int) -> bool:
-    parts = name.split("+")
-    if parts[-1] in PREFILTERS or parts[-1] == "none":
-        return False  # upscales nothing
-    return _is_trained(name, scale)
-
-
-def _is_trained(name: str, scale: int) -> bool:
-    return all(scale in catalogue.trained_scales(part) for part in name.split("+") if part in catalogue.NETWORKS)

@@ -21,10 +21,9 @@ from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.plan.sample import Lens, Mosaic, strata_masks
 from lfsr_core.plan.times import StageTime
 from lfsr_core.reconstruct.assembly import MAX_WORKERS
-from lfsr_core.reconstruct.contract import Method
 from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution, is_available, shown_part
 from lfsr_core.reconstruct.methods.epipolar import Recovering
-from lfsr_core.reconstruct.registry import method
+from lfsr_core.reconstruct.registry import Method, method
 from lfsr_core.reconstruct.second_stage import FILL_METHOD, upscale_frame
 
 CORRECTED = 0.5  # share of the reference's remaining noise that is taken out of the metric

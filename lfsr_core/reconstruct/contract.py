@@ -8,8 +8,7 @@ half-pixel centres.
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -30,21 +29,6 @@ class Upscaler(Protocol):
     notes: Sequence[str]
 
     def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray: ...
-
-
-@dataclasses.dataclass(frozen=True)
-class Method:
-    """What is done to the whole low-resolution EIA, in order, then one upscaler."""
-
-    name: str
-    prefilters: tuple[Callable[[LowResEIA], LowResEIA], ...]
-    upscaler: Upscaler
-
-    def prepare(self, low: LowResEIA) -> LowResEIA:
-        """The low-resolution EIA after every prefilter."""
-        for prefilter in self.prefilters:
-            low = prefilter(low)
-        return low
 
 
 class Cleaner(Protocol):

@@ -17,8 +17,8 @@ from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.assembly import Plan, filled, place, upscale_all
 from lfsr_core.reconstruct.clock import StageClock, peak_bytes
-from lfsr_core.reconstruct.contract import Method
-from lfsr_core.reconstruct.registry import PLAIN_METHOD, guide_notes, method
+from lfsr_core.reconstruct.method_name import PLAIN_METHOD, MethodName
+from lfsr_core.reconstruct.registry import Method, method
 
 FILL_METHOD = PLAIN_METHOD
 
@@ -55,7 +55,7 @@ def upscale_frame(folder: str | Path, method_name: str, *, step: int | None = No
     upscale_all(plan, step, finish, clock, progress)
     with clock("write"):
         _write(folder, pixels, linear, plan.mask, progress)
-    report = _report(method_name, plan, frame, clock) | {
+    report = _report(chosen.name, plan, frame, clock) | {
         "replaced_pixels": replaced, "dilate": dilate, "weights": str(weights) if weights else None}
     write_json(folder / REPORT_FILE, report)
     return report
@@ -87,7 +87,7 @@ def _prepare(folder: Path, frame: Frame, chosen: Method, dilate: int, clock: Sta
     with clock("mask"):
         mask = foreground_mask(layers, frame.rays.tiles, dilate)
         fill = ~mask & (low.alpha.any(axis=(2, 3, 4)) | frame.world_visible)
-    progress("upscale", 0.0, "+".join(chosen.name.split("+")[:len(chosen.prefilters)]))
+    progress("upscale", 0.0, "+".join(chosen.name.prefilters))
     with clock("upscale"):
         low = chosen.prepare(low)
     filler = chosen.upscaler if frame.scale == 1 else method(FILL_METHOD).upscaler
@@ -106,16 +106,16 @@ def _write(folder: Path, pixels: np.ndarray, linear: np.ndarray | None, mask: np
     progress("write", 1.0, EIA_FILE)
 
 
-def _report(method_name: str, plan: Plan, frame: Frame, clock: StageClock) -> dict[str, Any]:
+def _report(method_name: MethodName, plan: Plan, frame: Frame, clock: StageClock) -> dict[str, Any]:
     """Entries of report.json, see docs/reference/frame-folder.md."""
     return {
-        "method": method_name,
+        "method": method_name.text,
         "display": frame.display.name,
         "scale": frame.scale,
         "samples": frame.samples,
         "seconds": {stage: round(seconds, 4) for stage, seconds in clock.seconds.items()},
         "peak_bytes": peak_bytes(),
         "foreground_share": float(plan.mask.mean()),
-        "notes": [*guide_notes(method_name, plan.low.aux), *plan.upscaler.notes],
+        "notes": [*method_name.guide_notes(plan.low.aux), *plan.upscaler.notes],
         "metrics": {},
     }

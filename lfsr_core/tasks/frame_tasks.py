@@ -56,7 +56,7 @@ def check(method: str) -> dict[str, Any]:
     """LfsrError if this Python cannot run ``method``, as a network without PyTorch: better told before the render."""
     from lfsr_core.reconstruct.registry import method as load
 
-    return {"method": load(method).name}
+    return {"method": load(method).name.text}
 
 
 def compare(folder: str, reference: str) -> dict[str, Any]:

@@ -14,8 +14,8 @@ from lfsr_core.plan.candidates import Candidate, Rated, asymptote, candidates, c
 from lfsr_core.plan.estimate import Estimate
 from lfsr_core.plan.options import Options
 from lfsr_core.plan.times import StageTime, TimeModel, path_samples
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_METHOD
 from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.registry import DEFAULT_METHOD, PLAIN_METHOD
 from tests.support.synthetic import MINI, frame_of
 
 SIMPLE = PLAIN_METHOD
@@ -120,14 +120,6 @@ def test_a_network_is_a_candidate_only_where_it_was_trained():
     assert plan.methods_at(1, ("bilinear", "oidn+bilinear")) == ("none", "oidn")
     with pytest.raises(LfsrError, match="no method of none works at scale 2"):
         candidates(MINI, (2,), (4,), ("none",))
-
-
-def test_layers_are_what_denoisers_and_networks_look_at(monkeypatch):
-    assert plan.layers_of(["bilinear", "oidn+bilinear"]) == ()
-    assert plan.layers_of(["bilinear", "oidn-guided+bilinear"]) == ("albedo", "normal")
-    spec = dataclasses.replace(catalogue.NETWORKS["paper"], layers=("normal", "position"))
-    monkeypatch.setitem(catalogue.NETWORKS, "paper", spec)
-    assert plan.layers_of(["oidn-guided+bilinear", "paper"]) == ("albedo", "normal", "position")
 
 
 def test_default_methods_hold_the_simple_one_and_the_default():

@@ -9,8 +9,9 @@ import torch
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics import eia
-from lfsr_core.reconstruct import contract, registry
+from lfsr_core.reconstruct import method_name, registry
 from lfsr_core.reconstruct.encoding import decode, encode
+from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.registry import method
 
 RANDOM = np.random.default_rng(0)
@@ -123,13 +124,12 @@ def test_names_parse_and_compose():
     assert [len(method(name).prefilters) for name in ("bicubic", "oidn+bicubic", "oidn + lanczos")] == [0, 1, 1]
     assert method("oidn+bicubic").upscaler is method("bicubic").upscaler
     assert method("oidn").upscaler.name == "none"
-    assert {*PER_EI, "bicubic-eia", "none", "oidn"} <= registry.METHODS.keys()
+    assert method("oidn + lanczos").name.text == "oidn+lanczos"
 
 
-def test_versions_are_those_of_what_a_method_is_made_of():
-    assert registry.versions_of("bicubic") == registry.versions_of("light") == {}
-    assert set(registry.versions_of("oidn+bilinear")) == {"denoiser"}
-    assert set(registry.versions_of("oidn-both+refine+epi")) == {"denoiser", "epi"}
+def test_every_name_has_what_runs():
+    assert registry.CLASSICAL.keys() == method_name.CLASSICAL.keys()
+    assert registry.PREFILTERS.keys() == method_name.PREFILTERS.keys()
 
 
 def test_unknown_method_names_the_nearest():
@@ -152,7 +152,7 @@ def test_prefilters_apply_in_order():
     import dataclasses
     marks = [lambda low: dataclasses.replace(low, color=low.color * 2),
              lambda low: dataclasses.replace(low, color=low.color + 1)]
-    chosen = contract.Method("x", tuple(marks), method("nearest").upscaler)
+    chosen = registry.Method(MethodName.parse("nearest"), tuple(marks), method("nearest").upscaler)
     np.testing.assert_array_equal(chosen.prepare(low_eia(color=np.ones((1, 1, 2, 2, 3)))).color, 3)
 
 

@@ -16,8 +16,8 @@ from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics import eia
 from lfsr_core.reconstruct import second_stage
 from lfsr_core.reconstruct.clock import STAGES, StageClock
-from lfsr_core.reconstruct.contract import Method
-from lfsr_core.reconstruct.registry import method
+from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.reconstruct.registry import Method, method
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import MINI, light_field, write_render
 
@@ -217,8 +217,9 @@ def test_prefilters_see_the_low_resolution_eia_before_the_upscaler(tmp_path, mon
     def doubled(low):
         return dataclasses.replace(low, color=2 * low.color)
 
-    monkeypatch.setattr(second_stage, "method", lambda name, *_: Method(name, (doubled,), method("nearest").upscaler))
-    np.testing.assert_allclose(second_stage.finished_linear(tmp_path, "doubled+nearest"), expected, rtol=1e-6)
+    doubling = Method(MethodName.parse("nearest"), (doubled,), method("nearest").upscaler)
+    monkeypatch.setattr(second_stage, "method", lambda *_: doubling)
+    np.testing.assert_allclose(second_stage.finished_linear(tmp_path, "nearest"), expected, rtol=1e-6)
 
 
 class OneAtATime:
@@ -241,8 +242,8 @@ class OneAtATime:
 def test_an_upscaler_that_is_not_thread_safe_runs_alone_in_steps(tmp_path, monkeypatch):
     write_render(tmp_path)
     upscaler = OneAtATime()
-    monkeypatch.setattr(second_stage, "method", lambda name, *_: Method(name, (), upscaler))
-    report = second_stage.upscale_frame(tmp_path, "anything", step=5)
+    monkeypatch.setattr(second_stage, "method", lambda *_: method("bilinear", upscaler=upscaler))
+    report = second_stage.upscale_frame(tmp_path, "bilinear", step=5)
     assert not upscaler.overlapped
     assert max(upscaler.calls) == 5
     assert sum(upscaler.calls) == read_mask(tmp_path / "mask.png").sum()

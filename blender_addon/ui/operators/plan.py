@@ -12,6 +12,7 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.plan import candidates
 from lfsr_core.plan.options import Options
+from lfsr_core.reconstruct.method_name import layers_of
 
 from ...background import recipes, session, steps
 from ...background.steps import Steps
@@ -32,7 +33,7 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
         scene = context.scene
         frame = recipes.plan_frame(scene)
         options = wanted(scene)
-        job = dataclasses.replace(frame.job, layers=candidates.layers_of(options.methods))
+        job = dataclasses.replace(frame.job, layers=layers_of(options.methods))
         clear(context.window_manager.lfsr)
         return find(job, options), functools.partial(show, scene.name)
 

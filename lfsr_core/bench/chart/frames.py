@@ -18,7 +18,7 @@ from lfsr_core.bench.environment import environment
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.frames.frame import REFERENCE_FILES, REPORT_FILE, read_frame
-from lfsr_core.plan.candidates import layers_of
+from lfsr_core.reconstruct.method_name import layers_of
 from lfsr_core.records import to_data
 
 STAGES = ("render", "load", "mask", "upscale", "assemble", "color", "write")

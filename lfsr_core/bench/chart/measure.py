@@ -28,8 +28,8 @@ from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.exr import read_layers
 from lfsr_core.metrics.eia_metrics import compare
 from lfsr_core.metrics.intervals import lens_intervals
+from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.registry import versions_of
 from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
 
 CELL_FORMAT = 1
@@ -86,20 +86,8 @@ def fingerprint(folder: Path, name: str, target: Target) -> dict[str, Any]:
             "frame": _hash((folder / FRAME_FILE).read_bytes()),
             "reference": _hash((target.reference.folder / FRAME_FILE).read_bytes()),
             "mask": _hash(target.mask.tobytes()),
-            "weights": fingerprint_of_weights(name),
-            **versions_of(name)}
-
-
-def fingerprint_of_weights(name: str) -> str:
-    """Hash of the weights behind a method."""
-    return _hash(b"".join(path.read_bytes() for path in weight_files(name)))
-
-
-def weight_files(name: str) -> list[Path]:
-    """Weights that the parts of a method may use, at any scale."""
-    stems = {catalogue.NETWORKS[part].weights or part if part in catalogue.NETWORKS else part
-             for part in name.split("+")}
-    return sorted(path for stem in stems for path in catalogue.WEIGHTS_FOLDER.glob(f"{stem}-x*.safetensors"))
+            "weights": MethodName.parse(name).weights_digest,
+            **MethodName.parse(name).versions}
 
 
 def _hash(data: bytes) -> str:
@@ -168,7 +156,7 @@ def network_cost(name: str, scale: int, low_views: tuple[int, int]) -> dict[str,
     ``low_views`` (w, h): pixels of a low-resolution elemental image. Open Image Denoise is not counted: it does not
     tell.
     """
-    counts = [_count(part, scale, low_views) for part in name.split("+") if part in catalogue.NETWORKS]
+    counts = [_count(part, scale, low_views) for part in MethodName.parse(name).networks]
     if not counts:
         return {"parameters": None, "multiply_adds_per_low_pixel": None}
     return {"parameters": sum(count for count, _ in counts),
@@ -193,7 +181,7 @@ def _count(part: str, scale: int, low_views: tuple[int, int]) -> tuple[int, floa
 
 def fresh_seconds(folder: Path, name: str, chart_folder: Path, again: bool = False) -> float:
     """Wall seconds of `lfsr upscale` in a process of its own, start included; measured once per method and chart."""
-    path, key = chart_folder / FRESH_FILE, f"{name} {fingerprint_of_weights(name)}"
+    path, key = chart_folder / FRESH_FILE, f"{name} {MethodName.parse(name).weights_digest}"
     known = read_json(path, "seconds of fresh processes") if path.exists() else {}
     if key not in known or again:
         with scratch_copy(folder) as copy:

@@ -18,7 +18,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, write_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES
-from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import to_data
 
 CHART_FILE, PAGE_FILE, PICTURE_FILE, TABLE_FILE = "chart.json", "chart.html", "chart.svg", "chart.md"
@@ -100,7 +100,7 @@ def _cells(settings: Settings, scene: Path, role: str, folder: Path, target: cha
     shared = {"role": role, "scale": frame.scale, "samples": frame.samples, "render_seconds": seconds,
               "open_seconds": frame.seconds.get("open", 0.0), "device": frame.device}
     for name in settings.direct_methods if role == DIRECT else settings.methods:
-        missing = without_weights(name, frame.scale)
+        missing = MethodName.parse(name).untrained(frame.scale)
         if missing:
             _skip(f"{name} at scale {frame.scale}: {', '.join(missing)} has no weights for it", skipped, say)
             continue
@@ -112,12 +112,6 @@ def _cells(settings: Settings, scene: Path, role: str, folder: Path, target: cha
             _skip(f"{name} at scale {frame.scale}: {error}", skipped, say)
         else:
             yield _row(shared, found)
-
-
-def without_weights(name: str, scale: int) -> list[str]:
-    """Networks of a method that were not trained for ``scale``."""
-    parts = [part for part in name.split("+") if part in catalogue.NETWORKS]
-    return [part for part in parts if scale not in catalogue.trained_scales(part)]
 
 
 def _row(shared: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:

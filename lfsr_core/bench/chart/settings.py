@@ -8,8 +8,9 @@ from typing import Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, load_display
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_CHAINS, PLAIN_METHOD, UPSCALERS
 from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.registry import DEFAULT_METHOD, PLAIN_CHAINS, PLAIN_METHOD, UPSCALERS, method
+from lfsr_core.reconstruct.registry import method
 
 DENOISER, AS_RENDERED = "oidn", "none"
 DIRECT_METHODS = (AS_RENDERED, DENOISER)

@@ -23,7 +23,8 @@ from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.progress import silent
 from lfsr_core.reconstruct.assembly import Plan, filled, place, upscale_all
 from lfsr_core.reconstruct.clock import StageClock
-from lfsr_core.reconstruct.contract import Method
+from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.reconstruct.registry import Method
 from lfsr_core.reconstruct.registry import method as method_of
 from lfsr_core.reconstruct.second_stage import FILL_METHOD
 
@@ -149,4 +150,4 @@ def inputs(settings: Settings, scene: Path, name: str, **more: Any) -> dict[str,
 def schedules(settings: Settings, names: Sequence[str]) -> dict[str, str]:
     """How the network of each method was trained; methods without one are left out."""
     return {name: weights.schedule(weights.weights(settings, part)) for name in names
-            for part in weights.networks_in(name)}
+            for part in MethodName.parse(name).networks}

@@ -11,7 +11,8 @@ from typing import Any
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
-from lfsr_core.reconstruct import contract, registry
+from lfsr_core.reconstruct import registry
+from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.networks import catalogue
 
 SHORT_CONFIG = "paper-short"
@@ -21,16 +22,6 @@ FEWEST_EPOCHS, MOST_CROPS, TRIAL_STEPS = 10, 16, 3
 # What makes a schedule the paper's own; files and intervals of logging do not.
 RECIPE = ("scale", "crop", "crops_per_photograph", "downsample", "linear_light", "augment", "epochs", "batch", "rate",
           "schedule", "adversarial")
-
-
-def is_network(name: str) -> bool:
-    """True if the method's last part is a network, whose weights have a schedule."""
-    return name.rsplit("+", maxsplit=1)[-1] in catalogue.NETWORKS
-
-
-def networks_in(name: str) -> list[str]:
-    """The parts of a method that are networks."""
-    return [part for part in name.split("+") if part in catalogue.NETWORKS]
 
 
 def weights(settings: Settings, name: str) -> Path | None:
@@ -81,26 +72,20 @@ def fingerprint(path: Path | None) -> str | None:
 
 
 def fingerprints(settings: Settings, name: str) -> dict[str, str | None]:
-    """Hash of the weights of each part of a method that has any, prefilters included."""
-    *prefilters, last = name.split("+")
-    found = {last: fingerprint(weights(settings, last))} if is_network(name) else {}
-    for prefilter in prefilters:
-        shipped = sorted(catalogue.WEIGHTS_FOLDER.glob(f"{prefilter}-x*.safetensors"))
-        found |= {path.stem: fingerprint(path) for path in shipped}
-    return found
+    """Hash of the weights of each network of a method."""
+    return {network: fingerprint(weights(settings, network)) for network in MethodName.parse(name).networks}
 
 
-def method(settings: Settings, name: str) -> contract.Method | None:
+def method(settings: Settings, name: str) -> registry.Method | None:
     """Method of a name, its network with the weights chosen here; None where these are missing."""
-    if not is_network(name):
-        return registry.method(name)
-    *prefilters, network = name.split("+")
-    path = weights(settings, network)
+    parsed = MethodName.parse(name)
+    if not parsed.network:
+        return registry.method(parsed)
+    path = weights(settings, parsed.upscaler)
     if path is None:
         return None
-    frame = registry.method("+".join([*prefilters, "bilinear"]))
-    device = {} if catalogue.spec(network).light_field else {"device": settings.device}
-    return dataclasses.replace(frame, name=name, upscaler=catalogue.upscaler(network, weights=path, **device))
+    device = {} if parsed.network.light_field else {"device": settings.device}
+    return registry.method(parsed, upscaler=catalogue.upscaler(parsed.upscaler, weights=path, **device))
 
 
 def untrained(name: str, scale: int) -> Any:
@@ -111,17 +96,16 @@ def untrained(name: str, scale: int) -> Any:
     return catalogue.build(name, scale).eval().requires_grad_(False)
 
 
-def untrained_method(settings: Settings, name: str, scale: int) -> contract.Method:
+def untrained_method(settings: Settings, name: str, scale: int) -> registry.Method:
     """The method for timing at any scale, its network with random weights."""
-    if not is_network(name):
+    if not MethodName.parse(name).networks:
         return registry.method(name)
     from lfsr_core.reconstruct.networks.pytorch import checkpoint as files
 
     path = catalogue.weights_path(name, scale, settings.output / "untrained")
     if not path.exists():
         files.save(path, untrained(name, scale), scale, {"untrained": True}, catalogue.spec(name).options)
-    return dataclasses.replace(registry.method("bilinear"), name=name,
-                               upscaler=catalogue.upscaler(name, weights=path, device=settings.device))
+    return registry.method(name, upscaler=catalogue.upscaler(name, weights=path, device=settings.device))
 
 
 def train(settings: Settings, name: str) -> Path:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import hashlib
 import subprocess
 import tempfile
 from collections.abc import Sequence
@@ -22,8 +21,7 @@ from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.progress import ProgressBar
-from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.registry import versions_of
+from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.render.blender import Blender, find_blender, scene_script
 from lfsr_core.render.process import run_job
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, parse_progress
@@ -148,16 +146,6 @@ def read_cell(bench: Bench, dial: Dial, value: float, name: str) -> dict[str, An
     if not path.exists():
         return None
     cell = read_json(path, "a cell of the stability suite")
-    current = {"weights": weights_digest(name), "versions": versions_of(name)}
+    method = MethodName.parse(name)
+    current = {"weights": method.weights_digest, "versions": method.versions}
     return cell if all(cell.get(key) == value for key, value in current.items()) else None
-
-
-def weights_digest(name: str) -> str:
-    """SHA-256 over the weights files of a method's parts, empty where it has none."""
-    networks = catalogue.NETWORKS
-    stems = [networks[part].weights or part if part in networks else part for part in name.split("+")]
-    files = sorted({path for stem in stems for path in catalogue.WEIGHTS_FOLDER.glob(f"{stem}-x*.safetensors")})
-    state = hashlib.sha256()
-    for path in files:
-        state.update(path.read_bytes())
-    return state.hexdigest() if files else ""

@@ -14,11 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.bench.stress.dials import Dial, choose_dials, label
-from lfsr_core.bench.stress.folder import BASELINE, SETTINGS_FILE, Bench, Settings, cell_path, read_cell, weights_digest
+from lfsr_core.bench.stress.folder import BASELINE, SETTINGS_FILE, Bench, Settings, cell_path, read_cell
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_CHAINS, MethodName
 from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.registry import DEFAULT_METHOD, PLAIN_CHAINS, method, versions_of
+from lfsr_core.reconstruct.registry import method
 
 
 def default_methods(scale: int) -> list[str]:
@@ -88,8 +89,8 @@ def measure_value(bench: Bench, dial: Dial, value: float, methods: Sequence[str]
         print(f"  {dial.name} {label(value)} {name}: {dial.judged} {shown}", flush=True)
         write_json(cell_path(bench, dial, value, name), {
             "value": value, "scene": dial.scene_name(value), "samples": dial.samples(value), "method": name,
-            "weights": weights_digest(name), "versions": versions_of(name), "metrics": finite(metrics),
-            "worst_lens": worst})
+            "weights": MethodName.parse(name).weights_digest, "versions": MethodName.parse(name).versions,
+            "metrics": finite(metrics), "worst_lens": worst})
 
 
 def finite(metrics: dict[str, Any]) -> dict[str, Any]:

@@ -13,8 +13,9 @@ from lfsr_core.bench.chart.records import check_chart
 from lfsr_core.bench.chart.settings import Settings, default_methods
 from lfsr_core.cli import main
 from lfsr_core.errors import LfsrError
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.registry import DEFAULT_METHOD, method
+from lfsr_core.reconstruct.registry import method
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import fails, write_reference, write_render
 
@@ -228,7 +229,7 @@ def test_default_methods_are_all_known_and_begin_with_the_default():
     assert names[0] == DEFAULT_METHOD and len(set(names)) == len(names) > 8
     assert "none" not in names and {"bicubic", "oidn+bicubic", "paper"} <= set(names)
     for name in names:
-        assert method(name).name == name
+        assert method(name).name.text == name
 
 
 def test_our_method_must_be_measured(tmp_path):

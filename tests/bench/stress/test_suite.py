@@ -20,6 +20,7 @@ from lfsr_core.bench.stress.dials import choose_dials
 from lfsr_core.cli import main
 from lfsr_core.errors import LfsrError
 from lfsr_core.images.png import read_png
+from lfsr_core.reconstruct.method_name import MethodName
 from tests.support.synthetic import MINI, fails, write_reference, write_render
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "results" / "stress.md"
@@ -150,7 +151,7 @@ def test_other_weights_are_measured_again(tmp_path, bench, monkeypatch):
     dial = choose_dials(["samples"])[0]
     folder = stress_folder.Bench(bench, settings)
     assert stress_folder.read_cell(folder, dial, 64, "bicubic")["value"] == 64
-    monkeypatch.setattr(stress_folder, "weights_digest", lambda name: "others")
+    monkeypatch.setattr(MethodName, "weights_digest", "others")
     assert stress_folder.read_cell(folder, dial, 64, "bicubic") is None
     assert stress_folder.read_cell(folder, dial, 32, "bicubic") is None
 
@@ -158,16 +159,10 @@ def test_other_weights_are_measured_again(tmp_path, bench, monkeypatch):
 def test_another_version_of_a_method_is_measured_again(bench, monkeypatch):
     folder = stress_folder.Bench(bench, stress_folder.Settings(MINI, SCALE, 8, FRAMES))
     dial = choose_dials(["samples"])[0]
-    monkeypatch.setattr(stress_folder, "versions_of", lambda name: {"denoiser": -1} if name == "bicubic" else {})
+    versions = {"bicubic": {"denoiser": -1}}
+    monkeypatch.setattr(MethodName, "versions", property(lambda name: versions.get(name.text, {})))
     assert stress_folder.read_cell(folder, dial, 64, "bicubic") is None
     assert stress_folder.read_cell(folder, dial, 64, "nearest")["value"] == 64
-
-
-def test_weights_decide_the_digest_and_classical_methods_have_none():
-    assert stress_folder.weights_digest("oidn+bicubic") == ""
-    assert stress_folder.weights_digest("espcn") == stress_folder.weights_digest("oidn+espcn") != ""
-    assert stress_folder.weights_digest("fsrcnn-eia") == stress_folder.weights_digest("fsrcnn")
-    assert stress_folder.weights_digest("paper") != stress_folder.weights_digest("espcn")
 
 
 def test_default_methods_are_bicubic_the_default_and_what_has_weights():

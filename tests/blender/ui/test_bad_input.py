@@ -174,18 +174,16 @@ def test_scale_that_does_not_divide_the_views(scene):
 
 
 def test_network_that_was_not_trained_for_the_scale(scene, monkeypatch):
-    monkeypatch.setattr(catalogue, "NETWORKS", {"toy": None})
     monkeypatch.setattr(catalogue, "trained_scales", lambda name: [4, 8])
-    methods.check_scale("oidn+toy", 4)
-    with pytest.raises(LfsrError, match="not trained for scale 2× but for 4×, 8×"):
-        methods.check_scale("oidn+toy", 2)
+    methods.check_scale("oidn+fsrcnn", 4)
+    with pytest.raises(LfsrError, match="'fsrcnn' was not trained for scale 2× but for 4×, 8×"):
+        methods.check_scale("oidn+fsrcnn", 2)
 
 
 def test_second_stage_that_cannot_run_the_method_is_told_before_the_render(scene, monkeypatch):
-    monkeypatch.setattr(recipes, "networks_of", lambda method: ["toy"])
     monkeypatch.setattr(recipes, "render_step", lambda *_: pytest.fail("it renders"))
-    plan = dataclasses.replace(recipes.plan_frame(scene), method="oidn+toy")
-    with pytest.raises(LfsrError, match="unknown method 'toy'"):
+    plan = dataclasses.replace(recipes.plan_frame(scene), method="oidn+fsrcnn+epi")
+    with pytest.raises(LfsrError, match="'epi' cannot follow 'fsrcnn'"):
         session.run("Render EIA", recipes.render_frames([plan]))
 
 

@@ -66,14 +66,14 @@ def test_methods_name_their_layers_and_have_lasting_numbers():
     assert len({item[4] for item in items}) == len(items)
     # The number stored in artists' files: a new method must not shift it.
     assert {item[0]: item[4] for item in items}["oidn+bicubic"] == zlib.crc32(b"oidn+bicubic") & 0x7FFFFFFF
-    from lfsr_core.reconstruct.registry import layers_of
+    from lfsr_core.reconstruct.method_name import MethodName
 
-    assert layers_of("oidn-guided+bicubic") == layers_of("light") == ("albedo", "normal")
-    assert layers_of("oidn+bicubic") == layers_of("bicubic") == ()
+    assert MethodName.parse("oidn-guided+bicubic").layers == MethodName.parse("light").layers == ("albedo", "normal")
+    assert MethodName.parse("oidn+bicubic").layers == MethodName.parse("bicubic").layers == ()
 
 
 def test_every_method_of_the_menu_is_one_of_the_second_stage():
-    from lfsr_core.reconstruct.registry import METHODS
+    from lfsr_core.reconstruct.method_name import MethodName
 
     for name, *_ in methods.method_items():
-        assert set(name.split("+")) <= set(METHODS), name
+        assert MethodName.parse(name).text == name

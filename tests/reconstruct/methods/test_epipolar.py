@@ -43,7 +43,7 @@ def light_field(detail, seed=1, alpha=None):
 
 
 def recovered(low, name="bilinear"):
-    recovering = Recovering(CLASSICAL[name][1])
+    recovering = Recovering(CLASSICAL[name])
     ready = recovering.prepare(low)
     return encode(recovering(ready, np.argwhere(np.ones(low.color.shape[:2], bool)))), recovering, ready
 
@@ -142,7 +142,7 @@ def test_blocks_see_nothing_of_each_other():
         rows = [np.concatenate([blocks[n] for n in order[start:start + 2]], 1) for start in (0, 2)]
         low = light_field(np.concatenate(rows, 0))
         low.aux["noisy"][:] = decode(np.float32(0.5) + np.concatenate(rows, 0)[..., None])
-        recovering = Recovering(CLASSICAL["bilinear"][1])
+        recovering = Recovering(CLASSICAL["bilinear"])
         recovering.block = side
         return recovering.prepare(low).aux["lost"]
 
@@ -164,9 +164,9 @@ def test_where_nothing_was_lost_the_upscaler_has_its_way(kernel):
     color = np.random.default_rng(3).random((3, 4, SIDE, SIDE, 3), np.float32)
     low = LowResEIA(color, np.ones((3, 4, SIDE, SIDE, 1), np.float32), {}, 16, SCALE)
     lenses = np.argwhere(np.ones((3, 4), bool))
-    weights = CLASSICAL[kernel][1].kernel
+    weights = CLASSICAL[kernel].kernel
     expected = interpolated(encode(color).reshape(-1, SIDE, SIDE, 3), weights, SCALE)
-    np.testing.assert_allclose(decode(expected), CLASSICAL[kernel][1](low, lenses), atol=2e-5)
+    np.testing.assert_allclose(decode(expected), CLASSICAL[kernel](low, lenses), atol=2e-5)
     mean = averaged(encode(color), weights, SCALE).reshape(-1, SIDE, SIDE, 3)
     np.testing.assert_allclose(mean, expected.reshape(-1, SIDE, SCALE, SIDE, SCALE, 3).mean((2, 4)), atol=1e-5)
 

@@ -14,7 +14,7 @@ from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.bench.paper.verdict import Difference, overall, paired, say
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.optics.eia import horizontal_epi, to_elemental_images
-from lfsr_core.reconstruct.registry import DEFAULT_METHOD
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 
 PAIRS = (("bicubic", "bicubic-eia"), ("paper", "paper-eia"), ("fsrcnn", "fsrcnn-eia"))
 TRUTH, ADVERSARIAL = "reference", "paper-gan"

@@ -11,8 +11,8 @@ from lfsr_core.bench.paper.figure import Figure, Results, by_name, gains, markdo
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.bench.paper.verdict import Difference, overall, say, single_runs
 from lfsr_core.frames.frame import read_frame
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.registry import DEFAULT_METHOD
 
 DIRECT, BY_VIEW, FEW_SAMPLES = "direct", "view by view + fsrcnn", "1 sample + oidn"
 PAPER, PAPER_PLAIN, OURS = "paper (adversary)", "paper (no adversary)", "this project"

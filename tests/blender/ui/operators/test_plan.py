@@ -14,7 +14,7 @@ from blender_addon.settings import methods
 from blender_addon.ui import panels
 from blender_addon.ui.operators import plan
 from lfsr_core.plan import options
-from lfsr_core.reconstruct.registry import DEFAULT_METHOD
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from tests.blender.ui.test_panels import draw, labels, operators, properties
 from tests.support import panel
 

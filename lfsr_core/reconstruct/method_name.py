@@ -1,0 +1,156 @@
+"""Names of methods, parsed once into a value that everything carries.
+
+A name is prefilters and one upscaler joined by "+", as ``oidn+bicubic``; "epi" after
+them brings back detail that they lost, as in ``oidn+bicubic+epi``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Collection, Sequence
+from pathlib import Path
+
+from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.reconstruct.methods import denoise, epipolar
+from lfsr_core.reconstruct.networks import catalogue
+
+CLASSICAL = {
+    "nearest": "each view repeated",
+    "bilinear": "linear inside each elemental image",
+    "bicubic": "cubic inside each elemental image",
+    "lanczos": "8-tap Lanczos inside each elemental image",
+    "bicubic-eia": "cubic over the whole array: shows crosstalk",
+    "none": "no upscaling, for renders at scale 1",
+}
+PREFILTERS = {
+    "oidn": "Open Image Denoise on the whole array",
+    "oidn-fast": "the same in half the time, a little less accurate",
+    "oidn-guided": "Open Image Denoise with albedo and normal, cleaned first: for plain surfaces",
+    "oidn-both": "oidn and oidn-guided, for a network that mixes them",
+}
+AS_RENDERED, RECOVERY = "none", "epi"
+GUIDED = ("oidn-guided", "oidn-both")
+DENOISERS = ("oidn", "oidn-fast", "oidn-guided")  # prefilters that make sense before an interpolation
+UPSCALERS = {**CLASSICAL, **catalogue.NAMES}
+METHODS = {**UPSCALERS, **PREFILTERS, RECOVERY: "last: detail that was taken for noise comes back along epipolar lines"}
+PLAIN_METHOD = "bilinear"  # after OIDN more accurate than bicubic, see docs/results/measurements.md
+# What our networks must beat.
+PLAIN_CHAINS = (*(f"{name}+{PLAIN_METHOD}" for name in DENOISERS), f"{DENOISERS[0]}+{PLAIN_METHOD}+{RECOVERY}")
+DEFAULT_METHOD = "oidn-both+refine+epi"  # see docs/reference/networks.md
+STEPS_OF_A_NETWORK = 3
+
+
+@dataclasses.dataclass(frozen=True, order=True)
+class MethodName:
+    """The name of a method and what follows from it; ``MethodName.parse`` makes one.
+
+    Attributes:
+        text: the name as written, as in "oidn+bicubic+epi".
+        prefilters: what is done to the whole low-resolution EIA first, in order.
+        upscaler: name of the one upscaler; "none" where every view was rendered.
+        recovers: whether "epi" brings back lost detail.
+    """
+
+    text: str
+    prefilters: tuple[str, ...]
+    upscaler: str
+    recovers: bool
+
+    @classmethod
+    def parse(cls, text: str | MethodName) -> MethodName:
+        """Name of a text such as "bicubic" or "oidn+bicubic"; "oidn" alone upscales nothing.
+
+        LfsrError for an unknown part, with the nearest name, or a wrong order.
+        """
+        if isinstance(text, MethodName):
+            return text
+        parts = [part.strip() for part in text.split("+")]
+        for part in parts:
+            _check_known(part)
+        chain = parts[:-1] if len(parts) > 1 and parts[-1] == RECOVERY else parts
+        *prefilters, upscaler = chain if chain[-1] not in PREFILTERS else [*chain, AS_RENDERED]
+        _check_order(text, prefilters, upscaler)
+        return cls("+".join(parts), tuple(prefilters), upscaler, chain is not parts)
+
+    def __str__(self) -> str:
+        return self.text
+
+    @property
+    def network(self) -> catalogue.NetworkSpec | None:
+        """The catalogue's entry of the upscaler, None where it is no network."""
+        return catalogue.NETWORKS.get(self.upscaler)
+
+    @property
+    def networks(self) -> tuple[str, ...]:
+        """Parts that are networks."""
+        return (self.upscaler,) if self.network else ()
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Auxiliary layers that some part looks at, sorted."""
+        guides = denoise.GUIDES if set(GUIDED) & set(self.prefilters) else ()
+        return tuple(sorted({*guides, *(self.network.layers if self.network else ())}))
+
+    @property
+    def versions(self) -> dict[str, int]:
+        """Versions of what it is made of, weights aside: figures measured with others are out of date."""
+        return {**({"denoiser": denoise.VERSION} if self.prefilters else {}),
+                **({RECOVERY: epipolar.VERSION} if self.recovers else {})}
+
+    @property
+    def steps(self) -> int:
+        """How many steps it has, the measure of its simplicity; a network counts for three."""
+        upscaling = 0 if self.upscaler == AS_RENDERED else STEPS_OF_A_NETWORK if self.network else 1
+        return len(self.prefilters) + upscaling + self.recovers
+
+    @property
+    def weights_digest(self) -> str:
+        """SHA-256 over the shipped weights that it may use, at any scale; empty where it has none."""
+        stem = self.network and (self.network.weights or self.upscaler)
+        files = sorted(catalogue.WEIGHTS_FOLDER.glob(f"{stem}-x*.safetensors")) if stem else []
+        return hashlib.sha256(b"".join(map(Path.read_bytes, files))).hexdigest() if files else ""
+
+    def untrained(self, scale: int) -> tuple[str, ...]:
+        """Networks that have no weights for ``scale``."""
+        return tuple(name for name in self.networks if scale not in catalogue.trained_scales(name))
+
+    def works_at(self, scale: int) -> bool:
+        """Whether it upscales by ``scale``, with networks trained for that."""
+        return self.upscaler != AS_RENDERED and not self.untrained(scale)
+
+    def without_upscaler(self) -> MethodName:
+        """What is left of it for a render of every view: its denoisers."""
+        kept = [part if part in DENOISERS else DENOISERS[0] for part in self.prefilters]
+        return MethodName.parse("+".join(kept) or AS_RENDERED)
+
+    def guide_notes(self, layers: Collection[str]) -> list[str]:
+        """For the report: a sentence if it would be guided by layers beside ``layers``, those that a frame has."""
+        missing = [layer for layer in denoise.GUIDES if layer not in layers]
+        if "oidn-guided" not in self.prefilters or not missing:
+            return []
+        return [f"oidn-guided is guided by the layers {', '.join(missing)}, which this frame lacks: it was denoised "
+                "without them; render it again with --layers albedo,normal"]
+
+
+def layers_of(names: Collection[str]) -> tuple[str, ...]:
+    """Auxiliary layers to render for several methods, sorted."""
+    return tuple(sorted({layer for name in names for layer in MethodName.parse(name).layers}))
+
+
+def _check_known(part: str) -> None:
+    if part not in METHODS:
+        hint = did_you_mean(part, METHODS, cutoff=0.4)
+        raise LfsrError(f"unknown method {part!r}: {hint}Choose from {', '.join(METHODS)}, joined by '+'")
+
+
+def _check_order(text: str, prefilters: Sequence[str], upscaler: str) -> None:
+    for part in prefilters:
+        if part not in PREFILTERS:
+            raise LfsrError(f"method {text!r} has {part!r} before its last part, but only {', '.join(PREFILTERS)} can "
+                            f"stand there: put one upscaler last, and {RECOVERY!r} after it")
+    if upscaler == RECOVERY:
+        raise LfsrError(f"method {text!r} has nothing before {RECOVERY!r}: use '{PLAIN_METHOD}+{RECOVERY}'")
+    before = catalogue.NETWORKS[upscaler].after if upscaler in catalogue.NETWORKS else None
+    if before and before not in prefilters:
+        raise LfsrError(f"method {text!r} needs {before!r} before {upscaler!r}: use '{before}+{upscaler}'")
