@@ -17,7 +17,7 @@ from lfsr_core.images.color_settings import ColorSettings
 from ..array import placement
 from ..scene import light
 from ..scene import subject as scene_io
-from . import devices, passes
+from . import animation, devices, passes
 from .cycles import RenderSettings, render_encoded
 from .progress import Progress, part
 from .view_by_view import render_views
@@ -48,7 +48,7 @@ def prepared(scene: bpy.types.Scene, job: Job) -> Iterator[Frame]:
     """The job's frame, with ``scene`` at its time, lit, and its objects indexed inside the block."""
     with _at_frame(scene, job.frame):
         subject = scene_io.find_subject(scene, job.subject)
-        with light.lit(scene) as own_light, passes.pass_indices(subject):
+        with light.lit(scene) as own_light, animation.resting(scene), passes.pass_indices(subject):
             yield describe(scene, job, subject, own_light)
 
 

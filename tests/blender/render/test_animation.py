@@ -1,0 +1,105 @@
+"""What the scene animates does not change how it is rendered."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.render.frame_folder import render_job
+from lfsr_core.frames.job import Job
+from lfsr_core.images import exr
+from tests.support.scenes import MINI, add_box, add_camera, emission
+
+
+@pytest.fixture
+def lit(scene):
+    """Two boxes of which one is background, lit by a lamp; noisy."""
+    add_box(scene, (0, 1, 0), (5, 0.1, 5))
+    box = add_box(scene, (0, 0, 0.2), (0.4, 0.3, 0.3), emission((0.9, 0.4, 0.1)))
+    box.name = "box"
+    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "AREA"))
+    lamp.data.energy, lamp.location, lamp.rotation_euler = 200, (1, -4, 2), (1.1, 0, 0.2)
+    scene.collection.objects.link(lamp)
+    add_camera(scene, (0, -3, 0), 0.7)
+    return scene
+
+
+def layers(scene, folder, **options):
+    render_job(scene, Job(str(folder), MINI, **{"spp": 2, "scale": 4, "layers": ("index",)} | options))
+    return {f"{path.stem} {name}": pixels for path in folder.glob("*.exr")
+            for name, pixels in exr.read_layers(path).items()}
+
+
+def key(owner, path, value, frame=1):
+    """A keyframe that says ``value`` at every frame."""
+    before = getattr(owner, path)
+    setattr(owner, path, value)
+    owner.keyframe_insert(path, frame=frame)
+    setattr(owner, path, before)
+
+
+def marker_of_the_camera_itself(scene):
+    scene.timeline_markers.new("cut", frame=1).camera = scene.camera
+
+
+def keyed_samples(scene):
+    key(scene.cycles, "samples", 7)
+    scene.cycles.seed = 5
+    key(scene.cycles, "pixel_filter_type", "GAUSSIAN")
+
+
+def driven_seed(scene):
+    scene.cycles.driver_add("seed").driver.expression = "frame"
+
+
+def keyed_in_a_strip(scene):
+    key(scene.cycles, "seed", 41)
+    data = scene.animation_data
+    action, slot = data.action, data.action_slot
+    data.action = None
+    strip = data.nla_tracks.new().strips.new("strip", 1, action)
+    strip.action_slot = slot
+
+
+def animated_index(scene):
+    box = bpy.data.objects["box"]
+    key(box, "pass_index", 2)
+    bpy.data.objects["item"].driver_add("pass_index").driver.expression = "1"
+
+
+@pytest.mark.parametrize("layout", ["one-pass", "view-by-view"])
+@pytest.mark.parametrize("animate", [marker_of_the_camera_itself, keyed_samples, driven_seed, keyed_in_a_strip,
+                                     animated_index])
+def test_animated_settings_change_nothing(lit, tmp_path, animate, layout):
+    expected = layers(lit, tmp_path / "plain", layout=layout, seed=3)
+    animate(lit)
+    found = layers(lit, tmp_path / "animated", layout=layout, seed=3)
+    assert found.keys() == expected.keys()
+    for name, pixels in expected.items():
+        np.testing.assert_array_equal(found[name], pixels, err_msg=name)
+
+
+def test_the_array_stands_where_a_marker_puts_the_camera_and_stays_an_array(lit, tmp_path):
+    first, other = lit.camera, add_camera(lit, (0.2, -4, 0.1), 0.6)
+    expected = layers(lit, tmp_path / "plain")
+    lit.camera = first
+    lit.timeline_markers.new("cut", frame=1).camera = other
+    found = layers(lit, tmp_path / "marked", frame=1)
+    np.testing.assert_array_equal(found["lr_eia color"], expected["lr_eia color"])
+    assert lit.timeline_markers["cut"].camera == other
+
+
+def test_a_driven_seed_leaves_the_halves_of_a_reference_apart(lit, tmp_path):
+    driven_seed(lit)
+    halves = layers(lit, tmp_path / "reference", kind="reference", scale=1, layers=())
+    assert not np.array_equal(halves["reference_a color"], halves["reference_b color"])
+
+
+def test_everything_moves_again_afterwards(lit, tmp_path):
+    driven_seed(lit)
+    keyed_samples(lit)
+    layers(lit, tmp_path / "frame")
+    assert not any(curve.mute for curve in lit.animation_data.drivers)
+    lit.frame_set(9)
+    assert (lit.cycles.seed, lit.cycles.samples) == (9, 7)
