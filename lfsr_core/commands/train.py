@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import closing
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
@@ -53,16 +54,14 @@ def prepare(arguments: argparse.Namespace) -> None:
 
 def train(arguments: argparse.Namespace) -> None:
     """Train and print the weights file with its validation figures."""
+    from lfsr_core.train import session
     from lfsr_core.train.config import load_config
-    from lfsr_core.train.session import train as train_config
+    from lfsr_core.train.loop import RunOptions
 
     config = load_config(arguments.config, arguments.set)
     output = Path(arguments.output or f"out/train/{Path(arguments.config).stem}-x{config.scale}")
-    bar = ProgressBar()
-    try:
-        trained = train_config(config, output, device=arguments.device, resume=arguments.resume, progress=bar)
-    finally:
-        bar.close()
+    with closing(ProgressBar()) as bar:
+        trained = session.train(config, output, arguments.device, RunOptions(arguments.resume, bar))
     if trained.weights is None:
         print(f"stopped after {trained.outcome.epochs} epochs: go on with --resume --output {output}")
         raise KeyboardInterrupt

@@ -11,7 +11,7 @@ import json
 import pickle
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,28 +22,32 @@ from torch import Tensor
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
+from lfsr_core.progress import Progress, silent
 from lfsr_core.train.log import TrainLog
 
 CHECKPOINT, CHECKPOINT_VERSION = "checkpoint.pt", 1
-Progress = Callable[[str, float, str], None]
 
 
 class Task(Protocol):
-    """What is trained.
+    """What is trained."""
 
-    ``identity``: plain values that must agree for a run to be resumed.
-    ``begin``: prepares an epoch and says its number of steps; what the epoch
-    contains must depend on its number alone. ``step``: trains on one batch and
-    gives detached scalar losses on the device. ``validate``: figures for the log.
-    ``state``: tensors, numbers, strings, lists and dicts only.
-    """
+    def identity(self) -> dict[str, Any]:
+        """Plain values that must agree for a run to be resumed."""
 
-    def identity(self) -> dict[str, Any]: ...
-    def begin(self, epoch: int) -> int: ...
-    def step(self, index: int) -> dict[str, Tensor]: ...
-    def validate(self) -> dict[str, float]: ...
-    def state(self) -> dict[str, Any]: ...
-    def restore(self, state: dict[str, Any]) -> None: ...
+    def begin(self, epoch: int) -> int:
+        """Prepare an epoch, whose content must depend on its number alone; the number of its steps."""
+
+    def step(self, index: int) -> dict[str, Tensor]:
+        """Train on one batch; detached scalar losses, still on the device."""
+
+    def validate(self) -> dict[str, float]:
+        """Figures for the log."""
+
+    def state(self) -> dict[str, Any]:
+        """What training changes, in tensors, numbers, strings, lists and dicts only."""
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go back to a ``state``."""
 
 
 @dataclass(frozen=True)
@@ -57,21 +61,21 @@ class Schedule:
 
 @dataclass
 class Position:
-    """Where a run stands: whole epochs, steps into the next one with their summed losses, seconds so far."""
+    """Where a run stands."""
 
-    epoch: int = 0
-    step: int = 0
-    sums: dict[str, Any] = field(default_factory=dict)
+    epoch: int = 0  # whole epochs that are done
+    step: int = 0  # steps of the next epoch that are done
+    sums: dict[str, Any] = field(default_factory=dict)  # losses summed over those steps
     seconds: float = 0.0
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """``stopped``: a signal ended the run before its last epoch; ``seconds`` over all resumed parts."""
+    """How a run ended."""
 
     epochs: int
-    stopped: bool
-    seconds: float
+    stopped: bool  # a signal ended the run before its last epoch
+    seconds: float  # over all resumed parts
     validation: dict[str, float]
 
 
@@ -100,39 +104,62 @@ class Stop:
         self.asked = True
 
 
-def run(task: Task, schedule: Schedule, output: str | Path, *, resume: bool = False,
-        progress: Progress | None = None, stop: Stop | None = None) -> Outcome:
+@dataclass(frozen=True)
+class RunOptions:
+    """How a run is watched and steered."""
+
+    resume: bool = False  # go on from the checkpoint in the output folder
+    progress: Progress = silent
+    stop: Stop = field(default_factory=Stop)
+
+
+def run(task: Task, schedule: Schedule, output: str | Path, options: RunOptions | None = None) -> Outcome:
     """Train ``task``; log.jsonl, loss.png and checkpoint.pt appear in ``output``.
 
-    ``resume`` goes on from the checkpoint there and ends as an uninterrupted run
-    would. LfsrError if the checkpoint is of another run, or if one exists and
-    ``resume`` is off.
+    A resumed run ends as an uninterrupted one would.
+
+    Parameters
+    ----------
+    task : what a step is
+    schedule : how long, and how often to validate and to save
+    output : folder to write to
+    options : resumption, progress and a way to stop it
+
+    Returns
+    -------
+    How it ended.
+
+    Raises
+    ------
+    LfsrError
+        The checkpoint is of another run, or there is one and ``options.resume`` is off.
     """
+    options = options or RunOptions()
     output = Path(output)
-    position = _start(task, output, resume)
+    position = _start(task, output, options.resume)
     log = TrainLog(output, keep_epochs=position.epoch)
-    stop = stop or Stop()
-    with stop.listening():
+    with options.stop.listening():
         while position.epoch < schedule.epochs:
-            _train_epoch(task, position, schedule, stop, progress or _silent)
-            if stop.asked:
+            _train_epoch(task, position, schedule, options)
+            if options.stop.asked:
                 break
             _finish_epoch(task, position, schedule, log, output)
-    if position.epoch < schedule.epochs:
+    stopped = position.epoch < schedule.epochs
+    if stopped:
         save_checkpoint(task, output, position)
     log.draw()
-    return Outcome(position.epoch, position.epoch < schedule.epochs, position.seconds, log.last_validation())
+    return Outcome(position.epoch, stopped, position.seconds, log.last_validation())
 
 
-def _train_epoch(task: Task, position: Position, schedule: Schedule, stop: Stop, progress: Progress) -> None:
-    """Do the steps that are left of the current epoch; ends early when ``stop`` is asked."""
+def _train_epoch(task: Task, position: Position, schedule: Schedule, options: RunOptions) -> None:
+    """Do the steps that are left of the current epoch; ends early when a stop is asked."""
     started, steps = time.monotonic(), task.begin(position.epoch)
-    while position.step < steps and not stop.asked:
+    while position.step < steps and not options.stop.asked:
         for name, loss in task.step(position.step).items():
             position.sums[name] = position.sums.get(name, 0) + loss
         position.step += 1
         fraction = (position.epoch + position.step / steps) / schedule.epochs
-        progress("train", fraction, f"epoch {position.epoch + 1} of {schedule.epochs}")
+        options.progress("train", fraction, f"epoch {position.epoch + 1} of {schedule.epochs}")
     position.sums = {name: float(value) for name, value in position.sums.items()}
     position.seconds += time.monotonic() - started
 
@@ -188,7 +215,3 @@ def _start(task: Task, output: Path, resume: bool) -> Position:
 
 def _fingerprint(task: Task) -> str:
     return hashlib.sha256(json.dumps(task.identity(), sort_keys=True).encode()).hexdigest()
-
-
-def _silent(_stage: str, _fraction: float, _message: str) -> None:
-    pass

@@ -23,7 +23,8 @@ from lfsr_core.reconstruct.networks.pytorch.lightfield import multiply_adds as l
 from lfsr_core.train.config import LightFieldTrainConfig, TrainConfig
 from lfsr_core.train.lightfields.data import load_scenes
 from lfsr_core.train.lightfields.task import LightFieldTask, digest
-from lfsr_core.train.loop import Outcome, Progress, Schedule, Stop, run
+from lfsr_core.train.lightfields.validation import SceneValidation
+from lfsr_core.train.loop import Outcome, RunOptions, Schedule, run
 from lfsr_core.train.photographs.data import Photographs, load_photographs
 from lfsr_core.train.photographs.task import ComparatorTask
 
@@ -34,75 +35,124 @@ SCENE_SETTINGS = "settings.json"
 
 @dataclass(frozen=True)
 class Trained:
-    """Weights file written (None if the run was stopped before its end) and how the run went."""
+    """What a run leaves."""
 
-    weights: Path | None
+    weights: Path | None  # file written, None if the run was stopped before its end
     outcome: Outcome
 
 
-def train(config: TrainConfig | LightFieldTrainConfig, output: str | Path, *, device: str = "auto",
-          resume: bool = False, progress: Progress | None = None, stop: Stop | None = None) -> Trained:
-    """Train as ``config`` says; the weights go to ``output`` with log, curves and checkpoint.
+@dataclass(frozen=True)
+class PhotographFacts:
+    """Which photographs a run saw."""
 
-    LfsrError for data, device or a checkpoint that do not fit.
+    files: int
+    megapixels: float
+    sha256: str
+
+    @classmethod
+    def of(cls, photographs: Photographs) -> PhotographFacts:
+        """Facts of loaded photographs."""
+        pixels = sum(image.shape[0] * image.shape[1] for image in photographs.images)
+        return cls(len(photographs.names), round(pixels / 1e6, 2), photographs.digest)
+
+
+@dataclass(frozen=True)
+class ComparatorData:
+    """What a comparator was trained on and, if anything, validated on."""
+
+    photographs: PhotographFacts
+    validation: PhotographFacts | None
+
+
+@dataclass(frozen=True)
+class SceneData:
+    """What a network of ours was trained on."""
+
+    scenes: int  # how many
+    sha256: str
+    settings: Any  # of training_scenes.py, None if the folder does not say
+    validation: list[str]  # scenes kept apart
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """How weights came to be; ``checkpoint.save`` writes it beside them."""
+
+    network: str
+    config: TrainConfig | LightFieldTrainConfig
+    data: ComparatorData | SceneData
+    seconds: float
+    validation: dict[str, float]
+    command: str
+    versions: dict[str, str]
+    device: str
+    parameters: int
+    multiply_adds_per_low_pixel: float
+
+
+def train(config: TrainConfig | LightFieldTrainConfig, output: str | Path, device: str = "auto",
+          options: RunOptions | None = None) -> Trained:
+    """Train as ``config`` says.
+
+    Parameters
+    ----------
+    config : network, data and recipe
+    output : folder for weights, log, curves and checkpoint
+    device : "cpu", "cuda" or "auto"
+    options : resumption, progress and a way to stop it
+
+    Returns
+    -------
+    The weights and how the run went.
+
+    Raises
+    ------
+    LfsrError
+        Data, device or a checkpoint do not fit.
     """
-    output, chosen = Path(output), choose_device(device)
+    chosen = choose_device(device)
     torch.backends.cudnn.benchmark = True
-    task, data = _light_field(config, chosen) if isinstance(config, LightFieldTrainConfig) else _comparator(
-        config, chosen)
+    prepare = _light_field if isinstance(config, LightFieldTrainConfig) else _comparator
+    task, data = prepare(config, chosen)
     schedule = Schedule(config.epochs, config.validate_every, config.checkpoint_every)
-    outcome = run(task, schedule, output, resume=resume, progress=progress, stop=stop)
+    outcome = run(task, schedule, output, options)
     if outcome.stopped:
         return Trained(None, outcome)
     path = catalogue.weights_path(config.network, config.scale, output)
-    save_trained(task, path, outcome, data)
+    checkpoint.save(path, task.finished, config.scale, asdict(_provenance(task, outcome, data)), task.options)
     return Trained(path, outcome)
 
 
-def save_trained(task: ComparatorTask | LightFieldTask, path: Path, outcome: Outcome, data: dict[str, Any]) -> None:
-    """Weights and the JSON that says how they came to be."""
-    light_field = isinstance(task, LightFieldTask)
-    provenance = {
-        "network": task.config.network,
-        "config": asdict(task.config),
-        "data": data,
-        "seconds": round(outcome.seconds, 1),
-        "validation": {**outcome.validation, **({} if light_field else task.bicubic())},
-        **facts(task.network, task.device),
-    }
-    if light_field:
-        options, network = task.config.options(), task.average
-    else:
-        options, network = catalogue.spec(task.config.network).options, task.network
-    checkpoint.save(path, network, task.config.scale, provenance, options)
-
-
-def _comparator(config: TrainConfig, device: torch.device) -> tuple[ComparatorTask, dict[str, Any]]:
+def _comparator(config: TrainConfig, device: torch.device) -> tuple[ComparatorTask, ComparatorData]:
     photographs = load_photographs(config.photographs, LONG_SIDE)
     validation = load_photographs(config.validation) if config.validation else None
-    data = {"photographs": _data_facts(photographs), "validation": validation and _data_facts(validation)}
-    return ComparatorTask(config, photographs, validation, device), data
+    scenes = SceneValidation(config.validation_scenes, config.scale, device) if config.validation_scenes else None
+    task = ComparatorTask(config, photographs, validation, device, scenes and scenes.figures)
+    return task, ComparatorData(PhotographFacts.of(photographs), validation and PhotographFacts.of(validation))
 
 
-def _light_field(config: LightFieldTrainConfig, device: torch.device) -> tuple[LightFieldTask, dict[str, Any]]:
+def _light_field(config: LightFieldTrainConfig, device: torch.device) -> tuple[LightFieldTask, SceneData]:
     scenes = load_scenes(config.scenes)
     settings = Path(config.scenes, SCENE_SETTINGS)
-    data = {"scenes": len(scenes), "sha256": digest(scenes),
-            "settings": read_json(settings, "settings of training scenes") if settings.exists() else None}
+    known = read_json(settings, "settings of training scenes") if settings.exists() else None
     task = LightFieldTask(config, scenes, device)
-    return task, data | {"validation": [scene.name for scene in task.validation]}
+    return task, SceneData(len(scenes), digest(scenes), known, [scene.name for scene in task.validation])
 
 
-def facts(network: torch.nn.Module, device: torch.device) -> dict[str, Any]:
-    """What every provenance holds: command, versions, device and the cost of the network."""
-    return {
-        "command": _command(),
-        "versions": {"lfsr": __version__, "python": platform.python_version(), "torch": torch.__version__,
-                     "numpy": np.__version__},
-        "device": torch.cuda.get_device_name(device) if device.type == "cuda" else f"CPU {platform.machine()}",
-        "parameters": parameters(network),
-        "multiply_adds_per_low_pixel": _multiply_adds(network),
-    }
+def _provenance(task: ComparatorTask | LightFieldTask, outcome: Outcome,
+                data: ComparatorData | SceneData) -> Provenance:
+    return Provenance(
+        network=task.config.network,
+        config=task.config,
+        data=data,
+        seconds=round(outcome.seconds, 1),
+        validation=outcome.validation | task.yardstick(),
+        command=_command(),
+        versions={"lfsr": __version__, "python": platform.python_version(), "torch": torch.__version__,
+                  "numpy": np.__version__},
+        device=torch.cuda.get_device_name(task.device) if task.device.type == "cuda" else f"CPU {platform.machine()}",
+        parameters=parameters(task.network),
+        multiply_adds_per_low_pixel=_multiply_adds(task.network))
 
 
 def _multiply_adds(network: torch.nn.Module) -> float:
@@ -119,11 +169,6 @@ def choose_device(name: str) -> torch.device:
     if name == "cuda" and not available:
         raise LfsrError("device 'cuda' is not available on this machine: choose cpu or auto")
     return torch.device("cuda" if available and name != "cpu" else "cpu")
-
-
-def _data_facts(photographs: Photographs) -> dict[str, Any]:
-    megapixels = sum(image.shape[0] * image.shape[1] for image in photographs.images) / 1e6
-    return {"files": len(photographs.names), "megapixels": round(megapixels, 2), "sha256": photographs.digest}
 
 
 def _command() -> str:

@@ -68,13 +68,14 @@ def _train_one(name: str, scale: int, settings: dict) -> dict:
     import torch
 
     from lfsr_core.train.config import load_config
+    from lfsr_core.train.loop import CHECKPOINT, RunOptions
     from lfsr_core.train.session import train
 
     torch.set_num_threads(settings["threads"])
     values = [f"scale={scale}", f"photographs={settings['cache']}", f"validation={settings['validation']}"]
     config = load_config(name, [*values, *settings["set"]])
     folder = Path(settings["output"]) / f"{name}-x{scale}"
-    trained = train(config, folder, device=settings["device"], resume=(folder / "checkpoint.pt").exists())
+    trained = train(config, folder, settings["device"], RunOptions(resume=(folder / CHECKPOINT).exists()))
     if trained.weights is None:
         raise LfsrError(f"training of {name} was stopped: run the suite again to go on")
     for suffix in (".safetensors", ".json"):

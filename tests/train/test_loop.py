@@ -13,6 +13,8 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.train import loop
 from lfsr_core.train.log import TrainLog, read_log
 
+RESUME = loop.RunOptions(resume=True)
+
 
 class Counter:
     """Task of two steps an epoch whose state is the list of what it did."""
@@ -57,10 +59,10 @@ def test_loop_logs_validates_and_draws(tmp_path):
 def test_stopped_run_resumes_where_it_was(tmp_path, stop_at):
     stop = loop.Stop()
     schedule = loop.Schedule(4, validate_every=2, checkpoint_every=3)
-    first = loop.run(Counter(stop, stop_at), schedule, tmp_path, stop=stop)
+    first = loop.run(Counter(stop, stop_at), schedule, tmp_path, loop.RunOptions(stop=stop))
     assert first.stopped
     again = Counter()
-    outcome = loop.run(again, schedule, tmp_path, resume=True)
+    outcome = loop.run(again, schedule, tmp_path, RESUME)
     assert again.done == [0, 1, 10, 11, 20, 21, 30, 31] and not outcome.stopped
     lines = read_log(tmp_path / "log.jsonl")
     assert [(line["epoch"], line["loss"]) for line in lines] == [(1, 1.5), (2, 11.5), (3, 21.5), (4, 31.5)]
@@ -77,7 +79,7 @@ def test_crash_between_checkpoints_repeats_epochs_without_double_lines(tmp_path)
     with pytest.raises(RuntimeError, match="power cut"):
         loop.run(Crashing(), schedule, tmp_path)
     again = Counter()
-    loop.run(again, schedule, tmp_path, resume=True)
+    loop.run(again, schedule, tmp_path, RESUME)
     assert again.done == [0, 1, 10, 11, 20, 21, 30, 31]
     assert [line["epoch"] for line in read_log(tmp_path / "log.jsonl")] == [1, 2, 3, 4]
 
@@ -99,16 +101,16 @@ def test_interrupt_signal_ends_the_run_with_a_checkpoint(tmp_path):
 def test_checkpoint_of_another_run_and_other_mistakes(tmp_path):
     schedule = loop.Schedule(1)
     with pytest.raises(LfsrError, match="nothing to resume"):
-        loop.run(Counter(), schedule, tmp_path, resume=True)
+        loop.run(Counter(), schedule, tmp_path, RESUME)
     loop.run(Counter(), schedule, tmp_path)
     with pytest.raises(LfsrError, match="already holds a training run"):
         loop.run(Counter(), schedule, tmp_path)
     with pytest.raises(LfsrError, match="other settings or data"):
-        loop.run(Counter(name="other"), schedule, tmp_path, resume=True)
+        loop.run(Counter(name="other"), schedule, tmp_path, RESUME)
     path = tmp_path / "checkpoint.pt"
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(LfsrError, match="cannot be read as a checkpoint"):
-        loop.run(Counter(), schedule, tmp_path, resume=True)
+        loop.run(Counter(), schedule, tmp_path, RESUME)
 
 
 def test_checkpoint_version_and_code_in_a_checkpoint(tmp_path):

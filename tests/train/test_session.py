@@ -128,9 +128,9 @@ def test_resumed_training_gives_the_same_weights(folder, tmp_path, changes, monk
     def progress(_stage, fraction, _message):
         stop.asked = fraction > 0.4
 
-    part = train(config, tmp_path / "part", device="cpu", progress=progress, stop=stop)
+    part = train(config, tmp_path / "part", device="cpu", options=loop.RunOptions(progress=progress, stop=stop))
     assert part.weights is None and part.outcome.stopped
-    resumed = train(config, tmp_path / "part", device="cpu", resume=True)
+    resumed = train(config, tmp_path / "part", device="cpu", options=loop.RunOptions(resume=True))
     assert checkpoint.read(resumed.weights)[0]["sha256"] == checkpoint.read(whole.weights)[0]["sha256"]
 
 

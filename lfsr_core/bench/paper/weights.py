@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import sys
 import time
@@ -114,17 +115,14 @@ def train(settings: Settings, name: str) -> Path:
     LfsrError where photographs are missing; KeyboardInterrupt if it is stopped.
     """
     from lfsr_core.progress import ProgressBar
-    from lfsr_core.train import session
+    from lfsr_core.train import loop, session
 
     folder = trained_folder(settings) / "runs" / f"{name}-x{settings.scale}"
     config = _planned(settings, name, folder / PLAN_FILE)
     print(f"train   {name} x{settings.scale}: {config.epochs} epochs", file=sys.stderr, flush=True)
-    bar = ProgressBar()
-    try:
-        trained = session.train(config, folder, device=settings.device, progress=bar,
-                                resume=(folder / "checkpoint.pt").exists())
-    finally:
-        bar.close()
+    with contextlib.closing(ProgressBar()) as bar:
+        options = loop.RunOptions(resume=(folder / loop.CHECKPOINT).exists(), progress=bar)
+        trained = session.train(config, folder, settings.device, options)
     if trained.weights is None:
         raise KeyboardInterrupt
     return _published(trained.weights, trained_folder(settings))

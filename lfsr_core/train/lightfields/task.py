@@ -102,6 +102,20 @@ class LightFieldTask:
         self._optimizer = torch.optim.AdamW(self.network.parameters(), config.rate, weight_decay=1e-4)
         self._epoch, self._rng = 0, np.random.default_rng(config.seed)
 
+    @property
+    def finished(self) -> LightFieldNet:
+        """The network to keep when the run has ended: the moving average."""
+        return self.average
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Hyper-parameters for the header of the weights."""
+        return self.config.options()
+
+    def yardstick(self) -> dict[str, float]:
+        """Nothing to add to the provenance: ``validate`` measures OIDN beside the network."""
+        return {}
+
     def identity(self) -> dict[str, Any]:
         """Settings and data that a checkpoint belongs to."""
         return self._identity

@@ -102,37 +102,44 @@ def _to_rgb(image: np.ndarray | None, path: Path) -> np.ndarray:
     return np.ascontiguousarray(image[..., ::-1])
 
 
+@dataclass(frozen=True)
+class Crops:
+    """Which crops an epoch has."""
+
+    size: int  # side in pixels
+    per_photograph: int
+    seed: int
+    augment: bool = True  # flip and transpose whole batches
+
+
 class CropSampler:
     """Random crops of photographs, cut on the device that holds them.
 
     What epoch e contains depends on (seed, e) alone, so a resumed run sees what
-    an uninterrupted one would have.
+    an uninterrupted one would have. LfsrError if a photograph is smaller than a crop.
     """
 
-    def __init__(self, photographs: Photographs, crop: int, per_photograph: int, seed: int,
-                 device: torch.device, augment: bool = True) -> None:
-        small = [name for name, image in zip(photographs.names, photographs.images, strict=True)
-                 if min(image.shape[:2]) < crop]
-        if small:
-            raise LfsrError(f"photograph {small[0]} is smaller than a crop of {crop} pixels: remove it or "
-                            f"choose a smaller crop")
+    def __init__(self, photographs: Photographs, crops: Crops, device: torch.device) -> None:
+        for name, image in zip(photographs.names, photographs.images, strict=True):
+            if min(image.shape[:2]) < crops.size:
+                raise LfsrError(f"photograph {name} is smaller than a crop of {crops.size} pixels: remove it or "
+                                f"choose a smaller crop")
         self._sizes = np.array([image.shape[:2] for image in photographs.images])
         ends = np.cumsum(self._sizes.prod(axis=1))
         self._starts = np.concatenate([[0], ends[:-1]])
         pixels = np.concatenate([image.reshape(-1, 3) for image in photographs.images])
         self._pixels = torch.from_numpy(pixels).to(device)
-        self._crop, self._per_photograph, self._seed, self._augment = crop, per_photograph, seed, augment
-        self._ramp = torch.arange(crop, device=device)
+        self._crops, self._ramp = crops, torch.arange(crops.size, device=device)
 
     def epoch(self, index: int, batch: int) -> EpochOfCrops:
         """Crops of epoch ``index`` in batches; a last, smaller batch is dropped unless it is the only one."""
-        rng = np.random.default_rng([self._seed, index])
-        photograph = rng.permutation(np.repeat(np.arange(len(self._sizes)), self._per_photograph))
-        room = self._sizes[photograph] - self._crop + 1
+        rng = np.random.default_rng([self._crops.seed, index])
+        photograph = rng.permutation(np.repeat(np.arange(len(self._sizes)), self._crops.per_photograph))
+        room = self._sizes[photograph] - self._crops.size + 1
         top, left = (rng.integers(room[:, axis]) for axis in (0, 1))
         width = self._sizes[photograph, 1]
         corner = self._starts[photograph] + top * width + left
-        turns = rng.integers(8, size=max(1, len(photograph) // batch)) * self._augment
+        turns = rng.integers(8, size=max(1, len(photograph) // batch)) * self._crops.augment
         place = np.stack([corner, width], axis=1)
         return EpochOfCrops(self._pixels, self._ramp, torch.from_numpy(place).to(self._pixels.device), turns, batch)
 

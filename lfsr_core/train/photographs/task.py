@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,7 @@ from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.networks.pytorch import checkpoint
 from lfsr_core.reconstruct.networks.weights_file import read as read_tensors
 from lfsr_core.train.config import TrainConfig
-from lfsr_core.train.lightfields.validation import SceneValidation
-from lfsr_core.train.photographs.data import CropSampler, EpochOfCrops, Photographs, downsample
+from lfsr_core.train.photographs.data import Crops, CropSampler, EpochOfCrops, Photographs, downsample
 from lfsr_core.train.photographs.discriminator import Discriminator
 from lfsr_core.train.photographs.ssim import psnr, ssim
 
@@ -27,14 +27,29 @@ class ComparatorTask:
     """Trains one network of ``lfsr_core.reconstruct.networks.catalogue`` as a TrainConfig says; see ``loop.Task``."""
 
     def __init__(self, config: TrainConfig, photographs: Photographs, validation: Photographs | None,
-                 device: torch.device) -> None:
+                 device: torch.device, more_figures: Callable[[nn.Module], dict[str, float]] | None = None) -> None:
+        """Load everything on the device and build the untrained network.
+
+        Parameters
+        ----------
+        config : recipe
+        photographs : to train on
+        validation : to measure PSNR and SSIM on, None to measure neither
+        device : where all of it lies
+        more_figures : what else to measure of the network at each validation
+
+        Raises
+        ------
+        LfsrError
+            A photograph is smaller than a crop, or the weights to start with do not fit.
+        """
         torch.manual_seed(config.seed)
         self.config, self.device = config, device
         self._data = {"photographs": photographs.digest}
-        self._sampler = CropSampler(photographs, config.crop, config.crops_per_photograph, config.seed, device,
-                                    config.augment)
+        crops = Crops(config.crop, config.crops_per_photograph, config.seed, config.augment)
+        self._sampler = CropSampler(photographs, crops, device)
         self._validation = _validation_pairs(validation, config, device) if validation else []
-        self._scenes = _validation_scenes(config, device) if config.validation_scenes else None
+        self._more_figures = more_figures
         self.network = catalogue.build(config.network, config.scale).to(device)
         if config.start:
             checkpoint.load_into(self.network, config.start, config.scale)
@@ -43,6 +58,16 @@ class ComparatorTask:
         self.discriminator = Discriminator().to(device, memory_format=self._layout) if config.adversarial else None
         self._adversary = self._adam(self.discriminator) if self.discriminator else None
         self._crops: EpochOfCrops | None = None
+
+    @property
+    def finished(self) -> nn.Module:
+        """The network to keep when the run has ended."""
+        return self.network
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """Hyper-parameters for the header of the weights."""
+        return catalogue.spec(self.config.network).options
 
     @property
     def _layout(self) -> torch.memory_format:
@@ -100,22 +125,20 @@ class ComparatorTask:
 
     @torch.no_grad()
     def validate(self) -> dict[str, float]:
-        """Mean PSNR and SSIM over the validation photographs, and figures of the validation scenes."""
+        """Mean PSNR and SSIM over the validation photographs, and ``more_figures``."""
         # TF32 keeps ten bits: the differences of squares in SSIM need more.
         with torch.backends.cudnn.flags(enabled=True, allow_tf32=False):
-            scenes = self._scenes.figures(self.network) if self._scenes else {}
+            more = self._more_figures(self.network) if self._more_figures else {}
             ours = [_quality(self.network(low), high) for low, high in self._validation]
-        if not ours:
-            return scenes
-        return {"validation.psnr": _mean(ours, 0), "validation.ssim": _mean(ours, 1), **scenes}
+        return _means("validation", ours) | more
 
     @torch.no_grad()
-    def bicubic(self) -> dict[str, float]:
-        """The same figures for bicubic interpolation, a yardstick for the provenance."""
+    def yardstick(self) -> dict[str, float]:
+        """The same figures for bicubic interpolation, for the provenance."""
         with torch.backends.cudnn.flags(enabled=True, allow_tf32=False):
             scores = [_quality(F.interpolate(low, high.shape[2:], mode="bicubic"), high)
                       for low, high in self._validation]
-        return {"bicubic.psnr": _mean(scores, 0), "bicubic.ssim": _mean(scores, 1)} if scores else {}
+        return _means("bicubic", scores)
 
     def state(self) -> dict[str, Any]:
         """Everything that training changes."""
@@ -131,10 +154,6 @@ class ComparatorTask:
         if self.discriminator is not None:
             self.discriminator.load_state_dict(state["discriminator"])
             self._adversary.load_state_dict(state["adversary"])
-
-
-def _validation_scenes(config: TrainConfig, device: torch.device) -> SceneValidation:
-    return SceneValidation(config.validation_scenes, config.scale, device)
 
 
 def _validation_pairs(photographs: Photographs, config: TrainConfig,
@@ -153,8 +172,12 @@ def _quality(image: Tensor, high: Tensor) -> Tensor:
     return torch.stack([psnr(image, high)[0], ssim(image, high)[0]])
 
 
-def _mean(scores: list[Tensor], index: int) -> float:
-    return round(float(torch.stack(scores)[:, index].mean()), 5)
+def _means(name: str, scores: list[Tensor]) -> dict[str, float]:
+    """Mean of every quality under ``name``; nothing without photographs."""
+    if not scores:
+        return {}
+    psnrs, ssims = torch.stack(scores).unbind(1)
+    return {f"{name}.psnr": round(float(psnrs.mean()), 5), f"{name}.ssim": round(float(ssims.mean()), 5)}
 
 
 def discriminator_loss(discriminator: nn.Module, real: Tensor, fake: Tensor) -> Tensor:

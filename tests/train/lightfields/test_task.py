@@ -28,7 +28,7 @@ from lfsr_core.train.lightfields import task as training
 from lfsr_core.train.lightfields.data import from_eis, load_scene, load_scenes, make_batch, network_inputs, to_eis
 from lfsr_core.train.lightfields.split_ssim import RADIUS, split_error_map, split_ssim_map
 from lfsr_core.train.lightfields.task import LightFieldTask
-from lfsr_core.train.loop import Stop
+from lfsr_core.train.loop import RunOptions, Stop
 
 LENSES, VIEWS, SCALE = (8, 6), 16, 4
 
@@ -216,8 +216,9 @@ def test_a_stopped_training_resumes_to_the_same_weights(folder, tmp_path):
     def interrupt(_stage, fraction, _message):
         stop.asked = fraction >= 0.6
 
-    assert session.train(config, tmp_path / "cut", device="cpu", progress=interrupt, stop=stop).weights is None
-    resumed = session.train(config, tmp_path / "cut", device="cpu", resume=True)
+    cut = session.train(config, tmp_path / "cut", "cpu", RunOptions(progress=interrupt, stop=stop))
+    assert cut.weights is None
+    resumed = session.train(config, tmp_path / "cut", "cpu", RunOptions(resume=True))
     tensors, expected = (weights_file.read(run.weights)[1] for run in (resumed, whole))
     assert weights_file.digest(tensors) == weights_file.digest(expected)
 

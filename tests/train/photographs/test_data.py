@@ -11,6 +11,7 @@ from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 from lfsr_core.errors import LfsrError
 from lfsr_core.train.photographs import ssim
 from lfsr_core.train.photographs.data import (
+    Crops,
     CropSampler,
     Photographs,
     downsample,
@@ -67,12 +68,12 @@ def test_bad_photographs(tmp_path):
     with pytest.raises(LfsrError, match="another format"):
         load_photographs(tmp_path / "c.npz")
     with pytest.raises(LfsrError, match="0.png is smaller than a crop of 64"):
-        CropSampler(pictures(), 64, 2, 0, CPU)
+        CropSampler(pictures(), Crops(64, 2, seed=0), CPU)
 
 
 def test_crops_are_parts_of_their_photographs():
     photographs = pictures()
-    sampler = CropSampler(photographs, 16, 4, seed=7, device=CPU, augment=False)
+    sampler = CropSampler(photographs, Crops(16, 4, seed=7, augment=False), CPU)
     epoch = sampler.epoch(0, 4)
     assert len(epoch) == 3 and epoch[0].shape == (4, 3, 16, 16)
     windows = [np.lib.stride_tricks.sliding_window_view(image, (16, 16), (0, 1)) for image in photographs.images]
@@ -82,8 +83,8 @@ def test_crops_are_parts_of_their_photographs():
 
 
 def test_augmented_crops_are_turned_ones():
-    plain = CropSampler(pictures(), 16, 40, seed=7, device=CPU, augment=False).epoch(0, 4)
-    turned = CropSampler(pictures(), 16, 40, seed=7, device=CPU).epoch(0, 4)
+    plain = CropSampler(pictures(), Crops(16, 40, seed=7, augment=False), CPU).epoch(0, 4)
+    turned = CropSampler(pictures(), Crops(16, 40, seed=7), CPU).epoch(0, 4)
     seen = set()
     for before, after in zip(plain, turned, strict=True):
         every = [before.flip(axes) if axes else before for axes in ([], [2], [3], [2, 3])]
@@ -94,7 +95,7 @@ def test_augmented_crops_are_turned_ones():
 
 def test_epochs_are_seeded_and_differ():
     def first(seed, epoch):
-        return CropSampler(pictures(), 16, 4, seed, CPU).epoch(epoch, 4)[0]
+        return CropSampler(pictures(), Crops(16, 4, seed), CPU).epoch(epoch, 4)[0]
 
     assert torch.equal(first(1, 5), first(1, 5))
     assert not torch.equal(first(1, 5), first(1, 6))
