@@ -1,116 +1,148 @@
-"""One panel of the chart as SVG: time on a logarithmic axis, accuracy on one that stretches towards 1.
+"""Charts by matplotlib: the same picture for the same figures, colours and shapes that every eye tells apart.
 
-What separates good methods is what they still miss, so equal steps up halve (or double) 1 − SSIM.
+Names stand beside what they name instead of in a legend, moved to where they hide least. A figure becomes an SVG
+document (its text stays text) or a PNG file, both without a date in them.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import io
+import itertools
 import math
-from collections.abc import Iterator, Sequence
-from html import escape
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from lfsr_core.bench.chart.analysis import Point
+import numpy as np
 
-WIDTH, HEIGHT = 540, 430
-LEFT, RIGHT, TOP, BOTTOM = 52, 100, 40, 46  # margins; the right one takes the names of the curves
-INK, FAINT, GRID, FRONT = "#222", "#b8b8b8", "#e6e6e6", "#f3dfa2"
-LINE_HEIGHT, CHARACTER = 14, 8.0  # of a curve's name, in pixels
-NAME_LENGTH = 13  # longer names break at a plus
-TICK_STEPS = (1, 2, 5)
+from lfsr_core.files import atomic_path
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.text import Annotation
+    from matplotlib.transforms import Bbox
+
+# Apart in lightness too, for eyes that do not tell red from green (after Okabe and Ito).
+COLORS = ("#0067a5", "#c24a00", "#9c4477", "#00785a", "#7a5c00", "#2b2b2b", "#4b3fa7")
+MARKERS = ("o", "s", "^", "D", "v", "X", "P")
+INK, QUIET, FAINT, GRID = "#222222", "#555555", "#b8b8b8", "#e6e6e6"
+DPI = 90  # of PNG files
+WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 540, 430, 52, 116, 44, 46  # a panel and its margins in points; names go right
+STYLE = {"svg.fonttype": "none", "svg.hashsalt": "lfsr"}
+NAME_LENGTH = 14  # of a line; longer names break before a plus or at a blank
 LEAST_X_TICKS, MOST_X_TICKS, MOST_Y_TICKS = 3, 7, 12
 TICKS_TOWARD_ONE = (-1.0, 0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.92, 0.94, 0.95, 0.96, 0.97, 0.98,
                     0.99, 0.995, 0.998, 0.999)
 WIDE_TICKS = (-1.0, 0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999)
-SHIFTS = [step * 7 * sign for step in range(12) for sign in (1, -1)]  # of a name, in pixels
 LEAST_MISSING = 5e-4  # 1 − value: split SSIM can come out at 1 or a little above
+LINE_STEP = 12.0  # pixels between the places of a line that names keep away from
+# In points from what is named; the further up or down, the further right, so that lines to names cross no name.
+NAME_PLACES = [(9.0 + 1.5 * step, 6.0 * step * sign) for step in range(26) for sign in (1, -1)]
+FAR = 14.0  # points from what is named, from where on a line leads to the name
+NOTE_PLACES = [(-8.0, 8.0), (8.0, -9.0), (8.0, 8.0), (-8.0, -9.0), (0.0, 12.0), (0.0, -13.0)]
 
 
 @dataclasses.dataclass(frozen=True)
 class Curve:
-    """One method: ``points`` by samples; ``half_widths`` of their values and ``spans`` (least, most) of their seconds.
+    """One line of a chart.
 
-    ``marker`` is one of MARKERS, so that a reader need not tell colours apart. ``counted``: sample counts are written.
+    Attributes
+    ----------
+    name : written beside its last point
+    color, marker : one of COLORS and one of MARKERS, so that a reader need not tell colours apart
+    x, y : its points, from left to right
+    spans : least and most x of each point, as thin lines; none where empty
+    halves : half-width of the interval of each y, None where it is not known; none where empty
+    notes : a short text at each point; none where empty
+    bold : drawn thicker than the others
     """
 
     name: str
     color: str
     marker: str
-    points: Sequence[Point]
-    half_widths: Sequence[float | None] = ()
+    x: Sequence[float]
+    y: Sequence[float]
     spans: Sequence[tuple[float, float]] = ()
-    counted: bool = False
+    halves: Sequence[float | None] = ()
+    notes: Sequence[str] = ()
     bold: bool = False
 
 
-@dataclasses.dataclass(frozen=True)
-class Panel:
-    """What one panel shows; ``ceiling`` (value, words) is a line across, ``others`` faint points without a name.
+def sheet(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
+    """A figure of ``width`` × ``height`` inches and its axes (rows, columns), drawn without a window."""
+    figure = _figure(width, height, layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False)
 
-    ``toward_one``: values end at 1, and their axis stretches towards it.
+
+def panel_sheet(count: int, columns: int = 2, footer: str = "") -> tuple[Figure, list[Axes]]:
+    """A figure of so many panels of WIDTH × HEIGHT points in rows of ``columns``, and their axes; ``footer`` below."""
+    across, down = min(columns, count), -(-count // columns)
+    width, tall = across * WIDTH, down * HEIGHT + (28 if footer else 0)
+    figure = _figure(width / 72, tall / 72)
+    figure.text(LEFT / width, 12 / tall, footer, fontsize=12, color=QUIET)
+    corners = [(index % columns * WIDTH + LEFT, tall - (index // columns + 1) * HEIGHT + BOTTOM)
+               for index in range(count)]
+    grid = [figure.add_axes((x / width, y / tall, (WIDTH - LEFT - RIGHT) / width, (HEIGHT - TOP - BOTTOM) / tall))
+            for x, y in corners]
+    for axes in grid:
+        axes.spines[:].set_visible(False)
+        axes.tick_params(length=0, labelsize=12, labelcolor=INK)
+    return figure, grid
+
+
+def svg(figure: Figure) -> str:
+    """The figure as an SVG document."""
+    from matplotlib import rc_context
+
+    with rc_context(STYLE):
+        text = io.StringIO()
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+    return re.sub(r"[ \t]+$", "", text.getvalue(), flags=re.MULTILINE)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write the figure as a small PNG, whole or not at all."""
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=DPI, metadata={"Software": None}, pil_kwargs={"optimize": True})
+
+
+def draw_curve(axes: Axes, curve: Curve, order: float = 3) -> None:
+    """Draw a curve without its name; a higher ``order`` lies on top."""
+    axes.plot(curve.x, curve.y, color=curve.color, marker=curve.marker, markersize=8 if curve.bold else 7,
+              linewidth=3 if curve.bold else 1.8, zorder=order)
+    thin = {"fmt": "none", "ecolor": curve.color, "elinewidth": 1.2, "alpha": 0.6, "zorder": order}
+    if curve.spans:
+        least, most = np.transpose(curve.spans)
+        axes.errorbar(curve.x, curve.y, xerr=(np.maximum(curve.x - least, 0), np.maximum(most - curve.x, 0)), **thin)
+    if curve.halves:
+        axes.errorbar(curve.x, curve.y, yerr=[half or 0 for half in curve.halves], **thin)
+
+
+def name_curves(axes: Axes, curves: Sequence[Curve], taken: Iterable[Any] = ()) -> None:
+    """Write notes at the points and each curve's name beside its last one, where they hide least.
+
+    Call it when the limits of ``axes`` and its place on the figure are final. ``taken``: texts that are there already.
     """
-
-    title: str
-    axis: str
-    curves: Sequence[Curve]
-    front: Sequence[Point]
-    others: Sequence[Point] = ()
-    ceiling: tuple[float, str] | None = None
-    toward_one: bool = True
-
-
-MARKERS = {
-    "circle": '<circle r="5"/>', "square": '<rect x="-4.5" y="-4.5" width="9" height="9"/>',
-    "triangle": '<path d="M0-6 5.5 4.5H-5.5Z"/>', "diamond": '<path d="M0-6.5 5.5 0 0 6.5-5.5 0Z"/>',
-    "cross": '<path d="M-4.5-4.5 4.5 4.5M4.5-4.5-4.5 4.5" fill="none" stroke-width="2.5"/>',
-    "ring": '<circle r="4.5" fill="#fff" stroke-width="2.5"/>', "down": '<path d="M0 6 5.5-4.5H-5.5Z"/>',
-}
+    crowd = _Crowd.of(axes, curves, [text.get_window_extent() for text in taken])
+    for curve in curves:
+        for at, note in zip(zip(curve.x, curve.y, strict=True), curve.notes, strict=False):
+            crowd.place(_text(axes, note, at, color=curve.color, size=11, ha="center"), NOTE_PLACES)
+    for curve in sorted(curves, key=lambda curve: -curve.y[-1]):
+        leader = {"arrowstyle": "-", "color": curve.color, "linestyle": (0, (2, 2)), "relpos": (0, 0.5), "shrinkB": 4}
+        text = _text(axes, broken(curve.name), (curve.x[-1], curve.y[-1]), color=curve.color, size=12, weight="bold",
+                     arrowprops=leader)
+        crowd.place(text, NAME_PLACES)
 
 
-@dataclasses.dataclass(frozen=True)
-class Axes:
-    """From seconds and values to pixels of the panel; ``heights`` are values as ``height`` gives them."""
-
-    seconds: tuple[float, float]
-    heights: tuple[float, float]
-    toward_one: bool
-
-    def x(self, seconds: float) -> float:
-        """Pixel column."""
-        low, high = map(math.log, self.seconds)
-        return round(LEFT + (math.log(seconds) - low) / (high - low) * (WIDTH - LEFT - RIGHT), 1)
-
-    def y(self, value: float) -> float:
-        """Pixel row, kept inside the panel."""
-        low, high = self.heights
-        part = min(max((height(value, self.toward_one) - low) / (high - low), 0), 1)
-        return round(HEIGHT - BOTTOM - part * (HEIGHT - TOP - BOTTOM), 1)
-
-    def shows(self, point: Point) -> bool:
-        """True if the point lies inside."""
-        inside = self.seconds[0] <= point.seconds <= self.seconds[1]
-        return inside and self.heights[0] <= height(point.value, self.toward_one) <= self.heights[1]
-
-    def at(self, point: Point) -> tuple[float, float]:
-        """Pixel (column, row)."""
-        return self.x(point.seconds), self.y(point.value)
-
-
-def height(value: float, toward_one: bool) -> float:
-    """A value as it stands on its axis: itself, or how often 1 − value was halved."""
-    return -math.log2(max(1 - value, LEAST_MISSING)) if toward_one else value
-
-
-def panel_svg(panel: Panel, x: int = 0, y: int = 0) -> str:
-    """An <svg> element of WIDTH × HEIGHT at (x, y) of whatever it stands in; it scales with its box."""
-    axes = _axes(panel)
-    body = [*_grid(axes, panel), *_front(axes, panel.front), *_others(axes, panel.others), *_ceiling(axes, panel)]
-    for curve in reversed(panel.curves):  # the first comes on top
-        body += _curve(axes, curve)
-    body += _names(axes, panel.curves)
-    return (f'<svg xmlns="http://www.w3.org/2000/svg" x="{x}" y="{y}" width="{WIDTH}" height="{HEIGHT}" '
-            f'viewBox="0 0 {WIDTH} {HEIGHT}" role="img" font-family="system-ui,sans-serif" font-size="13" '
-            f'fill="{INK}"><title>{escape(panel.title)}</title>{"".join(body)}</svg>')
+def time_axis(axes: Axes, low: float, high: float) -> None:
+    """Seconds from ``low`` to ``high`` on a logarithmic axis, in words of a person."""
+    axes.set_xscale("log")
+    axes.set_xlim(low, high)
+    axes.set_xticks(ticks := time_ticks(low, high), [time_text(tick) for tick in ticks])
+    axes.set_xticks([], minor=True)
 
 
 def time_text(seconds: float) -> str:
@@ -122,36 +154,10 @@ def time_text(seconds: float) -> str:
     return f"{seconds:.3g} s" if seconds < 10 else f"{seconds:.0f} s"
 
 
-def _axes(panel: Panel) -> Axes:
-    shown = [point for curve in panel.curves for point in curve.points] + list(panel.front)
-    seconds = [point.seconds for point in shown]
-    values = [point.value for point in shown] + ([panel.ceiling[0]] if panel.ceiling else [])
-    heights = [height(value, panel.toward_one) for value in values]
-    room = max(max(heights) - min(heights), 1e-3) * 0.05
-    return Axes((min(seconds) / 1.15, max(seconds) * 1.15), (min(heights) - room, max(heights) + 1.6 * room),
-                panel.toward_one)
-
-
-def _grid(axes: Axes, panel: Panel) -> Iterator[str]:
-    bottom = HEIGHT - BOTTOM
-    yield f'<text x="{LEFT}" y="20" font-size="16" font-weight="600">{escape(panel.title)}</text>'
-    for seconds in time_ticks(*axes.seconds):
-        x = axes.x(seconds)
-        yield f'<path d="M{x} {TOP}V{bottom}" stroke="{GRID}"/>'
-        yield f'<text x="{x}" y="{bottom + 17}" text-anchor="middle">{time_text(seconds)}</text>'
-    for value, text in value_ticks(*axes.heights, axes.toward_one):
-        y = axes.y(value)
-        yield f'<path d="M{LEFT} {y}H{WIDTH - RIGHT}" stroke="{GRID}"/>'
-        yield f'<text x="{LEFT - 6}" y="{y + 4}" text-anchor="end">{text}</text>'
-    yield f'<text x="{LEFT}" y="35" font-size="12" fill="#555">↑ {escape(panel.axis)}</text>'
-    yield (f'<text x="{WIDTH - RIGHT}" y="{HEIGHT - 10}" font-size="12" fill="#555" text-anchor="end">'
-           'render and second stage, end to end →</text>')
-
-
 def time_ticks(low: float, high: float) -> list[float]:
     """Round seconds between ``low`` and ``high``, few enough to be read; in even steps where 1-2-5 gives too few."""
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    for steps in (TICK_STEPS, (1, 3), (1,)):
+    for steps in ((1, 2, 5), (1, 3), (1,)):
         ticks = [step * 10.0**power for power in decades for step in steps]
         ticks = [tick for tick in ticks if low <= tick <= high]
         if len(ticks) <= MOST_X_TICKS:
@@ -160,131 +166,97 @@ def time_ticks(low: float, high: float) -> list[float]:
 
 
 def even_ticks(low: float, high: float) -> list[float]:
-    """Three to eight multiples of 1, 2 or 5 times a power of ten between ``low`` and ``high``."""
-    power = 10.0 ** math.floor(math.log10((high - low) / 3))
-    step = next(step * power for step in (5, 2, 1) if (high - low) / (step * power) >= 3 or step == 1)
-    return [index * step for index in range(math.ceil(low / step), math.floor(high / step) + 1)]
+    """Multiples of 1, 2 or 5 times a power of ten between ``low`` and ``high``."""
+    from matplotlib.ticker import MaxNLocator
+
+    ticks = MaxNLocator(6, steps=[1, 2, 5, 10], min_n_ticks=LEAST_X_TICKS).tick_values(low, high)
+    return [float(tick) for tick in ticks if low <= tick <= high]
 
 
-def value_ticks(low: float, high: float, toward_one: bool) -> list[tuple[float, str]]:
-    """Round values between heights ``low`` and ``high``, with their text."""
+def value_axis(axes: Axes, low: float, high: float, toward_one: bool) -> None:
+    """Values from ``low`` to ``high``, upwards.
+
+    ``toward_one``: they end at 1, equal steps up halve 1 − value, and the limits are as ``height`` gives them.
+    """
     if not toward_one:
-        return [(tick, f"{tick:.4g}") for tick in even_ticks(low, high)]
-    known = [tick for tick in TICKS_TOWARD_ONE if low <= height(tick, True) <= high]
-    known = [tick for tick in known if tick in WIDE_TICKS] if len(known) > MOST_Y_TICKS else known
-    return [(tick, f"{tick:g}") for tick in known]
-
-
-def _front(axes: Axes, front: Sequence[Point]) -> Iterator[str]:
-    if not front:
+        axes.set_ylim(low, high)
+        axes.set_yticks(even_ticks(low, high))
         return
-    steps = "".join(f"H{axes.x(point.seconds)}V{axes.y(point.value)}" for point in front[1:])
-    x, y = axes.at(front[0])
-    yield (f'<path d="M{x} {y}{steps}H{WIDTH - RIGHT}" fill="none" stroke="{FRONT}" stroke-width="9" '
-           'stroke-linejoin="round"/>')
+    axes.set_yscale("function", functions=(height, lambda heights: 1 - 0.5 ** np.asarray(heights)))
+    axes.set_ylim(1 - 0.5**low, 1 - 0.5**high)
+    known = [tick for tick in TICKS_TOWARD_ONE if low <= height(tick) <= high]
+    known = [tick for tick in known if tick in WIDE_TICKS] if len(known) > MOST_Y_TICKS else known
+    axes.set_yticks(known, [f"{tick:g}" for tick in known])
 
 
-def _others(axes: Axes, others: Sequence[Point]) -> Iterator[str]:
-    for point in others:
-        if axes.shows(point):
-            x, y = axes.at(point)
-            yield (f'<circle cx="{x}" cy="{y}" r="2.5" fill="{FAINT}"><title>{escape(point.method)}, {point.samples} '
-                   f'samples: {time_text(point.seconds)}, {point.value:.4g}</title></circle>')
+def height(values: Any) -> Any:
+    """Where values stand on an axis that stretches towards 1: how often 1 − value was halved."""
+    return -np.log2(np.maximum(1 - np.asarray(values), LEAST_MISSING))
 
 
-def _ceiling(axes: Axes, panel: Panel) -> Iterator[str]:
-    if panel.ceiling:
-        value, words = panel.ceiling
-        y = axes.y(value)
-        yield f'<path d="M{LEFT} {y}H{WIDTH - RIGHT}" stroke="{INK}" stroke-width="1.5" stroke-dasharray="2 4"/>'
-        yield _halo(LEFT + 2, y - 5, words, size=11.5)
-
-
-def _curve(axes: Axes, curve: Curve) -> Iterator[str]:
-    at = [axes.at(point) for point in curve.points]
-    path = "L".join(f"{x} {y}" for x, y in at)
-    yield (f'<path d="M{path}" fill="none" stroke="{curve.color}" stroke-width="{3 if curve.bold else 1.8}" '
-           'stroke-linejoin="round"/>')
-    for (x, _), point, half in zip(at, curve.points, curve.half_widths, strict=False):
-        if half:
-            yield (f'<path d="M{x} {axes.y(point.value - half)}V{axes.y(point.value + half)}" stroke="{curve.color}" '
-                   'stroke-width="1.2" opacity=".6"/>')
-    for (_, y), (least, most) in zip(at, curve.spans, strict=False):
-        if axes.seconds[0] < least < most < axes.seconds[1]:
-            yield f'<path d="M{axes.x(least)} {y}H{axes.x(most)}" stroke="{curve.color}" stroke-width="1.2"/>'
-    for (x, y), point in zip(at, curve.points, strict=True):
-        yield (f'<g transform="translate({x} {y})" fill="{curve.color}" stroke="{curve.color}">{MARKERS[curve.marker]}'
-               f'<title>{escape(curve.name)}, {point.samples} samples: {time_text(point.seconds)}, {point.value:.4g}'
-               "</title></g>")
-        if curve.counted:
-            yield _halo(x - 7, y - 7, str(point.samples), size=11, color=curve.color, anchor="end")
-
-
-def _names(axes: Axes, curves: Sequence[Curve]) -> Iterator[str]:
-    """Names beside the last points, moved up or down to where they hide least."""
-    names: list[Box] = []
-    dots = [_around(*axes.at(point)) for curve in curves for point in curve.points]
-    for curve in sorted(curves, key=lambda curve: -curve.points[-1].value):
-        x, y = axes.at(curve.points[-1])
-        lines = broken(curve.name, WIDTH - 2 - x - 10)
-        width, tall = CHARACTER * max(map(len, lines)), LINE_HEIGHT * len(lines)
-        left = min(x + 10, WIDTH - 2 - width)
-        start = Box(left, y - tall / 2, left + width, y + tall / 2)
-        box = min((start.moved(shift) for shift in SHIFTS), key=lambda box: _hidden(box, names, dots, start))
-        names.append(box)
-        if abs(box.top - start.top) > LINE_HEIGHT:
-            yield (f'<path d="M{x} {y}L{left - 2} {box.top + tall / 2:.1f}" stroke="{curve.color}" '
-                   'stroke-width="1" stroke-dasharray="2 2"/>')
-        for index, line in enumerate(lines):
-            yield _halo(left, box.top + LINE_HEIGHT * (index + 1) - 3, line, curve.color, weight=600)
-
-
-@dataclasses.dataclass(frozen=True)
-class Box:
-    """Pixels that something covers."""
-
-    left: float
-    top: float
-    right: float
-    bottom: float
-
-    def moved(self, down: float) -> Box:
-        """The same further down."""
-        return Box(self.left, self.top + down, self.right, self.bottom + down)
-
-    def meets(self, other: Box) -> bool:
-        """True if both cover a pixel."""
-        return (self.left < other.right and other.left < self.right
-                and self.top < other.bottom and other.top < self.bottom)
-
-
-def _around(x: float, y: float) -> Box:
-    return Box(x - 5, y - 5, x + 5, y + 5)
-
-
-def _hidden(box: Box, names: Sequence[Box], dots: Sequence[Box], wanted: Box) -> float:
-    """How bad a place for a name is: other names weigh most, then points, then the way from where it belongs."""
-    outside = box.top < 0 or box.bottom > HEIGHT - BOTTOM
-    return (1000 * (outside + sum(box.meets(name) for name in names)) + 30 * sum(box.meets(dot) for dot in dots)
-            + abs(box.top - wanted.top))
-
-
-def broken(name: str, room: float = 0) -> list[str]:
-    """A name in lines of about NAME_LENGTH, broken before a plus or at a blank; whole if ``room`` pixels hold it."""
-    if len(name) * CHARACTER <= room:
-        return [name]
+def broken(name: str) -> str:
+    """A name in lines of about NAME_LENGTH characters."""
     lines = [""]
-    for word in name.replace("+", " +").split(" "):
-        glue = "" if word.startswith("+") and not name.count(" ") else " "
-        if lines[-1] and len(lines[-1] + glue + word) > NAME_LENGTH:
-            lines.append(word)
-        else:
-            lines[-1] += (glue if lines[-1] else "") + word
-    return lines
+    for piece in re.split(r"(?= )|(?<! )(?=\+)", name):
+        if lines[-1] and len(lines[-1] + piece) > NAME_LENGTH:
+            lines.append("")
+        lines[-1] += piece
+    return "\n".join(line.strip() for line in lines)
 
 
-def _halo(x: float, y: float, words: str, color: str = INK, size: float = 13, weight: int = 400,
-          anchor: str = "start") -> str:
-    return (f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" font-size="{size}" font-weight="{weight}" '
-            f'fill="{color}" stroke="#fff" stroke-width="3.5" paint-order="stroke" stroke-linejoin="round">'
-            f"{escape(words)}</text>")
+def _figure(width: float, tall: float, **options: Any) -> Figure:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, tall), **options)
+    FigureCanvasAgg(figure)  # which knows at once how large a text will be
+    return figure
+
+
+@dataclasses.dataclass
+class _Crowd:
+    """What a text of a panel must keep away from, in pixels.
+
+    Attributes
+    ----------
+    room : where texts may be
+    dots, lines : (n, 2) points of curves, and places along their lines
+    boxes : texts that have their place
+    """
+
+    room: Bbox
+    dots: np.ndarray
+    lines: np.ndarray
+    boxes: list[Bbox]
+
+    @classmethod
+    def of(cls, axes: Axes, curves: Sequence[Curve], boxes: list[Bbox]) -> _Crowd:
+        """All curves of a panel, whose room reaches from its axes to the right by RIGHT points."""
+        paths = [axes.transData.transform(np.column_stack([curve.x, curve.y])) for curve in curves]
+        lines = [np.linspace(one, other, max(2, int(math.dist(one, other) / LINE_STEP)))
+                 for path in paths for one, other in itertools.pairwise(path)]
+        room = axes.bbox.frozen()
+        room.x1 += (RIGHT - 2) * axes.figure.dpi / 72
+        return cls(room, np.concatenate(paths), np.concatenate([np.empty((0, 2)), *lines]), boxes)
+
+    def place(self, text: Annotation, places: Sequence[tuple[float, float]]) -> None:
+        """Move a text to the best of ``places``, in points from what it names; the earlier the better."""
+        start, pixel = text.get_window_extent(), text.axes.figure.dpi / 72
+        moved = [start.translated(across * pixel, up * pixel) for across, up in places]
+        best = min(range(len(places)), key=lambda index: index + self._hidden(moved[index]))
+        text.set_position(places[best])
+        if text.arrow_patch:  # a thin line to a name that had to go far
+            text.arrow_patch.set_visible(abs(places[best][1]) > FAR)
+        self.boxes.append(moved[best])
+
+    def _hidden(self, box: Bbox) -> float:
+        """How much a text there would hide: other texts and the room's edge weigh most, then points, then lines."""
+        inside = self.room.contains(box.x0, box.y0) and self.room.contains(box.x1, box.y1)
+        return (1000 * (box.count_overlaps(self.boxes) + (not inside)) + 30 * box.padded(3).count_contains(self.dots)
+                + 4 * box.count_contains(self.lines))
+
+
+def _text(axes: Axes, words: str, at: tuple[float, float], **font: Any) -> Annotation:
+    return axes.annotate(words, at, (0, 0), textcoords="offset points", va="center", zorder=9, linespacing=1.05,
+                         annotation_clip=False,
+                         bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}, **font)

@@ -7,9 +7,9 @@ from html import escape
 from typing import Any
 
 from lfsr_core.bench.chart import findings as words
-from lfsr_core.bench.chart.panels import label, mean_panel, scene_panel, seconds_text
+from lfsr_core.bench.chart.panels import drawn, label, mean_panel, scene_panel, seconds_text
 from lfsr_core.bench.chart.tables import METRICS, number_of
-from lfsr_core.bench.plots import panel_svg, time_text
+from lfsr_core.bench.plots import time_text
 
 STYLE = """
 :root{color-scheme:light}*{box-sizing:border-box}
@@ -56,7 +56,7 @@ def _first_screen(chart: dict[str, Any]) -> Iterator[str]:
            f"resolution instead of one view in {settings['scale'] ** 2}. Steps under 15 % of time or .005 of SSIM are "
            "left out.</p></div>")
     hero = mean_panel(chart) if count > 1 else scene_panel(chart, chart["scenes"][0])
-    yield f"<div>{panel_svg(hero) if hero else ''}</div></div>"
+    yield f"<div>{drawn([hero]) if hero else ''}</div></div>"
 
 
 def _charts(chart: dict[str, Any]) -> Iterator[str]:
@@ -67,7 +67,7 @@ def _charts(chart: dict[str, Any]) -> Iterator[str]:
            "95 % interval over lenses and the spread of the repeats; grey dots are the other methods, in the tables "
            "below.</p>")
     if len(chart["scenes"]) > 1:
-        panels = (panel_svg(scene_panel(chart, scene)) for scene in chart["scenes"])
+        panels = (drawn([scene_panel(chart, scene)]) for scene in chart["scenes"])
         yield f'<div class="charts">{"".join(f"<div>{panel}</div>" for panel in panels)}</div>'
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import collections
+import dataclasses
 import statistics
 from collections.abc import Sequence
-from html import escape
 from typing import Any
 
+from lfsr_core.bench import plots
 from lfsr_core.bench.chart.analysis import (
     DIRECT,
     LOW,
@@ -21,13 +22,11 @@ from lfsr_core.bench.chart.analysis import (
     pareto_front,
     points,
 )
-from lfsr_core.bench.plots import HEIGHT, LEFT, WIDTH, Curve, Panel, panel_svg
+from lfsr_core.bench.plots import Curve
 
 Key = tuple[str, str]
-OURS_STYLE, RIVAL_STYLE, UNDENOISED_STYLE = ("#0067a5", "circle"), ("#c24a00", "square"), ("#9c4477", "triangle")
-# Apart in lightness and shape too, for eyes that do not tell red from green (after Okabe and Ito).
-MORE_STYLES = (("#00785a", "diamond"), ("#7a5c00", "down"), ("#2b2b2b", "cross"), ("#4b3fa7", "ring"))
-COLUMNS, FOOTER = 2, 30
+STYLES = list(zip(plots.COLORS, plots.MARKERS, strict=True))
+FRONT = "#f3dfa2"
 AXES = {"ssim_eia_fg": "SSIM of the subject", "ssim_views_fg": "SSIM of the views", "ssim_eia": "SSIM of everything",
         "psnr_fg": "PSNR in dB", "flip": "−FLIP"}
 
@@ -40,79 +39,143 @@ def label(key: Key, ours: str) -> str:
     return f"{name} (ours)" if name == ours else name
 
 
+@dataclasses.dataclass(frozen=True)
+class Panel:
+    """What one panel of the chart shows: seconds across, a metric up.
+
+    Attributes
+    ----------
+    title, axis : its heading, and what its values are
+    curves : methods with their names, the most important first
+    front : points that no other point beats
+    others : points of methods without a name
+    ceiling : value and words of a line across
+    toward_one : values end at 1, and their axis stretches towards it
+    """
+
+    title: str
+    axis: str
+    curves: Sequence[Curve]
+    front: Sequence[Point]
+    others: Sequence[Point]
+    ceiling: tuple[float, str] | None
+    toward_one: bool
+
+
 def styles(chart: dict[str, Any]) -> dict[Key, tuple[str, str]]:
     """Colour and marker of every method that is drawn with its name: ours, direct rendering, and who is on a front."""
-    fixed = {(LOW, chart["settings"]["ours"]): OURS_STYLE, RIVAL: RIVAL_STYLE, (DIRECT, "none"): UNDENOISED_STYLE}
+    fixed = [(LOW, chart["settings"]["ours"]), RIVAL, (DIRECT, "none")]
     seen = collections.Counter((point["role"], point["method"])
                                for scene in chart["scenes"] for point in scene["analysis"][0]["front"])
     more = [key for key, _ in seen.most_common() if key not in fixed]
-    return fixed | dict(zip(more, MORE_STYLES, strict=False))
+    return dict(zip([*fixed, *more], STYLES, strict=False))
 
 
 def scene_panel(chart: dict[str, Any], scene: dict[str, Any], metric: str = MAIN_METRIC) -> Panel:
     """Panel of one scene, with intervals and the ceiling."""
-    sign = -1 if metric in LOWER_IS_BETTER else 1
-    found, look, ours = curves(points(scene["cells"], metric)), styles(chart), chart["settings"]["ours"]
     cells = {(cell["role"], cell["method"], cell["samples"]): cell for cell in scene["cells"]}
-
-    def drawn(key: Key) -> Curve:
-        mine = [cells[(point.role, point.method, point.samples)] for point in found[key]]
-        return Curve(label(key, ours), *look[key], found[key], [cell["ci95"].get(metric) for cell in mine],
-                     [(cell["seconds"]["least"], cell["seconds"]["most"]) for cell in mine],
-                     counted=key in ((LOW, ours), RIVAL), bold=key == (LOW, ours))
-
-    ceiling = next(part["ceiling"] for part in scene["analysis"] if part["metric"] == metric)
-    line = ceiling and (sign * ceiling["value"], ceiling_words(ceiling["value"]))
-    every = [point for curve in found.values() for point in curve]
-    return Panel(scene["scene"], AXES[metric], [drawn(key) for key in look if key in found], pareto_front(every),
-                 _others(every, look), line or None, toward_one="ssim" in metric)
+    return _panel(chart, scene["scene"], metric, points(scene["cells"], metric), _ceiling([scene], metric), cells)
 
 
 def mean_panel(chart: dict[str, Any], metric: str = MAIN_METRIC) -> Panel | None:
     """Panel of the mean over scenes; None where the scenes share no cell."""
-    shared, look, ours = mean_points(chart["scenes"], metric), styles(chart), chart["settings"]["ours"]
-    if not shared:
+    shared = mean_points(chart["scenes"], metric)
+    title = f"Mean of {len(chart['scenes'])} scenes"
+    return _panel(chart, title, metric, shared, _ceiling(chart["scenes"], metric), {}) if shared else None
+
+
+def _panel(chart: dict[str, Any], title: str, metric: str, every: Sequence[Point], ceiling: tuple[float, str] | None,
+           cells: dict[tuple[str, str, int], Any]) -> Panel:
+    found, look = curves(every), styles(chart)
+    drawn = [_curve(chart, key, found[key], metric, cells) for key in look if key in found]
+    others = [point for point in every if (point.role, point.method) not in look]
+    return Panel(title, AXES[metric], drawn, pareto_front(every), others, ceiling, toward_one="ssim" in metric)
+
+
+def _curve(chart: dict[str, Any], key: Key, found: Sequence[Point], metric: str,
+           cells: dict[tuple[str, str, int], Any]) -> Curve:
+    """The curve of a method, with intervals of ``cells`` where there are any."""
+    mine = [cells[(*key, point.samples)] for point in found if cells]
+    ours = chart["settings"]["ours"]
+    return Curve(label(key, ours), *styles(chart)[key], x=[point.seconds for point in found],
+                 y=[point.value for point in found], halves=[cell["ci95"].get(metric) for cell in mine],
+                 spans=[(cell["seconds"]["least"], cell["seconds"]["most"]) for cell in mine],
+                 notes=[str(point.samples) for point in found] if key in ((LOW, ours), RIVAL) else (),
+                 bold=key == (LOW, ours))
+
+
+def _ceiling(scenes: Sequence[dict[str, Any]], metric: str) -> tuple[float, str] | None:
+    """Mean of the scenes' ceilings, as high as it is drawn, and the words at its line."""
+    found = [part["ceiling"] for scene in scenes for part in scene["analysis"] if part["metric"] == metric]
+    if not all(found):
         return None
-    found = curves(shared)
-    drawn = [Curve(label(key, ours), *look[key], found[key], counted=key in ((LOW, ours), RIVAL),
-                   bold=key == (LOW, ours)) for key in look if key in found]
-    ceilings = [scene["analysis"][0]["ceiling"] for scene in chart["scenes"]]
-    value = statistics.fmean(ceiling["value"] for ceiling in ceilings) if all(ceilings) else None
-    return Panel(f"Mean of {len(chart['scenes'])} scenes", AXES[metric], drawn, pareto_front(shared),
-                 _others(shared, look), None if value is None else (value, ceiling_words(value)),
-                 toward_one="ssim" in metric)
+    value = statistics.fmean(ceiling["value"] for ceiling in found)
+    return (-value if metric in LOWER_IS_BETTER else value,
+            f"the best from a low resolution without noise: {value:.3f}")
 
 
-def ceiling_words(value: float) -> str:
-    """Name of the line across."""
-    return f"the best from a low resolution without noise: {value:.3f}"
+def panels(chart: dict[str, Any]) -> list[Panel]:
+    """The mean where there are several scenes, then every scene."""
+    mean = mean_panel(chart) if len(chart["scenes"]) > 1 else None
+    return [panel for panel in (mean, *(scene_panel(chart, scene) for scene in chart["scenes"])) if panel]
 
 
 def picture(chart: dict[str, Any]) -> str:
-    """All panels as one SVG: the mean, then every scene."""
-    mean = mean_panel(chart) if len(chart["scenes"]) > 1 else None
-    panels = [panel for panel in (mean, *(scene_panel(chart, scene) for scene in chart["scenes"])) if panel]
-    rows = -(-len(panels) // COLUMNS)
-    width, height = WIDTH * min(COLUMNS, len(panels)), rows * HEIGHT + FOOTER
-    placed = [panel_svg(panel, index % COLUMNS * WIDTH, index // COLUMNS * HEIGHT)
-              for index, panel in enumerate(panels)]
-    return (f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
-            f'viewBox="0 0 {width} {height}"><rect width="100%" height="100%" fill="#fff"/>{"".join(placed)}'
-            f'<text x="{LEFT}" y="{height - 14}" font-family="system-ui,sans-serif" font-size="12" fill="#555">'
-            f"{escape(_footer(chart))}</text></svg>\n")
+    """All panels as one SVG."""
+    environment = chart["environment"]
+    return drawn(panels(chart), "Pale band: Pareto front. Numbers: samples per pixel. Grey: other methods. Display "
+                 f"{chart['settings']['display']}, {environment['cores']} cores of {environment['cpu']}.")
 
 
-def _footer(chart: dict[str, Any]) -> str:
-    environment, settings = chart["environment"], chart["settings"]
-    return (f"Pale band: Pareto front. Numbers: samples per pixel. Grey: other methods. "
-            f"Display {settings['display']}, {environment['cores']} cores of {environment['cpu']}.")
+def drawn(shown: Sequence[Panel], footer: str = "") -> str:
+    """Panels as one SVG."""
+    figure, grid = plots.panel_sheet(len(shown), footer=footer)
+    for axes, panel in zip(grid, shown, strict=True):
+        _draw(axes, panel)
+    return plots.svg(figure)
+
+
+def _draw(axes: Any, panel: Panel) -> None:
+    _limits(axes, panel)
+    axes.grid(color=plots.GRID)
+    axes.set_title(panel.title, loc="left", fontsize=16, weight="bold", pad=21)
+    quiet = {"fontsize": 12, "color": plots.QUIET, "textcoords": "offset points"}
+    axes.annotate(f"↑ {panel.axis}", (0, 1), (0, 7), xycoords="axes fraction", **quiet)
+    axes.annotate("render and second stage, end to end →", (1, 0), (0, -36), xycoords="axes fraction", ha="right",
+                  **quiet)
+    if panel.front:
+        x, y = [point.seconds for point in panel.front], [point.value for point in panel.front]
+        axes.step([*x, axes.get_xlim()[1]], [*y, y[-1]], where="post", color=FRONT, linewidth=9, zorder=2)
+    axes.plot([point.seconds for point in panel.others], [point.value for point in panel.others], ".",
+              color=plots.FAINT, zorder=2.5)
+    for index, curve in enumerate(reversed(panel.curves)):  # the first comes on top
+        plots.draw_curve(axes, curve, 3 + index / 10)
+    plots.name_curves(axes, panel.curves, _draw_ceiling(axes, panel))
+
+
+def _draw_ceiling(axes: Any, panel: Panel) -> list[Any]:
+    """Draw the line across; its words, if there is one."""
+    if panel.ceiling is None:
+        return []
+    value, words = panel.ceiling
+    axes.axhline(value, color=plots.INK, linewidth=1.5, linestyle=(0, (1.3, 2.7)), zorder=2.7)
+    return [axes.annotate(words, (0, value), (2, 5), xycoords=("axes fraction", "data"), textcoords="offset points",
+                          fontsize=11.5, zorder=9)]
+
+
+def _limits(axes: Any, panel: Panel) -> None:
+    """Room for all curves and the ceiling."""
+    seconds = [second for curve in panel.curves for second in curve.x] + [point.seconds for point in panel.front]
+    values = [value for curve in panel.curves for value in curve.y] + [point.value for point in panel.front]
+    values += [panel.ceiling[0]] if panel.ceiling else []
+    heights = plots.height(values) if panel.toward_one else values
+    low, high = min(heights), max(heights)
+    space = max(high - low, 1e-3) * 0.05
+    plots.time_axis(axes, min(seconds) / 1.15, max(seconds) * 1.15)
+    plots.value_axis(axes, low - space, high + 1.6 * space, panel.toward_one)
 
 
 def seconds_text(cell: dict[str, Any]) -> str:
     """Median of a cell's end-to-end seconds and their spread."""
     spread = cell["seconds"]
     return f"{end_to_end(cell):.2f} ({spread['least']:.2f}–{spread['most']:.2f})"
-
-
-def _others(every: Sequence[Point], look: dict[Key, Any]) -> list[Point]:
-    return [point for point in every if (point.role, point.method) not in look]

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import re
 from xml.etree import ElementTree
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from lfsr_core.bench import plots
 from lfsr_core.bench.chart import findings, panels, tables
 from lfsr_core.bench.chart import page as chart_page
 from lfsr_core.bench.chart.analysis import LOW, METRICS, Point, analyse
@@ -32,25 +28,31 @@ def test_the_picture_has_a_panel_per_scene_and_one_of_the_mean(chart):
     words = texts(panels.picture(chart))
     assert {scene["scene"] for scene in chart["scenes"]} | {"Mean of 6 scenes"} <= set(words)
     assert sum("without noise" in word for word in words) == 7
-    assert len(ElementTree.fromstring(panels.picture(example(1))).findall(f"{SVG}svg")) == 1
+    assert "Mean" not in " ".join(texts(panels.picture(example(1))))
 
 
-def test_every_text_lies_inside_its_panel(chart):
-    for scene in chart["scenes"]:
-        svg = plots.panel_svg(panels.scene_panel(chart, scene))
-        for element in ElementTree.fromstring(svg).iter(f"{SVG}text"):
-            assert 0 <= float(element.get("x")) <= plots.WIDTH and 0 <= float(element.get("y")) <= plots.HEIGHT
+def test_every_text_lies_inside_the_picture(chart):
+    picture = ElementTree.fromstring(panels.picture(chart))
+    width, height = (float(size) for size in picture.get("viewBox").split()[2:])
+    places = [place(element) for element in picture.iter(f"{SVG}text")]
+    assert len(places) > 50 and all(0 <= x <= width and 0 <= y <= height for x, y in places)
+
+
+def place(element) -> tuple[float, float]:
+    """Where a text of matplotlib's stands."""
+    moved = re.search(r"translate\((\S+) (\S+)\)", element.get("transform"))
+    return tuple(map(float, moved.groups() if moved else (element.get("x"), element.get("y"))))
 
 
 @pytest.mark.parametrize("metric", METRICS)
 def test_every_metric_can_be_drawn(chart, metric):
-    svg = plots.panel_svg(panels.scene_panel(chart, chart["scenes"][0], metric))
+    svg = panels.drawn([panels.scene_panel(chart, chart["scenes"][0], metric)])
     assert panels.AXES[metric] in " ".join(texts(svg))
 
 
 def test_the_page_stands_alone_and_its_tables_are_whole(chart):
     page = chart_page.page(chart)
-    assert not re.search(r"<script|<link|src=|url\(|@import", page)
+    assert not re.search(r"<script|<link|src=|url\((?!#)|@import", page)
     for table in re.findall(r"<table>.*?</table>", page):
         rows = ElementTree.fromstring(table.replace("class=l", 'class="l"')).iter("tr")
         assert len({len(row) for row in rows}) == 1
@@ -94,16 +96,3 @@ def test_the_table_has_every_cell_with_its_metrics(chart):
     rows = [line for line in table.splitlines() if line.startswith("| espcn | 16 | 4 |")]
     assert len(rows) == 7, "one per scene and one of the mean"
     assert "24,192 | 24,336" in rows[0] and "±" in rows[1] and "±" not in rows[0]
-
-
-@given(st.floats(1e-3, 1e5), st.floats(1.01, 1e4))
-def test_time_ticks_lie_inside_and_are_few(low, factor):
-    ticks = plots.time_ticks(low, low * factor)
-    assert 2 <= len(ticks) <= 12
-    assert all(low * (1 - 1e-9) <= tick <= low * factor * (1 + 1e-9) for tick in ticks)
-
-
-@given(st.floats(-0.9, 0.99), st.floats(0.001, 0.9))
-def test_heights_rise_with_values(value, gain):
-    assert plots.height(value + gain, True) >= plots.height(value, True)
-    assert math.isfinite(plots.height(1.2, True))
