@@ -30,8 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Measure what is missing and write tables, curves and pictures."""
-    from lfsr_core.bench.stress.folder import DISPLAY_FILE, Settings
-    from lfsr_core.bench.stress.suite import default_methods, run_suite
+    from lfsr_core.bench.stress.folder import DISPLAY_FILE, Bench
+    from lfsr_core.bench.stress.records import Settings
+    from lfsr_core.bench.stress.suite import Choice, default_methods, run_suite
     from lfsr_core.optics.display import load_display
 
     samples = arguments.reference_spp or (QUICK_SAMPLES if arguments.quick else SAMPLES)
@@ -39,8 +40,8 @@ def run(arguments: argparse.Namespace) -> None:
     settings = Settings(load_display(arguments.display or DISPLAY_FILE), arguments.scale, samples, frames,
                         arguments.device)
     methods = arguments.methods or default_methods(settings.scale)
-    report = run_suite(arguments.output, settings, arguments.dials, methods, quick=arguments.quick,
-                       blender=arguments.blender)
+    report = run_suite(Bench(arguments.output, settings, arguments.blender),
+                       Choice.of(methods, arguments.dials, arguments.quick))
     print((report.parent / "stress.md").read_text(encoding="utf-8"))
     print(f"{report.parent / 'index.html'}: curves and the worst crop of every method")
 

@@ -1,7 +1,6 @@
-"""What the stability suite turns: one dial per kind of difficulty, as data, and the geometry the dials speak of.
+"""The dials of the stability suite: each makes one thing harder, value by value, until methods break.
 
-Lengths are lens pitches: the display is ``lenses`` units wide, its plane is
-y = 0, the viewer stands at y = -distance, behind the display is y > 0.
+A *dial* (parameter sweep) is data here; scripts/scenes/stress builds its scenes.
 """
 
 from __future__ import annotations
@@ -20,10 +19,15 @@ TOLERANCE = 1e-9  # rounding of the difference of two measured figures
 class Dial:
     """One difficulty.
 
-    ``values`` go from easy to hard, the first of them the start; ``quick`` is a
-    part of them. ``meaning`` and ``unit`` say what a value is. ``judged``: the
-    metric, larger is better, that breaks. ``scene``: name of the scene where all
-    values share one (then the value is samples per pixel), else each value has its own.
+    Attributes
+    ----------
+    name: as on the command line and in the names of folders.
+    meaning: what a value is.
+    unit: of the values.
+    values: from easy to hard, the first of them the start.
+    quick: the part of them that a quick run measures.
+    judged: the metric, larger is better, that breaks.
+    scene: the one scene of all values, which then are samples per pixel; None where each value has its own.
     """
 
     name: str
@@ -98,7 +102,14 @@ def choose_dials(names: Sequence[str] | None) -> tuple[Dial, ...]:
 
 @dataclasses.dataclass(frozen=True)
 class Break:
-    """Where a method breaks: the dial's ``value``, the judged ``quality`` there, and ``reason``."""
+    """Where a method breaks.
+
+    Attributes
+    ----------
+    value: of the dial.
+    quality: the judged figure there.
+    reason: "below bicubic" or "below its start".
+    """
 
     value: float
     quality: float
@@ -107,17 +118,24 @@ class Break:
 
 def breaking_point(values: Sequence[float], quality: Mapping[float, float | None],
                    bicubic: Mapping[float, float | None] | None = None, drop: float = DROP) -> Break | None:
-    """First of ``values``, easy to hard, where ``quality`` is below ``bicubic`` or ``drop`` below its own start.
+    """Where a method breaks: its first value below ``bicubic``, or ``drop`` below its own start.
 
-    The start is the first value with a quality. Values without one are passed
-    over. None where the method never breaks. Without ``bicubic`` (for bicubic
-    itself) only the second rule counts.
+    Parameters
+    ----------
+    values: of the dial, from easy to hard; the start is the first of them with a quality.
+    quality: judged figure by value; values without one are passed over.
+    bicubic: the same of bicubic; None for bicubic itself.
+    drop: how far below its start counts.
+
+    Returns
+    -------
+    None where the method never breaks.
     """
-    told = [(value, quality[value]) for value in values if quality.get(value) is not None]
-    for value, found in told:
+    measured = [(value, quality[value]) for value in values if quality.get(value) is not None]
+    for value, found in measured:
         rival = (bicubic or {}).get(value)
         if rival is not None and found < rival - TOLERANCE:
             return Break(value, found, "below bicubic")
-        if found <= told[0][1] - drop + TOLERANCE:
+        if found <= measured[0][1] - drop + TOLERANCE:
             return Break(value, found, "below its start")
     return None

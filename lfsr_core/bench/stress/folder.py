@@ -1,8 +1,4 @@
-"""Runs the stability suite: scenes, references, renders and one small JSON file per cell.
-
-A *cell* is one method at one value of one dial. What is complete in the bench
-folder is not made again, so an interrupted run goes on where it stopped.
-"""
+"""The bench folder of the stability suite: its scenes, references, renders and measured cells, made once each."""
 
 from __future__ import annotations
 
@@ -14,53 +10,36 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from lfsr_core.bench.cells import Cells
 from lfsr_core.bench.stress.dials import Dial
+from lfsr_core.bench.stress.records import Cell, Settings
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json, write_json
+from lfsr_core.files import write_json
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES
 from lfsr_core.frames.job import Job
-from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.progress import ProgressBar
 from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.records import read_record, write_record
 from lfsr_core.render.blender import Blender, find_blender, scene_script
 from lfsr_core.render.process import run_job
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, parse_progress
 
 DISPLAY_FILE = Path(__file__).parent / "stress.toml"
-SETTINGS_FILE, SCENE_FILE, CELLS, FORMAT = "settings.json", "scene.blend", "cells", 1
+SETTINGS_FILE, SCENE_FILE, CELLS = "settings.json", "scene.blend", "cells"
 BASELINE, LAYERS = "bicubic", ("albedo", "normal")
 FIXED_SEED = 0
 
 
 @dataclasses.dataclass(frozen=True)
-class Settings:
-    """What decides every figure of a bench folder besides the dials and methods.
-
-    ``reference_samples``: of both halves together. ``frames``: of the moving card.
-    """
-
-    display: DisplayProfile
-    scale: int
-    reference_samples: int
-    frames: int
-    device: str = "CPU"
-
-    def __post_init__(self) -> None:
-        self.display.low_views(self.scale)
-        if self.scale < 2:
-            raise LfsrError(f"scale is {self.scale}, but the suite compares upscaling methods: choose 2 or more")
-        if self.reference_samples < 2 or self.frames < 2:
-            raise LfsrError(f"a reference has {self.reference_samples} samples and the motion {self.frames} frames, "
-                            "but both need at least 2")
-
-    def to_dict(self) -> dict[str, Any]:
-        """As kept in settings.json."""
-        return dataclasses.asdict(self) | {"display": self.display.to_dict(), "format": FORMAT}
-
-
-@dataclasses.dataclass(frozen=True)
 class Bench:
-    """A bench folder: makes the scenes and renders that are missing in it, with Blender or the one named."""
+    """A bench folder, in which missing scenes and renders are made when they are asked for.
+
+    Attributes
+    ----------
+    folder: where everything lies.
+    settings: what decides its figures.
+    executable: of Blender, None to look for one.
+    """
 
     folder: Path
     settings: Settings
@@ -70,6 +49,17 @@ class Bench:
     def blender(self) -> Blender:
         """Looked for only where something is missing."""
         return _blender(self.executable)
+
+    def claim(self) -> None:
+        """Record the settings of a new folder; LfsrError if it was begun with other ones."""
+        path = self.folder / SETTINGS_FILE
+        if path.exists():
+            found = read_record(path, Settings, "the settings of a stability suite")
+            for field in dataclasses.fields(Settings):
+                if getattr(found, field.name) != getattr(self.settings, field.name):
+                    raise LfsrError(f"{self.folder} was begun with other settings ({field.name} differs, see "
+                                    f"{SETTINGS_FILE} there): choose another folder or the same settings")
+        write_record(path, self.settings)
 
     def scene_folder(self, dial: Dial, value: float) -> Path:
         """Folder of one scene."""
@@ -98,7 +88,14 @@ class Bench:
         return folder
 
     def render(self, dial: Dial, value: float, frame: int = 1, seed: int = FIXED_SEED) -> Path:
-        """Low-resolution frame folder, rendered if it is missing."""
+        """Low-resolution frame folder, rendered if it is missing.
+
+        Parameters
+        ----------
+        dial, value: whose scene.
+        frame: number of the frame, other than 1 only of the moving card.
+        seed: of Cycles' noise.
+        """
         spp, scale = dial.samples(value), self.settings.scale
         suffix = "" if (frame, seed) == (1, FIXED_SEED) else f"-frame{frame}-seed{seed}"
         folder = self.scene_folder(dial, value) / f"s{scale}-spp{spp}{suffix}"
@@ -115,15 +112,37 @@ class Bench:
         finally:
             progress.close()
 
+    def read_cell(self, dial: Dial, value: float, method: str) -> Cell | None:
+        """A measured cell; None if it is missing or was measured with other weights or versions of the method."""
+        made_with = fingerprint(method)
+        found = self._cells(dial, value).read(_cell_name(dial, value, method), made_with)
+        return found and dataclasses.replace(found, **made_with)
+
+    def write_cell(self, dial: Dial, cell: Cell) -> None:
+        """Keep a cell that was measured now."""
+        self._cells(dial, cell.value).write(_cell_name(dial, cell.value, cell.method), {}, cell)
+
+    def _cells(self, dial: Dial, value: float) -> Cells[Cell]:
+        return Cells(self.scene_folder(dial, value) / CELLS, Cell, key=None)
+
 
 _blender = functools.cache(find_blender)
+
+
+def _cell_name(dial: Dial, value: float, method: str) -> str:
+    return f"{method}-{dial.name}-spp{dial.samples(value)}"
+
+
+def fingerprint(method: str) -> dict[str, Any]:
+    """What a cell of a method depends on besides its scene, as two fields of the cell."""
+    name = MethodName.parse(method)
+    return {"weights": name.weights_digest, "versions": name.versions}
 
 
 def run_script(blender: Blender, script: Path, argument: Path) -> None:
     """Run a script of scripts/ in Blender; LfsrError with its own sentence, or with its last line after a crash."""
     command = blender.script_command(script, str(argument))
-    done = subprocess.run(command, capture_output=True, text=True, errors="replace",
-                          check=False)
+    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     last: dict[str, Any] = {}
     for line in done.stdout.splitlines():
         last = parse_progress(line) or last
@@ -133,19 +152,3 @@ def run_script(blender: Blender, script: Path, argument: Path) -> None:
         lines = (done.stderr.strip() or done.stdout.strip() or "nothing").splitlines()
         raise LfsrError(f"Blender stopped with exit code {done.returncode} in {script.name}, last saying "
                         f"{lines[-1]!r}: run the script by hand to see more")
-
-
-def cell_path(bench: Bench, dial: Dial, value: float, name: str) -> Path:
-    """File of one cell."""
-    return bench.scene_folder(dial, value) / CELLS / f"{name}-{dial.name}-spp{dial.samples(value)}.json"
-
-
-def read_cell(bench: Bench, dial: Dial, value: float, name: str) -> dict[str, Any] | None:
-    """A measured cell; None if it is missing or was measured with other weights or another version of the method."""
-    path = cell_path(bench, dial, value, name)
-    if not path.exists():
-        return None
-    cell = read_json(path, "a cell of the stability suite")
-    method = MethodName.parse(name)
-    current = {"weights": method.weights_digest, "versions": method.versions}
-    return cell if all(cell.get(key) == value for key, value in current.items()) else None

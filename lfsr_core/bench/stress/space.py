@@ -1,4 +1,4 @@
-"""What the stability suite turns: one dial per kind of difficulty, as data, and the geometry the dials speak of.
+"""The geometry that the dials of the stability suite speak of.
 
 Lengths are lens pitches: the display is ``lenses`` units wide, its plane is
 y = 0, the viewer stands at y = -distance, behind the display is y > 0.
@@ -20,7 +20,16 @@ CARD_DEPTH = 0.25  # usable depths behind the display
 
 @dataclasses.dataclass(frozen=True)
 class Space:
-    """A display and its camera array in lens pitches; ``spacing`` is between high-resolution views."""
+    """A display and its camera array in lens pitches.
+
+    Attributes
+    ----------
+    lenses: horizontal and vertical count.
+    views: per lens, horizontal and vertical.
+    distance: of the viewer from the display plane.
+    spacing: between neighbouring high-resolution views.
+    scale: factor between rendered and finished views.
+    """
 
     lenses: tuple[int, int]
     views: tuple[int, int]

@@ -13,14 +13,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.bench.stress import folder as stress_folder
+from lfsr_core.bench.stress import folder as bench_folder
 from lfsr_core.bench.stress import page, suite
-from lfsr_core.bench.stress import report as stress_report
-from lfsr_core.bench.stress.dials import choose_dials
+from lfsr_core.bench.stress.dials import Break, choose_dials
+from lfsr_core.bench.stress.folder import Bench
+from lfsr_core.bench.stress.records import Cell, DialReport, Report, Settings
+from lfsr_core.bench.stress.report import write_report
 from lfsr_core.cli import main
 from lfsr_core.errors import LfsrError
 from lfsr_core.images.png import read_png
 from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.records import read_record
 from tests.support.synthetic import MINI, fails, write_reference, write_render
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "results" / "stress.md"
@@ -37,7 +40,7 @@ def fill(folder: Path) -> Path:
         for value in dial.quick:
             scene = folder / dial.scene_name(value)
             scene.mkdir(exist_ok=True)
-            (scene / stress_folder.SCENE_FILE).touch()
+            (scene / bench_folder.SCENE_FILE).touch()
             shutil.copytree(source[1], scene / "reference", dirs_exist_ok=True)
             names = [f"s{SCALE}-spp{dial.samples(value)}"]
             if dial.name == "motion":
@@ -128,8 +131,9 @@ def test_the_table_shows_each_breaking_point(bench, report):
 
 def test_the_page_shows_curves_and_the_worst_crop_of_every_method(bench, report):
     text = (bench / "index.html").read_text(encoding="utf-8")
-    assert text.count("<svg") == len(DIALS) and "<script" not in text and "http" not in text
-    pictures = re.findall(r"<img[^>]* src='([^']+)'", text)
+    assert text.count("<svg") == len(DIALS) and "<script" not in text
+    assert not re.search(r"""(src|href)=.http|@import|url\(.?http""", text)
+    pictures = re.findall(r'<img[^>]* src="([^"]+)"', text)
     assert len(pictures) == len(set(pictures)) == len(DIALS) * 3
     for picture in pictures:
         panels = 2 if "-bicubic" in picture else 3
@@ -139,30 +143,38 @@ def test_the_page_shows_curves_and_the_worst_crop_of_every_method(bench, report)
 
 def test_a_second_run_measures_nothing_again(bench, monkeypatch):
     before = {path: path.stat().st_mtime_ns for path in bench.glob("*/cells/*.json")}
-    monkeypatch.setattr(suite, "write_json", None)
-    monkeypatch.setattr(suite, "claim", lambda *_: None)
+    monkeypatch.setattr(bench_folder.Bench, "write_cell", None)
     assert main(["stress", "-o", str(bench), *OPTIONS]) == 0
     assert len(before) == 3 * (3 + 3 + 2 + 3 + 3)
     assert before == {path: path.stat().st_mtime_ns for path in bench.glob("*/cells/*.json")}
 
 
-def test_other_weights_are_measured_again(tmp_path, bench, monkeypatch):
-    settings = stress_folder.Settings(MINI, SCALE, 8, FRAMES)
-    dial = choose_dials(["samples"])[0]
-    folder = stress_folder.Bench(bench, settings)
-    assert stress_folder.read_cell(folder, dial, 64, "bicubic")["value"] == 64
+def test_other_weights_are_measured_again(bench, monkeypatch):
+    dial, made = choose_dials(["samples"])[0], Bench(bench, Settings(MINI, SCALE, 8, FRAMES))
+    assert made.read_cell(dial, 64, "bicubic").value == 64
     monkeypatch.setattr(MethodName, "weights_digest", "others")
-    assert stress_folder.read_cell(folder, dial, 64, "bicubic") is None
-    assert stress_folder.read_cell(folder, dial, 32, "bicubic") is None
+    assert made.read_cell(dial, 64, "bicubic") is None
+    assert made.read_cell(dial, 32, "bicubic") is None
 
 
 def test_another_version_of_a_method_is_measured_again(bench, monkeypatch):
-    folder = stress_folder.Bench(bench, stress_folder.Settings(MINI, SCALE, 8, FRAMES))
-    dial = choose_dials(["samples"])[0]
+    dial, made = choose_dials(["samples"])[0], Bench(bench, Settings(MINI, SCALE, 8, FRAMES))
     versions = {"bicubic": {"denoiser": -1}}
     monkeypatch.setattr(MethodName, "versions", property(lambda name: versions.get(name.text, {})))
-    assert stress_folder.read_cell(folder, dial, 64, "bicubic") is None
-    assert stress_folder.read_cell(folder, dial, 64, "nearest")["value"] == 64
+    assert made.read_cell(dial, 64, "bicubic") is None
+    assert made.read_cell(dial, 64, "nearest").value == 64
+
+
+@pytest.mark.parametrize(("name", "hidden"), [("stress", ()), ("stress-epi", ("oidn-fast+bilinear",
+                                                                             "oidn-guided+bilinear"))])
+def test_published_reports_are_read_and_are_what_the_document_shows(name, hidden):
+    published = read_record(DOCUMENT.parent / "measured" / f"{name}.json", Report, "a report of the stability suite")
+    document = DOCUMENT.read_text(encoding="utf-8")
+    methods = [method for method in published.methods if method not in hidden]
+    for dial in published.dials:
+        assert " | ".join(["", *map(dial.break_text, methods)]) in document
+        figures = [f"{dial.series(method, dial.judged)[0]:.3f}" for method in methods]
+        assert " | ".join([f"\n| {dial.values[0]:g}", *figures]) in document
 
 
 def test_default_methods_are_bicubic_the_default_and_what_has_weights():
@@ -175,12 +187,12 @@ def test_default_methods_are_bicubic_the_default_and_what_has_weights():
     assert len(set(methods)) == len(methods)
 
 
-@pytest.mark.parametrize(("options", "told"), [
+@pytest.mark.parametrize(("options", "message"), [
     (["--dials", "wires"], "did you mean 'wire'"), (["--methods", "bicubix"], "did you mean 'bicubic'"),
     (["--scale", "3"], "scale is 3"), (["--scale", "1"], "scale is 1"), (["--frames", "1"], "need at least 2"),
     (["--display", "minni"], "did you mean 'mini'")])
-def test_bad_input_is_refused_before_anything_is_written(tmp_path, capsys, options, told):
-    assert told in fails(["stress", "-o", str(tmp_path / "out"), "--display", "mini", *options], capsys)
+def test_bad_input_is_refused_before_anything_is_written(tmp_path, capsys, options, message):
+    assert message in fails(["stress", "-o", str(tmp_path / "out"), "--display", "mini", *options], capsys)
     assert not (tmp_path / "out").exists()
 
 
@@ -192,19 +204,18 @@ def test_a_folder_of_other_settings_is_refused(bench, capsys):
 def test_a_missing_cell_is_no_report(tmp_path):
     dial = choose_dials(["wire"])[0]
     with pytest.raises(LfsrError, match="wire 2 of bicubic is not measured"):
-        folder = stress_folder.Bench(tmp_path, stress_folder.Settings(MINI, 2, 8, 2))
-        stress_report.write_report(folder, {dial: (2,)}, ["bicubic"])
+        write_report(Bench(tmp_path, Settings(MINI, 2, 8, 2)), {dial: (2,)}, ["bicubic"])
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("body", "told"), [
+@pytest.mark.parametrize(("body", "message"), [
     ("""print('LFSR {"stage": "error", "message": "too deep"}'); raise SystemExit(2)""", "too deep"),
     ("raise RuntimeError('no memory')", "no memory"), ("""print('LFSR {"stage": "scene"}')""", "exit code 0")])
-def test_a_script_that_fails_is_told(tmp_path, body, told):
+def test_a_script_that_fails_is_reported(tmp_path, body, message):
     script = tmp_path / "script.py"
     script.write_text(body, encoding="utf-8")
-    with pytest.raises(LfsrError, match=told):
-        stress_folder.run_script(stress_folder.Blender(), script, tmp_path / "job.json")
+    with pytest.raises(LfsrError, match=message):
+        bench_folder.run_script(bench_folder.Blender(), script, tmp_path / "job.json")
 
 
 @pytest.mark.parametrize("lens", [(0, 0), (5, 7), (11, 15)])
@@ -217,13 +228,14 @@ def test_crops_hold_their_lens_and_stay_inside(lens):
 
 
 def test_a_curve_with_gaps_is_drawn_where_it_is_known():
-    cells = [{"value": value, "method": "m", "metrics": {"q": quality}}
-             for value, quality in ((1, 0.9), (2, None), (3, 0.7))]
-    dial = {"name": "d", "judged": "q", "values": [1, 2, 3], "cells": cells,
-            "breaks": {"m": {"value": 3, "quality": 0.7, "reason": "below its start"}}}
+    cells = tuple(Cell(value, "scene", 16, "m", {"q": quality}, None)
+                  for value, quality in ((1, 0.9), (2, None), (3, 0.7)))
+    dial = DialReport("d", "meaning", "unit", "q", (1, 2, 3), cells, {"m": Break(3, 0.7, "below its start")})
     drawn = page.curves(dial, ["m"])
-    points = re.search(r"points='([^']+)'", drawn)[1].split()
-    ring = re.search(r"<circle cx=([\d.]+) cy=([\d.]+) r=7", drawn)
-    assert len(points) == 2 and points[1] == f"{ring[1]},{ring[2]}"
-    assert stress_report.break_text(dial, "m") == "3 s"
-    assert page.curves(dial | {"judged": "other", "breaks": {"m": None}}, ["m"]).startswith("<p>Nothing")
+    line = re.search(r'id="m">\s*<path d="([^"]+)"', drawn)[1].split("\n")[:-1]
+    ring = re.search(r'id="m, breaks">.*?<use [^>]*x="([\d.]+)" y="([\d.]+)"', drawn, re.S)
+    assert [command[0] for command in line] == ["M", "L"]
+    assert line[1].split()[1:] == [ring[1], ring[2]]
+    assert dial.break_text("m") == "3 s"
+    unknown = DialReport("d", "meaning", "unit", "other", (1, 2, 3), cells, {"m": None})
+    assert page.curves(unknown, ["m"]) is None and unknown.break_text("m") == "?"
