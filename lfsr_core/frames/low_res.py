@@ -1,15 +1,9 @@
-"""The one contract that every upscaling method obeys, and the classical methods.
-
-A method name is prefilters and one upscaler joined by "+", as ``oidn+bicubic``; "epi" after
-them brings back detail that they lost, as in ``oidn+bicubic+epi``.
-Low view k' covers high views s·k' … s·k' + s - 1, so pixels are sampled at
-half-pixel centres.
-"""
+"""The low-resolution EIA of a frame as methods see it: opaque, by elemental images, with its auxiliary layers."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -17,21 +11,50 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame
 from lfsr_core.optics.eia import to_elemental_images
 
+RENDERED_LAYERS = ("albedo", "normal", "position")
+LAYERS = (*RENDERED_LAYERS, "noisy", "guided")
+
 
 @dataclasses.dataclass(frozen=True)
 class LowResEIA:
     """What a method sees of a low-resolution frame; (sy, sx, h, w, C) float32 arrays.
 
-    ``color``: scene-linear RGB over the background, finite, >= 0. ``alpha``:
-    coverage in [0, 1], C = 1. ``aux``: "albedo", "normal", "position" where
-    rendered, C = 3. ``samples``: per pixel, the noise level. ``scale``: s.
+    Low view k' covers high views s·k' … s·k' + s - 1.
+
+    Attributes:
+        color: scene-linear RGB over the background, finite, >= 0.
+        alpha: coverage in [0, 1], C = 1.
+        samples: per pixel, the noise level.
+        scale: s, high-resolution views per low-resolution view along each axis.
+        albedo, normal, position: where rendered, C = 3.
+        noisy: colour as rendered, where a denoiser has changed ``color``.
+        guided: colour denoised by the guides, beside ``color`` denoised without.
     """
 
     color: np.ndarray
     alpha: np.ndarray
-    aux: Mapping[str, np.ndarray]
     samples: int
     scale: int
+    albedo: np.ndarray | None = None
+    normal: np.ndarray | None = None
+    position: np.ndarray | None = None
+    noisy: np.ndarray | None = None
+    guided: np.ndarray | None = None
+
+    @property
+    def layers(self) -> dict[str, np.ndarray]:
+        """The auxiliary layers that are there, by name of LAYERS."""
+        return {name: layer for name in LAYERS if (layer := getattr(self, name)) is not None}
+
+    @property
+    def rendered(self) -> np.ndarray:
+        """Colour as rendered, before any denoiser."""
+        return self.color if self.noisy is None else self.noisy
+
+    def each(self, change: Callable[[np.ndarray], np.ndarray]) -> LowResEIA:
+        """The same with every array changed in the same way, as by picking lenses."""
+        arrays = {"color": self.color, "alpha": self.alpha, **self.layers}
+        return dataclasses.replace(self, **{name: change(array) for name, array in arrays.items()})
 
 
 def over_background(layers: Mapping[str, np.ndarray], frame: Frame) -> np.ndarray:
@@ -60,7 +83,7 @@ def low_resolution(layers: Mapping[str, np.ndarray], frame: Frame) -> LowResEIA:
         raise LfsrError(f"{LOW_RES_FILE} has {shape[1]}×{shape[0]} pixels, but frame.json says {width}×{height}: "
                         "render the frame again")
 
-    images = {name: layers[name] for name in ("albedo", "normal", "position") if name in layers}
+    images = {name: layers[name] for name in RENDERED_LAYERS if name in layers}
     images |= {"color": over_background(layers, frame), "alpha": np.clip(layers["color"][..., 3:], 0, 1)}
-    aux = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
-    return LowResEIA(aux.pop("color"), aux.pop("alpha"), aux, frame.samples, frame.scale)
+    tiles = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
+    return LowResEIA(**tiles, samples=frame.samples, scale=frame.scale)

@@ -140,10 +140,7 @@ class Mosaic:
 
     def of_render(self, low: LowResEIA) -> LowResEIA:
         """The mosaic of a rendered list of lenses, whose tiles ``low`` holds in reading order."""
-        def arrange(layer: np.ndarray) -> np.ndarray:
-            return layer.reshape(-1, *layer.shape[2:])[self.index]
-        aux: Mapping[str, np.ndarray] = {name: arrange(layer) for name, layer in low.aux.items()}
-        return dataclasses.replace(low, color=arrange(low.color), alpha=arrange(low.alpha), aux=aux)
+        return low.each(lambda layer: layer.reshape(-1, *layer.shape[2:])[self.index])
 
     def of_mask(self, tiles: np.ndarray) -> np.ndarray:
         """(n,) bool: what a mask (rows, columns) of the rendered tiles says of each block's centre."""

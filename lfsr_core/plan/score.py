@@ -116,7 +116,7 @@ def features(low: LowResEIA) -> np.ndarray:
 def score(folder: Path, name: str, mosaic: Mosaic, reference: SampledReference) -> Scores:
     """Accuracy of method ``name`` on the centres of ``mosaic``, from the sample's render in ``folder``."""
     low, mask = _sampled(folder, mosaic)
-    images = srgb_encode(finished(low, mask, in_blocks(method(name), mosaic), mosaic.centres))
+    images = srgb_encode(finished(low, mask, method(name, block=mosaic.side), mosaic.centres))
     return split_scores(images, reference)
 
 
@@ -156,13 +156,6 @@ def stage_time(folder: Path, name: str, mosaic: Mosaic, one: Mosaic) -> StageTim
     upscaling = _seconds(lambda: chosen.upscaler(ready, lenses)) / len(lenses)
     threads = min(os.cpu_count() or 1, MAX_WORKERS) if chosen.upscaler.thread_safe else 1
     return StageTime(max(few - per_pixel * pixels[0], 0.0), per_pixel, per_lens + upscaling / threads)
-
-
-def in_blocks(chosen: Method, mosaic: Mosaic) -> Method:
-    """The method, told that the mosaic's blocks are strangers."""
-    if isinstance(chosen.upscaler, Recovering):
-        chosen.upscaler.block = mosaic.side
-    return chosen
 
 
 def _sampled(folder: Path, mosaic: Mosaic) -> tuple[LowResEIA, np.ndarray]:

@@ -47,18 +47,27 @@ class Method:
         return low
 
 
-def method(name: str | MethodName, weights: str | Path | None = None, upscaler: Upscaler | None = None) -> Method:
+def method(name: str | MethodName, weights: str | Path | None = None, *, upscaler: Upscaler | None = None,
+           block: int | None = None) -> Method:
     """Method of a name such as "bicubic" or "oidn+bicubic"; "oidn" alone upscales nothing.
 
-    ``weights``: a file for its network instead of the shipped one. ``upscaler``: in
-    place of the one that the name says. LfsrError for a wrong name, as of
-    ``MethodName.parse``, or weights without a network.
+    Parameters:
+        name: as of ``MethodName.parse``.
+        weights: file for its network instead of the shipped one.
+        upscaler: in place of the one that the name says.
+        block: side of the squares of lenses that are strangers to their neighbours, None where there are none.
+
+    Returns:
+        The method, ready to run.
+
+    Raises:
+        LfsrError: for a wrong name, weights without a network, or "epi" after what does more than interpolate.
     """
     name = MethodName.parse(name)
     prefilters = tuple(PREFILTERS[part] for part in name.prefilters)
     upscaler = upscaler or _load(name, weights)
     if name.recovers:
-        upscaler = Recovering(_cleaner(upscaler))
+        upscaler = Recovering(_cleaner(upscaler), block)
         prefilters += (upscaler.prepare,)
     return Method(name, prefilters, upscaler)
 

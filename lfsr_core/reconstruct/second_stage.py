@@ -116,6 +116,6 @@ def _report(method_name: MethodName, plan: Plan, frame: Frame, clock: StageClock
         "seconds": {stage: round(seconds, 4) for stage, seconds in clock.seconds.items()},
         "peak_bytes": peak_bytes(),
         "foreground_share": float(plan.mask.mean()),
-        "notes": [*method_name.guide_notes(plan.low.aux), *plan.upscaler.notes],
+        "notes": [*method_name.guide_notes(plan.low.layers), *plan.upscaler.notes],
         "metrics": {},
     }

@@ -86,12 +86,12 @@ def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
     known = Reference.read(reference)
     chosen = known.lenses[known.foreground]
     shipped = numpy_network.load(catalogue.weights_path(name, frame.scale))
-    missing = [layer for layer in shipped.layers if layer not in low.aux]
+    missing = [layer for layer in shipped.layers if layer not in low.layers]
     if missing:
         raise LfsrError(f"{folder} lacks the layers {', '.join(missing)} that {name!r} needs: "
                         "render it again with --layers albedo,normal")
     features, base = numpy_network.network_inputs(shipped, low, chosen)
-    rendered = low.aux.get("noisy", low.color)[tuple(chosen.T)]
+    rendered = low.rendered[tuple(chosen.T)]
     halves = tuple(display_values(encode(_planes(half[known.foreground]))) for half in known.linear_images())
     return Lenses(_planes(features), _planes(base), _planes(rendered).mean((2, 3), keepdim=True), halves, frame.scale)
 

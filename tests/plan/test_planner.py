@@ -208,7 +208,7 @@ def test_features_tell_noisy_and_detailed_lenses_apart(monkeypatch, denoiser):
     color[4:, ..., ::5, :, :] = 0.1
     alpha = np.ones((6, 6, 10, 10, 1), np.float32)
     alpha[:, 3:, 5:] = 0
-    found = score.features(LowResEIA(np.maximum(color, 0), alpha, {}, 4, 4))
+    found = score.features(LowResEIA(np.maximum(color, 0), alpha, 4, 4))
     coverage, noise, detail = found[..., 0], found[..., 1], found[..., -1]
     assert np.allclose(coverage[:, :3], 1) and np.allclose(coverage[:, 3:], 0.5)
     if denoiser:

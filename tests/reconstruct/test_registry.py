@@ -20,7 +20,7 @@ PER_EI = ("nearest", "bilinear", "bicubic", "lanczos")
 
 def low_eia(sy=3, sx=4, h=5, w=6, scale=4, color=None):
     color = RANDOM.random((sy, sx, h, w, 3)).astype(np.float32) if color is None else color.astype(np.float32)
-    return LowResEIA(color, np.ones((*color.shape[:-1], 1), np.float32), {}, 16, scale)
+    return LowResEIA(color, np.ones((*color.shape[:-1], 1), np.float32), 16, scale)
 
 
 def all_lenses(low):

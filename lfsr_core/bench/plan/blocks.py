@@ -8,7 +8,6 @@ reference: what differs is the error of looking at single lenses.
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -51,8 +50,7 @@ def differences(folder: Path, reference: Path, name: str) -> Iterator[tuple[int,
 def _listed(low: LowResEIA, lenses: list[Lens]) -> LowResEIA:
     """One row of tiles, as a render of just these lenses would be."""
     rows, columns = np.asarray(lenses).T
-    aux = {name: layer[rows, columns][None] for name, layer in low.aux.items()}
-    return dataclasses.replace(low, color=low.color[rows, columns][None], alpha=low.alpha[rows, columns][None], aux=aux)
+    return low.each(lambda layer: layer[rows, columns][None])
 
 
 def _ssim(images: np.ndarray, halves: list[np.ndarray]) -> np.ndarray:

@@ -16,17 +16,13 @@ import math
 import sys
 from collections.abc import Iterator, Mapping
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct.methods import oidn
-
-if TYPE_CHECKING:
-    from lfsr_core.frames.low_res import LowResEIA
-
 
 GUIDES = ("albedo", "normal")
 CONTEXT = 32  # pixels around what is denoised that the library may look at
@@ -74,13 +70,14 @@ def denoise_low_resolution(low: LowResEIA, *, fast: bool = False, guided: bool =
     rectangle of lenses that shows anything is denoised.
     """
     part = shown_part(low.color)
-    layers = {name: from_elemental_images(low.aux[name][part]) for name in GUIDES if guided and name in low.aux}
+    guides = [name for name in GUIDES if guided and name in low.layers]
+    layers = {name: from_elemental_images(low.layers[name][part]) for name in guides}
     rendered = low.color[part]
     color = low.color.copy()
     if rendered.size:
         denoised = denoise_eia(from_elemental_images(rendered), **clean_guides(layers), fast=fast)
         color[part] = to_elemental_images(denoised, rendered.shape[1::-1])
-    return dataclasses.replace(low, color=color, aux={**low.aux, "noisy": low.color})
+    return dataclasses.replace(low, color=color, noisy=low.color)
 
 
 def shown_part(color: np.ndarray) -> tuple[slice, slice]:
@@ -105,10 +102,9 @@ def _span(wanted: np.ndarray, pixels: int) -> slice:
 def denoise_both_ways(low: LowResEIA) -> LowResEIA:
     """``denoise_low_resolution`` without guides, and with them as the layer "guided" where the frame has any."""
     plain = denoise_low_resolution(low)
-    if not low.aux.keys() & set(GUIDES):
+    if not low.layers.keys() & set(GUIDES):
         return plain
-    guided = denoise_low_resolution(low, guided=True).color
-    return dataclasses.replace(plain, aux={**plain.aux, "guided": guided})
+    return dataclasses.replace(plain, guided=denoise_low_resolution(low, guided=True).color)
 
 
 def is_available() -> bool:

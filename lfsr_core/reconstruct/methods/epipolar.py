@@ -16,16 +16,16 @@ import itertools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Cleaner
+from lfsr_core.reconstruct.encoding import decode, encode
+from lfsr_core.reconstruct.methods.interpolation import EIS_IN_CACHE
 from lfsr_core.reconstruct.methods.shear import averaged, interpolated, sheared
 
-if TYPE_CHECKING:
-    from lfsr_core.frames.low_res import LowResEIA
 # (lenses, views) of a step: up to three usable depths off the display plane, on both sides. On the plane denoisers lose
 # little, and what looks like it is what they leave behind (docs/results/networks.md).
 OFF_PLANE = ((1, 3), (1, 2), (2, 3), (1, 1), (3, 2), (2, 1), (5, 2), (3, 1))
@@ -43,47 +43,61 @@ STEP, MAX_WORKERS = 24, 8
 VERSION = 3  # of what comes out: figures measured with another one are out of date
 
 
+@dataclasses.dataclass(frozen=True)
+class LostDetail:
+    """What a method lacks of a low-resolution EIA; nothing of it is known where the foreground does not show.
+
+    Attributes:
+        cleaned: what the method interpolates, (sy, sx, h, w, 3) encoded.
+        lost: what that lacks, (sy, sx, h, w, 3) encoded.
+        line: along which of LINES a lens lost most, (sy, sx) int.
+        covered: lenses where the foreground shows, (sy, sx) bool.
+    """
+
+    cleaned: np.ndarray
+    lost: np.ndarray
+    line: np.ndarray
+    covered: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class RecoverableEIA(LowResEIA):
+    """A low-resolution EIA with the ``detail`` that a method would lose."""
+
+    detail: LostDetail | None = None
+
+
 class Recovering:
-    """``upscaler`` plus the detail that it and the denoiser before it lost; see ``upscale.Upscaler``.
+    """An upscaler plus the detail that it and the denoiser before it lost; see ``contract.Upscaler``.
 
     Its ``prepare`` comes after the prefilters. Lenses that showed no foreground there are only upscaled.
     ``block``: side of the squares of lenses that lie beside each other by chance, as
     a plan's samples do; None where all are of one display.
     """
 
-    def __init__(self, upscaler: Cleaner) -> None:
+    def __init__(self, upscaler: Cleaner, block: int | None = None) -> None:
         self.name, self.thread_safe = upscaler.name, upscaler.thread_safe
-        self._upscaler, self._share = upscaler, 0.0
-        self.block: int | None = None
+        self._upscaler, self._block, self._share = upscaler, block, 0.0
 
     @property
     def notes(self) -> list[str]:
         """For the report: how many elemental images got any detail back."""
         return [*self._upscaler.notes, f"epi brought detail back in {100 * self._share:.0f} % of the foreground"]
 
-    def prepare(self, low: LowResEIA) -> LowResEIA:
-        """``low`` with the layers "cleaned", what the upscaler interpolates, "lost", what it lacks, and "line".
-
-        The first two are encoded, (sy, sx, h, w, 3), zero where the foreground does
-        not show; "line" (sy, sx): along which of LINES a lens lost most; "covered"
-        (sy, sx): where the foreground shows.
-        """
+    def prepare(self, low: LowResEIA) -> RecoverableEIA:
+        """``low`` with the detail that the upscaler lacks."""
         covered = low.alpha.max((2, 3, 4)) > 0
         cleaned = self._clean_all(low, covered)
         lost, line = np.zeros_like(cleaned), np.zeros(covered.shape, int)
-        rendered, share = low.aux.get("noisy", low.color), np.zeros(covered.shape)
+        rendered, share = low.rendered, np.zeros(covered.shape)
         for part in self._parts(covered):
             lost[part], share[part], line[part] = lost_detail(rendered[part], cleaned[part], covered[part],
                                                               self._upscaler.kernel, low.scale)
         self._share = float((share[covered] > 0).mean()) if covered.any() else 0.0
-        return dataclasses.replace(low, aux={**low.aux, "cleaned": cleaned, "lost": lost, "line": line,
-                                             "covered": covered})
+        return RecoverableEIA(**vars(low) | {"detail": LostDetail(cleaned, lost, line, covered)})
 
-    def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+    def __call__(self, low: RecoverableEIA, lenses: np.ndarray) -> np.ndarray:
         """EIs of ``lenses`` (N, 2), (N, h·s, w·s, 3) float32 scene-linear."""
-        from lfsr_core.reconstruct.encoding import decode
-        from lfsr_core.reconstruct.methods.interpolation import EIS_IN_CACHE
-
         lenses, (h, w) = np.asarray(lenses), low.color.shape[2:4]
         result = np.empty((len(lenses), h * low.scale, w * low.scale, 3), np.float32)
         for start in range(0, len(lenses), EIS_IN_CACHE):
@@ -91,29 +105,29 @@ class Recovering:
             decode(self._encoded(low, lenses[part]), out=result[part])
         return result
 
-    def _encoded(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
-        rows, columns = lenses.T
-        cleaned, lost = low.aux["cleaned"][rows, columns], low.aux["lost"][rows, columns]
-        rest = ~low.aux["covered"][rows, columns]
+    def _encoded(self, low: RecoverableEIA, lenses: np.ndarray) -> np.ndarray:
+        (rows, columns), detail = lenses.T, low.detail
+        cleaned, lost = detail.cleaned[rows, columns], detail.lost[rows, columns]
+        rest = ~detail.covered[rows, columns]
         if rest.any():
             cleaned[rest] = self._upscaler.clean(low, lenses[rest])
         finished = interpolated(cleaned, self._upscaler.kernel, low.scale)
-        some, line = lost.any((1, 2, 3)), low.aux["line"][rows, columns]
+        some, line = lost.any((1, 2, 3)), detail.line[rows, columns]
         for index in np.unique(line[some]):
             chosen = some & (line == index)
             steep = LINES[index][0] / LINES[index][1]
             if abs(steep) <= STEEPEST:
                 finished[chosen] += interpolated(lost[chosen], KERNEL, low.scale)
             else:
-                finished[chosen] += sheared(low.aux["lost"], low.aux["covered"], lenses[chosen], low.scale, steep)
+                finished[chosen] += sheared(detail.lost, detail.covered, lenses[chosen], low.scale, steep)
         return finished
 
     def _parts(self, covered: np.ndarray) -> list[tuple[slice, slice]]:
         """Rectangles of lenses with foreground that see nothing of each other."""
-        if self.block is None:
+        if self._block is None:
             return [_around(covered, 0)] if covered.any() else []
-        starts = (range(0, size, self.block) for size in covered.shape)
-        squares = ((slice(y, y + self.block), slice(x, x + self.block)) for y, x in itertools.product(*starts))
+        starts = (range(0, size, self._block) for size in covered.shape)
+        squares = ((slice(y, y + self._block), slice(x, x + self._block)) for y, x in itertools.product(*starts))
         return [square for square in squares if covered[square].any()]
 
     def _clean_all(self, low: LowResEIA, covered: np.ndarray) -> np.ndarray:
@@ -134,8 +148,6 @@ def lost_detail(rendered: np.ndarray, cleaned: np.ndarray, covered: np.ndarray, 
 
     ``rendered`` scene-linear and ``cleaned`` encoded, (sy, sx, h, w, 3); ``covered`` (sy, sx) bool: lenses that count.
     """
-    from lfsr_core.reconstruct.encoding import decode, encode
-
     shown = averaged(cleaned, kernel, scale)
     # Linear for the test, which must not take the mean of noisy roots, too low as it is, for detail.
     share, line = lost_share(residual(rendered, decode(shown)) @ LUMINANCE * covered[:, :, None, None], covered)
@@ -152,7 +164,7 @@ def lost_detail(rendered: np.ndarray, cleaned: np.ndarray, covered: np.ndarray, 
 
 
 def residual(rendered: np.ndarray, shown: np.ndarray) -> np.ndarray:
-    """Their difference, both (…, 3) scene-linear, times the slope of ``upscale.encode``; at most LIMIT."""
+    """Their difference, both (…, 3) scene-linear, times the slope of ``encoding.encode``; at most LIMIT."""
     dark = np.maximum(shown, DARK)
     slope = np.float32(0.5) / np.where(dark < 1, np.sqrt(dark), dark)
     return np.clip((rendered - shown) * slope, -LIMIT, LIMIT)

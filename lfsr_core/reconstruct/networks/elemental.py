@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.reconstruct.encoding import encode
+from lfsr_core.reconstruct.methods.interpolation import interpolate
 from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.networks.numpy_network import ElementalNetwork, _mean_light, conserve, load, network_inputs
+from lfsr_core.reconstruct.networks.numpy_network import ElementalNetwork, conserve, load, mean_light, network_inputs
 
-if TYPE_CHECKING:
-    from lfsr_core.frames.low_res import LowResEIA
 EIS_IN_CACHE = 4  # per step: the widest layer's patches of 20×20 pixels stay near 1 MB
 KERNEL = "linear"
 FLAT = 0.05  # range of encoded values below which an EI has little to restore, see docs/results/networks.md
@@ -51,8 +51,6 @@ class ElementalUpscaler:
 
     def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
         """EIs of ``lenses`` (N, 2), (N, h·s, w·s, 3) float32 scene-linear."""
-        from lfsr_core.reconstruct.methods.interpolation import interpolate
-
         network, (h, w) = self._network(low), low.color.shape[2:4]
         lenses = np.asarray(lenses)
         result = np.empty((len(lenses), h * low.scale, w * low.scale, 3), np.float32)
@@ -62,23 +60,21 @@ class ElementalUpscaler:
         return result
 
     def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
-        """What is upscaled: EIs of ``lenses``, (N, h, w, 3) in the domain of ``upscale.encode``."""
+        """What is upscaled: EIs of ``lenses``, (N, h, w, 3) in the domain of ``encoding.encode``."""
         return self._clean(self._network(low), low, np.asarray(lenses))
 
     def _network(self, low: LowResEIA) -> ElementalNetwork | None:
         network = load(self._weights or catalogue.weights_path(self.name, low.scale))
-        self._missing = tuple(layer for layer in network.layers if layer not in low.aux)
+        self._missing = tuple(layer for layer in network.layers if layer not in low.layers)
         return None if self._missing else network
 
     def _clean(self, network: ElementalNetwork | None, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
-        from lfsr_core.reconstruct.encoding import encode
-
         images = encode(low.color[lenses[:, 0], lenses[:, 1]])
         busy = needs_network(images, self._flat) & (network is not None)
         if network is not None and busy.any():
             cleaned = network(*network_inputs(network, low, lenses[busy]))
-            rendered = low.aux.get("noisy", low.color) if "oidn" in network.inputs else low.color
-            images[busy] = conserve(cleaned, _mean_light(rendered[lenses[busy, 0], lenses[busy, 1]]))
+            rendered = low.rendered if "oidn" in network.inputs else low.color
+            images[busy] = conserve(cleaned, mean_light(rendered[lenses[busy, 0], lenses[busy, 1]]))
         with self._lock:
             self.counts["network"] += int(busy.sum())
             self.counts["linear"] += int((~busy).sum())

@@ -17,6 +17,7 @@ import numpy as np
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.reconstruct.encoding import decode, encode
 from lfsr_core.reconstruct.networks import weights_file
 
 MAX_LOG2_SAMPLES = 12.0
@@ -29,24 +30,20 @@ def conserve(encoded: np.ndarray, light: np.ndarray) -> np.ndarray:
 
     The render's mean over an EI is unbiased and has little noise; a network's is neither.
     """
-    from lfsr_core.reconstruct.encoding import decode, encode
-
     linear = decode(encoded)
-    gain = (light + LEAST_LIGHT) / (_mean_light(linear) + LEAST_LIGHT)
+    gain = (light + LEAST_LIGHT) / (mean_light(linear) + LEAST_LIGHT)
     return encode(linear * np.clip(gain, 1 / MAX_GAIN, MAX_GAIN))
 
 
-def _mean_light(images: np.ndarray) -> np.ndarray:
+def mean_light(images: np.ndarray) -> np.ndarray:
     """(N, h, w, 3) -> (N, 1, 1, 3)."""
     return images.mean(1, keepdims=True).mean(2, keepdims=True)
 
 
 def network_inputs(network: ElementalNetwork, low: LowResEIA, lenses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Features (N, h, w, C) and base (N, h, w, 3) of ``lenses``, as in training."""
-    from lfsr_core.reconstruct.encoding import encode
-
     after_oidn = "oidn" in network.inputs
-    layers = {**low.aux, "alpha": low.alpha, "oidn": low.color, "color": low.aux["noisy"] if after_oidn else low.color}
+    layers = {**low.layers, "alpha": low.alpha, "oidn": low.color, "color": low.noisy if after_oidn else low.color}
     rows, columns = lenses[:, 0], lenses[:, 1]
     shape = (len(lenses), *low.color.shape[2:4])
     features = np.empty((*shape, network.input_channels), np.float32)

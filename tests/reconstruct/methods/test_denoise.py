@@ -57,7 +57,7 @@ def low_resolution():
     clean, noisy = noisy_card()
     albedo = np.clip(clean / 3 + RANDOM.normal(0, 0.1, clean.shape), 0, 1).astype(np.float32)
     color, albedo = (image.reshape(8, 8, 12, 8, 3).swapaxes(1, 2) for image in (noisy, albedo))
-    return LowResEIA(color, np.ones((*color.shape[:-1], 1), np.float32), {"albedo": albedo}, 16, 4)
+    return LowResEIA(color, np.ones((*color.shape[:-1], 1), np.float32), 16, 4, albedo=albedo)
 
 
 def whole(images):
@@ -68,7 +68,7 @@ def test_low_resolution_eia_is_denoised_as_one_image():
     low = low_resolution()
     denoised = denoise_low_resolution(low)
     np.testing.assert_allclose(whole(denoised.color), denoise_eia(whole(low.color)), atol=1e-5)
-    assert denoised.aux["noisy"] is low.color and denoised.aux["albedo"] is low.aux["albedo"] and denoised.scale == 4
+    assert denoised.noisy is low.color and denoised.albedo is low.albedo and denoised.scale == 4
 
 
 def framed(row=9, column=13):
@@ -76,10 +76,10 @@ def framed(row=9, column=13):
     card = low_resolution()
     part = slice(row, row + 8), slice(column, column + 12)
     images = {}
-    for name, image in (("color", card.color), ("alpha", card.alpha), ("albedo", card.aux["albedo"])):
+    for name, image in (("color", card.color), ("alpha", card.alpha), ("albedo", card.albedo)):
         images[name] = np.zeros((30, 40, *image.shape[2:]), np.float32)
         images[name][part] = image
-    return LowResEIA(images["color"], images["alpha"], {"albedo": images["albedo"]}, 16, 4), part
+    return LowResEIA(images["color"], images["alpha"], 16, 4, albedo=images["albedo"]), part
 
 
 @pytest.mark.parametrize("guided", [False, True])
@@ -118,7 +118,7 @@ def test_part_holds_every_lens_that_shows_something(corner):
 
 def test_guides_lose_their_noise_first():
     low = low_resolution()
-    guides = {"albedo": whole(low.aux["albedo"])}
+    guides = {"albedo": whole(low.albedo)}
     cleaned = clean_guides(guides)
     truth = np.clip(noisy_card()[0] / 3, 0, 1)
     assert error(cleaned["albedo"], truth) < error(guides["albedo"], truth) / 2
@@ -130,10 +130,10 @@ def test_both_ways_are_the_two_of_them():
     low = low_resolution()
     both = denoise_both_ways(low)
     np.testing.assert_array_equal(both.color, denoise_low_resolution(low).color)
-    np.testing.assert_array_equal(both.aux["guided"], denoise_low_resolution(low, guided=True).color)
-    assert np.abs(both.aux["guided"] - both.color).max() > 1e-3 and both.aux["noisy"] is low.color
-    bare = denoise_both_ways(dataclasses.replace(low, aux={}))
-    assert set(bare.aux) == {"noisy"}
+    np.testing.assert_array_equal(both.guided, denoise_low_resolution(low, guided=True).color)
+    assert np.abs(both.guided - both.color).max() > 1e-3 and both.noisy is low.color
+    bare = denoise_both_ways(dataclasses.replace(low, albedo=None))
+    assert set(bare.layers) == {"noisy"}
 
 
 def test_cleaned_normals_keep_their_direction():

@@ -39,7 +39,7 @@ def light_field(detail, seed=1, alpha=None):
     flat = np.full((*detail.shape, 3), 0.5, np.float32)
     noisy = decode(flat + detail[..., None] + NOISE * noise(seed, flat.shape))
     alpha = np.ones((*detail.shape, 1), np.float32) if alpha is None else alpha
-    return LowResEIA(decode(flat), alpha, {"noisy": noisy}, 16, SCALE)
+    return LowResEIA(decode(flat), alpha, 16, SCALE, noisy=noisy)
 
 
 def recovered(low, name="bilinear"):
@@ -54,7 +54,7 @@ def test_noise_alone_is_no_detail(seed):
     assert share.max() == 0
     low = light_field(np.zeros((SY, SX, SIDE, SIDE), np.float32), seed)
     image, recovering, ready = recovered(low)
-    assert not ready.aux["lost"].any() and "in 0 %" in recovering.notes[-1]
+    assert not ready.detail.lost.any() and "in 0 %" in recovering.notes[-1]
     np.testing.assert_allclose(image, 0.5, atol=1e-6)
 
 
@@ -86,9 +86,9 @@ def test_mirrored_light_fields_have_mirrored_lines():
 def test_detail_comes_back_with_less_noise_than_was_rendered(step):
     detail = 0.1 * texture(step)
     low = light_field(detail)
-    lost = recovered(low)[2].aux["lost"]
+    lost = recovered(low)[2].detail.lost
     before = np.mean(detail**2)
-    rendered = np.mean((encode(low.aux["noisy"]) - 0.5 - detail[..., None]) ** 2)
+    rendered = np.mean((encode(low.noisy) - 0.5 - detail[..., None]) ** 2)
     after = np.mean((lost - detail[..., None])[1:-1, 1:-1] ** 2)
     assert after < before / 4 and after < rendered
 
@@ -97,7 +97,7 @@ def test_upscaled_detail_keeps_its_mean_over_each_rendered_pixel():
     low = light_field(0.1 * texture((1, 1)))
     image, _, ready = recovered(low)
     rendered = image.reshape(SY, SX, SIDE, SCALE, SIDE, SCALE, 3).mean((3, 5))
-    close = np.corrcoef((rendered - 0.5).ravel(), ready.aux["lost"].ravel())[0, 1]
+    close = np.corrcoef((rendered - 0.5).ravel(), ready.detail.lost.ravel())[0, 1]
     assert close > 0.95
 
 
@@ -125,12 +125,12 @@ def test_lenses_without_foreground_stay_as_they_are():
     alpha = np.ones((SY, SX, SIDE, SIDE, 1), np.float32)
     alpha[:, :4] = 0
     low = light_field(0.1 * texture((1, 1)), alpha=alpha)
-    low.aux["noisy"][:, :4] = 5.0
+    low.noisy[:, :4] = 5.0
     image, _, ready = recovered(low)
-    assert not ready.aux["lost"][:, :4].any() and ready.aux["lost"][:, 5:].any()
+    assert not ready.detail.lost[:, :4].any() and ready.detail.lost[:, 5:].any()
     np.testing.assert_allclose(image.reshape(SY, SX, -1)[:, :4], 0.5, atol=1e-6)
     # What such a lens shows has no say in the others.
-    low.aux["noisy"][:, :4] = 0.0
+    low.noisy[:, :4] = 0.0
     np.testing.assert_array_equal(recovered(low)[0], image)
 
 
@@ -141,10 +141,8 @@ def test_blocks_see_nothing_of_each_other():
     def of(order):
         rows = [np.concatenate([blocks[n] for n in order[start:start + 2]], 1) for start in (0, 2)]
         low = light_field(np.concatenate(rows, 0))
-        low.aux["noisy"][:] = decode(np.float32(0.5) + np.concatenate(rows, 0)[..., None])
-        recovering = Recovering(CLASSICAL["bilinear"])
-        recovering.block = side
-        return recovering.prepare(low).aux["lost"]
+        low.noisy[:] = decode(np.float32(0.5) + np.concatenate(rows, 0)[..., None])
+        return Recovering(CLASSICAL["bilinear"], side).prepare(low).detail.lost
 
     one, other = of([0, 1, 2, 3]), of([3, 2, 1, 0])
     np.testing.assert_array_equal(one[:side, :side], other[side:, side:])
@@ -154,7 +152,7 @@ def test_blocks_see_nothing_of_each_other():
 
 def test_a_firefly_is_no_detail():
     low = light_field(np.zeros((SY, SX, SIDE, SIDE), np.float32))
-    low.aux["noisy"][4, 5, 3, 3] = 1e4
+    low.noisy[4, 5, 3, 3] = 1e4
     image, *_ = recovered(low)
     assert np.abs(image - 0.5).max() < 0.01
 
@@ -162,7 +160,7 @@ def test_a_firefly_is_no_detail():
 @pytest.mark.parametrize("kernel", ["nearest", "bilinear", "bicubic", "lanczos"])
 def test_where_nothing_was_lost_the_upscaler_has_its_way(kernel):
     color = np.random.default_rng(3).random((3, 4, SIDE, SIDE, 3), np.float32)
-    low = LowResEIA(color, np.ones((3, 4, SIDE, SIDE, 1), np.float32), {}, 16, SCALE)
+    low = LowResEIA(color, np.ones((3, 4, SIDE, SIDE, 1), np.float32), 16, SCALE)
     lenses = np.argwhere(np.ones((3, 4), bool))
     weights = CLASSICAL[kernel].kernel
     expected = interpolated(encode(color).reshape(-1, SIDE, SIDE, 3), weights, SCALE)
@@ -180,7 +178,7 @@ def test_at_full_resolution_too():
 
 
 def test_a_lens_alone_and_none_are_no_error():
-    one = LowResEIA(*(np.ones((1, 1, SIDE, SIDE, channels), np.float32) for channels in (3, 1)), {}, 16, SCALE)
+    one = LowResEIA(*(np.ones((1, 1, SIDE, SIDE, channels), np.float32) for channels in (3, 1)), 16, SCALE)
     image, recovering, ready = recovered(one)
     assert image.shape == (1, SIDE * SCALE, SIDE * SCALE, 3)
     assert recovering(ready, np.zeros((0, 2), int)).shape == (0, SIDE * SCALE, SIDE * SCALE, 3)

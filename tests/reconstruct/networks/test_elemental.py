@@ -39,7 +39,7 @@ def low():
         return rng.uniform(0, top, (*GRID, SIDE, SIDE, channels)).astype(np.float32)
 
     aux = {"albedo": image(3, 1.5), "normal": image(3) - 0.5, "noisy": image(3, 3), "guided": image(3, 2)}
-    return LowResEIA(image(3, 2), image(1), aux, 16, 4)
+    return LowResEIA(image(3, 2), image(1), 16, 4, **aux)
 
 
 @pytest.fixture
@@ -72,10 +72,10 @@ def test_inputs_are_those_of_training(low, name):
     def planes(values):
         return torch.from_numpy(np.ascontiguousarray(values[LENSES[:, 0], LENSES[:, 1]].transpose(0, 3, 1, 2)))
 
-    noisy = low.aux["noisy"] if name == "refine" else low.color
+    noisy = low.noisy if name == "refine" else low.color
     layers = {"oidn": planes(low.color), "color": planes(noisy), "alpha": planes(low.alpha),
-              "guided": planes(low.aux["guided"]), "albedo": planes(np.minimum(low.aux["albedo"], 1)),
-              "normal": planes(low.aux["normal"])}
+              "guided": planes(low.guided), "albedo": planes(np.minimum(low.albedo, 1)),
+              "normal": planes(low.normal)}
     expected, expected_base = training_inputs(layers, 16, net.config)
     np.testing.assert_allclose(features, expected.permute(0, 2, 3, 1).numpy(), atol=1e-6)
     np.testing.assert_allclose(base, expected_base.permute(0, 2, 3, 1).numpy(), atol=1e-6)
@@ -115,7 +115,7 @@ def test_flat_elemental_images_need_no_network(low, file):
 def test_each_elemental_image_keeps_the_light_it_was_rendered_with(low, file):
     checkpoint.save(file, catalogue.build("refine", 4), 4, {}, catalogue.spec("refine").options)
     rendered = low.color * np.random.default_rng(3).uniform(0.9, 1.1, (*GRID, 1, 1, 3)).astype(np.float32)
-    low = dataclasses.replace(low, aux={**low.aux, "noisy": rendered})
+    low = dataclasses.replace(low, noisy=rendered)
     kept = decode(ElementalUpscaler("refine", weights=file, flat=-1).clean(low, LENSES)).mean((1, 2))
     np.testing.assert_allclose(kept, rendered[LENSES[:, 0], LENSES[:, 1]].mean((1, 2)), rtol=1e-3)
 
@@ -137,7 +137,7 @@ def test_flatness_is_judged_per_channel():
 
 
 def test_missing_layers_fall_back_and_say_so(low, file):
-    bare = dataclasses.replace(low, aux={"noisy": low.aux["noisy"]})
+    bare = dataclasses.replace(low, albedo=None, normal=None, guided=None)
     upscaler = ElementalUpscaler("refine", weights=file)
     np.testing.assert_array_equal(upscaler(bare, LENSES), method("bilinear").upscaler(bare, LENSES))
     assert "needs the layers albedo, normal," in upscaler.notes[0] and "linearly instead" in upscaler.notes[0]

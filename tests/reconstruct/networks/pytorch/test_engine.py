@@ -112,7 +112,7 @@ def test_cuda_is_near_and_stays_on_the_device(network, step):
 def low_eia(sy=4, sx=5, h=6, w=5, aux=(), seed=0):
     color = np.random.default_rng(seed).random((sy, sx, h, w, 3), dtype=np.float32)
     layers = {name: np.zeros_like(color) for name in aux}
-    return LowResEIA(color, np.ones((sy, sx, h, w, 1), np.float32), layers, 16, 2)
+    return LowResEIA(color, np.ones((sy, sx, h, w, 1), np.float32), 16, 2, **layers)
 
 
 @pytest.fixture
