@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import closing
 from pathlib import Path
 
+from lfsr_core.commands.train import training_packages
+from lfsr_core.errors import LfsrError
 from lfsr_core.progress import ProgressBar
+from lfsr_core.reconstruct.networks.catalogue import spec
 
 NAME = "fit"
 HELP = "fit our network to one scene, from a few reference lenses; use it with `--weights FILE`"
@@ -26,18 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Fit and print what it gained on lenses it has not seen."""
-    from lfsr_core.errors import LfsrError
-    from lfsr_core.reconstruct.networks.catalogue import resolve, spec
-
     if not spec(arguments.network).light_field:
         raise LfsrError(f"network {arguments.network!r} was trained on photographs and cannot be fitted: "
                         "choose refine or light")
-    fit = resolve("lfsr_core.train.fit:fit")
-    progress = ProgressBar()
-    try:
-        facts = fit(arguments.folder, arguments.reference, arguments.output, name=arguments.network,
-                    lenses=arguments.lenses, seconds=arguments.seconds, seed=arguments.seed, progress=progress)
-    finally:
-        progress.close()
-    print(f"{arguments.output}: {facts['lenses']} lenses, {facts['steps']} steps; split SSIM of "
-          f"{facts['unseen_lenses']} other lenses {facts['before']:.4f} before, {facts['after']:.4f} after")
+    with training_packages(), closing(ProgressBar()) as progress:
+        from lfsr_core.train.fit import FitOptions, fit
+
+        options = FitOptions(arguments.network, arguments.lenses, arguments.seconds, arguments.seed)
+        fitted = fit(arguments.folder, arguments.reference, arguments.output, options, progress)
+    print(f"{arguments.output}: {fitted.lenses} lenses, {fitted.steps} steps; split SSIM of "
+          f"{fitted.unseen_lenses} other lenses {fitted.before:.4f} before, {fitted.after:.4f} after")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
@@ -29,13 +30,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Train, or pack photographs, and print what came of it."""
+    if not (arguments.prepare_photographs or arguments.config):
+        raise LfsrError("nothing to train: give a CONFIG such as paper-short, or --prepare-photographs")
+    with training_packages():
+        (prepare if arguments.prepare_photographs else train)(arguments)
+
+
+@contextmanager
+def training_packages() -> Iterator[None]:
+    """LfsrError where an import inside the block finds that a package of the extra "training" is missing."""
     try:
-        if arguments.prepare_photographs:
-            prepare(arguments)
-        elif arguments.config:
-            train(arguments)
-        else:
-            raise LfsrError("nothing to train: give a CONFIG such as paper-short, or --prepare-photographs")
+        yield
     except ModuleNotFoundError as error:
         raise LfsrError(f"training needs the Python package {error.name!r}, which is not installed: "
                         f"install lfsr[training]") from None

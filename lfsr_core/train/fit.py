@@ -10,7 +10,6 @@ import copy
 import dataclasses
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -33,16 +32,38 @@ STEPS_PER_MESSAGE = 25
 
 
 @dataclasses.dataclass(frozen=True)
+class FitOptions:
+    """What to fit, and how long."""
+
+    network: str = "refine"
+    lenses: int = 24  # foreground lenses to learn from, at most
+    seconds: float = 60.0
+    seed: int = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class Fitted:
+    """What a fit did; the provenance of its weights."""
+
+    network: str
+    fitted_to: str  # frame folder
+    lenses: int  # learned from
+    seconds: float
+    steps: int
+    seed: int
+    unseen_lenses: int  # the reference's other foreground lenses, which check it
+    before: float  # mean split SSIM of the unseen lenses with the general weights
+    after: float
+
+
+@dataclasses.dataclass(frozen=True)
 class Lenses:
-    """Network inputs (N, C, h, w), rendered mean light (N, 3, 1, 1) and both reference halves (N, 3, h·s, w·s).
+    """N foreground lenses, ready to learn from."""
 
-    Of N foreground lenses; the halves as sRGB values.
-    """
-
-    features: Tensor
-    base: Tensor
-    light: Tensor
-    halves: tuple[Tensor, Tensor]
+    features: Tensor  # (N, C, h, w) network inputs
+    base: Tensor  # (N, 3, h, w), what the network corrects
+    light: Tensor  # (N, 3, 1, 1) rendered mean light
+    halves: tuple[Tensor, Tensor]  # of the reference, (N, 3, h·s, w·s) sRGB values
     scale: int
 
     def take(self, index: np.ndarray) -> Lenses:
@@ -52,27 +73,42 @@ class Lenses:
                                    light=self.light[chosen], halves=tuple(half[chosen] for half in self.halves))
 
 
-def fit(folder: str | Path, reference: str | Path, output: str | Path, *, name: str = "refine", lenses: int = 24,
-        seconds: float = 60.0, seed: int = 0, progress: Progress | None = None) -> dict[str, Any]:
-    """Continue training network ``name`` on ``lenses`` foreground lenses of ``reference`` and write it to ``output``.
+def fit(folder: str | Path, reference: str | Path, output: str | Path, options: FitOptions | None = None,
+        progress: Progress = silent) -> Fitted:
+    """Go on training a network of ours on a few lenses of a reference.
 
-    Returns what the provenance says: "before" and "after", mean split SSIM of EIs
-    over the other foreground lenses of the reference. LfsrError if there are too few.
+    Parameters
+    ----------
+    folder : frame folder, rendered with albedo and normal
+    reference : reference folder of the same frame, whole or sampled
+    output : weights file to write, .safetensors
+    options : network, number of lenses, time and seed
+    progress : hears of every few steps
+
+    Returns
+    -------
+    What it gained on lenses it has not seen.
+
+    Raises
+    ------
+    LfsrError
+        The folders do not fit each other, a layer is missing or there are too few lenses.
     """
-    data = lenses_of(Path(folder), Path(reference), name)
-    order = np.random.default_rng(seed).permutation(len(data.features))
-    count = min(lenses, len(order) - max(1, len(order) // HELD_OUT_SHARE))
+    options = options or FitOptions()
+    data = lenses_of(Path(folder), Path(reference), options.network)
+    order = np.random.default_rng(options.seed).permutation(len(data.features))
+    count = min(options.lenses, len(order) - max(1, len(order) // HELD_OUT_SHARE))
     if count < LEAST_LENSES:
         raise LfsrError(f"{reference} shows {len(order)} foreground lenses, but a fit needs {LEAST_LENSES} and some to "
                         "check it: render a reference of more lenses")
     seen, unseen = data.take(order[:count]), data.take(order[count:])
-    network = catalogue.load(name, data.scale)
-    torch.manual_seed(seed)
+    network, entry = catalogue.load(options.network, data.scale), catalogue.spec(options.network)
+    torch.manual_seed(options.seed)
     before = score(network, unseen)
-    fitted, steps = _descend(network, seen, seconds, progress or silent)
-    facts = {"network": name, "fitted_to": str(folder), "lenses": count, "seconds": seconds, "steps": steps,
-             "seed": seed, "unseen_lenses": len(order) - count, "before": before, "after": score(fitted, unseen)}
-    checkpoint.save(output, fitted, catalogue.spec(name).trained_at or data.scale, facts, catalogue.spec(name).options)
+    network, steps = _descend(network, seen, options.seconds, progress)
+    facts = Fitted(options.network, str(folder), count, options.seconds, steps, options.seed, len(order) - count,
+                   before, score(network, unseen))
+    checkpoint.save(output, network, entry.trained_at or data.scale, dataclasses.asdict(facts), entry.options)
     return facts
 
 

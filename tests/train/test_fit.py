@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
+import torch
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json
@@ -12,10 +15,12 @@ from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.metrics.compare import compare_folders
 from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.second_stage import upscale_frame
-from lfsr_core.train.fit import fit
+from lfsr_core.train.fit import FitOptions, fit
 from tests.support.synthetic import fails, write_reference, write_render
 
 SCALE = 2
+# The lenses are few: a second thread would only wait for the first.
+torch.set_num_threads(1)
 
 
 @pytest.fixture
@@ -32,19 +37,21 @@ def folders(tmp_path):
 
 def test_fit_gains_on_lenses_it_has_not_seen(folders, tmp_path):
     folder, reference = folders
-    facts = fit(folder, reference, tmp_path / "w.safetensors", name="light", lenses=16, seconds=3)
-    assert facts["lenses"] == 16 and facts["unseen_lenses"] > 16 and facts["steps"] > 5
-    assert facts["after"] > facts["before"] + 0.01
+    weights = tmp_path / "w.safetensors"
+    fitted = fit(folder, reference, weights, FitOptions("light", lenses=16, seconds=3))
+    assert fitted.lenses == 16 and fitted.unseen_lenses > 16 and fitted.steps > 5
+    assert fitted.after > fitted.before + 0.01
+    assert read_json(weights.with_suffix(".json"), "provenance").items() >= dataclasses.asdict(fitted).items()
     upscale_frame(folder, "light")
     general = compare_folders(folder, reference)["ssim_eia_fg"]
-    upscale_frame(folder, "light", weights=tmp_path / "w.safetensors")
-    assert read_json(folder / REPORT_FILE, "report")["weights"] == str(tmp_path / "w.safetensors")
+    upscale_frame(folder, "light", weights=weights)
+    assert read_json(folder / REPORT_FILE, "report")["weights"] == str(weights)
     assert compare_folders(folder, reference)["ssim_eia_fg"] > general + 0.01
 
 
 def test_no_time_leaves_the_network_as_it_was(folders, tmp_path):
-    facts = fit(*folders, tmp_path / "w.safetensors", name="light", seconds=0)
-    assert facts["steps"] == 0 and facts["after"] == facts["before"]
+    fitted = fit(*folders, tmp_path / "w.safetensors", FitOptions("light", seconds=0))
+    assert fitted.steps == 0 and fitted.after == fitted.before
 
 
 def test_too_few_lenses(folders, tmp_path):
@@ -52,13 +59,13 @@ def test_too_few_lenses(folders, tmp_path):
     listed = tuple((6, column) for column in range(6, 12))
     reference = write_reference(tmp_path / "few", lens_list=listed)
     with pytest.raises(LfsrError, match="a fit needs 8"):
-        fit(folder, reference, tmp_path / "w.safetensors", name="light", seconds=1)
+        fit(folder, reference, tmp_path / "w.safetensors", FitOptions("light", seconds=1))
 
 
 def test_layers_are_needed(tmp_path):
     folder, reference = write_render(tmp_path / "f", SCALE), write_reference(tmp_path / "r")
     with pytest.raises(LfsrError, match="lacks the layers albedo, normal"):
-        fit(folder, reference, tmp_path / "w.safetensors", name="light", seconds=1)
+        fit(folder, reference, tmp_path / "w.safetensors", FitOptions("light", seconds=1))
 
 
 def test_networks_of_photographs_are_refused(folders, tmp_path, capsys):
