@@ -23,6 +23,8 @@ _HOMES = {
     "Job": "frames.job",
     "LfsrError": "errors",
     "RayLayout": "optics.rays",
+    "Reference": "frames.reference",
+    "MethodName": "reconstruct.method_name",
     "compare_folders": "metrics.compare",
     "find_blender": "render.blender",
     "load_display": "optics.display",

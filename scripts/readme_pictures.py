@@ -27,10 +27,10 @@ from lfsr_core.optics.eye import see
 
 PANEL = (480, 270)  # pixels of each of the three pictures side by side
 GAP, CAPTION_ROWS = 12, 30
-DETAIL_LENSES = (16, 9)  # of the enlarged part of the EIA
+DETAIL_LENSES, DETAIL_CENTRE = (16, 9), (0.75, 0.56)  # of the enlarged part of the EIA: the ring and what is behind it
 LOOP_SIZE, LOOP_FRAMES, LOOP_MILLISECONDS = (480, 270), 36, 70
 SWAY = 0.7  # of the viewing zone that the animated eye crosses, horizontally; half of that vertically
-SAMPLES = 128
+SAMPLES = 64
 
 
 def photograph(scene_file: Path, size: tuple[int, int]) -> Image.Image:
@@ -38,18 +38,20 @@ def photograph(scene_file: Path, size: tuple[int, int]) -> Image.Image:
     bpy.ops.wm.open_mainfile(filepath=str(scene_file.resolve()))
     scene, render = bpy.context.scene, bpy.context.scene.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = *size, 100
-    render.film_transparent = False
+    render.film_transparent, render.image_settings.color_mode = True, "RGBA"
     scene.cycles.samples, scene.cycles.use_denoising = SAMPLES, True
     with tempfile.TemporaryDirectory() as name:
         render.filepath = str(Path(name, "scene.png"))
         bpy.ops.render.render(write_still=True)
-        return Image.open(render.filepath).convert("RGB")
+        picture = Image.open(render.filepath)
+        return Image.alpha_composite(Image.new("RGBA", picture.size, "black"), picture).convert("RGB")
 
 
 def detail(eia: np.ndarray, profile: DisplayProfile) -> Image.Image:
-    """The elemental images in the middle of an EIA (H, W, 3), large enough to be seen one by one."""
-    (sx, sy), (px, py), (wide, high) = profile.lenses, profile.views, DETAIL_LENSES
-    column, row = (sx - wide) // 2, (sy - high) // 2
+    """Some elemental images of an EIA (H, W, 3), large enough to be seen one by one."""
+    (px, py), (wide, high) = profile.views, DETAIL_LENSES
+    column, row = (int(lenses * place - size / 2)
+                   for lenses, place, size in zip(profile.lenses, DETAIL_CENTRE, DETAIL_LENSES, strict=True))
     part = eia[row * py:(row + high) * py, column * px:(column + wide) * px]
     return Image.fromarray(part).resize(PANEL, Image.Resampling.LANCZOS)
 
