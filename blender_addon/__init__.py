@@ -16,7 +16,7 @@ bl_info = {
     "description": "Renders 8K elemental image arrays for integral-imaging displays",
     "author": "The LFSR authors",
     "version": (0, 1, 0),
-    "blender": (3, 4, 0),
+    "blender": (4, 5, 0),
     "location": "3D View > Sidebar > Light Field",
     "category": "Render",
 }

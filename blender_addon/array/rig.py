@@ -122,6 +122,6 @@ def why_not_editable(data: bpy.types.ID) -> str | None:
     if data.library is not None:
         return f"{data.name!r} is linked from {bpy.path.basename(data.library.filepath)}: make it local first"
     override = data.override_library
-    if override is not None and getattr(override, "is_system_override", False):
+    if override is not None and override.is_system_override:
         return f"{data.name!r} is a library override that is not editable: make it editable or local first"
     return None

@@ -130,11 +130,7 @@ def draw_status(header: bpy.types.Header, _context: bpy.types.Context) -> None:
 
 def draw_progress(row: bpy.types.UILayout, task: Task) -> None:
     """Stage, time left and the cancel button."""
-    text = f"{task.stage} {progress_text(task)}"
-    if hasattr(row, "progress"):
-        row.progress(factor=task.fraction, text=text)
-    else:
-        row.label(text=text)
+    row.progress(factor=task.fraction, text=f"{task.stage} {progress_text(task)}")
     row.operator("lfsr.cancel", text="", icon="X")
 
 

@@ -12,7 +12,6 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 
-from .. import compat
 from ..array import rig
 from ..render import devices
 from ..results import preview
@@ -91,9 +90,9 @@ def _device(scene: bpy.types.Scene) -> Iterator[Problem]:
     if not _has_cycles():
         return
     device = scene_settings.device_of(scene)
-    if not compat.has_custom_camera():
-        yield Problem("old", "Blender", "This version cannot send rays by a shader; views are rendered one by one, "
-                      "which takes longer. Blender 4.5 or newer renders them in one pass.", severity=INFO)
+    if not devices.has_osl():
+        yield Problem("osl", "Blender", "It was built without Open Shading Language, so views are rendered one by one, "
+                      "which takes longer; the Blender of blender.org renders them in one pass.", severity=INFO)
     elif not devices.has_osl_camera(device):
         yield Problem("device", device, f"{device} devices cannot run the shader that sends the rays; views are "
                       "rendered one by one, which takes longer.", "Use CPU")

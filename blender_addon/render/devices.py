@@ -1,4 +1,4 @@
-"""Which device Cycles uses, and whether it can run the OSL camera."""
+"""Which device Cycles uses, and whether this Blender can run the OSL camera on it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,18 @@ from .overrides import overridden
 WITH_OSL_CAMERA = ("CPU", "OPTIX")
 
 
+def has_osl() -> bool:
+    """True if this Blender was built with Open Shading Language; Debian's is not."""
+    try:
+        import _cycles
+    except ImportError:
+        return False
+    return bool(_cycles.with_osl)
+
+
 def has_osl_camera(device: str) -> bool:
-    """True if Cycles runs OSL cameras on ``device``: the CPU and OptiX do, nothing else does."""
-    return device in WITH_OSL_CAMERA
+    """True if Cycles runs OSL cameras on ``device``: with OSL the CPU and OptiX do, nothing else does."""
+    return device in WITH_OSL_CAMERA and has_osl()
 
 
 @contextmanager

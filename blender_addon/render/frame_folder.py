@@ -34,7 +34,7 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: float = 0.0, progress: 
     scene is as before afterwards, also after an error.
     """
     if _layout(job) != job.layout:
-        warn(f"{job.device} devices cannot run the OSL camera: rendering view by view instead")
+        warn(f"this Blender cannot run the OSL camera on {job.device}: rendering view by view instead")
     with prepared(scene, job) as frame:
         render = _render_reference if job.kind == "reference" else _render_low
         seconds = {"open": opened, "render": render(scene, job, frame, progress)}
@@ -89,7 +89,7 @@ def _at_frame(scene: bpy.types.Scene, number: int | None) -> Iterator[None]:
 
 
 def _layout(job: Job) -> str:
-    """The layout asked for, but view by view where the device cannot run the OSL camera."""
+    """The layout asked for, but view by view where the OSL camera cannot run."""
     return job.layout if devices.has_osl_camera(job.device) else "view-by-view"
 
 

@@ -14,6 +14,8 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.rays import RayLayout
 
+from . import devices
+
 SOURCE = Path(__file__).with_name("ray_layout.osl")
 
 
@@ -62,12 +64,10 @@ def set_shader(camera: bpy.types.Camera, source: str, parameters: Mapping[str, A
 
 def compile_osl(source: str) -> str:
     """Bytecode of OSL ``source``; LfsrError if this Blender has no OSL or rejects it."""
-    try:
-        import _cycles
-    except ImportError:
-        raise _no_osl("this Blender has no Cycles") from None
-    if not getattr(_cycles, "with_osl", False):
+    if not devices.has_osl():
         raise _no_osl("this Blender was built without OSL")
+    import _cycles
+
     with tempfile.TemporaryDirectory(prefix="lfsr-osl-") as folder:
         text, code = Path(folder, "camera.osl"), Path(folder, "camera.oso")
         text.write_text(source, encoding="utf-8")

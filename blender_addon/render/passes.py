@@ -10,7 +10,6 @@ import bpy
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.frames.job import LAYERS
 
-from .. import compat
 from .overrides import overridden
 
 FOREGROUND, BACKGROUND = 1, 2
@@ -57,6 +56,6 @@ def pass_indices(foreground: set[bpy.types.Object]) -> Iterator[None]:
     with ExitStack() as stack:
         for item in bpy.data.objects:
             index = FOREGROUND if item in foreground else BACKGROUND
-            if compat.is_editable(item):
+            if item.is_editable:
                 stack.enter_context(overridden(item, {"pass_index": index}))
         yield

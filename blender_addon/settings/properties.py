@@ -19,7 +19,6 @@ from bpy.props import (
 
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 
-from .. import compat
 from ..array import rig
 from ..results import preview
 from .methods import method_items
@@ -86,7 +85,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         items=profile_items(), default="bupt-32in-8k", update=_draws)
     profile_file: StringProperty(
         name="Profile", description="Display profile (.toml) of a display that is not built in",
-        subtype="FILE_PATH", options=compat.relative_path(), update=_draws)
+        subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_draws)
     scale: EnumProperty(
         name="Scale", description="Render one view of this many in each direction and reconstruct the others",
         items=[(f"{s}", f"{s}×", f"Render 1 of {s}×{s} views" if s > 1 else "Render every view", s) for s in SCALES],
@@ -121,7 +120,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     seed: IntProperty(name="Seed", description="Random numbers of the render", min=0, default=0)
     output: StringProperty(
         name="Output", description="Folder for the images of this scene; // is the folder of the .blend file",
-        subtype="DIR_PATH", options=compat.relative_path(), default="//lightfield/")
+        subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, default="//lightfield/")
     use_overwrite: BoolProperty(
         name="Overwrite", description="Render frames of an animation again that are complete already", default=False)
     linear_exr: BoolProperty(

@@ -15,7 +15,6 @@ from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, MethodName
 
-from .. import compat
 from ..render import devices
 from ..scene import subject
 from .methods import check_scale
@@ -78,8 +77,8 @@ def device_of(scene: bpy.types.Scene) -> str:
 
 
 def layout_of(scene: bpy.types.Scene) -> str:
-    """One pass where this Blender and its device have the OSL camera, else view by view."""
-    return "one-pass" if compat.has_custom_camera() and devices.has_osl_camera(device_of(scene)) else "view-by-view"
+    """One pass where this Blender has the OSL camera on the scene's device, else view by view."""
+    return "one-pass" if devices.has_osl_camera(device_of(scene)) else "view-by-view"
 
 
 def scene_folder(scene: bpy.types.Scene) -> Path:

@@ -11,7 +11,6 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from .. import compat
 from ..array import rig
 from ..settings import scene_settings
 
@@ -99,7 +98,7 @@ def _draw_plane(corners: list[tuple[float, ...]]) -> None:
     import gpu
     from gpu_extras.batch import batch_for_shader
 
-    shader = gpu.shader.from_builtin(compat.shader_name("UNIFORM_COLOR"))
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     batch = batch_for_shader(shader, "TRIS", {"pos": corners}, indices=[(0, 1, 2), (0, 2, 3)])
     shader.bind()
     shader.uniform_float("color", (*DISPLAY_COLOR, 0.06))
@@ -110,7 +109,7 @@ def _draw_lines(points: list[tuple[float, ...]], color: tuple[float, ...], width
     import gpu
     from gpu_extras.batch import batch_for_shader
 
-    shader = gpu.shader.from_builtin(compat.shader_name("POLYLINE_UNIFORM_COLOR"))
+    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
     batch = batch_for_shader(shader, "LINES", {"pos": points})
     shader.bind()
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])

@@ -1,23 +1,28 @@
-"""The panel in a real window: what an artist does, with pictures of it.
+"""The installed extension in a real window: what an artist does, with pictures of it.
 
-LFSR_SCREENSHOTS names a folder that keeps the pictures.
+    LFSR_WINDOW_BLENDER=DIR python -m pytest -m window
+
+DIR is the folder that scripts/window_blender.sh made. LFSR_SCREENSHOTS names a folder that keeps the pictures.
 """
 
 from __future__ import annotations
 
 import os
 import shutil
+import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lfsr_core.images.png import read_png
-from tests.support.window.desktop import Window, blender_window, missing_programs
+from tests.support.window.desktop import VARIABLE, Window, blender_window
 
-pytestmark = pytest.mark.skipif(bool(missing_programs()), reason=f"no {', '.join(missing_programs())} on PATH: "
-                                "the panel is not tried in a real window")
+pytestmark = [pytest.mark.window, pytest.mark.skipif(
+    VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
+BUILDER = Path(__file__).resolve().parents[3] / "scripts" / "build_extension.py"
 SECONDS_TO_RENDER = 240
 SCENE = """
 scene = bpy.context.scene
@@ -32,7 +37,7 @@ bpy.context.object.data.energy = 600
 for item in scene.objects:
     item.select_set(item.name == "Suzanne")
 scene.render.engine = "CYCLES"
-scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples = "mini", "2", 2
+scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method = "mini", "2", 2, "light"
 scene.render.resolution_x, scene.cycles.samples, scene.cycles.pixel_filter_type = 321, 77, "GAUSSIAN"
 bpy.ops.wm.save_as_mainfile(filepath=FILE)
 """
@@ -45,7 +50,9 @@ UNTOUCHED = ("(scene.render.resolution_x, scene.cycles.samples, scene.cycles.pix
 def window(tmp_path_factory):
     """One Blender for all steps, which build on each other as an artist's do."""
     folder = tmp_path_factory.mktemp("gui")
-    with blender_window(folder, {"LFSR_PYTHON": sys.executable}) as window:
+    subprocess.run([sys.executable, BUILDER, "--output", folder / "built"], check=True)
+    [archive] = (folder / "built").glob("*.zip")
+    with blender_window(folder, archive) as window:
         window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
         window.run("def scene_(): return bpy.context.scene")
         yield window
@@ -66,7 +73,12 @@ def test_sidebar_tab_opens(window):
     x, y, width, height = window.get("[(r.x, r.y, r.width, r.height) for r in bpy.context.area.regions "
                                      "if r.type == 'UI'][0]")
     screen = window.get("bpy.context.window.height")
-    window.click(x + width - 12, screen - (y + height) + 175)
+    tab = "[r.active_panel_category for r in bpy.context.area.regions if r.type == 'UI'][0]"
+    for below in range(100, 500, 20):   # down the column of tabs
+        window.click(x + width - 12, screen - (y + height) + below)
+        if window.get(tab) == "Light Field":
+            break
+    assert window.get(tab) == "Light Field"
     window.xdotool("mousemove", x - 200, 600)
     opened = read_png(window.screenshot("2-opened"))
     sidebar = np.s_[screen - y - height:screen - y, x:x + width]
@@ -116,13 +128,13 @@ def test_render_keeps_the_window_alive_and_the_scene_as_it_was(window):
     started = time.monotonic()
     assert window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))") == ["FINISHED"]
     returned = time.monotonic() - started
-    window.until("addon.session.current().fraction > 0", SECONDS_TO_RENDER)
+    window.until("addon.background.session.current().fraction > 0", SECONDS_TO_RENDER)
     window.screenshot("7-rendering")
     # A person works on meanwhile: the answer comes at once.
     asked = time.monotonic()
     window.get("bpy.context.scene.frame_current")
     answered = time.monotonic() - asked
-    window.until("addon.session.current() is None", SECONDS_TO_RENDER)
+    window.until("addon.background.session.current() is None", SECONDS_TO_RENDER)
     assert window.get("bpy.context.window_manager.lfsr.message") == ""
     assert scene_value(window, UNTOUCHED) == before
     assert returned < 5 and answered < 5
@@ -140,7 +152,7 @@ def test_preview_follows_the_slider(window):
     seconds, pixels = window.run("""
 import time
 import numpy as np
-from blender_addon import preview
+from bl_ext.user_default.lfsr.results import preview
 lfsr, seconds, pixels = bpy.context.scene.lfsr, [], []
 for eye in (-1.0, -0.5, 0.0, 0.5, 1.0):
     started = time.perf_counter()
@@ -159,8 +171,8 @@ value = (seconds, [float(np.abs(one - pixels[0]).mean()) for one in pixels])
 
 @pytest.mark.parametrize("moment", ["opening", "rendering", "upscaling"])
 def test_cancel_is_quick_and_tidy(window, moment):
-    started_at = {"opening": "True", "rendering": "addon.session.current().fraction > 0",
-                  "upscaling": "addon.session.current().stage.startswith('Upscaling')"}[moment]
+    started_at = {"opening": "True", "rendering": "addon.background.session.current().fraction > 0",
+                  "upscaling": "addon.background.session.current().stage.startswith('Upscaling')"}[moment]
     before = scene_value(window, UNTOUCHED)
     window.run("bpy.context.scene.frame_set(7)")
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
@@ -169,7 +181,7 @@ def test_cancel_is_quick_and_tidy(window, moment):
 import os, time
 ended = []
 def cancel_then():
-    task = addon.session.current()
+    task = addon.background.session.current()
     if task is None:
         ended.append(None)
     if ended or not ({started_at}):
@@ -189,8 +201,8 @@ bpy.app.timers.register(cancel_then)
 
 def test_blender_survives_a_killed_worker(window):
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
-    window.run("import os, signal; os.killpg(addon.session.current().worker.pid, signal.SIGKILL)")
-    window.until("addon.session.current() is None", 30)
+    window.run("import os, signal; os.killpg(addon.background.session.current().worker.pid, signal.SIGKILL)")
+    window.until("addon.background.session.current() is None", 30)
     message = window.get("bpy.context.window_manager.lfsr.message")
     assert "signal 9" in message and "try again" in message
     window.screenshot("10-killed")

@@ -1,4 +1,4 @@
-"""Runs inside Blender: executes what the test sends, on the main thread, as a button press would.
+"""Runs inside Blender with the extension enabled: executes what the test sends, on the main thread, as a button would.
 
     blender --python agent.py -- PORT
 
@@ -8,28 +8,25 @@ Each line is JSON text of a Python source; the answer is one JSON line with
 
 from __future__ import annotations
 
+import importlib
 import json
 import queue
 import socket
 import sys
 import threading
 import traceback
-from pathlib import Path
 
 import bpy
 
 SECONDS = 0.02
 _jobs: queue.SimpleQueue = queue.SimpleQueue()
+ADDON = "bl_ext.user_default.lfsr"
 _names: dict = {"bpy": bpy}
 
 
 def main() -> None:
-    sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
-    import blender_addon
-
     bpy.context.preferences.view.show_splash = False
-    blender_addon.register()
-    _names["addon"] = blender_addon
+    _names["addon"] = importlib.import_module(ADDON)
     connection = socket.create_connection(("127.0.0.1", int(sys.argv[sys.argv.index("--") + 1])))
     threading.Thread(target=_listen, args=(connection,), daemon=True).start()
     bpy.app.timers.register(_work, persistent=True)

@@ -1,4 +1,8 @@
-"""A virtual screen with a real Blender window on it."""
+"""A virtual screen with a real Blender window on it, and the extension installed as an artist installs it.
+
+LFSR_WINDOW_BLENDER names the folder that scripts/window_blender.sh made: Blender,
+Xvfb, xdotool and ImageMagick run inside it.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,6 @@ import os
 import shutil
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,13 +19,15 @@ from typing import Any
 
 SIZE = (1280, 1000)   # software OpenGL pays for every pixel
 AGENT = Path(__file__).with_name("agent.py")
+SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "window_blender.sh"
+VARIABLE = "LFSR_WINDOW_BLENDER"
 SECONDS_TO_START = 120
-PROGRAMS = ("blender", "Xvfb", "xdotool", "import")   # import: ImageMagick's
+SECONDS_TO_INSTALL = 120
 
 
-def missing_programs() -> list[str]:
-    """Programs that a window test needs and that are not here."""
-    return [name for name in PROGRAMS if shutil.which(name) is None]
+def inside(*command: object) -> list[str]:
+    """``command`` as it runs inside the folder of the window's Blender; it sees the same temporary files."""
+    return [str(SCRIPT), os.environ[VARIABLE], *map(str, command)]
 
 
 class Window:
@@ -63,7 +68,7 @@ class Window:
 
     def xdotool(self, *arguments: object) -> None:
         """Keys and pointer, as from a person."""
-        subprocess.run(["xdotool", *map(str, arguments)], env=self._environment, check=True, timeout=30)
+        subprocess.run(inside("xdotool", *arguments), env=self._environment, check=True, timeout=30)
         self.settle()
 
     def click(self, x: int, y: int) -> None:
@@ -77,22 +82,25 @@ class Window:
         """Picture of the whole screen."""
         self.settle()
         path = self.folder / f"{name}.png"
-        subprocess.run(["import", "-window", "root", str(path)], env=self._environment, check=True, timeout=60)
+        subprocess.run(inside("import", "-window", "root", path), env=self._environment, check=True, timeout=60)
         return path
 
 
 @contextmanager
-def blender_window(folder: Path, variables: dict[str, str]) -> Iterator[Window]:
-    """A fresh Blender with factory settings and the add-on registered, in a window that fills the screen."""
+def blender_window(folder: Path, archive: Path) -> Iterator[Window]:
+    """A fresh Blender in a window that fills the screen, with the extension ``archive`` installed and enabled."""
     with _screen() as display, socket.create_server(("127.0.0.1", 0)) as server:
-        # Debian's Blender takes the packages of the first python3.11 on PATH, and brings no OpenImageIO of its own.
-        path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
-        environment = os.environ | {"PATH": path, "DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1",
-                                    "HOME": str(folder), "BLENDER_USER_RESOURCES": str(folder / "blender")} | variables
-        command = ["blender", "--factory-startup", "--window-geometry", "0", "0", *map(str, SIZE), "--python",
-                   str(AGENT), "--", str(server.getsockname()[1])]
+        environment = os.environ | {"DISPLAY": display, "HOME": str(folder),
+                                    "BLENDER_USER_RESOURCES": str(folder / "blender")}
+        shutil.copy(AGENT, folder)
+        install = inside("blender", "--command", "extension", "install-file", "--repo", "user_default", "--enable",
+                         shutil.copy(archive, folder))
+        start = inside("blender", "--gpu-backend", "opengl", "--window-geometry", 0, 0, *SIZE,
+                       "--python", folder / AGENT.name, "--", server.getsockname()[1])
         with (folder / "blender.log").open("w") as log:
-            process = subprocess.Popen(command, env=environment, stdout=log, stderr=subprocess.STDOUT, cwd=folder)
+            subprocess.run(install, env=environment, stdout=log, stderr=subprocess.STDOUT, check=True,
+                           timeout=SECONDS_TO_INSTALL)
+            process = subprocess.Popen(start, env=environment, stdout=log, stderr=subprocess.STDOUT)
         try:
             server.settimeout(SECONDS_TO_START)
             connection, _ = server.accept()
@@ -105,7 +113,7 @@ def blender_window(folder: Path, variables: dict[str, str]) -> Iterator[Window]:
 @contextmanager
 def _screen() -> Iterator[str]:
     reader, writer = os.pipe()
-    command = ["Xvfb", "-displayfd", str(writer), "-screen", "0", f"{SIZE[0]}x{SIZE[1]}x24", "+extension", "GLX"]
+    command = inside("Xvfb", "-displayfd", writer, "-screen", "0", f"{SIZE[0]}x{SIZE[1]}x24", "+extension", "GLX")
     process = subprocess.Popen(command, pass_fds=[writer], stderr=subprocess.DEVNULL)
     os.close(writer)
     try:
@@ -123,5 +131,3 @@ def _end(process: subprocess.Popen) -> None:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-
-

@@ -45,7 +45,6 @@ bpy.ops.wm.save_as_mainfile(filepath=FILE)
 """
 LOOK = """
 import mathutils
-from blender_addon import array_rig
 view = bpy.context.space_data.region_3d
 view.view_perspective = "PERSP"
 view.view_location, view.view_distance = (-0.6, -1.9, 0.9), 12.5
@@ -74,9 +73,9 @@ def take(window: Window, folder: Path) -> None:
     window.run("bpy.context.window_manager.lfsr.checked_scene = ''" + IMAGE_EDITOR)
     window.run("lfsr = bpy.context.scene.lfsr; lfsr.display, lfsr.scale, lfsr.samples = 'fhd', '4', 16")
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
-    window.until("addon.session.current().fraction > 0.3", SECONDS_TO_RENDER)
+    window.until("addon.background.session.current().fraction > 0.3", SECONDS_TO_RENDER)
     keep(window, folder, "panel-rendering")
-    window.until("addon.session.current() is None", SECONDS_TO_RENDER)
+    window.until("addon.background.session.current() is None", SECONDS_TO_RENDER)
     keep(window, folder, "panel-rendered")
     window.run("bpy.context.scene.lfsr.eye_right = -0.8; bpy.ops.lfsr.preview_view('INVOKE_DEFAULT', True)")
     keep(window, folder, "panel-preview")
