@@ -12,7 +12,7 @@ import numpy as np
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 
-from ..scene import subject
+from ..scene.subject import find_subject
 from . import placement, rig
 from .rig import Placement
 from .spaces import to_blender
@@ -27,7 +27,7 @@ def add(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.Object:
     """Add a camera array where the scene's camera is, else in front of the subject, else of the origin."""
     if rig.find(scene) is not None:
         raise LfsrError(f"scene {scene.name!r} has a camera array already: fit it, or remove it first")
-    _check_editable(scene)
+    rig.check_editable(scene)
     # Before the array exists, which would be taken for the scene's own.
     placed = _first_placement(scene, profile)
     array = _new_array(scene)
@@ -39,10 +39,10 @@ def add(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.Object:
 
 def fit(scene: bpy.types.Scene, profile: DisplayProfile, items: Collection[bpy.types.Object]) -> bpy.types.Object:
     """Move the scene's array in front of ``items``, looking as it does now; adds one if there is none."""
-    _check_editable(scene)
+    rig.check_editable(scene)
     array = rig.find(scene)
     if array is not None:
-        _check_editable(array)
+        rig.check_editable(array)
     # Looking along +Y with Z up, as an array that was just added does.
     turn = _view_turn(array) if array else mathutils.Matrix.Identity(3)
     placed = _fitted(items, profile, turn)
@@ -59,7 +59,7 @@ def remove(scene: bpy.types.Scene) -> None:
     array = rig.find(scene)
     if array is None:
         raise LfsrError(f"scene {scene.name!r} has no camera array to remove")
-    _check_editable(array)
+    rig.check_editable(array)
     for plane in [item for item in array.children if rig.PLANE in item]:
         bpy.data.objects.remove(plane)
     camera = array.data
@@ -79,12 +79,6 @@ def put(array: bpy.types.Object, placed: Placement) -> None:
     plane.location = (0.0, 0.0, -layout.distance)
     plane.empty_display_size = layout.distance * SHARE_OF_DISTANCE
     bpy.context.view_layer.update()
-
-
-def _check_editable(data: bpy.types.ID) -> None:
-    reason = rig.why_not_editable(data)
-    if reason:
-        raise LfsrError(reason)
 
 
 def _new_array(scene: bpy.types.Scene) -> bpy.types.Object:
@@ -115,7 +109,7 @@ def _new_plane(array: bpy.types.Object) -> bpy.types.Object:
 
 def _first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placement:
     try:
-        return placement.place_array(scene, profile, subject.find_subject(scene))
+        return placement.place_array(scene, profile, find_subject(scene))
     except LfsrError:
         # Nothing to fit to yet: a display one unit wide at the origin is a start.
         return placement.fit_array(np.array([-0.4, -0.1, -0.2]), np.array([0.4, 0.1, 0.2]), profile)

@@ -117,6 +117,13 @@ def to_array_space(matrix: tuple[tuple[float, ...], ...]) -> mathutils.Matrix:
     return mathutils.Matrix(matrix).inverted()
 
 
+def check_editable(data: bpy.types.ID) -> None:
+    """LfsrError if ``data`` cannot be changed in this file."""
+    reason = why_not_editable(data)
+    if reason:
+        raise LfsrError(reason)
+
+
 def why_not_editable(data: bpy.types.ID) -> str | None:
     """Why ``data`` cannot be changed in this file, None if it can."""
     if data.library is not None:

@@ -1,4 +1,4 @@
-"""Cycles renders of a camera array into EXR files; every setting restored after."""
+"""Camera-array space (+X right, +Y up, +Z towards the display) <-> Blender's camera space."""
 
 from __future__ import annotations
 

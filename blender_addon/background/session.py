@@ -11,7 +11,6 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 
-from ..results import preview
 from .steps import Steps, Task
 
 SECONDS_BETWEEN_LOOKS = 0.1
@@ -145,7 +144,6 @@ def _opened(*_: object) -> None:
     """Another file was opened: nothing in it may be touched by the old one's task, but its images are saved."""
     global _finish
     _finish = _forget_result
-    preview.forget()
 
 
 def _forget_result(_result: Any) -> None:

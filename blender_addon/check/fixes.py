@@ -1,4 +1,4 @@
-"""Buttons of the scene check: run it, select an object, fix a problem."""
+"""What the scene check's fix buttons do, by the code of the problem."""
 
 from __future__ import annotations
 
@@ -8,22 +8,19 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 
-from ..array import edit, rig
-from ..scene import light, subject
+from ..array.edit import add
+from ..array.rig import check_editable
+from ..scene.light import add_light
+from ..scene.subject import BACKGROUND_COLLECTION
 from ..settings import scene_settings
 
 
-def _object(name: str) -> bpy.types.Object:
+def find_object(name: str) -> bpy.types.Object:
+    """The object ``name`` of the open file; LfsrError if it is gone."""
     item = bpy.data.objects.get(name)
     if item is None:
         raise LfsrError(f"object {name!r} is not there any more: check the scene again")
     return item
-
-
-def _check_editable(data: bpy.types.ID) -> None:
-    reason = rig.why_not_editable(data)
-    if reason:
-        raise LfsrError(reason)
 
 
 def _enable_cycles(_scene: bpy.types.Scene, _target: str) -> None:
@@ -35,11 +32,11 @@ def _use_cycles(scene: bpy.types.Scene, _target: str) -> None:
 
 
 def _add_array(scene: bpy.types.Scene, _target: str) -> None:
-    edit.add(scene, scene_settings.display_of(scene))
+    add(scene, scene_settings.display_of(scene))
 
 
 def _add_light(scene: bpy.types.Scene, _target: str) -> None:
-    light.add_light(scene).name = "Light Field World"
+    add_light(scene).name = "Light Field World"
 
 
 def _use_cpu(scene: bpy.types.Scene, _target: str) -> None:
@@ -58,11 +55,11 @@ def _pack(_scene: bpy.types.Scene, target: str) -> None:
 
 
 def _to_background(scene: bpy.types.Scene, target: str) -> None:
-    item = _object(target)
-    background = bpy.data.collections.get(subject.BACKGROUND_COLLECTION)
+    item = find_object(target)
+    background = bpy.data.collections.get(BACKGROUND_COLLECTION)
     if background is None:
-        background = bpy.data.collections.new(subject.BACKGROUND_COLLECTION)
-    _check_editable(background)
+        background = bpy.data.collections.new(BACKGROUND_COLLECTION)
+    check_editable(background)
     if background not in scene.collection.children_recursive:
         scene.collection.children.link(background)
     if item.name not in background.objects:
@@ -85,8 +82,8 @@ def _no_motion_blur(scene: bpy.types.Scene, _target: str) -> None:
 
 
 def _no_focus(_scene: bpy.types.Scene, target: str) -> None:
-    camera = _object(target).data
-    _check_editable(camera)
+    camera = find_object(target).data
+    check_editable(camera)
     camera.dof.use_dof = False
 
 

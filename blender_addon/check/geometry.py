@@ -13,7 +13,7 @@ from lfsr_core.optics.rays import CameraArray
 
 from ..array import rig
 from ..array.rig import Placement
-from ..scene import subject as scene_io
+from ..scene.subject import GEOMETRY
 from ..settings.scene_settings import length
 
 COVERS = 0.8          # share of the display, in both directions, that makes an object its background
@@ -69,7 +69,7 @@ def world_corners(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, list
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         item = instance.object
         owner = (instance.parent if instance.is_instance else item).original
-        if item.type not in scene_io.GEOMETRY or not {owner, item.original} & subject or owner.hide_render:
+        if item.type not in GEOMETRY or not {owner, item.original} & subject or owner.hide_render:
             continue
         matrix = np.array(instance.matrix_world)
         corners.setdefault(owner, []).append(np.array(item.bound_box) @ matrix[:3, :3].T + matrix[:3, 3])

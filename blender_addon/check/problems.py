@@ -15,8 +15,9 @@ from lfsr_core.errors import LfsrError
 from ..array import rig
 from ..render import devices
 from ..results import preview
-from ..scene import light, open
-from ..scene import subject as scene_io
+from ..scene.light import has_light
+from ..scene.open import missing_images
+from ..scene.subject import find_subject
 from ..settings import scene_settings
 from . import geometry
 
@@ -65,7 +66,7 @@ def _file(scene: bpy.types.Scene) -> Iterator[Problem]:
     except LfsrError as error:
         yield Problem("unsaved", "Output", _sentence(error), severity=ERROR)
     try:
-        scene_io.find_subject(scene)
+        find_subject(scene)
     except LfsrError as error:
         yield Problem("subject", scene.name, _sentence(error), severity=ERROR)
 
@@ -81,7 +82,7 @@ def _array(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 
 def _light(scene: bpy.types.Scene) -> Iterator[Problem]:
-    if not light.has_light(scene):
+    if not has_light(scene):
         yield Problem("light", scene.name, "Nothing in the scene shines. It will be lit with one of Blender's own "
                       "world images.", "Add World Light", WARNING)
 
@@ -106,7 +107,7 @@ def _device(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 
 def _images(scene: bpy.types.Scene) -> Iterator[Problem]:
-    for path in open.missing_images():
+    for path in missing_images():
         yield Problem("texture", bpy.path.basename(path), f"The image file is missing, so what uses it renders "
                       f"magenta: {path}", severity=ERROR)
     for image in bpy.data.images:
@@ -119,7 +120,7 @@ def _geometry(scene: bpy.types.Scene) -> Iterator[Problem]:
     try:
         display = scene_settings.display_of(scene)
         placed = rig.placement(scene, display)
-        subject = scene_io.find_subject(scene)
+        subject = find_subject(scene)
     except LfsrError as error:
         if rig.find(scene) is not None:
             yield Problem("rig", rig.find(scene).name, _sentence(error), severity=ERROR, is_object=True)

@@ -15,7 +15,7 @@ from lfsr_core.frames.job import Job, read_job
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit
 
 from ..render.frame_folder import render_job
-from ..scene import open
+from ..scene.open import choose_scene, missing_images, open_scene
 from . import stopping
 
 
@@ -37,10 +37,10 @@ def run(job: Job) -> Path:
     """Open the job's scene if it names one, render it, and return the frame folder."""
     started = time.perf_counter()
     emit(stage="open", fraction=0.0, message=job.scene or "the open scene")
-    scene = open.open_scene(job.scene) if job.scene else bpy.context.scene
+    scene = open_scene(job.scene) if job.scene else bpy.context.scene
     if job.scene_name is not None:
-        scene = open.choose_scene(job.scene_name)
-    missing = open.missing_images()
+        scene = choose_scene(job.scene_name)
+    missing = missing_images()
     if missing:
         warn(f"{len(missing)} image files are missing, first {missing[0]}: what uses them renders magenta")
     return render_job(scene, job, opened=time.perf_counter() - started, progress=_progress, warn=warn)

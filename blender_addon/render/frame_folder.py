@@ -15,8 +15,8 @@ from lfsr_core.frames.job import Job
 from lfsr_core.images.color_settings import ColorSettings
 
 from ..array import placement
-from ..scene import light
-from ..scene import subject as scene_io
+from ..scene.light import lit
+from ..scene.subject import find_subject, has_background_meshes
 from . import animation, devices, passes
 from .cycles import RenderSettings, render_encoded
 from .progress import Progress, part
@@ -47,8 +47,8 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: float = 0.0, progress: 
 def prepared(scene: bpy.types.Scene, job: Job) -> Iterator[Frame]:
     """The job's frame, with ``scene`` at its time, lit, and its objects indexed inside the block."""
     with _at_frame(scene, job.frame):
-        subject = scene_io.find_subject(scene, job.subject)
-        with light.lit(scene) as own_light, animation.resting(scene), passes.pass_indices(subject):
+        subject = find_subject(scene, job.subject)
+        with lit(scene) as own_light, animation.resting(scene), passes.pass_indices(subject):
             yield describe(scene, job, subject, own_light)
 
 
@@ -56,7 +56,7 @@ def describe(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], o
     """The frame that ``job`` asks for, with the array placed in ``scene``."""
     array, matrix_world = placement.place_array(scene, job.display, subject)
     reference, layers = job.kind == "reference", job.layers
-    if "index" not in layers and scene_io.has_background_meshes(scene, subject):
+    if "index" not in layers and has_background_meshes(scene, subject):
         layers = (*layers, "index")
     return Frame(
         display=job.display, scale=1 if reference else job.scale, array=array, matrix_world=matrix_world,

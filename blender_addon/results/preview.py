@@ -32,7 +32,8 @@ def is_loaded(scene: bpy.types.Scene) -> bool:
     return scene.name in _views
 
 
-def forget() -> None:
+@bpy.app.handlers.persistent
+def forget(*_: object) -> None:
     """Let go of all views, as when another file is opened."""
     _views.clear()
 
@@ -81,3 +82,14 @@ def _image(width: int, height: int) -> bpy.types.Image:
     if tuple(image.size) != (width, height):
         image.scale(width, height)
     return image
+
+
+def register() -> None:
+    """Forget the views of a file when another is opened."""
+    bpy.app.handlers.load_post.append(forget)
+
+
+def unregister() -> None:
+    """Forget them now."""
+    bpy.app.handlers.load_post.remove(forget)
+    forget()

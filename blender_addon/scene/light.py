@@ -1,4 +1,4 @@
-"""Scenes in: opening files, finding the subject, and light for scenes that bring none."""
+"""Light for scenes that bring none."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scenes in: opening files, finding the subject, and light for scenes that bring none."""
+"""Opening scene files: .blend, glTF and OBJ."""
 
 from __future__ import annotations
 

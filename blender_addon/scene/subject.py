@@ -1,4 +1,4 @@
-"""Scenes in: opening files, finding the subject, and light for scenes that bring none."""
+"""Which objects of a scene are its subject, and which are background."""
 
 from __future__ import annotations
 

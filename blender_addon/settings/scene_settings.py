@@ -16,7 +16,7 @@ from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, MethodName
 
 from ..render import devices
-from ..scene import subject
+from ..scene.subject import find_subject
 from .methods import check_scale
 
 PROFILE_FILE = "FILE"
@@ -137,7 +137,7 @@ def check_renderable(scene: bpy.types.Scene) -> None:
     scale = int(scene.lfsr.scale)
     display_of(scene).low_views(scale)
     check_scale(scene.lfsr.method, scale)
-    subject.find_subject(scene)
+    find_subject(scene)
 
 
 def length(scene: bpy.types.Scene, value: float) -> str:

@@ -19,20 +19,20 @@ import bpy
 import mathutils
 
 from blender_addon.array import placement, rig
-from blender_addon.headless import main as headless
-from blender_addon.scene import open, subject
+from blender_addon.array.spaces import to_blender
+from blender_addon.headless.main import script_arguments
+from blender_addon.scene.open import open_scene
+from blender_addon.scene.subject import find_subject
 from lfsr_core.optics.display import DisplayProfile
 
 
 def main(job: dict) -> None:
     """Open, move, save."""
-    scene = open.open_scene(job["scene"])
+    scene = open_scene(job["scene"])
     profile = DisplayProfile.from_dict(job["display"])
-    array, matrix = placement.place_array(scene, profile, subject.find_subject(scene))
-    # Array space looks along +Z, a Blender camera along -Z.
-    place = mathutils.Matrix(matrix) @ mathutils.Matrix.Diagonal((1, 1, -1, 1))
+    array, matrix = placement.place_array(scene, profile, find_subject(scene))
     back = mathutils.Matrix.Translation((0, 0, (job["share"] - 1) * array.distance))
-    add_array(scene, place @ back, array.half_width / array.distance, job["share"] * array.distance)
+    add_array(scene, to_blender(matrix) @ back, array.half_width / array.distance, job["share"] * array.distance)
     bpy.ops.wm.save_as_mainfile(filepath=job["output"], compress=True)
 
 
@@ -51,5 +51,5 @@ def add_array(scene: bpy.types.Scene, matrix: mathutils.Matrix, half_width: floa
 
 
 if __name__ == "__main__":
-    main(json.loads(Path(headless.script_arguments()[0]).read_text(encoding="utf-8")))
+    main(json.loads(Path(script_arguments()[0]).read_text(encoding="utf-8")))
     sys.stdout.flush()

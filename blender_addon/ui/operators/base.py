@@ -1,8 +1,4 @@
-"""What the buttons do: read the settings, start a task, report.
-
-Pressed in a window they return at once and a timer follows the task; called from
-a script or in background mode they return when the result is there.
-"""
+"""What the buttons share: errors become reports, and a task is started or waited for."""
 
 from __future__ import annotations
 

@@ -6,9 +6,10 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 
+from ...array.rig import check_editable
 from ...background import session
-from ...check import problems as scene_check
-from ...check.fixes import FIXES, OUTSIDE_SCENE, _check_editable, _object
+from ...check.fixes import FIXES, OUTSIDE_SCENE, find_object
+from ...check.problems import INFO, Problem, check_scene
 from .base import UNDO, Result, activate, reports_errors
 
 
@@ -22,7 +23,7 @@ class LFSR_OT_check_scene(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> Result:
         """Fill the list."""
         problems = refresh(context.scene)
-        serious = [problem for problem in problems if problem.severity != scene_check.INFO]
+        serious = [problem for problem in problems if problem.severity != INFO]
         if not problems:
             self.report({"INFO"}, "No problems found")
         elif serious:
@@ -44,7 +45,7 @@ class LFSR_OT_check_select(bpy.types.Operator):
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
         """Select it and nothing else."""
-        activate(context, _object(self.target))
+        activate(context, find_object(self.target))
         return {"FINISHED"}
 
 
@@ -64,15 +65,15 @@ class LFSR_OT_check_fix(bpy.types.Operator):
         if self.code not in FIXES:
             raise LfsrError(f"problem {self.code!r} cannot be fixed by a button: choose one of {', '.join(FIXES)}")
         if self.code not in OUTSIDE_SCENE:
-            _check_editable(context.scene)
+            check_editable(context.scene)
         FIXES[self.code](context.scene, self.target)
         refresh(context.scene)
         return {"FINISHED"}
 
 
-def refresh(scene: bpy.types.Scene) -> list[scene_check.Problem]:
+def refresh(scene: bpy.types.Scene) -> list[Problem]:
     """Check ``scene`` and put what was found into the list."""
-    state, problems = bpy.context.window_manager.lfsr, scene_check.check_scene(scene)
+    state, problems = bpy.context.window_manager.lfsr, check_scene(scene)
     state.checked_scene = scene.name
     state.problems.clear()
     for problem in problems:

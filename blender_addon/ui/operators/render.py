@@ -1,4 +1,4 @@
-"""What the buttons do: read the settings, start a task, report.
+"""Buttons that render, compare and preview: read the settings, start a task, show its result.
 
 Pressed in a window they return at once and a timer follows the task; called from
 a script or in background mode they return when the result is there.

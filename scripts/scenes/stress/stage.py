@@ -18,8 +18,8 @@ from shared.surfaces import Surface
 
 from blender_addon import compat
 from blender_addon.array import edit
-from blender_addon.scene import light as scene_io_light
 from blender_addon.scene import subject
+from blender_addon.scene.light import add_light
 from lfsr_core.bench.stress.space import Space
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
@@ -51,7 +51,7 @@ class Stage:
 
 def world_light(picture: str = "city.exr", strength: float = WORLD_STRENGTH) -> bpy.types.Node:
     """Light from one of Blender's own world pictures, kept inside the file; its background node."""
-    world = scene_io_light.add_light(bpy.context.scene, picture)
+    world = add_light(bpy.context.scene, picture)
     nodes = world.node_tree.nodes
     next(node for node in nodes if node.type == "TEX_ENVIRONMENT").image.pack()
     background = next(node for node in nodes if node.type == "BACKGROUND")

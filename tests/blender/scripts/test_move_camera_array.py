@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from blender_addon.array import placement as rig
-from blender_addon.scene import open, subject
+from blender_addon.scene.open import open_scene
+from blender_addon.scene.subject import find_subject
 from lfsr_core.files import write_json
 from tests.support.scenes import MINI, ROOT, add_box, emission
 
@@ -25,8 +26,8 @@ def blend(scene, tmp_path):
 
 
 def placement(path):
-    scene = open.open_scene(path)
-    array, matrix = rig.place_array(scene, MINI, subject.find_subject(scene))
+    scene = open_scene(path)
+    array, matrix = rig.place_array(scene, MINI, find_subject(scene))
     return array, np.array(matrix)
 
 

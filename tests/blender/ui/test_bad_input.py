@@ -8,7 +8,7 @@ import bpy
 import pytest
 
 from blender_addon.background import recipes, session
-from blender_addon.scene import open
+from blender_addon.scene.open import choose_scene
 from blender_addon.settings import methods, scene_settings
 from blender_addon.ui.operators import check
 from lfsr_core.errors import LfsrError
@@ -221,4 +221,4 @@ def test_nothing_to_see(scene):
 
 def test_a_scene_that_is_not_in_the_file(scene):
     with pytest.raises(LfsrError, match="no scene 'Gone': choose one of Scene"):
-        open.choose_scene("Gone")
+        choose_scene("Gone")

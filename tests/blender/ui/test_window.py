@@ -24,6 +24,7 @@ pytestmark = [pytest.mark.window, pytest.mark.skipif(
     VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
 BUILDER = Path(__file__).resolve().parents[3] / "scripts" / "build_extension.py"
 SECONDS_TO_RENDER = 240
+SECONDS_TO_ANSWER = 15   # also on a busy machine without a graphics card
 SCENE = """
 scene = bpy.context.scene
 for item in list(scene.objects):
@@ -137,7 +138,7 @@ def test_render_keeps_the_window_alive_and_the_scene_as_it_was(window):
     window.until("addon.background.session.current() is None", SECONDS_TO_RENDER)
     assert window.get("bpy.context.window_manager.lfsr.message") == ""
     assert scene_value(window, UNTOUCHED) == before
-    assert returned < 5 and answered < 5
+    assert returned < SECONDS_TO_ANSWER and answered < SECONDS_TO_ANSWER
     folder = window.folder / "lightfield" / "Scene" / "0001"
     assert read_png(folder / "eia.png").shape == (96, 128, 3)
     window.settle()
