@@ -9,9 +9,7 @@ from typing import Any
 from lfsr_core.frames.job import LAYOUTS, Job, check_scene
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CONVENTIONS
-from lfsr_core.progress import ProgressBar
-from lfsr_core.render.blender import find_blender
-from lfsr_core.render.process import run_job
+from lfsr_core.render.store import with_blender
 
 
 def add_scene_arguments(parser: argparse.ArgumentParser, samples: int) -> None:
@@ -51,9 +49,4 @@ def make_job(arguments: argparse.Namespace, **values: Any) -> Job:
 
 def render(arguments: argparse.Namespace, job: Job) -> None:
     """Run ``job`` in Blender with a progress bar."""
-    blender = find_blender(arguments.blender)
-    progress = ProgressBar()
-    try:
-        run_job(job, blender, progress, progress.note)
-    finally:
-        progress.close()
+    with_blender(arguments.blender, announce=False)(job)

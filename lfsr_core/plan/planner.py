@@ -7,7 +7,7 @@ import json
 import math
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ import numpy as np
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
-from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame
+from lfsr_core.frames.frame import REFERENCE_FILES, Frame, read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.plan import candidates
 from lfsr_core.plan import sample as plan_sample
@@ -27,6 +27,7 @@ from lfsr_core.plan.score import SampledReference, quick_look, score, stage_time
 from lfsr_core.plan.times import TimeModel, path_samples
 from lfsr_core.progress import Progress, silent
 from lfsr_core.render.process import run_job
+from lfsr_core.render.store import Render, kept
 
 QUICK_SCALE, QUICK_SAMPLES = 4, 4
 PILOT_LENSES, PILOT_SAMPLES = 64, 16
@@ -34,7 +35,6 @@ REFERENCE_PARTS = 2  # jobs of two independent halves each: four quarters
 SAMPLE_FILE = "sample.json"
 # Random numbers of one part of the sample are no other's and no reference half's (frame_folder.HALF_SEED).
 SEED_STEP, REFERENCE_SEED, MOST_SAMPLES = 7919, 1 << 23, 4096
-Render = Callable[[Job], None]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,12 +95,11 @@ class _Renders:
         self._folder, self._job, self._render = folder, job, render
         self.frames: dict[str, Frame] = {}
 
-    def __call__(self, name: str, number: int, files: Sequence[str], **changes: Any) -> Path:
+    def __call__(self, name: str, number: int, **changes: Any) -> Path:
         """Folder of the job with ``changes``; ``number`` makes its random numbers its own."""
-        folder = self._folder / name
-        if not all((folder / file).exists() for file in (FRAME_FILE, *files)):
-            seed = (self._job.seed + changes.pop("seed", 0) + SEED_STEP * number) % 2**31
-            self._render(dataclasses.replace(self._job, output=str(folder), seed=seed, **changes))
+        seed = (self._job.seed + changes.pop("seed", 0) + SEED_STEP * number) % 2**31
+        job = dataclasses.replace(self._job, output=str(self._folder / name), seed=seed, **changes)
+        folder = kept(job, self._render)
         self.frames[name] = read_frame(folder)
         return folder
 
@@ -141,7 +140,7 @@ class _Planner:
         """A quick render of every lens: the foreground, its covariates, and what a frame costs."""
         scale = self._quick_scale
         self._tell("looking at every lens")
-        self.quick = quick_look(self.renders("quick", 1, [LOW_RES_FILE], scale=scale, spp=QUICK_SAMPLES))
+        self.quick = quick_look(self.renders("quick", 1, scale=scale, spp=QUICK_SAMPLES))
         if not self.quick.masks["foreground"].any():
             raise LfsrError("no lens shows any foreground: check where the camera looks, and --subject")
         frame, finish = self.renders.frames["quick"], self.quick.finish
@@ -155,7 +154,7 @@ class _Planner:
         self._tell("what the foreground costs")
         mask = self.quick.masks["foreground"]
         few = plan_sample.sample({**self.quick.masks, "edge": np.zeros_like(mask)}, PILOT_LENSES, self.job.seed, False)
-        self.renders("pilot", 2, [LOW_RES_FILE], scale=self._quick_scale, spp=PILOT_SAMPLES,
+        self.renders("pilot", 2, scale=self._quick_scale, spp=PILOT_SAMPLES,
                      lens_list=tuple(few["foreground"]))
         pilot = self.renders.frames["pilot"]
         ratio = pilot.seconds["render"] / path_samples(pilot) / self.times.per_sample
@@ -182,7 +181,7 @@ class _Planner:
         for part in range(REFERENCE_PARTS):
             self._tell(f"reference of {len(self.lenses)} lenses, part {part + 1} of {REFERENCE_PARTS}")
             spp = max(2, self.options.reference_spp // REFERENCE_PARTS)
-            folder = self.renders(f"reference-{part}", part, REFERENCE_FILES, kind="reference", scale=1, spp=spp,
+            folder = self.renders(f"reference-{part}", part, kind="reference", scale=1, spp=spp,
                                   layers=(), clamp_indirect=0.0, lens_list=tuple(self.lenses), seed=REFERENCE_SEED)
             halves += [folder / name for name in REFERENCE_FILES]
         return SampledReference.read(halves, self.renders.frames["reference-0"], len(self.lenses))
@@ -216,7 +215,7 @@ class _Planner:
         reach = plan_sample.reach(self.display, scale)
         listed, blocks = plan_sample.with_neighbours(self.lenses, reach, self.display.lenses)
         self._tell(f"{len(listed)} lenses at scale {scale}, {spp} samples")
-        folder = self.renders(f"s{scale}-spp{spp}", scale * MOST_SAMPLES + spp, [LOW_RES_FILE], scale=scale,
+        folder = self.renders(f"s{scale}-spp{spp}", scale * MOST_SAMPLES + spp, scale=scale,
                               spp=spp, lens_list=tuple(listed))
         self.measured.append((scale, spp))
         started = time.perf_counter()

@@ -8,16 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.bench.chart.settings import LAYERS, REFERENCE_FOLDER, TIMES_FOLDER, Settings, render_folder
-from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.frames.foreground import foreground_mask
-from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame
-from lfsr_core.frames.job import Job, check_scene
+from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
+from lfsr_core.frames.job import Job
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.lens_sampling import choose_lenses
-from lfsr_core.progress import ProgressBar
-from lfsr_core.render.blender import find_blender
-from lfsr_core.render.process import run_job
+from lfsr_core.render.store import is_complete, kept, with_blender
 
 
 def low_render(settings: Settings, scene: Path, scale: int, samples: int) -> Path | None:
@@ -26,12 +23,9 @@ def low_render(settings: Settings, scene: Path, scale: int, samples: int) -> Pat
     LfsrError if the folder holds a render of another display, scale or number of samples.
     """
     folder = render_folder(settings.folder / scene.stem, scale, samples)
-    if not is_complete(folder, (LOW_RES_FILE,)):
-        if settings.only_measure:
-            return None
-        _render(settings, _job(settings, scene, folder, scale, samples))
-    _check(read_frame(folder), folder, settings, scale, samples)
-    return folder
+    if settings.only_measure and not is_complete(folder):
+        return None
+    return kept(_job(settings, scene, folder, scale, samples), with_blender(settings.blender))
 
 
 def reference(settings: Settings, scene: Path) -> Path | None:
@@ -40,12 +34,12 @@ def reference(settings: Settings, scene: Path) -> Path | None:
     One that is there is used whatever its lenses and samples are: both are in the chart's file.
     """
     folder = settings.folder / scene.stem / REFERENCE_FOLDER
-    if not is_complete(folder, REFERENCE_FILES):
+    if not is_complete(folder, "reference"):
         if settings.only_measure:
             return None
-        job = dataclasses.replace(_job(settings, scene, folder, 1, settings.reference_spp), kind="reference",
-                                  layers=(), clamp_indirect=0.0, lens_list=_lenses(settings, scene))
-        _render(settings, job)
+        with_blender(settings.blender)(dataclasses.replace(
+            _job(settings, scene, folder, 1, settings.reference_spp), kind="reference", layers=(), clamp_indirect=0.0,
+            lens_list=_lenses(settings, scene)))
     return folder
 
 
@@ -84,14 +78,9 @@ def _counted(known: dict[str, Any]) -> list[float]:
     return known["repeats"] if known["alone"] else [known["first"], *known["repeats"]]
 
 
-def is_complete(folder: Path, files: tuple[str, ...]) -> bool:
-    """True if a render has left all it should."""
-    return all((folder / name).exists() for name in (FRAME_FILE, *files))
-
-
 def widest_mask(scene_folder: Path, scale: int, display_lenses: tuple[int, int]) -> Any:
     """Foreground mask (sy, sx) bool of the render with most samples at ``scale``; None without a render."""
-    folders = [folder for folder in scene_folder.glob(f"s{scale}-spp*") if is_complete(folder, (LOW_RES_FILE,))]
+    folders = [folder for folder in scene_folder.glob(f"s{scale}-spp*") if is_complete(folder)]
     if not folders:
         return None
     best = max(folders, key=lambda folder: read_frame(folder).samples)
@@ -109,29 +98,10 @@ def _lenses(settings: Settings, scene: Path) -> tuple[tuple[int, int], ...] | No
 def _timed_again(settings: Settings, scene: Path, frame: Frame) -> float:
     with tempfile.TemporaryDirectory(prefix=".chart-", dir=settings.folder) as name:
         again = Path(name) / "frame"
-        _render(settings, _job(settings, scene, again, frame.scale, frame.samples))
+        with_blender(settings.blender)(_job(settings, scene, again, frame.scale, frame.samples))
         return read_frame(again).seconds["render"]
 
 
 def _job(settings: Settings, scene: Path, folder: Path, scale: int, samples: int) -> Job:
-    return Job(output=str(folder), display=settings.profile, scene=check_scene(scene), scale=scale, spp=samples,
+    return Job(output=str(folder), display=settings.profile, scene=str(scene.resolve()), scale=scale, spp=samples,
                layers=LAYERS, device=settings.device)
-
-
-def _render(settings: Settings, job: Job) -> None:
-    bar = ProgressBar()
-    bar.note(f"rendering {job.output}: {job.spp} samples at scale {job.scale}")
-    try:
-        run_job(job, find_blender(settings.blender), bar, bar.note)
-    finally:
-        bar.close()
-
-
-def _check(frame: Frame, folder: Path, settings: Settings, scale: int, samples: int) -> None:
-    pairs = {"display": (frame.display, settings.profile), "scale": (frame.scale, scale),
-             "samples": (frame.samples, samples)}
-    for name, (found, wanted) in pairs.items():
-        if found != wanted:
-            shown = (found.name, wanted.name) if name == "display" else (found, wanted)
-            raise LfsrError(f"{folder} was rendered with {name} {shown[0]}, but the chart needs {shown[1]}: "
-                            "give another folder with -o")

@@ -6,22 +6,19 @@
 from __future__ import annotations
 
 import dataclasses
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 
 from lfsr_core.bench.paper.settings import Settings
-from lfsr_core.errors import LfsrError
 from lfsr_core.files import write_json
-from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, read_frame
+from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
 from lfsr_core.frames.job import Job, check_scene
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lens_sampling import choose_lenses
-from lfsr_core.progress import ProgressBar
 from lfsr_core.render.blender import find_blender, scene_script
-from lfsr_core.render.process import run_job
+from lfsr_core.render.script import run_script
+from lfsr_core.render.store import kept, with_blender
 
 LAYERS = ("albedo", "normal")
 
@@ -37,7 +34,7 @@ def low_resolution(settings: Settings, scene: Path, scale: int, spp: int, *, dis
     folder = _scene_folder(settings, display, scene) / f"s{scale}-spp{spp}{variant}{_convention(settings)}"
     job = Job(output=str(folder), display=display, scene=check_scene(scene), scale=scale, spp=spp, layers=LAYERS,
               layout=layout, convention=settings.convention, device=settings.render_device)
-    return _made(settings, job, (LOW_RES_FILE,))
+    return kept(job, with_blender(settings.blender))
 
 
 def reference(settings: Settings, scene: Path) -> Path:
@@ -49,7 +46,7 @@ def reference(settings: Settings, scene: Path) -> Path:
     if settings.lenses is not None and not (folder / FRAME_FILE).exists():
         mask = _mask(low_resolution(settings, scene, settings.scale, settings.spp))
         job = dataclasses.replace(job, lens_list=choose_lenses(mask, settings.lenses))
-    return _made(settings, job, REFERENCE_FILES)
+    return kept(job, with_blender(settings.blender))
 
 
 def moved(settings: Settings, scene: Path, share: float) -> Path:
@@ -60,7 +57,7 @@ def moved(settings: Settings, scene: Path, share: float) -> Path:
         job = path.with_suffix(".json")
         write_json(job, {"scene": check_scene(scene), "display": settings.timing_display.to_dict(), "share": share,
                          "output": str(path.resolve())})
-        _run_script(settings, scene_script("move_camera_array.py"), job, path)
+        run_script(find_blender(settings.blender), scene_script("move_camera_array.py"), job, [path])
     return path
 
 
@@ -69,7 +66,7 @@ def demo_scene(settings_output: Path) -> Path:
     path = settings_output / "demo.blend"
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
-        _check_call([sys.executable, "-W", "ignore", str(scene_script("demo_scene.py")), str(path)], path)
+        run_script(find_blender(), scene_script("demo_scene.py"), path, [path])
     return path
 
 
@@ -91,45 +88,8 @@ def _scene_folder(settings: Settings, display: DisplayProfile, scene: Path) -> P
     return (settings.bench if same else settings.output / f"bench-{display.name}") / scene.stem
 
 
-def _made(settings: Settings, job: Job, files: tuple[str, ...]) -> Path:
-    folder = Path(job.output)
-    if not all((folder / name).exists() for name in (*files, FRAME_FILE)):
-        bar = ProgressBar()
-        print(f"render  {folder.parent.name}/{folder.name}", file=sys.stderr, flush=True)
-        try:
-            run_job(job, find_blender(settings.blender), bar, bar.note)
-        finally:
-            bar.close()
-    _check(folder, job)
-    return folder
-
-
-def _check(folder: Path, job: Job) -> None:
-    """LfsrError unless the folder is what was asked for; a reference's samples are its own."""
-    frame = read_frame(folder)
-    wanted = {"display": job.display, "scale": job.scale, "convention": job.convention, "layout": job.layout}
-    wanted |= {} if job.kind == "reference" else {"samples": job.spp}
-    for name, value in wanted.items():
-        found = getattr(frame, name)
-        if found != value:
-            raise LfsrError(f"{folder} has {name} {getattr(found, 'name', found)!r}, expected "
-                            f"{getattr(value, 'name', value)!r}: choose another --bench or --output folder")
-
-
 def _mask(folder: Path) -> np.ndarray:
     from lfsr_core.frames.foreground import foreground_mask
     from lfsr_core.images.exr import read_layers
 
     return foreground_mask(read_layers(folder / LOW_RES_FILE), read_frame(folder).rays.tiles)
-
-
-def _run_script(settings: Settings, script: Path, job: Path, product: Path) -> None:
-    _check_call(find_blender(settings.blender).script_command(script, str(job)), product)
-
-
-def _check_call(command: list[str], product: Path) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
-    if done.returncode or not product.exists():
-        last = (done.stdout + done.stderr).strip().splitlines()[-1:]
-        raise LfsrError(f"{product} was not made (exit code {done.returncode}, last saying {last}): "
-                        "check the scene and Blender")

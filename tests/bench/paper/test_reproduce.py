@@ -15,6 +15,7 @@ from lfsr_core.bench.paper import cells, page, quality, renders, settings, timin
 from lfsr_core.bench.paper.figure import CROPS_SEEN
 from lfsr_core.bench.paper.figures import figure9, figure11
 from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.render import store
 from tests.support.synthetic import MINI, write_reference, write_render
 from tests.support.training_photographs import pictures
 
@@ -127,7 +128,7 @@ def test_a_second_run_measures_nothing(frames, measured, monkeypatch):
     def forbidden(*_, **__):
         raise AssertionError("measured again")
 
-    for module, name in ((quality, "linear_picture"), (timing, "take_turns"), (renders, "run_job")):
+    for module, name in ((quality, "linear_picture"), (timing, "take_turns"), (store, "run_job")):
         monkeypatch.setattr(module, name, forbidden)
     for name, figure in page.FIGURES.items():
         assert figure.measure(frames, frames.output) == measured[name], name
@@ -239,7 +240,8 @@ def test_bad_input_is_one_sentence(frames, tmp_path, capsys):
     common = ["-o", str(tmp_path), "--scenes", str(frames.scenes[0])]
     for words, sentence in ((["--only", "fig13"], "there is no figure 'fig13'"),
                             (["--weights", str(tmp_path / "none")], "is no folder"),
-                            (["--bench", str(frames.bench), "--only", "fig9"], "has display 'mini', expected 'small'")):
+                            (["--bench", str(frames.bench), "--only", "fig9"],
+                             "was rendered with display mini, but small is needed")):
         assert script().main([*common, *words]) == 2
         error = capsys.readouterr().err
         assert sentence in error.splitlines()[-1]

@@ -21,10 +21,11 @@ from lfsr_core.bench.stress.records import Cell, DialReport, Report, Settings
 from lfsr_core.bench.stress.report import write_report
 from lfsr_core.cli import main
 from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import write_frame
 from lfsr_core.images.png import read_png
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import read_record
-from tests.support.synthetic import MINI, fails, write_reference, write_render
+from tests.support.synthetic import MINI, fails, frame_of, write_reference, write_render
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "results" / "stress.md"
 TYPES = {"text": str, "integer": int, "number": (int, float), "array": list, "object": dict, "null": type(None)}
@@ -47,6 +48,7 @@ def fill(folder: Path) -> Path:
                 names += [f"{names[0]}-frame{frame}-seed{seed}" for frame, seed in ((1, 1), (2, 0), (2, 2))]
             for name in names:
                 shutil.copytree(source[0], scene / name, dirs_exist_ok=True)
+                write_frame(scene / name, frame_of(SCALE, samples=dial.samples(value)))
     return folder
 
 
@@ -206,16 +208,6 @@ def test_a_missing_cell_is_no_report(tmp_path):
     with pytest.raises(LfsrError, match="wire 2 of bicubic is not measured"):
         write_report(Bench(tmp_path, Settings(MINI, 2, 8, 2)), {dial: (2,)}, ["bicubic"])
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(("body", "message"), [
-    ("""print('LFSR {"stage": "error", "message": "too deep"}'); raise SystemExit(2)""", "too deep"),
-    ("raise RuntimeError('no memory')", "no memory"), ("""print('LFSR {"stage": "scene"}')""", "exit code 0")])
-def test_a_script_that_fails_is_reported(tmp_path, body, message):
-    script = tmp_path / "script.py"
-    script.write_text(body, encoding="utf-8")
-    with pytest.raises(LfsrError, match=message):
-        bench_folder.run_script(bench_folder.Blender(), script, tmp_path / "job.json")
 
 
 @pytest.mark.parametrize("lens", [(0, 0), (5, 7), (11, 15)])

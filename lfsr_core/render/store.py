@@ -1,0 +1,72 @@
+"""Renders that are kept: each is made once, when it is first asked for, and recognised when it is there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import FRAME_FILE, Frame, read_frame
+from lfsr_core.frames.job import Job, check_scene
+from lfsr_core.progress import ProgressBar
+from lfsr_core.render.blender import find_blender
+from lfsr_core.render.process import RENDERED_FILES, run_job
+
+Render = Callable[[Job], None]
+
+
+def is_complete(folder: Path, kind: str = "render") -> bool:
+    """True if a render of this kind, or a reference, has left all it should in ``folder``."""
+    return all((folder / name).exists() for name in (FRAME_FILE, *RENDERED_FILES[kind]))
+
+
+def kept(job: Job, render: Render) -> Path:
+    """The job's folder, made by ``render(job)`` unless it is complete; LfsrError if it holds another render."""
+    folder = Path(job.output)
+    if not is_complete(folder, job.kind):
+        render(job)
+    check_same(folder, job)
+    return folder
+
+
+def check_same(folder: Path, job: Job) -> None:
+    """LfsrError unless ``folder`` holds what ``job`` asks for.
+
+    A reference may have other samples and lenses: all that use one ask it which.
+    """
+    found, wanted = fingerprint(read_frame(folder)), fingerprint(job)
+    names = [name for name in wanted if job.kind == "render" or name not in ("samples", "lens_list")]
+    for name in names:
+        if found[name] != wanted[name]:
+            raise LfsrError(f"{folder} was rendered with {name.replace('_', ' ')} {_shown(found[name], wanted[name])}, "
+                            f"but {_shown(wanted[name], found[name])} is needed: choose another folder")
+
+
+def fingerprint(render: Job | Frame) -> dict[str, Any]:
+    """What a finished render and the job it was made for have in common, and two different renders do not."""
+    return {"display": render.display, "scale": render.scale, "convention": render.convention,
+            "layout": render.layout, "samples": render.spp if isinstance(render, Job) else render.samples,
+            "lens_list": render.lens_list}
+
+
+def with_blender(executable: str | None = None, announce: bool = True) -> Render:
+    """Renders in Blender, looked for when the first job comes, with a progress bar; ``announce``: and a line each."""
+    def render(job: Job) -> None:
+        check_scene(job.scene)
+        blender, bar = find_blender(executable), ProgressBar()
+        if announce:
+            bar.note(f"rendering {job.output}: {job.spp} samples at scale {job.scale}")
+        try:
+            run_job(job, blender, bar, bar.note)
+        finally:
+            bar.close()
+    return render
+
+
+def _shown(value: Any, other: Any) -> Any:
+    """``value`` in a sentence: displays by name unless both have the same one, lists of lenses by their number."""
+    name = getattr(value, "name", value)
+    if isinstance(value, tuple) or value is None:
+        return f"of {len(value)} lenses" if value else "of all lenses"
+    return name if name != getattr(other, "name", other) else value
