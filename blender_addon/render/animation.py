@@ -10,7 +10,6 @@ from contextlib import ExitStack, contextmanager
 
 import bpy
 
-from .. import compat
 from .overrides import overridden
 
 PASS_INDEX = "pass_index"
@@ -28,7 +27,7 @@ def resting(scene: bpy.types.Scene) -> Iterator[None]:
             stack.enter_context(overridden(marker, {"camera": None}))
         stack.enter_context(_muted(scene, lambda path: True))
         for item in bpy.data.objects:
-            if item.animation_data and compat.is_editable(item):
+            if item.animation_data and item.is_editable:
                 stack.enter_context(_muted(item, lambda path: path == PASS_INDEX))
         yield
 
