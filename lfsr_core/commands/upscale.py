@@ -51,12 +51,13 @@ def chosen_method(name: str | None, scale: int) -> str:
 
 def upscale(folder: Path, method: str, arguments: argparse.Namespace) -> None:
     """Run the second stage with a progress bar and print its times."""
-    from lfsr_core.reconstruct.second_stage import upscale_frame
+    from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
 
     progress = ProgressBar()
     try:
-        report = upscale_frame(folder, method, step=arguments.step, dilate=arguments.dilate,
-                               linear_exr=arguments.linear_exr, weights=arguments.weights, progress=progress)
+        options = UpscaleOptions(arguments.step, arguments.dilate, weights=arguments.weights,
+                                 linear_exr=arguments.linear_exr, progress=progress)
+        report = upscale_frame(folder, method, options)
     finally:
         progress.close()
     times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report["seconds"].items())

@@ -12,6 +12,8 @@ from lfsr_core.frames.foreground import recall
 from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE, read_frame
 from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.png import read_mask
+from lfsr_core.metrics.eia_metrics import compare
+from lfsr_core.reconstruct.second_stage import UpscaleOptions, finished_linear
 
 LEAST_SAMPLES = 8
 
@@ -23,13 +25,11 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
     shows every lens: a mask that lost some must not hide them from the metrics.
     LfsrError where either folder is incomplete or the two show different pictures.
     """
-    from lfsr_core.metrics.eia_metrics import compare
-    from lfsr_core.reconstruct.second_stage import finished_linear
-
     folder, frame = Path(folder), read_frame(folder)
     check_reference(frame, read_frame(reference))
     report = read_json(folder / REPORT_FILE, "the report of `lfsr render` or `lfsr upscale`")
-    image = finished_linear(folder, report["method"], dilate=report.get("dilate", 0), weights=report.get("weights"))
+    options = UpscaleOptions(dilate=report.get("dilate", 0), weights=report.get("weights"))
+    image = finished_linear(folder, report["method"], options)
     known, mask = Reference.read(reference), read_mask(folder / MASK_FILE)
     metrics = compare(image, known.half_a, known.half_b, frame.display.lenses, known.foreground_mask(mask),
                       lens_list=known.lens_list)

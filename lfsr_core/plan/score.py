@@ -23,8 +23,8 @@ from lfsr_core.plan.times import StageTime
 from lfsr_core.reconstruct.assembly import MAX_WORKERS
 from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution, is_available, shown_part
 from lfsr_core.reconstruct.methods.epipolar import Recovering
-from lfsr_core.reconstruct.registry import Method, method
-from lfsr_core.reconstruct.second_stage import FILL_METHOD, upscale_frame
+from lfsr_core.reconstruct.registry import method
+from lfsr_core.reconstruct.second_stage import FILL_METHOD, finished_lenses, upscale_frame
 
 CORRECTED = 0.5  # share of the reference's remaining noise that is taken out of the metric
 FINISHING = ("load", "mask", "assemble", "color", "write")
@@ -116,7 +116,7 @@ def features(low: LowResEIA) -> np.ndarray:
 def score(folder: Path, name: str, mosaic: Mosaic, reference: SampledReference) -> Scores:
     """Accuracy of method ``name`` on the centres of ``mosaic``, from the sample's render in ``folder``."""
     low, mask = _sampled(folder, mosaic)
-    images = srgb_encode(finished(low, mask, method(name, block=mosaic.side), mosaic.centres))
+    images = srgb_encode(finished_lenses(low, mask, method(name, block=mosaic.side), mosaic.centres))
     return split_scores(images, reference)
 
 
@@ -163,21 +163,6 @@ def _sampled(folder: Path, mosaic: Mosaic) -> tuple[LowResEIA, np.ndarray]:
     frame = read_frame(folder)
     layers, _ = clean(read_layers(folder / LOW_RES_FILE))
     return mosaic.of_render(low_resolution(layers, frame)), mosaic.of_mask(foreground_mask(layers, frame.rays.tiles))
-
-
-def finished(low: LowResEIA, mask: np.ndarray, chosen: Method, centres: np.ndarray) -> np.ndarray:
-    """Elemental images (n, py, px, 3), scene-linear, of the lenses ``centres`` (n, 2), made as the pipeline does.
-
-    ``mask`` (n,) bool: which of them are foreground; the others are filled in.
-    """
-    filler = chosen.upscaler if low.scale == 1 else method(FILL_METHOD).upscaler
-    prepared = chosen.prepare(low)
-    sy, sx, height, width, channels = low.color.shape
-    images = np.empty((len(centres), height * low.scale, width * low.scale, channels), np.float32)
-    for wanted, upscaler in ((mask, chosen.upscaler), (~mask, filler)):
-        if wanted.any():
-            images[wanted] = upscaler(prepared, centres[wanted])
-    return images
 
 
 def _mean_ssim(images: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> np.ndarray:

@@ -28,7 +28,7 @@ Finish = Callable[[np.ndarray, np.ndarray], None]
 
 
 @dataclasses.dataclass(frozen=True)
-class Plan:
+class Assembly:
     """Which lenses get what: ``mask`` (sy, sx) bool the ``upscaler``, ``fill`` the cheap ``filler``."""
 
     low: LowResEIA
@@ -59,13 +59,13 @@ class Plan:
         return parts
 
 
-def upscale_all(plan: Plan, step: int | None, finish: Finish, clock: StageClock, progress: Progress) -> None:
-    """Call ``finish(lenses (n, 2), elemental images (n, py, px, 3) scene-linear)`` for every lens of the plan.
+def upscale_all(assembly: Assembly, step: int | None, finish: Finish, clock: StageClock, progress: Progress) -> None:
+    """Call ``finish(lenses (n, 2), elemental images (n, py, px, 3) scene-linear)`` for every lens of the assembly.
 
     From several threads and in any order. Upscalers that are not thread-safe run
     one call at a time.
     """
-    parts = plan.parts(step)
+    parts = assembly.parts(step)
     workers = max(1, min(os.cpu_count() or 1, MAX_WORKERS, len(parts)))
     one_at_a_time = threading.Lock()
 
@@ -73,14 +73,14 @@ def upscale_all(plan: Plan, step: int | None, finish: Finish, clock: StageClock,
         upscaler, lenses = part
         if upscaler.thread_safe:
             with clock("upscale"):
-                images = upscaler(plan.low, lenses)
+                images = upscaler(assembly.low, lenses)
         else:
             with one_at_a_time, clock("upscale"):
-                images = upscaler(plan.low, lenses)
+                images = upscaler(assembly.low, lenses)
         finish(lenses, images)
 
     # Workers that each start BLAS threads of their own wait for one another.
-    blas_threads = 1 if plan.upscaler.thread_safe else None
+    blas_threads = 1 if assembly.upscaler.thread_safe else None
     with threadpool_limits(blas_threads, "blas"), ThreadPoolExecutor(workers) as pool, clock.shared_by(workers):
         for done, _ in enumerate(pool.map(work, parts), start=1):
             progress("upscale", done / len(parts), f"{done} of {len(parts)} steps")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -10,39 +11,159 @@ import numpy as np
 from lfsr_core.files import write_json
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LOW_RES_FILE, MASK_FILE, REPORT_FILE, Frame, read_frame
-from lfsr_core.frames.low_res import low_resolution
+from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.images.exr import HALF_MAX, clean, read_layers, write_layers
 from lfsr_core.images.png import write_mask, write_png
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.progress import Progress, silent
-from lfsr_core.reconstruct.assembly import Plan, filled, place, upscale_all
+from lfsr_core.reconstruct import registry
+from lfsr_core.reconstruct.assembly import Assembly, filled, place, upscale_all
 from lfsr_core.reconstruct.clock import StageClock, peak_bytes
+from lfsr_core.reconstruct.contract import Upscaler
 from lfsr_core.reconstruct.method_name import PLAIN_METHOD, MethodName
-from lfsr_core.reconstruct.registry import Method, method
+from lfsr_core.reconstruct.registry import Method
 
 FILL_METHOD = PLAIN_METHOD
 
 
-def upscale_frame(folder: str | Path, method_name: str, *, step: int | None = None, dilate: int = 0,
-                  linear_exr: bool = False, weights: str | Path | None = None,
-                  progress: Progress | None = None) -> dict[str, Any]:
+@dataclasses.dataclass(frozen=True)
+class UpscaleOptions:
+    """How a frame is finished, besides the method.
+
+    Attributes:
+        step: elemental images per call of the method, None for as many as suit it.
+        dilate: lenses by which the foreground mask grows.
+        selection: False treats every lens as foreground.
+        weights: file for the method's network instead of the shipped one; for a method given by name.
+        linear_exr: whether the scene-linear eia.exr is written too.
+        progress: called with (stage, fraction, message).
+    """
+
+    step: int | None = None
+    dilate: int = 0
+    selection: bool = True
+    weights: str | Path | None = None
+    linear_exr: bool = False
+    progress: Progress = silent
+
+
+DEFAULT = UpscaleOptions()
+
+
+def upscale_frame(folder: str | Path, method: str | MethodName | Method,
+                  options: UpscaleOptions = DEFAULT) -> dict[str, Any]:
     """Write eia.png, mask.png and report.json (and eia.exr) of a rendered frame folder; return the report.
 
-    ``method_name`` as in ``upscale.METHODS``; ``step``: elemental images per
-    call of the method (default: one row of lenses); ``dilate``: lenses by which
-    the foreground mask grows; ``weights``: file for the method's network instead of
-    the shipped one; ``progress(stage, fraction, message)``. LfsrError for bad input;
-    then nothing in the folder is half-written.
+    LfsrError for bad input; then nothing in the folder is half-written.
     """
-    folder, clock, progress = Path(folder), StageClock(), progress or silent
-    chosen, frame = method(method_name, weights), read_frame(folder)
-    show = ViewTransform(frame.color)
-    plan, replaced = _prepare(folder, frame, chosen, dilate, clock, progress)
-    background = np.asarray(frame.display.background, np.float32)
+    run = _begin(folder, method, options)
+    show = ViewTransform(run.frame.color)
+    assembly, replaced = _prepare(run)
+    pixels, linear = _panel_images(run, show, assembly)
+    with run.clock("write"):
+        _write(run, pixels, linear, assembly.mask)
+    report = _report(run, assembly) | {
+        "replaced_pixels": replaced, "dilate": options.dilate,
+        "weights": str(options.weights) if options.weights else None}
+    write_json(run.folder / REPORT_FILE, report)
+    return report
+
+
+def panel_image(folder: str | Path, method: str | MethodName | Method,
+                options: UpscaleOptions = DEFAULT) -> np.ndarray:
+    """The pixels of eia.png, (H, W, 3) uint8 in panel order. Writes nothing."""
+    run = _begin(folder, method, options)
+    show = ViewTransform(run.frame.color)
+    return _panel_images(run, show, _prepare(run)[0])[0]
+
+
+def finished_linear(folder: str | Path, method: str | MethodName | Method,
+                    options: UpscaleOptions = DEFAULT) -> np.ndarray:
+    """The finished EIA, (H, W, 3) float32, scene-linear, in view order: what metrics compare. Writes nothing."""
+    return linear_and_mask(folder, method, options)[0]
+
+
+def linear_and_mask(folder: str | Path, method: str | MethodName | Method,
+                    options: UpscaleOptions = DEFAULT) -> tuple[np.ndarray, np.ndarray]:
+    """``finished_linear`` and the foreground mask (sy, sx) that it was made with. Writes nothing."""
+    run = _begin(folder, method, options)
+    assembly, _ = _prepare(run)
+    result = filled(assembly.size, np.asarray(run.frame.display.background, np.float32))
+
+    def finish(lenses: np.ndarray, images: np.ndarray) -> None:
+        place(result, run.frame.rays.tiles, lenses, images, flipped=False)
+
+    upscale_all(assembly, options.step, finish, run.clock, options.progress)
+    return result, assembly.mask
+
+
+def finished_lenses(low: LowResEIA, mask: np.ndarray, method: Method, lenses: np.ndarray) -> np.ndarray:
+    """Elemental images of a few lenses, made as those of a whole frame are.
+
+    Parameters:
+        low: what was rendered, before any prefilter.
+        mask: (n,) bool, which of ``lenses`` are foreground; the others are filled in.
+        method: what finishes them.
+        lenses: (n, 2) rows and columns.
+
+    Returns:
+        (n, py, px, 3) float32, scene-linear.
+    """
+    prepared = method.prepare(low)
+    _, _, height, width, channels = low.color.shape
+    images = np.empty((len(lenses), height * low.scale, width * low.scale, channels), np.float32)
+    for wanted, upscaler in ((mask, method.upscaler), (~mask, _filler(method, low.scale))):
+        if wanted.any():
+            images[wanted] = upscaler(prepared, lenses[wanted])
+    return images
+
+
+@dataclasses.dataclass(frozen=True)
+class _Run:
+    """One frame on its way through the second stage."""
+
+    folder: Path
+    frame: Frame
+    method: Method
+    options: UpscaleOptions
+    clock: StageClock
+
+
+def _begin(folder: str | Path, method: str | MethodName | Method, options: UpscaleOptions) -> _Run:
+    chosen = method if isinstance(method, Method) else registry.method(method, options.weights)
+    return _Run(Path(folder), read_frame(folder), chosen, options, StageClock())
+
+
+def _filler(method: Method, scale: int) -> Upscaler:
+    """What finishes the lenses beside the foreground."""
+    return method.upscaler if scale == 1 else registry.method(FILL_METHOD).upscaler
+
+
+def _prepare(run: _Run) -> tuple[Assembly, int]:
+    """Everything before the first lens, and how many pixels were not finite."""
+    frame, clock, progress = run.frame, run.clock, run.options.progress
+    clock.seconds["render"] = float(sum(frame.seconds.values()))
+    progress("load", 0.0, LOW_RES_FILE)
+    with clock("load"):
+        layers, replaced = clean(read_layers(run.folder / LOW_RES_FILE))
+        low = low_resolution(layers, frame)
+    with clock("mask"):
+        mask = foreground_mask(layers, frame.rays.tiles, run.options.dilate)
+        mask = mask if run.options.selection else np.ones_like(mask)
+        fill = ~mask & (low.alpha.any(axis=(2, 3, 4)) | frame.world_visible)
+    progress("upscale", 0.0, "+".join(run.method.name.prefilters))
+    with clock("upscale"):
+        low = run.method.prepare(low)
+    return Assembly(low, mask, fill, run.method.upscaler, _filler(run.method, frame.scale)), replaced
+
+
+def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[np.ndarray, np.ndarray | None]:
+    """The finished EIA in panel order: uint8 as Blender shows it and, where asked for, scene-linear float16."""
+    clock, background = run.clock, np.asarray(run.frame.display.background, np.float32)
     with clock("assemble"):
-        pixels = filled(plan.size, show.to_uint8(background[None])[0])
-        linear = filled(plan.size, background.astype(np.float16)) if linear_exr else None
-    grid, flipped = frame.rays.tiles, frame.display.ei_order == "flipped"
+        pixels = filled(assembly.size, show.to_uint8(background[None])[0])
+        linear = filled(assembly.size, background.astype(np.float16)) if run.options.linear_exr else None
+    grid, flipped = run.frame.rays.tiles, run.frame.display.ei_order == "flipped"
 
     def finish(lenses: np.ndarray, images: np.ndarray) -> None:
         with clock("color"):
@@ -52,70 +173,33 @@ def upscale_frame(folder: str | Path, method_name: str, *, step: int | None = No
             if linear is not None:
                 place(linear, grid, lenses, np.minimum(images, HALF_MAX), flipped)
 
-    upscale_all(plan, step, finish, clock, progress)
-    with clock("write"):
-        _write(folder, pixels, linear, plan.mask, progress)
-    report = _report(chosen.name, plan, frame, clock) | {
-        "replaced_pixels": replaced, "dilate": dilate, "weights": str(weights) if weights else None}
-    write_json(folder / REPORT_FILE, report)
-    return report
+    upscale_all(assembly, run.options.step, finish, clock, run.options.progress)
+    return pixels, linear
 
 
-def finished_linear(folder: str | Path, method_name: str, *, step: int | None = None, dilate: int = 0,
-                    weights: str | Path | None = None, progress: Progress | None = None) -> np.ndarray:
-    """The finished EIA, (H, W, 3) float32, scene-linear, in view order: what metrics compare. Writes nothing."""
-    folder, clock, progress = Path(folder), StageClock(), progress or silent
-    frame = read_frame(folder)
-    plan, _ = _prepare(folder, frame, method(method_name, weights), dilate, clock, progress)
-    result = filled(plan.size, np.asarray(frame.display.background, np.float32))
-
-    def finish(lenses: np.ndarray, images: np.ndarray) -> None:
-        place(result, frame.rays.tiles, lenses, images, flipped=False)
-
-    upscale_all(plan, step, finish, clock, progress)
-    return result
-
-
-def _prepare(folder: Path, frame: Frame, chosen: Method, dilate: int, clock: StageClock,
-             progress: Progress) -> tuple[Plan, int]:
-    """Everything before the first strip, and how many pixels were not finite."""
-    clock.seconds["render"] = float(sum(frame.seconds.values()))
-    progress("load", 0.0, LOW_RES_FILE)
-    with clock("load"):
-        layers, replaced = clean(read_layers(folder / LOW_RES_FILE))
-        low = low_resolution(layers, frame)
-    with clock("mask"):
-        mask = foreground_mask(layers, frame.rays.tiles, dilate)
-        fill = ~mask & (low.alpha.any(axis=(2, 3, 4)) | frame.world_visible)
-    progress("upscale", 0.0, "+".join(chosen.name.prefilters))
-    with clock("upscale"):
-        low = chosen.prepare(low)
-    filler = chosen.upscaler if frame.scale == 1 else method(FILL_METHOD).upscaler
-    return Plan(low, mask, fill, chosen.upscaler, filler), replaced
-
-
-def _write(folder: Path, pixels: np.ndarray, linear: np.ndarray | None, mask: np.ndarray, progress: Progress) -> None:
-    progress("write", 0.0, EIA_FILE)
-    write_png(folder / EIA_FILE, pixels)
-    write_mask(folder / MASK_FILE, mask)
+def _write(run: _Run, pixels: np.ndarray, linear: np.ndarray | None, mask: np.ndarray) -> None:
+    run.options.progress("write", 0.0, EIA_FILE)
+    write_png(run.folder / EIA_FILE, pixels)
+    write_mask(run.folder / MASK_FILE, mask)
     if linear is None:
         # One of an earlier run would show another method than eia.png.
-        (folder / EIA_LINEAR_FILE).unlink(missing_ok=True)
+        (run.folder / EIA_LINEAR_FILE).unlink(missing_ok=True)
     else:
-        write_layers(folder / EIA_LINEAR_FILE, {"color": linear}, half=True)
-    progress("write", 1.0, EIA_FILE)
+        write_layers(run.folder / EIA_LINEAR_FILE, {"color": linear}, half=True)
+    run.options.progress("write", 1.0, EIA_FILE)
 
 
-def _report(method_name: MethodName, plan: Plan, frame: Frame, clock: StageClock) -> dict[str, Any]:
+def _report(run: _Run, assembly: Assembly) -> dict[str, Any]:
     """Entries of report.json, see docs/reference/frame-folder.md."""
+    name = run.method.name
     return {
-        "method": method_name.text,
-        "display": frame.display.name,
-        "scale": frame.scale,
-        "samples": frame.samples,
-        "seconds": {stage: round(seconds, 4) for stage, seconds in clock.seconds.items()},
+        "method": name.text,
+        "display": run.frame.display.name,
+        "scale": run.frame.scale,
+        "samples": run.frame.samples,
+        "seconds": {stage: round(seconds, 4) for stage, seconds in run.clock.seconds.items()},
         "peak_bytes": peak_bytes(),
-        "foreground_share": float(plan.mask.mean()),
-        "notes": [*method_name.guide_notes(plan.low.layers), *plan.upscaler.notes],
+        "foreground_share": float(assembly.mask.mean()),
+        "notes": [*name.guide_notes(assembly.low.layers), *assembly.upscaler.notes],
         "metrics": {},
     }

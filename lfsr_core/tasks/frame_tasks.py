@@ -16,9 +16,9 @@ from lfsr_core.render.protocol import emit_progress
 
 def upscale(folder: str, method: str, linear_exr: bool = False, views: str | None = None) -> dict[str, Any]:
     """Finish a rendered frame folder; ``views`` names a file for ``decode``. Result: method and seconds per stage."""
-    from lfsr_core.reconstruct.second_stage import upscale_frame
+    from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
 
-    report = upscale_frame(folder, method, linear_exr=linear_exr, progress=emit_progress)
+    report = upscale_frame(folder, method, UpscaleOptions(linear_exr=linear_exr, progress=emit_progress))
     if views:
         decode(folder, views)
     return {"method": report["method"], "seconds": report["seconds"]}

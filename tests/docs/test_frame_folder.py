@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from lfsr_core.metrics.compare import compare_folders
-from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
 from tests.support.synthetic import write_reference, write_render
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "reference" / "frame-folder.md"
@@ -40,7 +40,7 @@ def read(path: Path) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = write_render(tmp_path_factory.mktemp("frame"))
-    upscale_frame(folder, "bicubic", dilate=1)
+    upscale_frame(folder, "bicubic", UpscaleOptions(dilate=1))
     return folder
 
 

@@ -18,6 +18,7 @@ from lfsr_core.reconstruct import second_stage
 from lfsr_core.reconstruct.clock import STAGES, StageClock
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.registry import Method, method
+from lfsr_core.reconstruct.second_stage import UpscaleOptions
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import MINI, light_field, write_render
 
@@ -40,7 +41,7 @@ def expected_linear(folder, name):
 @pytest.mark.parametrize("step", [None, 1, 7, 1000])
 def test_finished_eia_is_the_method_on_every_foreground_lens(tmp_path, name, step):
     write_render(tmp_path)
-    result = second_stage.finished_linear(tmp_path, name, step=step)
+    result = second_stage.finished_linear(tmp_path, name, UpscaleOptions(step=step))
     np.testing.assert_allclose(result, expected_linear(tmp_path, name), atol=1e-6)
 
 
@@ -71,7 +72,7 @@ def test_direct_display_gets_view_order(tmp_path):
 
 def test_linear_exr_is_in_panel_order_and_an_old_one_goes(tmp_path):
     write_render(tmp_path)
-    second_stage.upscale_frame(tmp_path, "bicubic", linear_exr=True)
+    second_stage.upscale_frame(tmp_path, "bicubic", UpscaleOptions(linear_exr=True))
     linear = read_layers(tmp_path / "eia.exr")["color"][..., :3]
     expected = eia.flip_order(second_stage.finished_linear(tmp_path, "bicubic"), MINI.lenses)
     np.testing.assert_allclose(linear, expected, rtol=1e-3, atol=1e-6)
@@ -135,7 +136,7 @@ def test_mask_and_dilation_are_written(tmp_path):
     alpha = eia.to_elemental_images(read_layers(tmp_path / LOW_RES_FILE)["color"][..., 3:], MINI.lenses)
     np.testing.assert_array_equal(plain, alpha.any((2, 3, 4)))
     assert report["foreground_share"] == pytest.approx(plain.mean())
-    assert second_stage.upscale_frame(tmp_path, "bicubic", dilate=1)["foreground_share"] > plain.mean()
+    assert second_stage.upscale_frame(tmp_path, "bicubic", UpscaleOptions(dilate=1))["foreground_share"] > plain.mean()
     assert (read_mask(tmp_path / "mask.png") >= plain).all()
 
 
@@ -167,7 +168,7 @@ def test_report_has_what_the_documentation_says(tmp_path):
 def test_progress_rises_to_the_end(tmp_path):
     write_render(tmp_path)
     seen = []
-    second_stage.upscale_frame(tmp_path, "bicubic", progress=lambda *state: seen.append(state))
+    second_stage.upscale_frame(tmp_path, "bicubic", UpscaleOptions(progress=lambda *state: seen.append(state)))
     stages = list(dict.fromkeys(stage for stage, _, _ in seen))
     assert stages == ["load", "upscale", "write"]
     fractions = [fraction for stage, fraction, _ in seen if stage == "upscale"]
@@ -190,7 +191,7 @@ def test_bad_method_leaves_the_folder_as_it_was(tmp_path, scale, name, message):
 def test_bad_step_and_wrong_size_are_errors(tmp_path):
     write_render(tmp_path)
     with pytest.raises(LfsrError, match="step is 0"):
-        second_stage.upscale_frame(tmp_path, "bicubic", step=0)
+        second_stage.upscale_frame(tmp_path, "bicubic", UpscaleOptions(step=0))
     write_layers(tmp_path / LOW_RES_FILE, {"color": np.zeros((48, 60, 4), np.float32)})
     with pytest.raises(LfsrError, match="60×48 pixels, but frame.json says 64×48"):
         second_stage.upscale_frame(tmp_path, "bicubic")
@@ -210,7 +211,7 @@ def test_lens_list_is_finished_as_tiles(tmp_path):
         np.testing.assert_allclose(result[tile // across, tile % across], expected[lens], atol=1e-6)
 
 
-def test_prefilters_see_the_low_resolution_eia_before_the_upscaler(tmp_path, monkeypatch):
+def test_prefilters_see_the_low_resolution_eia_before_the_upscaler(tmp_path):
     write_render(tmp_path)
     expected = 2 * second_stage.finished_linear(tmp_path, "nearest")
 
@@ -218,8 +219,7 @@ def test_prefilters_see_the_low_resolution_eia_before_the_upscaler(tmp_path, mon
         return dataclasses.replace(low, color=2 * low.color)
 
     doubling = Method(MethodName.parse("nearest"), (doubled,), method("nearest").upscaler)
-    monkeypatch.setattr(second_stage, "method", lambda *_: doubling)
-    np.testing.assert_allclose(second_stage.finished_linear(tmp_path, "nearest"), expected, rtol=1e-6)
+    np.testing.assert_allclose(second_stage.finished_linear(tmp_path, doubling), expected, rtol=1e-6)
 
 
 class OneAtATime:
@@ -239,15 +239,41 @@ class OneAtATime:
         return np.ones((len(lenses), 8, 8, 3), np.float32)
 
 
-def test_an_upscaler_that_is_not_thread_safe_runs_alone_in_steps(tmp_path, monkeypatch):
+def test_an_upscaler_that_is_not_thread_safe_runs_alone_in_steps(tmp_path):
     write_render(tmp_path)
     upscaler = OneAtATime()
-    monkeypatch.setattr(second_stage, "method", lambda *_: method("bilinear", upscaler=upscaler))
-    report = second_stage.upscale_frame(tmp_path, "bilinear", step=5)
+    report = second_stage.upscale_frame(tmp_path, method("bilinear", upscaler=upscaler), UpscaleOptions(step=5))
     assert not upscaler.overlapped
     assert max(upscaler.calls) == 5
     assert sum(upscaler.calls) == read_mask(tmp_path / "mask.png").sum()
     assert report["notes"] == ["said once"]
+
+
+def test_what_is_written_can_be_had_without_writing(tmp_path):
+    folder = write_render(tmp_path)
+    image = second_stage.panel_image(folder, "bicubic")
+    assert not (folder / "eia.png").exists()
+    second_stage.upscale_frame(folder, "bicubic")
+    np.testing.assert_array_equal(image, read_png(folder / "eia.png"))
+
+
+def test_without_selection_every_lens_is_foreground(tmp_path):
+    folder = write_render(tmp_path)
+    linear, mask = second_stage.linear_and_mask(folder, "bicubic")
+    whole, every = second_stage.linear_and_mask(folder, "bicubic", UpscaleOptions(selection=False))
+    assert every.all() and not mask.all()
+    inside = np.repeat(np.repeat(mask, 8, 0), 8, 1)
+    np.testing.assert_allclose(linear[inside], whole[inside], atol=1e-6)
+
+
+def test_single_lenses_are_finished_as_in_the_whole_frame(tmp_path):
+    folder = write_render(tmp_path)
+    linear, mask = second_stage.linear_and_mask(folder, "bicubic")
+    low = low_res.low_resolution(read_layers(folder / LOW_RES_FILE), read_frame(folder))
+    lenses = np.concatenate([np.argwhere(mask)[:3], np.argwhere(~mask & low.alpha.any((2, 3, 4)))[:3]])
+    images = second_stage.finished_lenses(low, mask[tuple(lenses.T)], method("bicubic"), lenses)
+    expected = eia.to_elemental_images(linear, MINI.lenses)[tuple(lenses.T)]
+    np.testing.assert_allclose(images, expected, atol=1e-6)
 
 
 def test_threads_share_the_clock():

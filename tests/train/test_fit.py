@@ -14,7 +14,7 @@ from lfsr_core.frames.frame import LOW_RES_FILE, REPORT_FILE
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.metrics.compare import compare_folders
 from lfsr_core.reconstruct.registry import method
-from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
 from lfsr_core.train.fit import FitOptions, fit
 from tests.support.synthetic import fails, write_reference, write_render
 
@@ -44,7 +44,7 @@ def test_fit_gains_on_lenses_it_has_not_seen(folders, tmp_path):
     assert read_json(weights.with_suffix(".json"), "provenance").items() >= dataclasses.asdict(fitted).items()
     upscale_frame(folder, "light")
     general = compare_folders(folder, reference)["ssim_eia_fg"]
-    upscale_frame(folder, "light", weights=weights)
+    upscale_frame(folder, "light", UpscaleOptions(weights=weights))
     assert read_json(folder / REPORT_FILE, "report")["weights"] == str(weights)
     assert compare_folders(folder, reference)["ssim_eia_fg"] > general + 0.01
 

@@ -12,53 +12,16 @@ from lfsr_core.bench.paper import renders, weights
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
-from lfsr_core.frames.low_res import low_resolution
 from lfsr_core.frames.reference import Reference, check_reference
-from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.exr import read_layers
 from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.metrics.eia_metrics import compare
 from lfsr_core.metrics.split_ssim import split_ssim_map, stacked_ssim
 from lfsr_core.optics.eia import to_elemental_images
-from lfsr_core.progress import silent
-from lfsr_core.reconstruct.assembly import Plan, filled, place, upscale_all
-from lfsr_core.reconstruct.clock import StageClock
 from lfsr_core.reconstruct.method_name import MethodName
-from lfsr_core.reconstruct.registry import Method
-from lfsr_core.reconstruct.registry import method as method_of
-from lfsr_core.reconstruct.second_stage import FILL_METHOD
+from lfsr_core.reconstruct.second_stage import linear_and_mask
 
 SHOWN = ("p", "ssim_eia", "ssim_eia_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain", "ssim_ceiling", "flip")
-
-
-def linear_picture(folder: Path, method: Method) -> tuple[np.ndarray, np.ndarray]:
-    """Finished EIA (H, W, 3), scene-linear, in view order, and the foreground mask (sy, sx) it was made with."""
-    frame, plan = _plan(folder, method, selection=True)
-    result = filled(plan.size, np.asarray(frame.display.background, np.float32))
-
-    def finish(lenses: np.ndarray, images: np.ndarray) -> None:
-        place(result, frame.rays.tiles, lenses, images, flipped=False)
-
-    upscale_all(plan, None, finish, StageClock(), silent)
-    return result, plan.mask
-
-
-def second_stage(folder: Path, method: Method, selection: bool = True) -> np.ndarray:
-    """The whole second stage short of writing files: EXR in, 8-bit panel image (H, W, 3) out.
-
-    Without ``selection`` every lens is treated as foreground.
-    """
-    frame, plan = _plan(folder, method, selection)
-    show = ViewTransform(frame.color)
-    background = np.asarray(frame.display.background, np.float32)
-    pixels = filled(plan.size, show.to_uint8(background[None])[0])
-    flipped = frame.display.ei_order == "flipped"
-
-    def finish(lenses: np.ndarray, images: np.ndarray) -> None:
-        place(pixels, frame.rays.tiles, lenses, show.to_uint8(images), flipped)
-
-    upscale_all(plan, None, finish, StageClock(), silent)
-    return pixels
 
 
 def foreground_share(folder: Path) -> float:
@@ -74,7 +37,7 @@ def measure(settings: Settings, scene: Path, folder: Path, name: str) -> dict[st
     method = weights.method(settings, name)
     if method is None:
         return None
-    image, mask = linear_picture(folder, method)
+    image, mask = linear_and_mask(folder, method)
     return against(Reference.read(renders.reference(settings, scene)), read_frame(folder), image, mask)
 
 
@@ -124,18 +87,6 @@ def _errors(reference: Reference, image: np.ndarray, margin: int) -> dict[str, f
     inside[margin:-margin, margin:-margin] = True
     border, centre = (float(squares[part].sum() / squares.size) for part in (~inside, inside))
     return {"border": border, "centre": centre, "border_pixels": float((~inside).mean())}
-
-
-def _plan(folder: Path, method: Method, selection: bool) -> tuple[Frame, Plan]:
-    frame = read_frame(folder)
-    layers = clean(read_layers(folder / LOW_RES_FILE))[0]
-    low = low_resolution(layers, frame)
-    mask = foreground_mask(layers, frame.rays.tiles)
-    if not selection:
-        mask = np.ones_like(mask)
-    fill = ~mask & (low.alpha.any(axis=(2, 3, 4)) | frame.world_visible)
-    filler = method.upscaler if frame.scale == 1 else method_of(FILL_METHOD).upscaler
-    return frame, Plan(method.prepare(low), mask, fill, method.upscaler, filler)
 
 
 def inputs(settings: Settings, scene: Path, name: str, **more: Any) -> dict[str, Any]:

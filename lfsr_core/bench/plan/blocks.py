@@ -22,9 +22,8 @@ from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.plan.sample import Lens, Mosaic, with_neighbours
-from lfsr_core.plan.score import finished
 from lfsr_core.reconstruct.registry import method
-from lfsr_core.reconstruct.second_stage import finished_linear
+from lfsr_core.reconstruct.second_stage import finished_lenses, finished_linear
 
 REACHES = (0, 1, 2, 3)
 
@@ -42,8 +41,8 @@ def differences(folder: Path, reference: Path, name: str) -> Iterator[tuple[int,
     for reach in REACHES:
         listed, blocks = with_neighbours(lenses, reach, frame.display.lenses)
         mosaic = Mosaic.of(blocks)
-        images = finished(mosaic.of_render(_listed(low, listed)), np.ones(len(lenses), bool), method(name),
-                          mosaic.centres)
+        images = finished_lenses(mosaic.of_render(_listed(low, listed)), np.ones(len(lenses), bool), method(name),
+                                 mosaic.centres)
         yield reach, _ssim(images, halves) - usual
 
 

@@ -93,7 +93,7 @@ def test_sampled_lenses_are_compared_as_they_are_elsewhere(frames, tmp_path):
     listed = tuple((row, column) for row in range(0, 12, 3) for column in range(0, 16, 2))
     write_reference(tmp_path, noise=0.02, lens_list=listed)
     reference, folder = quality.Reference.read(tmp_path), frames.bench / "toy" / f"s4-spp{CLEAN}"
-    image, mask = quality.linear_picture(folder, quality.method_of("bicubic"))
+    image, mask = quality.linear_and_mask(folder, "bicubic")
     found = quality.against(reference, quality.read_frame(folder), image, mask)
     inside = [mask[row, column] for row, column in listed]
     assert 0 < sum(inside) < len(listed) and len(found["lens_ssim_fg"]) == reference.foreground.sum()
@@ -114,21 +114,12 @@ def test_sampled_references_have_no_epipolar_images(frames, tmp_path):
     assert (tmp_path / "empty.png").exists()
 
 
-def test_second_stage_is_what_upscale_writes(frames):
-    from lfsr_core.images.png import read_png
-    from lfsr_core.reconstruct.second_stage import upscale_frame
-
-    folder = frames.bench / "toy" / f"s4-spp{SPP}"
-    upscale_frame(folder, "bicubic")
-    made = quality.second_stage(folder, quality.method_of("bicubic"))
-    assert (made == read_png(folder / "eia.png")).all()
-
-
 def test_a_second_run_measures_nothing(frames, measured, monkeypatch):
     def forbidden(*_, **__):
         raise AssertionError("measured again")
 
-    for module, name in ((quality, "linear_picture"), (timing, "take_turns"), (store, "run_job")):
+    for module, name in ((figure9, "linear_and_mask"), (quality, "linear_and_mask"), (timing, "take_turns"),
+                         (store, "run_job")):
         monkeypatch.setattr(module, name, forbidden)
     for name, figure in page.FIGURES.items():
         assert figure.measure(frames, frames.output) == measured[name], name

@@ -10,6 +10,7 @@ from lfsr_core.bench.paper.cells import Cells
 from lfsr_core.bench.paper.figure import COLORS, Figure, Results, axes, markdown, number, save
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.bench.paper.verdict import Difference, mean_interval, overall, paired, say
+from lfsr_core.reconstruct.second_stage import UpscaleOptions, panel_image
 
 NETWORK = "paper"
 CLAIM_STEP = "The number of elemental images per call, 8 to 208, changes the time of the second stage."
@@ -89,8 +90,8 @@ def _at(settings: Settings, scene: Path, share: float) -> dict:
 def selection_times(settings: Settings, folder: Path, name: str) -> dict[str, list[float]]:
     """Seconds of the second stage "with" and "without" foreground selection."""
     method = weights.untrained_method(settings, name, settings.scale)
-    return timing.take_turns({"with": lambda: quality.second_stage(folder, method),
-                              "without": lambda: quality.second_stage(folder, method, selection=False)},
+    return timing.take_turns({"with": lambda: panel_image(folder, method),
+                              "without": lambda: panel_image(folder, method, UpscaleOptions(selection=False))},
                              settings.repeats)
 
 

@@ -15,6 +15,7 @@ from lfsr_core.bench.paper.verdict import Difference, overall, paired, say
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.optics.eia import horizontal_epi, to_elemental_images
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.reconstruct.second_stage import finished_linear
 
 PAIRS = (("bicubic", "bicubic-eia"), ("paper", "paper-eia"), ("fsrcnn", "fsrcnn-eia"))
 TRUTH, ADVERSARIAL = "reference", "paper-gan"
@@ -51,7 +52,7 @@ def _measure_one(settings: Settings, scene: Path, name: str, picture: Path) -> d
     if method is None:
         return None
     folder = renders.low_resolution(settings, scene, settings.scale, settings.clean_spp)
-    image = quality.srgb_encode(quality.linear_picture(folder, method)[0])
+    image = quality.srgb_encode(finished_linear(folder, method))
     reference = quality.Reference.read(renders.reference(settings, scene))
     half_a, half_b = (quality.srgb_encode(half) for half in (reference.half_a, reference.half_b))
     _write_epi(image, reference, picture)

@@ -13,6 +13,7 @@ from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.bench.paper.verdict import SINGLE_RUN, overall, say, single_runs
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.second_stage import panel_image
 
 NETWORK = "paper"
 REALTIME, WIDTH_8K = 30, 7680
@@ -47,7 +48,7 @@ def _one(settings: Settings, scene: Path, display: Any, scale: int) -> dict[str,
 def _second_stage_seconds(settings: Settings, folder: Path, scale: int) -> float:
     """Median; for direct path tracing the same stage without an upscaler."""
     method = weights.untrained_method(settings, NETWORK if scale > 1 else "none", scale)
-    return timing.median_ms(timing.take_turns({"": lambda: quality.second_stage(folder, method)},
+    return timing.median_ms(timing.take_turns({"": lambda: panel_image(folder, method)},
                                               settings.repeats)[""]) / 1e3
 
 

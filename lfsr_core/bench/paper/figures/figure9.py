@@ -12,6 +12,7 @@ from lfsr_core.bench.paper.cells import Cells
 from lfsr_core.bench.paper.figure import Figure, Results, axes, gains, markdown, metric, missing, save, unequal
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.bench.paper.verdict import Difference, overall, say
+from lfsr_core.reconstruct.second_stage import linear_and_mask
 
 METHODS = ("bicubic", "paper", "paper-gan")
 LENSES_SHOWN, ACROSS, AMPLIFIED = 12, 4, 4
@@ -46,7 +47,7 @@ def _measure_one(settings: Settings, scene: Path, spp: int, name: str, picture: 
     if method is None:
         return None
     folder = renders.low_resolution(settings, scene, settings.scale, spp)
-    image, mask = quality.linear_picture(folder, method)
+    image, mask = linear_and_mask(folder, method)
     reference = quality.Reference.read(renders.reference(settings, scene))
     _write_residual(reference, image, picture)
     found = quality.against(reference, quality.read_frame(folder), image, mask)

@@ -13,6 +13,7 @@ from lfsr_core.bench.paper.verdict import Difference, overall, say, single_runs
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.second_stage import panel_image
 
 DIRECT, BY_VIEW, FEW_SAMPLES = "direct", "view by view + fsrcnn", "1 sample + oidn"
 PAPER, PAPER_PLAIN, OURS = "paper (adversary)", "paper (no adversary)", "this project"
@@ -50,7 +51,7 @@ def _one(settings: Settings, scene: Path, scale: int, spp: int, layout: str, nam
     if method is None:
         return None
     folder = renders.low_resolution(settings, scene, scale, spp, layout=layout)
-    seconds = timing.take_turns({"": lambda: quality.second_stage(folder, method)}, settings.repeats)[""]
+    seconds = timing.take_turns({"": lambda: panel_image(folder, method)}, settings.repeats)[""]
     return {**(quality.measure(settings, scene, folder, name) or {}), "render": read_frame(folder).seconds["render"],
             "second_stage": timing.median_ms(seconds) / 1e3}
 
