@@ -16,6 +16,11 @@ def multilayer_exr(half: bool = False) -> dict[str, Any]:
     return common
 
 
+def literal_path(path: str) -> str:
+    """``path`` for a render's output: since 5.0 braces there are templates unless they are doubled."""
+    return path.replace("{", "{{").replace("}", "}}") if bpy.app.version >= (5, 0, 0) else path
+
+
 def use_nodes(owner: bpy.types.Material | bpy.types.World) -> None:
     """Give a new material or world its node tree; since 5.0 it has one from the start."""
     if owner.node_tree is None:

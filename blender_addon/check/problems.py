@@ -16,7 +16,7 @@ from ..array import rig
 from ..render import devices
 from ..results import preview
 from ..scene.light import has_light
-from ..scene.open import missing_images
+from ..scene.notices import missing_images
 from ..scene.subject import find_subject
 from ..settings import scene_settings
 from . import geometry

@@ -15,7 +15,8 @@ from lfsr_core.frames.job import Job, read_job
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit
 
 from ..render.frame_folder import render_job
-from ..scene.open import choose_scene, missing_images, open_scene
+from ..scene.notices import notices
+from ..scene.open import choose_scene, open_scene
 from . import stopping
 
 
@@ -40,9 +41,8 @@ def run(job: Job) -> Path:
     scene = open_scene(job.scene) if job.scene else bpy.context.scene
     if job.scene_name is not None:
         scene = choose_scene(job.scene_name)
-    missing = missing_images()
-    if missing:
-        warn(f"{len(missing)} image files are missing, first {missing[0]}: what uses them renders magenta")
+    for sentence in notices(scene):
+        warn(sentence)
     return render_job(scene, job, opened=time.perf_counter() - started, progress=_progress, warn=warn)
 
 

@@ -68,7 +68,7 @@ def encoded_camera(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matr
 def render_to(scene: bpy.types.Scene, path: str | Path, progress: Progress | None = None) -> float:
     """Render the scene as it is set up now into ``path``, whole or not at all; seconds."""
     started = time.perf_counter()
-    with unfinished(path) as temporary, overridden(scene.render, {"filepath": str(temporary)}):
+    with unfinished(path) as temporary, overridden(scene.render, {"filepath": compat.literal_path(str(temporary))}):
         temporary.unlink()
         try:
             with following(progress):

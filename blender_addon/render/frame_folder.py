@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import bpy
 
+from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, Frame, write_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.images.color_settings import ColorSettings
@@ -70,6 +72,10 @@ def describe(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], o
 def color_settings(scene: bpy.types.Scene) -> ColorSettings:
     """How this scene is shown: the names that the second stage needs to look the same."""
     view = scene.view_settings
+    for name in ("exposure", "gamma"):
+        if not math.isfinite(getattr(view, name)):
+            raise LfsrError(f"the scene's view {name} is {getattr(view, name)}, but it must be a finite number: "
+                            "set it in Render Properties, Color Management")
     config = os.environ.get("OCIO") or str(
         Path(bpy.utils.system_resource("DATAFILES"), "colormanagement", "config.ocio"))
     return ColorSettings(scene.display_settings.display_device, view.view_transform, view.look or "None",

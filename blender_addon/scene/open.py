@@ -48,10 +48,3 @@ def _import_gltf(path: str) -> None:
 def _import_obj(path: str) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.wm.obj_import(filepath=path)
-
-
-def missing_images() -> list[str]:
-    """Paths of image files that the scene names and that are not there."""
-    images = (image for image in bpy.data.images if image.source == "FILE" and not image.packed_file)
-    paths = (Path(bpy.path.abspath(image.filepath, library=image.library)) for image in images if image.filepath)
-    return sorted({str(path) for path in paths if not path.is_file()})

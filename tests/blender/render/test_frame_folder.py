@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon.render import frame_folder
+from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.images import exr
@@ -91,3 +92,19 @@ def test_clamping_is_off_in_references_and_cycles_own_in_low_renders(noisy, tmp_
     finally:
         bpy.app.handlers.render_pre.remove(look)
     assert seen == [10.0, 0.0, 0.0, 3.0]
+
+
+@pytest.mark.parametrize("layout", ["one-pass", "view-by-view"])
+def test_braces_in_a_path_are_no_template(noisy, tmp_path, layout):
+    folder = tmp_path / "{scene} {x" / "{blend_name}}"
+    folder.mkdir(parents=True)
+    assert set(rendered(noisy, folder, spp=1, scale=4, layout=layout)) == {"lr_eia"}
+    assert [path.name for path in tmp_path.iterdir()] == ["{scene} {x"]
+
+
+@pytest.mark.parametrize("name", ["exposure", "gamma"])
+def test_a_view_that_is_no_number_is_refused(noisy, tmp_path, name):
+    setattr(noisy.view_settings, name, float("nan"))
+    with pytest.raises(LfsrError, match=f"view {name} is nan"):
+        rendered(noisy, tmp_path / "frame")
+    assert not (tmp_path / "frame").exists()

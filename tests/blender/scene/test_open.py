@@ -9,6 +9,7 @@ import pytest
 from blender_addon.array import placement
 from blender_addon.render import cycles, frame_folder
 from blender_addon.scene import light, open, subject
+from blender_addon.scene.notices import missing_images
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import Job
@@ -134,7 +135,7 @@ def test_missing_images_are_named(tmp_path):
     texture = material.node_tree.nodes.new("ShaderNodeTexImage")
     texture.image = bpy.data.images.new("lost", 4, 4)
     texture.image.source, texture.image.filepath = "FILE", str(tmp_path / "lost.png")
-    assert open.missing_images() == [str(tmp_path / "lost.png")]
+    assert missing_images() == [str(tmp_path / "lost.png")]
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ import pytest
 from blender_addon.array import rig
 from blender_addon.render.frame_folder import render_job
 from blender_addon.scene import light, open, subject
+from blender_addon.scene.notices import missing_images
 from lfsr_core.bench.stress.dials import DIALS
 from lfsr_core.bench.stress.space import Space, card_of_motion, hole
 from lfsr_core.files import read_json
@@ -79,7 +80,7 @@ def test_every_scene_has_the_array_of_the_display_and_light(built, dial):
         assert (array.distance, array.spacing) == pytest.approx((SPACE.distance, SPACE.spacing), rel=1e-5)
         assert np.array(matrix)[:3, 3] == pytest.approx([0, -SPACE.distance, 0], abs=1e-4)
         assert np.array(matrix)[:3, 2] == pytest.approx([0, 1, 0], abs=1e-6), "looks along +Y"
-        assert light.has_light(scene) and subject.find_subject(scene) and not open.missing_images()
+        assert light.has_light(scene) and subject.find_subject(scene) and not missing_images()
         assert scene.render.film_transparent == (dial.name != "hdri")
 
 
