@@ -138,7 +138,7 @@ class LightFieldTrainConfig:
     ``pixel_weight``: of the loss over decoded views and of the squared error, beside 1
     for the EIA. ``clean_inputs``: the ablation that trains on
     downsampled references instead of renders. ``without``: inputs to leave out;
-    ``spatial``, ``width``, ``body_width``, ``blocks``: another architecture than the registered one.
+    ``width``, ``body_width``, ``blocks``: another architecture than the registered one.
     """
 
     network: str
@@ -153,7 +153,6 @@ class LightFieldTrainConfig:
     pixel_weight: float = 10.0
     clean_inputs: bool = False
     without: str = ""
-    spatial: bool = False
     width: int = 0
     body_width: int = 0
     blocks: int = -1
@@ -174,5 +173,5 @@ class LightFieldTrainConfig:
         if options.get("second_base") not in options["inputs"]:
             options.pop("second_base", None)
         own = {"width": self.width or None, "body_width": self.body_width or None,
-               "blocks": None if self.blocks < 0 else self.blocks, "spatial": self.spatial or None}
+               "blocks": None if self.blocks < 0 else self.blocks}
         return options | {name: value for name, value in own.items() if value is not None}

@@ -142,7 +142,7 @@ def score(network: LightFieldNet, data: Lenses) -> float:
 
 def _image(network: LightFieldNet, data: Lenses) -> Tensor:
     """Finished EIs (N, 3, h·s, w·s), sRGB values."""
-    clean = conserve(network(data.features, data.base, (len(data.base), 1)), data.light)
+    clean = conserve(network(data.features, data.base), data.light)
     return display_values(upscale(clean, data.scale))
 
 

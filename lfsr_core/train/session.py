@@ -18,8 +18,6 @@ from lfsr_core.files import read_json
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.networks.pytorch import checkpoint
 from lfsr_core.reconstruct.networks.pytorch.cost import multiply_adds, parameters
-from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldNet
-from lfsr_core.reconstruct.networks.pytorch.lightfield import multiply_adds as light_field_multiply_adds
 from lfsr_core.train.config import LightFieldTrainConfig, TrainConfig
 from lfsr_core.train.lightfields.data import load_scenes
 from lfsr_core.train.lightfields.task import LightFieldTask, digest
@@ -152,13 +150,7 @@ def _provenance(task: ComparatorTask | LightFieldTask, outcome: Outcome,
                   "numpy": np.__version__},
         device=torch.cuda.get_device_name(task.device) if task.device.type == "cuda" else f"CPU {platform.machine()}",
         parameters=parameters(task.network),
-        multiply_adds_per_low_pixel=_multiply_adds(task.network))
-
-
-def _multiply_adds(network: torch.nn.Module) -> float:
-    if isinstance(network, LightFieldNet):
-        return light_field_multiply_adds(network.config)
-    return multiply_adds(network, COUNTED_EI, COUNTED_EI)
+        multiply_adds_per_low_pixel=multiply_adds(task.network, COUNTED_EI, COUNTED_EI))
 
 
 def choose_device(name: str) -> torch.device:

@@ -147,7 +147,6 @@ def scratch_copy(folder: Path) -> Iterator[Path]:
 
 
 FRESH_FILE = "fresh-process.json"
-COUNTED_LENSES = (4, 3)
 
 
 def network_cost(name: str, scale: int, low_views: tuple[int, int]) -> dict[str, Any]:
@@ -164,19 +163,10 @@ def network_cost(name: str, scale: int, low_views: tuple[int, int]) -> dict[str,
 
 
 def _count(part: str, scale: int, low_views: tuple[int, int]) -> tuple[int, float]:
-    import torch
-
     from lfsr_core.reconstruct.networks.pytorch.cost import multiply_adds, parameters
-    from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldNet
 
     network = catalogue.build(part, scale).eval()
-    w, h = low_views
-    if not isinstance(network, LightFieldNet):
-        return parameters(network), multiply_adds(network, h, w)
-    # Several lenses: some of its convolutions may go across them.
-    sx, sy = COUNTED_LENSES
-    features = torch.zeros(sx * sy, network.config.input_channels, h, w)
-    return parameters(network), multiply_adds(network, h * sy, w * sx, features, features[:, :3], COUNTED_LENSES)
+    return parameters(network), multiply_adds(network, *low_views[::-1])
 
 
 def fresh_seconds(folder: Path, name: str, chart_folder: Path, again: bool = False) -> float:

@@ -68,8 +68,8 @@ class ElementalNetwork:
 
     def __init__(self, tensors: Mapping[str, np.ndarray], options: Mapping[str, Any], origin: object) -> None:
         if options.get("spatial"):
-            raise LfsrError(f"{origin} holds a network with convolutions across lenses, which only training runs: "
-                            "train it again without 'spatial'")
+            raise LfsrError(f"{origin} holds a network with convolutions across lenses, which nothing runs: "
+                            "train it again")
         self.inputs, self.base = tuple(options["inputs"]), options["base"]
         self._blocks = int(options["blocks"])
         second = options.get("second_base")

@@ -155,7 +155,7 @@ class LightFieldTask:
         """Upscaled output for a batch, (N, 3, s·h, s·w) in the working domain."""
         features, base = network_inputs(batch.layers, batch.samples, self.config.architecture)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
-            clean = network(features, base, batch.lenses)
+            clean = network(features, base)
         # Eight bits of mantissa would show in smooth gradients: the last steps stay in single precision.
         clean = conserve(clean.float(), batch.layers["color"].mean((2, 3), keepdim=True))
         return upscale(clean, self.config.scale)

@@ -56,7 +56,7 @@ def test_arithmetic_is_that_of_the_trained_module(name, side):
     net = random_network(name)
     features = torch.rand(7, net.config.input_channels, side, side)
     with torch.no_grad():
-        expected = net(features, features[:, 1:4], (7, 1)).permute(0, 2, 3, 1).numpy()
+        expected = net(features, features[:, 1:4]).permute(0, 2, 3, 1).numpy()
     tensors = {key: value.numpy() for key, value in net.state_dict().items()}
     channels_last = np.ascontiguousarray(features.permute(0, 2, 3, 1).numpy())
     result = ElementalNetwork(tensors, catalogue.spec(name).options, "here")(channels_last, channels_last[..., 1:4])

@@ -19,7 +19,6 @@ from lfsr_core.reconstruct.networks.pytorch.lightfield import (
     decode,
     display_values,
     encode,
-    multiply_adds,
     upscale,
 )
 from lfsr_core.train import session
@@ -70,7 +69,7 @@ def test_losses_see_what_metrics_see():
 def test_untrained_network_gives_its_base_back():
     net = LightFieldNet(LightFieldConfig())
     base = torch.rand(LENSES[0] * LENSES[1], 3, 10, 10)
-    assert torch.equal(net(torch.rand(len(base), net.config.input_channels, 10, 10), base, LENSES), base)
+    assert torch.equal(net(torch.rand(len(base), net.config.input_channels, 10, 10), base), base)
 
 
 @pytest.mark.parametrize("scale", [2, 3, 4, 8])
@@ -80,37 +79,6 @@ def test_upscaling_in_training_is_the_method_bilinear(scale):
     interpolation.interpolate(low.copy(), "linear", scale, expected)
     ours = decode(upscale(torch.from_numpy(low.transpose(0, 3, 1, 2)), scale))
     np.testing.assert_allclose(ours.numpy().transpose(0, 2, 3, 1), expected, atol=1e-5)
-
-
-@pytest.mark.parametrize("side", [4, 5])
-def test_only_spatial_convolutions_reach_neighbouring_lenses(side):
-    for spatial in (False, True):
-        torch.manual_seed(0)
-        net = LightFieldNet(LightFieldConfig(width=4, body_width=8, spatial=spatial))
-        torch.nn.init.normal_(net.out.weight)
-        features = torch.rand(LENSES[0] * LENSES[1], net.config.input_channels, side, side, requires_grad=True)
-        output = net(features, torch.rand(len(features), 3, side, side), LENSES)
-        center = 2 * LENSES[0] + 4
-        output[center].sum().backward()
-        seen = set(features.grad.abs().amax((1, 2, 3)).nonzero().flatten().tolist())
-        assert seen == ({center} if not spatial else seen | {center + 1, center - 1, center + LENSES[0]})
-        assert spatial == (len(seen) > 1)
-
-
-def test_multiply_adds_are_those_of_the_convolutions():
-    config, counted = LightFieldConfig(width=4, body_width=8), []
-    net = LightFieldNet(config)
-
-    def count(layer, _inputs, output):
-        taps = layer.weight[0].numel()
-        counted.append(taps * output[0].numel() * len(output))
-
-    for layer in net.modules():
-        if isinstance(layer, torch.nn.Conv2d):
-            layer.register_forward_hook(count)
-    pixels = LENSES[0] * LENSES[1] * 8 * 8
-    net(torch.rand(pixels // 64, config.input_channels, 8, 8), torch.rand(pixels // 64, 3, 8, 8), LENSES)
-    assert sum(counted) / pixels == pytest.approx(multiply_adds(config))
 
 
 def test_training_ssim_is_the_one_that_is_reported():
@@ -187,7 +155,7 @@ def test_second_base_is_mixed_in():
     for share, expected in ((0.0, features[:, :3]), (1.0, features[:, 6:9]), (0.25, None)):
         network.out.bias.data[4] = share
         expected = 0.75 * features[:, :3] + 0.25 * features[:, 6:9] if expected is None else expected
-        assert torch.allclose(network(features, features[:, :3], (3, 1)), expected, atol=1e-6)
+        assert torch.allclose(network(features, features[:, :3]), expected, atol=1e-6)
 
 
 TINY = {"network": "light", "width": 4, "body_width": 8, "blocks": 1, "epochs": 2, "steps_per_epoch": 20, "batch": 2}
@@ -236,10 +204,10 @@ def test_wrong_training_input_is_told(tmp_path):
 
 
 def test_ablations_change_the_architecture():
-    config = from_values({"network": "refine", "scenes": "x", "without": "albedo,normal", "spatial": True}, "test")
-    assert config.architecture.inputs == ("oidn", "guided", "color", "alpha") and config.architecture.spatial
+    config = from_values({"network": "refine", "scenes": "x", "without": "albedo,normal", "blocks": 2}, "test")
+    assert config.architecture.inputs == ("oidn", "guided", "color", "alpha") and config.architecture.blocks == 2
     alone = from_values({"network": "refine", "scenes": "x", "without": "guided"}, "test").architecture
     assert alone.inputs == ("oidn", "color", "alpha", "albedo", "normal") and not alone.second_base
     shipped = from_values({"network": "refine", "scenes": "x"}, "test").architecture
-    assert shipped.inputs == ("oidn", "guided", "color", "alpha", "albedo", "normal") and not shipped.spatial
+    assert shipped.inputs == ("oidn", "guided", "color", "alpha", "albedo", "normal") and shipped.blocks == 1
     assert shipped.second_base == "guided"

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor, nn
+from torch.utils.flop_counter import FlopCounterMode
+
+from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldNet
 
 
 def parameters(network: nn.Module) -> int:
@@ -11,36 +14,19 @@ def parameters(network: nn.Module) -> int:
     return sum(parameter.numel() for parameter in network.parameters())
 
 
-def multiply_adds(network: nn.Module, h: int, w: int, *inputs: object) -> float:
-    """Multiply-adds per low-resolution pixel for one (3, h, w) image, counted by running it.
+def multiply_adds(network: nn.Module, h: int, w: int) -> float:
+    """Multiply-adds per low-resolution pixel of one elemental image of h × w pixels, counted by running it.
 
     Convolutions, deconvolutions and linear layers count (padding included, as
     hardware multiplies it too); activations, additions and resampling do not.
-    ``inputs`` replaces the default (1, 3, h, w) zeros for networks with others.
     """
-    total = 0
-
-    def count(layer: nn.Module, arguments: tuple[Tensor, ...], output: Tensor) -> None:
-        nonlocal total
-        total += layer_multiply_adds(layer, arguments[0], output)
-
-    kinds = (nn.Conv2d, nn.ConvTranspose2d, nn.Linear)
-    hooks = [layer.register_forward_hook(count) for layer in network.modules() if isinstance(layer, kinds)]
-    try:
-        with torch.no_grad():
-            network(*(inputs or (_zeros(network, h, w),)))
-    finally:
-        for hook in hooks:
-            hook.remove()
-    return total / (h * w)
+    with FlopCounterMode(display=False) as counter, torch.no_grad():
+        network(*_zeros(network, h, w))
+    return counter.get_total_flops() / 2 / (h * w)  # torch counts the multiply and the add
 
 
-def _zeros(network: nn.Module, h: int, w: int) -> Tensor:
-    return next(network.parameters()).new_zeros(1, 3, h, w)
-
-
-def layer_multiply_adds(layer: nn.Module, x: Tensor, y: Tensor) -> int:
-    """Multiply-adds of one convolution, deconvolution or linear layer from input ``x`` to output ``y``."""
-    if isinstance(layer, nn.ConvTranspose2d):
-        return x.numel() * layer.weight[0].numel()
-    return y.numel() * layer.weight[0].numel()
+def _zeros(network: nn.Module, h: int, w: int) -> tuple[Tensor, ...]:
+    like = next(network.parameters())
+    if isinstance(network, LightFieldNet):
+        return like.new_zeros(1, network.config.input_channels, h, w), like.new_zeros(1, 3, h, w)
+    return like.new_zeros(1, 3, h, w),

@@ -2,7 +2,7 @@
 
 A shallow U of 3×3 convolutions inside one EI, trained through linear upscaling
 on noisy renders. A nonlinear upscaling head and convolutions across lenses
-(``spatial``, kept for that ablation) gained nothing, see docs/results/networks.md.
+gained nothing, see docs/results/networks.md.
 """
 
 from __future__ import annotations
@@ -24,8 +24,7 @@ class LightFieldConfig:
     convolution sees them. ``base`` is the layer that the network corrects; ``second_base``
     another picture of the same, which it mixes in pixel by pixel.
     ``width``: channels at full angular resolution; ``body_width``: at half.
-    ``blocks``: residual pairs of convolutions; ``spatial`` takes every second one
-    across lenses.
+    ``blocks``: residual pairs of convolutions.
     """
 
     inputs: tuple[str, ...] = ("color", "alpha", "albedo", "normal")
@@ -34,7 +33,6 @@ class LightFieldConfig:
     width: int = 16
     body_width: int = 32
     blocks: int = 2
-    spatial: bool = False
 
     @property
     def input_channels(self) -> int:
@@ -87,35 +85,17 @@ class ReplicateConv(nn.Conv2d):
 
 
 class Block(nn.Module):
-    """Residual pair of convolutions over views; with ``spatial`` the second one is over lenses."""
+    """Residual pair of convolutions over the views of an elemental image."""
 
-    def __init__(self, width: int, spatial: bool) -> None:
+    def __init__(self, width: int) -> None:
         super().__init__()
         self.angular = ReplicateConv(width, width)
-        self.spatial = ReplicateConv(width, width)
-        self.across_lenses = spatial
+        self.spatial = ReplicateConv(width, width)  # over views as well: the name is that of the weights files
 
-    def forward(self, x: Tensor, lenses: tuple[int, int]) -> Tensor:
-        """(B·sy·sx, C, h, w) -> the same shape; ``lenses`` is (sx, sy)."""
+    def forward(self, x: Tensor) -> Tensor:
+        """(N, C, h, w) -> the same shape."""
         x = x + F.relu(self.angular(x))
-        if not self.across_lenses:
-            return x + F.relu(self.spatial(x))
-        views = _to_views(x, lenses)
-        return x + _to_lenses(F.relu(self.spatial(views)), x.shape)
-
-
-def _to_views(x: Tensor, lenses: tuple[int, int]) -> Tensor:
-    n, c, h, w = x.shape
-    sx, sy = lenses
-    x = x.view(n // (sx * sy), sy, sx, c, h, w).permute(0, 4, 5, 3, 1, 2)
-    return x.reshape(-1, c, sy, sx)
-
-
-def _to_lenses(views: Tensor, shape: torch.Size) -> Tensor:
-    n, c, h, w = shape
-    sy, sx = views.shape[-2:]
-    views = views.view(n // (sx * sy), h, w, c, sy, sx).permute(0, 4, 5, 3, 1, 2)
-    return views.reshape(n, c, h, w)
+        return x + F.relu(self.spatial(x))
 
 
 class LightFieldNet(nn.Module):
@@ -127,20 +107,20 @@ class LightFieldNet(nn.Module):
         width, body = config.width, config.body_width
         self.stem = ReplicateConv(config.input_channels, width)
         self.down = nn.Conv2d(width, body, 2, stride=2)
-        self.body = nn.ModuleList(Block(body, config.spatial) for _ in range(config.blocks))
+        self.body = nn.ModuleList(Block(body) for _ in range(config.blocks))
         self.up = nn.Conv2d(body, width * 4, 1)
         self.out = ReplicateConv(width, config.outputs)
         nn.init.zeros_(self.out.weight)
         nn.init.zeros_(self.out.bias)
 
-    def forward(self, features: Tensor, base: Tensor, lenses: tuple[int, int]) -> Tensor:
-        """features (N, C, h, w) and base (N, 3, h, w) of B·sy·sx EIs, ``lenses`` (sx, sy) -> (N, 3, h, w)."""
+    def forward(self, features: Tensor, base: Tensor) -> Tensor:
+        """features (N, C, h, w) and base (N, 3, h, w) of N EIs -> (N, 3, h, w)."""
         h, w = features.shape[-2:]
         x = F.relu(self.stem(features))
         x = F.pad(x, (0, w % 2, 0, h % 2), mode="replicate")
         d = F.relu(self.down(x))
         for block in self.body:
-            d = block(d, lenses)
+            d = block(d)
         x = F.relu(x + F.pixel_shuffle(self.up(d), 2))[..., :h, :w]
         correction = self.out(x)
         # A gate lets the network drop a hopeless base instead of subtracting it.
@@ -158,11 +138,3 @@ class LightFieldNet(nn.Module):
 def build(scale: int, **options: object) -> LightFieldNet:
     """Untrained network of ``LightFieldConfig(**options)``; the same at every scale."""
     return LightFieldNet(LightFieldConfig(**options))
-
-
-def multiply_adds(config: LightFieldConfig) -> float:
-    """Multiply-adds per low-resolution pixel."""
-    width, body = config.width, config.body_width
-    full = 9 * config.input_channels * width + 9 * width * config.outputs
-    half = 4 * width * body + 2 * config.blocks * 9 * body * body + body * width * 4
-    return full + half / 4
