@@ -14,17 +14,23 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from lfsr_core.bench.environment import environment
+from lfsr_core.bench.page import write_text
 from lfsr_core.bench.paper import page, renders, settings
-from lfsr_core.bench.paper.figure import Figure, Results
+from lfsr_core.bench.paper.figure import Figure
+from lfsr_core.bench.paper.records import Results
+from lfsr_core.bench.plots import save
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.optics.display import load_display
-from lfsr_core.records import to_data
+from lfsr_core.records import from_data, to_data
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Sheet
 
 RESULTS_FILE, PAGE_FILE, IMAGES = "results.json", "paper.md", "images"
 PAGE_IN_DOCS = "results/paper.md"
@@ -47,29 +53,27 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def reproduce(arguments: argparse.Namespace, command: str) -> dict[str, Results]:
     """Measure, draw and write figure by figure; returns all results by id, earlier ones included."""
-    figures = page.chosen(arguments.only)
-    chosen = make_settings(arguments)
-    run = {"settings": chosen.facts(), "environment": to_data(environment())}
-    results = _earlier(chosen.output / RESULTS_FILE, run["settings"])
+    figures, chosen = page.chosen(arguments.only), make_settings(arguments)
+    run = page.Run(chosen, environment(), command)
+    file, facts = chosen.output / RESULTS_FILE, chosen.facts()
+    results = _earlier(file, facts)
     for figure in figures:
-        results[figure.id] = figure.measure(chosen, chosen.output)
-        write_json(chosen.output / RESULTS_FILE, {**run, "command": command, "figures": results})
-        _publish(figure, results, run, command, chosen.output)
+        found = results[figure.id] = figure.measure(chosen)
+        write_json(file, {"settings": facts, "environment": to_data(run.environment), "command": command,
+                          "figures": {name: to_data(of) for name, of in results.items()}})
+        sheet = figure.draw(found, chosen.output) if figure.draw else None
+        _publish(figure, sheet, chosen.output, page.markdown(results, run, IMAGES))
         if arguments.docs:
-            _publish(figure, results, run, command, chosen.output, arguments.docs)
-        print(f"{figure.title}: {figure.line(results[figure.id])}", flush=True)
+            _publish(figure, sheet, arguments.docs, page.markdown(results, run, f"../{IMAGES}"), PAGE_IN_DOCS)
+        print(f"{figure.title}: {figure.line(found)}", flush=True)
     return results
 
 
-def _publish(figure: Figure, results: dict[str, Results], run: dict[str, Any], command: str, output: Path,
-             docs: Path | None = None) -> None:
-    """The figure's picture and the page so far, beside each other in ``output``, or where ``docs`` has them."""
-    target = docs or output
-    page_file = docs / PAGE_IN_DOCS if docs else output / PAGE_FILE
-    if figure.draw:
-        figure.draw(results[figure.id], output, target / IMAGES / page.picture_name(figure))
-    images = f"../{IMAGES}" if docs else IMAGES
-    page.write(page_file, page.markdown(results, run, command, images))
+def _publish(figure: Figure, sheet: Sheet | None, folder: Path, text: str, page_file: str = PAGE_FILE) -> None:
+    """Write the figure's picture and the page so far into a folder."""
+    if sheet:
+        save(sheet, folder / IMAGES / page.picture_name(figure))
+    write_text(folder / page_file, text)
 
 
 def make_settings(arguments: argparse.Namespace) -> settings.Settings:
@@ -93,7 +97,7 @@ def _earlier(path: Path, facts: dict[str, Any]) -> dict[str, Results]:
         return {}
     data = read_json(path, "the results of an earlier run")
     if data.get("settings") == facts:
-        return dict(data["figures"])
+        return {name: from_data(page.FIGURES[name].kind, found, str(path)) for name, found in data["figures"].items()}
     print(f"{path} is of other settings: its figures leave the page, their measurements stay", file=sys.stderr)
     return {}
 

@@ -1,53 +1,58 @@
-"""Single measurements that are kept: a run that was stopped goes on where it was."""
+"""Measurements of one figure that are kept: a run that was stopped goes on where it was."""
 
 from __future__ import annotations
 
-import os
+import dataclasses
+import functools
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json, write_json
+from lfsr_core.bench import cells
+from lfsr_core.bench.environment import load_average
 
+Record = TypeVar("Record")
 FOLDER = "cells"
 VERSION = 3  # another one where a measurement of the same inputs holds other numbers
 
 
 class Cells:
-    """Measurements of one figure, a JSON file each, in ``output``/cells/``figure``.
+    """The measurements of one figure, in the folder OUTPUT/cells/FIGURE.
 
-    ``load``: highest load average that was seen after any of them, None where the system tells none.
+    Attributes
+    ----------
+    folder: where the files are, and pictures beside them.
+    load: highest load average that was seen after any of them, None where the system tells none.
     """
 
     def __init__(self, output: Path, figure: str) -> None:
-        self.folder = Path(output) / FOLDER / figure
+        self.folder = output / FOLDER / figure
         self.load: float | None = None
 
-    def __call__(self, name: str, inputs: dict[str, Any], measure: Callable[[], Any]) -> Any:
-        """The result of ``measure()``, or the one kept from an earlier call of this name with the same ``inputs``.
+    def get(self, kind: type[Record], name: str, inputs: dict[str, Any],
+            measure: Callable[[], Record | None]) -> Record | None:
+        """The record of an earlier call of this name with the same inputs, else what ``measure()`` gives.
 
-        Both must be plain JSON. Nothing is kept of a measurement that fails.
+        Parameters
+        ----------
+        kind: class of the record, a frozen dataclass.
+        name: of the file.
+        inputs: what the record depends on, plain JSON.
+        measure: called where nothing is kept; None is kept too.
         """
-        path, inputs = self.folder / f"{name}.json", {"version": VERSION, **inputs}
-        kept = _kept(path)
-        if kept is None or kept.get("inputs") != inputs:
+        def measure_now() -> Any:
             print(f"{self.folder.name:7} {name}", file=sys.stderr, flush=True)
-            kept = {"inputs": inputs, "result": measure(), "load": _load()}
-            write_json(path, kept)
-        self.load = max((load for load in (self.load, kept.get("load")) if load is not None), default=None)
-        return kept["result"]
+            result, load = measure(), load_average()
+            return _kept(kind)(result, None if load is None else round(load, 1))
+
+        files = cells.Cells(self.folder, _kept(kind), key="inputs")
+        kept = files.get(name, {"version": VERSION, **inputs}, measure_now)
+        self.load = max((load for load in (self.load, kept.load) if load is not None), default=None)
+        return kept.result
 
 
-def _load() -> float | None:
-    return round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None
-
-
-def _kept(path: Path) -> dict[str, Any] | None:
-    """What the file holds, None if it is absent or damaged: it can be measured again."""
-    try:
-        kept = read_json(path, "a kept measurement")
-    except LfsrError:
-        return None
-    return kept if isinstance(kept, dict) and "result" in kept else None
+@functools.cache
+def _kept(kind: type) -> type:
+    """Record of a measurement: its ``result``, and the load average after it."""
+    return dataclasses.make_dataclass("Kept", [("result", kind | None), ("load", float | None)], frozen=True)

@@ -1,83 +1,96 @@
-"""What every figure offers to the script, and the pieces that their tables and pictures share."""
+"""What every figure of the paper offers to the script, and the pieces that their tables and sentences share."""
 
 from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from lfsr_core.bench import tables
+from lfsr_core.bench.paper.records import Accuracy, Results, Row
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.bench.paper.verdict import Difference, paired
 
-Results = dict[str, Any]
-COLORS = ("#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#999999")
-DPI = 90
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Sheet
+
+Measured = TypeVar("Measured", bound=Results)
 ALIKE = 1.5  # times as many crops as another network has seen
 CROPS_SEEN = re.compile(r"^(?P<kind>[^:]*): (?P<epochs>\d+) epochs of (?P<crops>\d+) (?P<size>\d+)-pixel crops per "
                         r"photograph, rate (?P<rate>\S+ \w+),")
 
 
 @dataclasses.dataclass(frozen=True)
-class Figure:
+class Figure(Generic[Measured]):
     """One figure or table of the paper.
 
-    ``claim``: what the paper says, as far as it is known here. ``measure(settings,
-    cells folder's parent)`` gives plain JSON and goes on where an earlier call was
-    stopped; ``draw(results, output, path)`` writes a PNG (None: a table only);
-    ``table(results)`` is Markdown; ``line(results)`` says what became of the claim.
+    Attributes
+    ----------
+    id: on the command line and in file names.
+    title: on the page.
+    claim: what the paper says, as far as it is known here.
+    kind: class of its results.
+    measure: makes the results, and goes on where an earlier call was stopped.
+    table: Markdown lines of the results.
+    line: what became of the claim, in words.
+    draw: a picture of the results and of files in the output folder; None for a table only.
     """
 
     id: str
     title: str
     claim: str
-    measure: Callable[[Settings, Path], Results]
-    draw: Callable[[Results, Path, Path], None] | None
-    table: Callable[[Results], list[str]]
-    line: Callable[[Results], str]
+    kind: type[Measured]
+    measure: Callable[[Settings], Measured]
+    table: Callable[[Measured], list[str]]
+    line: Callable[[Measured], str]
+    draw: Callable[[Measured, Path], Sheet] | None = None
 
 
-def markdown(header: Sequence[object], rows: Sequence[Sequence[object]]) -> list[str]:
-    """Lines of a Markdown table."""
-    return ["| " + " | ".join(map(str, row)) + " |" for row in (header, ["---"] * len(header), *rows)]
+def metric(row: Accuracy, name: str, digits: int = 3) -> str:
+    """One metric that was measured, with its interval where it has one."""
+    return tables.number(row.metrics.get(name), row.ci95.get(name), digits)
 
 
-def number(value: float | None, half: float | None = None, digits: int = 3) -> str:
-    """A value with its interval where it has one; a dash for what is not known."""
-    if value is None:
-        return "–"
-    return f"{value:.{digits}f}" + (f" ± {half:.{digits}f}" if half else "")
+def measured(rows: Iterable[Any]) -> dict[tuple[str, str], Any]:
+    """Rows that have metrics, by scene and method."""
+    return {(row.scene, row.method): row for row in rows if row.metrics}
 
 
-def metric(row: Mapping[str, Any], name: str, digits: int = 3) -> str:
-    """One metric of a row of ``quality.measure``."""
-    return number(row["metrics"].get(name), row["ci95"].get(name), digits)
+def differences(rows: Iterable[Any], first: str, second: str,
+                values: Callable[[Any], Sequence[float]]) -> dict[str, Difference]:
+    """What method ``first`` has more than ``second``, for every scene where both were measured.
+
+    Parameters
+    ----------
+    rows: of any methods and scenes.
+    first, second: names of methods.
+    values: of a row, as many and in the same order for both methods.
+    """
+    found = {key: values(row) for key, row in measured(rows).items()}
+    return {scene: paired(ours, found[scene, second]) for (scene, method), ours in found.items()
+            if method == first and ours and found.get((scene, second))}
 
 
-def by_name(rows: Sequence[Mapping[str, Any]], *keys: str) -> dict[tuple[Any, ...], Mapping[str, Any]]:
-    """Rows that were measured, by the values of ``keys``."""
-    return {tuple(row[key] for key in keys): row for row in rows if row.get("metrics")}
-
-
-def gains(rows: Sequence[Mapping[str, Any]], better: str, worse: str, **where: Any) -> dict[str, Difference]:
+def gains(rows: Iterable[Row], better: str, worse: str) -> dict[str, Difference]:
     """Split SSIM per foreground lens of method ``better`` over ``worse``, for every scene that has both."""
-    chosen = [row for row in rows if all(row.get(key) == value for key, value in where.items())]
-    found = by_name(chosen, "scene", "method")
-    scenes = dict.fromkeys(scene for scene, _ in found)
-    return {scene: paired(found[scene, better]["lens_ssim_fg"], found[scene, worse]["lens_ssim_fg"])
-            for scene in scenes if (scene, better) in found and (scene, worse) in found
-            and found[scene, better]["lens_ssim_fg"]}
+    return differences(rows, better, worse, lambda row: row.lens_ssim_fg)
 
 
-def missing(rows: Sequence[Mapping[str, Any]]) -> str:
-    """A clause that names the methods that could not be measured."""
-    names = dict.fromkeys(row["method"] for row in rows if not row.get("metrics"))
-    return f" Not measured, for want of weights: {', '.join(names)}." if names else ""
+def scenes_of(rows: Iterable[Any]) -> list[str]:
+    """Names of the rows' scenes, each once."""
+    return list(dict.fromkeys(row.scene for row in rows))
 
 
-def unequal(schedules: Mapping[str, str]) -> str:
-    """A clause where the networks compared were not trained alike, as ``models.schedule`` tells it."""
+def cautions(rows: Iterable[Any], schedules: Mapping[str, str]) -> str:
+    """Clauses that name the methods that could not be measured, and networks that were not trained alike."""
+    names = dict.fromkeys(row.method for row in rows if not row.metrics)
+    return (f" Not measured, for want of weights: {', '.join(names)}." if names else "") + _unequal(schedules)
+
+
+def _unequal(schedules: Mapping[str, str]) -> str:
+    """A clause where the networks compared were not trained alike, by what ``weights.schedule`` says of each."""
     found = [CROPS_SEEN.search(text) for text in schedules.values() if text != "no weights"]
     if len(found) < 2 or None in found:
         return " How the networks were trained is not known of all." if None in found else ""
@@ -86,21 +99,3 @@ def unequal(schedules: Mapping[str, str]) -> str:
     if same_recipe and max(seen) <= ALIKE * min(seen):
         return ""
     return f" The networks were not trained alike: {min(seen)} to {max(seen)} crops of each photograph."
-
-
-def axes(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Any, Any]:
-    """A matplotlib figure and its axes, drawn without a window."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure as Sheet
-
-    sheet = Sheet(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(sheet)
-    return sheet, sheet.subplots(rows, columns, squeeze=False)
-
-
-def save(sheet: Any, path: Path) -> None:
-    """Write the figure as a small PNG, whole or not at all."""
-    from lfsr_core.files import atomic_path
-
-    with atomic_path(path) as temporary:
-        sheet.savefig(temporary, dpi=DPI, pil_kwargs={"optimize": True})

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
-from lfsr_core.bench.paper.figure import Figure, Results
-from lfsr_core.bench.paper.figures import figure9, figure10, figure10_networks, figure11, figure12, tables
+from lfsr_core.bench.environment import Environment
+from lfsr_core.bench.paper.figure import Figure
+from lfsr_core.bench.paper.figures import figure9, figure10, figure11, figure12, selection, tables
+from lfsr_core.bench.paper.records import Results
+from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path
 
-FIGURES: dict[str, Figure] = {figure.id: figure for figure in (
-    figure9.FIGURE, figure10.STEP, figure10.SHARE, figure10_networks.DEPTH, figure10_networks.ARCHITECTURE,
-    figure11.FIGURE, figure12.SCALE, figure12.SELECTION, tables.RIVALS, tables.COST)}
+FIGURES: dict[str, Figure[Any]] = {figure.id: figure for figure in (
+    figure9.FIGURE, figure10.STEPS, selection.SHARE, figure10.DEPTH, figure10.ARCHITECTURE, figure11.FIGURE,
+    figure12.FIGURE, selection.SCENES, tables.RIVALS, tables.COST)}
 """Every figure and table by its id, in the paper's order."""
 
 INTRODUCTION = """# The paper, measured again
@@ -49,9 +51,25 @@ def picture_name(figure: Figure) -> str:
     return f"paper-{figure.id}.png"
 
 
-def markdown(results: Mapping[str, Results], run: Mapping[str, Any], command: str, images: str = "images") -> str:
-    """The page of the figures in ``results``, by id; ``run`` as ``reproduce_paper`` records it."""
-    parts = [INTRODUCTION, *_run(run, command)]
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """One run of the reproduction.
+
+    Attributes
+    ----------
+    settings: what it measures.
+    environment: of the machine.
+    command: line that began it.
+    """
+
+    settings: Settings
+    environment: Environment
+    command: str
+
+
+def markdown(results: Mapping[str, Results], run: Run, images: str = "images") -> str:
+    """The page of the figures in ``results``, by id; ``images``: folder of the pictures as seen from it."""
+    parts = [INTRODUCTION, *_run(run)]
     parts += ["\n".join(_section(figure, results[name], images)) for name, figure in FIGURES.items() if name in results]
     absent = [figure.title for name, figure in FIGURES.items() if name not in results]
     if absent:
@@ -59,22 +77,12 @@ def markdown(results: Mapping[str, Results], run: Mapping[str, Any], command: st
     return "\n\n".join(parts) + "\n"
 
 
-def write(path: Path, text: str) -> None:
-    """The page, whole or not at all."""
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-
-
-def _section(figure: Figure, results: Results, images: str) -> list[str]:
+def _section(figure: Figure[Any], results: Results, images: str) -> list[str]:
     picture = ["", f"![{figure.title}]({images}/{picture_name(figure)})"] if figure.draw else []
+    # This program's own threads count too.
+    load = [] if results.load is None else ["", f"Load average while this was measured: at most {results.load:g}."]
     return [f"## {figure.title}", "", f"Claim: {figure.claim}", "", f"Here: {figure.line(results)}", *picture, "",
-            *figure.table(results), *_schedules(results.get("schedules", {})),
-            *_load(results.get("load"))]
-
-
-def _load(load: float | None) -> list[str]:
-    """What else the machine did: this program's own threads count too."""
-    return [] if load is None else ["", f"Load average while this was measured: at most {load:g}."]
+            *figure.table(results), *_schedules(results.schedules), *load]
 
 
 def _schedules(schedules: Mapping[str, str]) -> list[str]:
@@ -87,14 +95,12 @@ def _schedules(schedules: Mapping[str, str]) -> list[str]:
     return ["", "Networks:", "", *(f"- {', '.join(names)}: {text}" for text, names in groups.items())]
 
 
-def _run(run: Mapping[str, Any], command: str) -> Sequence[str]:
-    settings, machine = run["settings"], run["environment"]
+def _run(run: Run) -> list[str]:
+    of, machine = run.settings, run.environment
     quick = ("**Quick mode: tiny frames and few samples, which touch every figure but decide nothing.**",)
-    versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items())
-    lenses = "all lenses" if settings["lenses"] is None else f"{settings['lenses']} lenses"
-    return [*(quick if settings["quick"] else ()), "## The run", "    " + command,
-            f"Accuracy on `{settings['display']}`, times of whole frames on `{settings['timing_display']}`; s = "
-            f"{settings['scale']}, {settings['spp']} samples per pixel ({settings['clean_spp']} where noise should not "
-            f"matter), references of {lenses}, convention {settings['convention']}. "
-            f"Scenes: {', '.join(settings['scenes'])}. {machine['cores']} cores of {machine['cpu']}, "
-            f"Python {machine['python']}, {versions}."]
+    lenses = "all lenses" if of.lenses is None else f"{of.lenses} lenses"
+    return [*(quick if of.quick else ()), "## The run", "    " + run.command,
+            f"Accuracy on `{of.display.name}`, times of whole frames on `{of.timing_display.name}`; s = {of.scale}, "
+            f"{of.spp} samples per pixel ({of.clean_spp} where noise should not matter), references of {lenses}, "
+            f"convention {of.convention}. Scenes: {', '.join(scene.stem for scene in of.scenes)}. "
+            f"{machine.cores} cores of {machine.cpu}, Python {machine.python}, {machine.packages}."]

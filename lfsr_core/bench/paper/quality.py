@@ -2,53 +2,78 @@
 
 from __future__ import annotations
 
+import dataclasses
+import statistics
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lfsr_core.bench.paper import renders, weights
+from lfsr_core.bench.paper import renders, timing, weights
+from lfsr_core.bench.paper.records import Accuracy, SplitError
+from lfsr_core.bench.paper.renders import Shot
 from lfsr_core.bench.paper.settings import Settings
-from lfsr_core.frames.foreground import foreground_mask
-from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
+from lfsr_core.frames.frame import Frame, read_frame
 from lfsr_core.frames.reference import Reference, check_reference
-from lfsr_core.images.exr import read_layers
 from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.metrics.eia_metrics import compare
+from lfsr_core.metrics.eia_metrics import METRIC_NAMES, compare
 from lfsr_core.metrics.split_ssim import split_ssim_map, stacked_ssim
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.reconstruct.method_name import MethodName
-from lfsr_core.reconstruct.second_stage import linear_and_mask
-
-SHOWN = ("p", "ssim_eia", "ssim_eia_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain", "ssim_ceiling", "flip")
-
-
-def foreground_share(folder: Path) -> float:
-    """Share of lenses that see the foreground."""
-    return float(foreground_mask(read_layers(folder / LOW_RES_FILE), read_frame(folder).rays.tiles).mean())
+from lfsr_core.reconstruct.registry import Method
+from lfsr_core.reconstruct.second_stage import linear_and_mask, panel_image
 
 
-def measure(settings: Settings, scene: Path, folder: Path, name: str) -> dict[str, Any] | None:
-    """Metrics of method ``name`` on a rendered ``folder``, and its split SSIM per foreground lens.
+@dataclasses.dataclass(frozen=True)
+class Picture:
+    """What a method made of a render, beside its reference.
 
-    None where the method's network has no weights.
+    Attributes
+    ----------
+    image: EIA (H, W, 3), scene-linear, in view order.
+    mask: (sy, sx) bool, the foreground it was made with.
+    frame: of the render.
+    reference: of the same scene.
     """
+
+    image: np.ndarray
+    mask: np.ndarray
+    frame: Frame
+    reference: Reference
+
+
+def picture(settings: Settings, shot: Shot, name: str) -> Picture | None:
+    """What method ``name`` makes of a render; None where its network has no weights."""
     method = weights.method(settings, name)
     if method is None:
         return None
-    image, mask = linear_and_mask(folder, method)
-    return against(Reference.read(renders.reference(settings, scene)), read_frame(folder), image, mask)
+    folder = renders.low_resolution(settings, shot)
+    reference = Reference.read(renders.reference(settings, shot.scene))
+    return Picture(*linear_and_mask(folder, method), read_frame(folder), reference)
 
 
-def against(reference: Reference, frame: Frame, image: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
-    """Metrics of an EIA (H, W, 3), scene-linear, made of ``frame`` with the foreground ``mask``."""
+def measure(settings: Settings, shot: Shot, name: str) -> Accuracy | None:
+    """Accuracy of method ``name`` on a render; None where its network has no weights."""
+    made = picture(settings, shot, name)
+    return made and accuracy(made)
+
+
+def accuracy(made: Picture) -> Accuracy:
+    """Metrics of a picture, where its error lies, and its split SSIM per foreground lens."""
+    frame, reference = made.frame, made.reference
     check_reference(frame, reference.frame)
-    metrics = compare(image, reference.half_a, reference.half_b, frame.display.lenses,
-                      reference.foreground_mask(mask), reference.lens_list)
-    return {"metrics": {name: metrics.get(name) for name in SHOWN}, "ci95": metrics.get("ci95", {}),
-            "error": _errors(reference, image, frame.scale),
-            "lens_ssim_fg": [round(float(value), 6) for value in _per_lens(reference, image)]}
+    metrics = compare(made.image, reference.half_a, reference.half_b, frame.display.lenses,
+                      reference.foreground_mask(made.mask), reference.lens_list)
+    return Accuracy(metrics={name: metrics.get(name) for name in METRIC_NAMES}, ci95=metrics.get("ci95", {}),
+                    error=_errors(reference, made.image, frame.scale),
+                    lens_ssim_fg=tuple(round(float(value), 6) for value in _per_lens(reference, made.image)))
+
+
+def second_stage_seconds(settings: Settings, folder: Path, method: Method) -> float:
+    """Median seconds of the whole second stage short of writing files."""
+    seconds = timing.take_turns({"": lambda: panel_image(folder, method)}, settings.repeats)
+    return statistics.median(seconds[""])
 
 
 def middle_lenses(reference: Reference, count: int) -> np.ndarray:
@@ -75,7 +100,7 @@ def _per_lens(reference: Reference, image: np.ndarray) -> np.ndarray:
     return stacked_ssim(ours, half_a, half_b).mean((1, 2)) if len(rows) else np.empty(0)
 
 
-def _errors(reference: Reference, image: np.ndarray, margin: int) -> dict[str, float] | None:
+def _errors(reference: Reference, image: np.ndarray, margin: int) -> SplitError | None:
     """Split squared error of foreground lenses in two parts that add up: ``margin`` outermost views, and the rest."""
     if not reference.foreground.any():
         return None
@@ -86,7 +111,7 @@ def _errors(reference: Reference, image: np.ndarray, margin: int) -> dict[str, f
     inside = np.zeros(squares.shape, bool)
     inside[margin:-margin, margin:-margin] = True
     border, centre = (float(squares[part].sum() / squares.size) for part in (~inside, inside))
-    return {"border": border, "centre": centre, "border_pixels": float((~inside).mean())}
+    return SplitError(border, centre, border_pixels=float((~inside).mean()))
 
 
 def inputs(settings: Settings, scene: Path, name: str, **more: Any) -> dict[str, Any]:

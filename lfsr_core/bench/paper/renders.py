@@ -12,8 +12,10 @@ import numpy as np
 
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.files import write_json
+from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
 from lfsr_core.frames.job import Job, check_scene
+from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lens_sampling import choose_lenses
 from lfsr_core.render.blender import find_blender, scene_script
@@ -23,17 +25,34 @@ from lfsr_core.render.store import kept, with_blender
 LAYERS = ("albedo", "normal")
 
 
-def low_resolution(settings: Settings, scene: Path, scale: int, spp: int, *, display: DisplayProfile | None = None,
-                   layout: str = "one-pass") -> Path:
-    """Frame folder of ``scene`` at ``scale`` (1: every view) and ``spp`` samples, on ``settings.display`` or another.
+@dataclasses.dataclass(frozen=True)
+class Shot:
+    """One low-resolution render.
 
-    LfsrError where the folder holds another render than this.
+    Attributes
+    ----------
+    scene: its file.
+    scale: factor, 1 for every view.
+    spp: samples per pixel.
+    display: None for that of accuracy.
+    layout: how views are rendered, see ``Job``.
     """
-    display = display or settings.display
-    variant = "" if layout == "one-pass" else f"-{layout}"
-    folder = _scene_folder(settings, display, scene) / f"s{scale}-spp{spp}{variant}{_convention(settings)}"
-    job = Job(output=str(folder), display=display, scene=check_scene(scene), scale=scale, spp=spp, layers=LAYERS,
-              layout=layout, convention=settings.convention, device=settings.render_device)
+
+    scene: Path
+    scale: int
+    spp: int
+    display: DisplayProfile | None = None
+    layout: str = "one-pass"
+
+
+def low_resolution(settings: Settings, shot: Shot) -> Path:
+    """Frame folder of a render; LfsrError where the folder holds another one."""
+    display = shot.display or settings.display
+    variant = "" if shot.layout == "one-pass" else f"-{shot.layout}"
+    name = f"s{shot.scale}-spp{shot.spp}{variant}{_convention(settings)}"
+    folder = _scene_folder(settings, display, shot.scene) / name
+    job = Job(output=str(folder), display=display, scene=check_scene(shot.scene), scale=shot.scale, spp=shot.spp,
+              layers=LAYERS, layout=shot.layout, convention=settings.convention, device=settings.render_device)
     return kept(job, with_blender(settings.blender))
 
 
@@ -44,7 +63,7 @@ def reference(settings: Settings, scene: Path) -> Path:
               spp=settings.reference_spp, convention=settings.convention, clamp_indirect=0.0,
               device=settings.render_device)
     if settings.lenses is not None and not (folder / FRAME_FILE).exists():
-        mask = _mask(low_resolution(settings, scene, settings.scale, settings.spp))
+        mask = foreground(low_resolution(settings, Shot(scene, settings.scale, settings.spp)))
         job = dataclasses.replace(job, lens_list=choose_lenses(mask, settings.lenses))
     return kept(job, with_blender(settings.blender))
 
@@ -79,6 +98,11 @@ def resolution(display: DisplayProfile, divisor: int) -> DisplayProfile | None:
                                views=views, panel_pixels=pixels)
 
 
+def foreground(folder: Path) -> np.ndarray:
+    """(sy, sx) bool: lenses of a render that see the foreground."""
+    return foreground_mask(read_layers(folder / LOW_RES_FILE), read_frame(folder).rays.tiles)
+
+
 def _convention(settings: Settings) -> str:
     return "" if settings.convention == "centred" else f"-{settings.convention}"
 
@@ -86,10 +110,3 @@ def _convention(settings: Settings) -> str:
 def _scene_folder(settings: Settings, display: DisplayProfile, scene: Path) -> Path:
     same = display == settings.display
     return (settings.bench if same else settings.output / f"bench-{display.name}") / scene.stem
-
-
-def _mask(folder: Path) -> np.ndarray:
-    from lfsr_core.frames.foreground import foreground_mask
-    from lfsr_core.images.exr import read_layers
-
-    return foreground_mask(read_layers(folder / LOW_RES_FILE), read_frame(folder).rays.tiles)

@@ -14,13 +14,33 @@ QUICK_DISPLAY = DisplayProfile("paper-quick", (192, 112), (192.0, 112.0), (12, 7
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """``output``: folder of everything that is made. ``bench``: folder of renders on ``display``, may be shared.
+    """Everything that decides what is measured.
 
-    ``display`` is for accuracy, ``timing_display`` for whole frames whose time counts. ``spp`` is what
-    a user renders with, ``clean_spp`` nearly free of noise. ``lenses``: lenses of a reference, None for all.
-    ``weights``: folder of trained networks, ``train_minutes``: per missing network, 0 trains none.
-    ``moves``: distances of the camera array in Fig. 10(b), as a share of its own.
-    ``workload``: elemental images per frame and their low-resolution side where only a network is timed.
+    Attributes
+    ----------
+    output: folder of everything that is made.
+    scenes: scene files.
+    bench: folder of renders on ``display``, may be shared.
+    display: for accuracy.
+    timing_display: for whole frames whose time counts.
+    scale: factor of the low-resolution renders.
+    spp: samples per pixel that a user renders with.
+    clean_spp: samples per pixel nearly free of noise.
+    reference_spp: samples per pixel of a reference.
+    lenses: lenses of a reference, None for all.
+    convention: where views lie, see ``Job``.
+    weights: folder of trained networks, None for those that ship.
+    train_minutes: training per missing network, 0 trains none.
+    photographs, validation: to train with, empty for those of the built-in configs.
+    device: for networks.
+    render_device: for Cycles.
+    blender: executable, None to look for one.
+    repeats: runs of everything timed but renders.
+    steps: elemental images per call in Fig. 10(a).
+    moves: distances of the camera array in Fig. 10(b), as a share of its own.
+    resolutions: divisors of ``timing_display`` in Fig. 12(a).
+    workload: elemental images per frame and their low-resolution side where only a network is timed.
+    quick: whether the run only touches every figure.
     """
 
     output: Path

@@ -7,8 +7,11 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from lfsr_core.bench.paper.records import NetworkTimes, Seconds
+from lfsr_core.bench.paper.settings import Settings
 
-def take_turns(functions: Mapping[str, Callable[[], Any]], repeats: int) -> dict[str, list[float]]:
+
+def take_turns(functions: Mapping[str, Callable[[], Any]], repeats: int) -> Seconds:
     """Seconds of every call, ``repeats`` per function in turn, after one call each that does not count.
 
     A function must return only when its work is done.
@@ -21,7 +24,7 @@ def take_turns(functions: Mapping[str, Callable[[], Any]], repeats: int) -> dict
             started = time.perf_counter()
             function()
             seconds[name].append(round(time.perf_counter() - started, 6))
-    return seconds
+    return {name: tuple(times) for name, times in seconds.items()}
 
 
 def median_ms(seconds: Sequence[float]) -> float:
@@ -29,21 +32,19 @@ def median_ms(seconds: Sequence[float]) -> float:
     return 1e3 * statistics.median(seconds)
 
 
-def network_times(networks: Mapping[str, Any], workload: tuple[int, int], repeats: int, device: str,
-                  steps: Mapping[str, int]) -> dict[str, Any]:
-    """Seconds of untrained or trained torch modules on ``workload`` (elemental images, side) of random pixels.
+def network_times(settings: Settings, networks: Mapping[str, Any], steps: Mapping[str, int]) -> NetworkTimes:
+    """Seconds of torch modules on random pixels, scene-linear floats in and out as in the second stage.
 
-    ``steps``: elemental images per call, for each name. Scene-linear floats in and
-    out, as the second stage runs them. Also names the engine and the device.
+    ``networks`` and elemental images per call, ``steps``, by name; how many of which size is in the settings.
     """
     import torch
 
     from lfsr_core.reconstruct.networks.pytorch.engine import make_engine
 
-    count, side = workload
+    count, side = settings.workload
     low = torch.rand(count, side, side, 3, generator=torch.Generator().manual_seed(0))
-    on_gpu = torch.cuda.is_available() and device != "cpu"
-    engines = {name: make_engine(network, device=device, step=steps[name])
+    on_gpu = torch.cuda.is_available() and settings.device != "cpu"
+    engines = {name: make_engine(network, device=settings.device, step=steps[name])
                for name, network in networks.items()}
     low = low.cuda() if on_gpu else low
 
@@ -52,6 +53,6 @@ def network_times(networks: Mapping[str, Any], workload: tuple[int, int], repeat
         if on_gpu:
             torch.cuda.synchronize()
 
-    seconds = take_turns({name: lambda name=name: run(name) for name in engines}, repeats)
-    return {"seconds": seconds, "engine": "cuda" if on_gpu else "torch", "threads": torch.get_num_threads(),
-            "device": torch.cuda.get_device_name() if on_gpu else "CPU"}
+    seconds = take_turns({name: lambda name=name: run(name) for name in engines}, settings.repeats)
+    return NetworkTimes(seconds=seconds, engine="cuda" if on_gpu else "torch", threads=torch.get_num_threads(),
+                        device=torch.cuda.get_device_name() if on_gpu else "CPU")

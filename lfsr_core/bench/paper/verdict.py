@@ -8,20 +8,26 @@ from collections.abc import Mapping, Sequence
 
 from lfsr_core.metrics.intervals import student_95
 
-FEWEST = 3  # values that can tell their own spread
-SINGLE_RUN = 0.10  # of a time that was taken once, what cannot be told
+FEWEST = 3  # values that show their own spread
+SINGLE_RUN = 0.10  # share of a time taken once that is within its noise
 
 
 @dataclasses.dataclass(frozen=True)
 class Difference:
-    """``value`` ± ``half`` (95 %); ``half`` infinite where the spread is not known."""
+    """A difference with its 95 % interval.
+
+    Attributes
+    ----------
+    value: the difference itself.
+    half: half-width of the interval, infinite where the spread is not known.
+    """
 
     value: float
     half: float
 
     @property
     def sign(self) -> int:
-        """1 above zero, -1 below, 0 where it cannot be told."""
+        """1 above zero, -1 below, 0 where the interval holds zero."""
         return int(self.value - self.half > 0) - int(self.value + self.half < 0)
 
     def __str__(self) -> str:
@@ -63,8 +69,16 @@ def overall(*parts: Mapping[str, Difference]) -> str:
     return f"**{words}.**" if all(parts) else f"**{words}; not all of it was measured.**"
 
 
-def say(statement: str, differences: Mapping[str, Difference], unit: str = "", factor: float = 1.0) -> str:
-    """One sentence: whether the statement holds, and by how much of ``unit`` after multiplying by ``factor``."""
+def sentence(statement: str, differences: Mapping[str, Difference], unit: str = "", factor: float = 1.0) -> str:
+    """Whether a statement holds, and by how much.
+
+    Parameters
+    ----------
+    statement: what holds where the differences are above zero.
+    differences: by the case's name.
+    unit: of what is written.
+    factor: that the differences are multiplied with for that.
+    """
     if not differences:
         return f"{statement}: not measured."
     scaled = {name: Difference(factor * d.value, factor * d.half) for name, d in differences.items()}

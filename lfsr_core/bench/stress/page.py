@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from lfsr_core.bench.page import inline_svg, write_page
-from lfsr_core.bench.paper.figure import axes
+from lfsr_core.bench.plots import sheet, svg
 from lfsr_core.bench.stress.dials import choose_dials, label
 from lfsr_core.bench.stress.folder import BASELINE, Bench
 from lfsr_core.bench.stress.records import Cell, DialReport, Report
@@ -129,7 +129,7 @@ def curves(dial: DialReport, methods: Sequence[str]) -> Markup | None:
     lines = {method: dial.series(method, dial.judged) for method in methods}
     if all(value is None for line in lines.values() for value in line):
         return None
-    sheet, grid = axes(WIDTH, HEIGHT)
+    figure, grid = sheet(WIDTH, HEIGHT)
     axis = grid[0, 0]
     for index, (method, line) in enumerate(lines.items()):
         color, dashes = stroke(index)
@@ -142,11 +142,4 @@ def curves(dial: DialReport, methods: Sequence[str]) -> Markup | None:
     axis.set_xticks(range(len(dial.values)), map(label, dial.values))
     axis.set_ylabel(dial.judged)
     axis.grid(axis="y", color="#ddd")
-    return inline_svg(svg(sheet))
-
-
-def svg(sheet):
-    import io
-    buffer = io.StringIO()
-    sheet.savefig(buffer, format="svg")
-    return buffer.getvalue()
+    return inline_svg(svg(figure))

@@ -14,7 +14,15 @@ import pytest
 from lfsr_core.bench.paper import cells, page, quality, renders, settings, timing, weights
 from lfsr_core.bench.paper.figure import CROPS_SEEN
 from lfsr_core.bench.paper.figures import figure9, figure11
+from lfsr_core.bench.paper.records import SplitError
+from lfsr_core.bench.plots import save
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.reference import Reference
+from lfsr_core.metrics.compare import compare_folders
+from lfsr_core.metrics.eia_metrics import METRIC_NAMES
 from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.second_stage import linear_and_mask, upscale_frame
+from lfsr_core.records import from_data, to_data
 from lfsr_core.render import store
 from tests.support.synthetic import MINI, write_reference, write_render
 from tests.support.training_photographs import pictures
@@ -52,54 +60,51 @@ def frames(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def measured(frames):
-    return {name: figure.measure(frames, frames.output) for name, figure in page.FIGURES.items()}
+    return {name: figure.measure(frames) for name, figure in page.FIGURES.items()}
 
 
 def test_every_figure_measures_draws_and_speaks(frames, measured, tmp_path):
-    assert json.loads(json.dumps(measured)) == measured
     for name, figure in page.FIGURES.items():
-        rows = figure.table(measured[name])
+        results = measured[name]
+        assert from_data(figure.kind, json.loads(json.dumps(to_data(results))), name) == results
+        rows = figure.table(results)
         assert len(rows) > 2 and len({row.count("|") for row in rows}) == 1, rows
-        assert figure.line(measured[name]).startswith("**")
+        assert figure.line(results).startswith("**")
         if figure.draw:
             path = tmp_path / page.picture_name(figure)
-            figure.draw(measured[name], frames.output, path)
+            save(figure.draw(results, frames.output), path)
             assert cv2.imread(str(path)).std() > 5 and path.stat().st_size < 150_000
 
 
 def test_networks_without_weights_are_named_and_not_invented(measured):
-    rows = measured["fig9"]["rows"]
-    assert [row["method"] for row in rows if "metrics" not in row] == ["paper-gan"] * 2
-    assert "for want of weights: paper-gan" in figure9.line(measured["fig9"])
-    assert measured["fig9"]["schedules"]["paper"].startswith("short schedule: ")
-    assert measured["fig9"]["schedules"]["paper-gan"] == "no weights"
+    found = measured["fig9"]
+    assert [row.method for row in found.rows if row.metrics is None] == ["paper-gan"] * 2
+    assert "for want of weights: paper-gan" in figure9.line(found)
+    assert found.schedules["paper"].startswith("short schedule: ")
+    assert found.schedules["paper-gan"] == "no weights"
 
 
 def test_accuracy_is_what_compare_gives(frames, measured):
     folder = frames.bench / "toy" / f"s4-spp{CLEAN}"
-    from lfsr_core.metrics.compare import compare_folders
-    from lfsr_core.reconstruct.second_stage import upscale_frame
-
     upscale_frame(folder, "bicubic")
     expected = compare_folders(folder, frames.bench / "toy" / "reference")
-    row = next(row for row in measured["fig9"]["rows"] if row["method"] == "bicubic" and row["samples"] == CLEAN)
-    assert row["metrics"] == pytest.approx({name: expected[name] for name in quality.SHOWN})
-    assert sum(row["lens_ssim_fg"]) / len(row["lens_ssim_fg"]) == pytest.approx(expected["ssim_eia_fg"], abs=0.01)
-    error = row["error"]
-    assert -10 * math.log10(error["border"] + error["centre"]) == pytest.approx(expected["psnr_fg"], abs=0.01)
+    row = next(row for row in measured["fig9"].rows if row.method == "bicubic" and row.samples == CLEAN)
+    assert row.metrics == pytest.approx({name: expected[name] for name in METRIC_NAMES})
+    assert sum(row.lens_ssim_fg) / len(row.lens_ssim_fg) == pytest.approx(expected["ssim_eia_fg"], abs=0.01)
+    assert -10 * math.log10(row.error.border + row.error.centre) == pytest.approx(expected["psnr_fg"], abs=0.01)
 
 
 def test_sampled_lenses_are_compared_as_they_are_elsewhere(frames, tmp_path):
     listed = tuple((row, column) for row in range(0, 12, 3) for column in range(0, 16, 2))
     write_reference(tmp_path, noise=0.02, lens_list=listed)
-    reference, folder = quality.Reference.read(tmp_path), frames.bench / "toy" / f"s4-spp{CLEAN}"
-    image, mask = quality.linear_and_mask(folder, "bicubic")
-    found = quality.against(reference, quality.read_frame(folder), image, mask)
+    reference, folder = Reference.read(tmp_path), frames.bench / "toy" / f"s4-spp{CLEAN}"
+    image, mask = linear_and_mask(folder, "bicubic")
+    found = quality.accuracy(quality.Picture(image, mask, read_frame(folder), reference))
     inside = [mask[row, column] for row, column in listed]
-    assert 0 < sum(inside) < len(listed) and len(found["lens_ssim_fg"]) == reference.foreground.sum()
-    assert found["ci95"]["ssim_eia_fg"] > 0
+    assert 0 < sum(inside) < len(listed) and len(found.lens_ssim_fg) == reference.foreground.sum()
+    assert found.ci95["ssim_eia_fg"] > 0
     if list(reference.foreground) == inside:
-        assert sum(found["lens_ssim_fg"]) / sum(inside) == pytest.approx(found["metrics"]["ssim_eia_fg"], abs=1e-5)
+        assert sum(found.lens_ssim_fg) / sum(inside) == pytest.approx(found.metrics["ssim_eia_fg"], abs=1e-5)
     rows, columns = reference.lenses[quality.middle_lenses(reference, 4)].T
     assert len(rows) == 4 and mask[rows, columns].all()
 
@@ -108,59 +113,62 @@ def test_sampled_references_have_no_epipolar_images(frames, tmp_path):
     write_reference(tmp_path / "toy" / "reference", lens_list=((1, 2), (3, 4)))
     write_render(tmp_path / "toy" / f"s4-spp{CLEAN}", 4, samples=CLEAN)
     sampled = dataclasses.replace(frames, bench=tmp_path, output=tmp_path)
-    results = figure11.measure(sampled, tmp_path)
+    results = figure11.measure(sampled)
     assert page.FIGURES["fig11"].line(results).startswith("**Not measured.**")
-    page.FIGURES["fig11"].draw(results, tmp_path, tmp_path / "empty.png")
-    assert (tmp_path / "empty.png").exists()
+    assert len(figure11.draw(results, tmp_path).axes) == 1
 
 
 def test_a_second_run_measures_nothing(frames, measured, monkeypatch):
     def forbidden(*_, **__):
         raise AssertionError("measured again")
 
-    for module, name in ((figure9, "linear_and_mask"), (quality, "linear_and_mask"), (timing, "take_turns"),
-                         (store, "run_job")):
+    for module, name in ((quality, "linear_and_mask"), (timing, "take_turns"), (store, "run_job")):
         monkeypatch.setattr(module, name, forbidden)
     for name, figure in page.FIGURES.items():
-        assert figure.measure(frames, frames.output) == measured[name], name
+        assert figure.measure(frames) == measured[name], name
     with pytest.raises(AssertionError, match="measured again"):
-        figure9.measure(dataclasses.replace(frames, output=frames.output / "other"), frames.output / "other")
+        figure9.measure(dataclasses.replace(frames, output=frames.output / "other"))
 
 
 def test_cells_follow_their_inputs(tmp_path):
     kept, calls = cells.Cells(tmp_path, "fig"), []
 
-    def measure(value):
-        return lambda: calls.append(value) or value
+    def value(number, steps):
+        def measure():
+            calls.append(number)
+            return SplitError(number, 0.0, 0.5)
 
-    assert kept("a", {"n": 1}, measure(5)) == kept("a", {"n": 1}, measure(6)) == 5
-    assert kept("a", {"n": 2}, measure(7)) == 7
+        return kept.get(SplitError, "a", {"n": steps}, measure).border
+
+    assert value(5, [1]) == value(6, [1]) == 5
+    assert value(7, [2]) == 7
     (tmp_path / "cells" / "fig" / "a.json").write_text("{broken")
-    assert kept("a", {"n": 2}, measure(8)) == 8 and calls == [5, 7, 8]
+    assert value(8, [2]) == 8 and calls == [5, 7, 8]
+    assert kept.get(SplitError, "none", {}, lambda: None) is kept.get(SplitError, "none", {}, lambda: 1 / 0) is None
 
 
 def test_stopped_run_keeps_what_is_done(frames, measured, tmp_path, monkeypatch):
-    monkeypatch.setattr(quality, "against", _stop_at(3))
+    monkeypatch.setattr(quality, "accuracy", _stop_at(3))
     again = dataclasses.replace(frames, output=tmp_path)
     with pytest.raises(KeyboardInterrupt):
-        figure9.measure(again, tmp_path)
+        figure9.measure(again)
     monkeypatch.undo()
     done = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
     assert len(done) == 3  # two measured, one without weights
-    assert figure9.measure(again, tmp_path)["rows"] == measured["fig9"]["rows"]
+    assert figure9.measure(again).rows == measured["fig9"].rows
     assert all(path.stat().st_mtime_ns == before for path, before in done.items())
 
 
 def _stop_at(call):
-    original, calls = quality.against, []
+    original, calls = quality.accuracy, []
 
-    def against(*arguments):
+    def accuracy(made):
         calls.append(1)
         if len(calls) == call:
             raise KeyboardInterrupt
-        return original(*arguments)
+        return original(made)
 
-    return against
+    return accuracy
 
 
 def test_training_is_planned_labelled_and_done_once(tmp_path, frames):

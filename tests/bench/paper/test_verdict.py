@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import pytest
 
-from lfsr_core.bench.paper import page, verdict
-from lfsr_core.bench.paper.figures import figure9, figure10_networks, figure11
+from lfsr_core.bench.paper import figure, page, verdict, weights
+from lfsr_core.bench.paper.figures import figure9, figure10, figure11
 from lfsr_core.bench.paper.verdict import Difference
+from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.records import from_data
 
 SEEDS = (0.01, -0.02, 0.015, -0.005, 0.0, 0.012)
 
@@ -47,13 +50,13 @@ def fig10b(gap):
 def fig10c(gap):
     times = {f"paper-{n}": seconds(1 + n * gap) for n in (3, 4, 5, 6)} | {"paper": seconds(1.0)}
     rows = [quality_row(name, 0.9 + (0.005 - gap / 20) * (name != "paper")) for name in times]
-    return {"times": {"seconds": times}, "rows": rows, "schedules": {}}
+    return {"times": {"seconds": times, "engine": "torch", "device": "CPU"}, "rows": rows, "schedules": {}}
 
 
 def fig10d(gap):
     times = {name: seconds(1 + (name != "paper") * gap) for name in ("paper", "espcn", "fsrcnn")}
     rows = [quality_row(name, 0.9 - gap * (name != "paper")) for name in (*times, "bicubic")]
-    return {"times": {"seconds": times}, "rows": rows, "schedules": {}}
+    return {"times": {"seconds": times, "engine": "torch", "device": "CPU"}, "rows": rows, "schedules": {}}
 
 
 def fig11(gap):
@@ -89,35 +92,44 @@ MADE_UP = {"fig9": fig9, "fig10a": fig10a, "fig10b": fig10b, "fig10c": fig10c, "
            "fig12a": fig12a, "fig12b": fig12b, "table2": table2, "table3": table3}
 
 
+def results(name, gap):
+    """Results of a figure whose numbers favour its claim, or with a ``gap`` below zero speak against it."""
+    return from_data(page.FIGURES[name].kind, MADE_UP[name](gap), name)
+
+
+def line(name, gap):
+    return page.FIGURES[name].line(results(name, gap))
+
+
 @pytest.mark.parametrize("name", MADE_UP)
 def test_sentences_flip_with_the_numbers(name):
-    make, line = MADE_UP[name], page.FIGURES[name].line
-    assert line(make(0.4)).startswith("**Holds.**"), line(make(0.4))
+    assert line(name, 0.4).startswith("**Holds.**"), line(name, 0.4)
     if name != "fig10a":  # whichever step is slower, the step matters
-        assert line(make(-0.4)).startswith("**Does not hold.**"), line(make(-0.4))
+        assert line(name, -0.4).startswith("**Does not hold.**"), line(name, -0.4)
 
 
 def test_scenes_without_epipolar_images_leave_the_others():
-    results = fig11(0.4)
-    results["rows"].append({"scene": "other", "method": "bicubic", "reason": "sampled lenses have none"})
-    line = page.FIGURES["fig11"].line(results)
-    assert line.startswith("**Holds.**") and "other was not measured: sampled lenses have none." in line
+    whole = results("fig11", 0.4)
+    other = figure11.EpiRow(scene="other", method="bicubic", reason="sampled lenses have none")
+    found = figure11.line(dataclasses.replace(whole, rows=(*whole.rows, other)))
+    assert found.startswith("**Holds.**") and "other was not measured: sampled lenses have none." in found
 
 
 @pytest.mark.parametrize("name", ["fig9", "fig10a", "fig11", "table3"])
 def test_without_a_difference_nothing_is_claimed(name):
-    assert page.FIGURES[name].line(MADE_UP[name](0.0)).startswith("**Cannot be told.**")
+    assert line(name, 0.0).startswith("**Cannot be told.**")
 
 
-def test_the_reason_follows_where_the_error_lies():
-    only_there, spread, near = fig9(-0.4), fig9(-0.4), fig9(-0.4)
-    for results, share in ((spread, 1.5), (near, 0.5)):  # 1.5: the same error for every pixel
-        for row in results["rows"]:
-            row["error"]["centre"] = row["error"]["border"] * share
-    assert "All of its additional squared error lies in the outermost views" in figure9.line(only_there)
-    assert "1.0 times as large" in figure9.line(spread) and "borders are not the reason" in figure9.line(spread)
-    assert "3.0 times as large" in figure9.line(near) and "are a part of the reason" in figure9.line(near)
-    assert "squared error" not in figure9.line(fig9(0.4))
+@pytest.mark.parametrize(("share", "words"), [
+    (None, "All of its additional squared error lies in the outermost views"),
+    (1.5, "1.0 times as large in the outermost views of the elemental images as in the others: borders are not"),
+    (0.5, "3.0 times as large in the outermost views of the elemental images as in the others: borders, where")])
+def test_the_reason_follows_where_the_error_lies(share, words):
+    data = fig9(-0.4)
+    for row in data["rows"]:
+        row["error"]["centre"] = row["error"]["border"] * share if share else row["error"]["centre"]
+    assert words in figure9.line(from_data(figure9.Residuals, data, "fig9"))
+    assert "squared error" not in line("fig9", 0.4)
 
 
 def test_verdicts():
@@ -136,25 +148,22 @@ def test_verdicts():
 @pytest.mark.parametrize(("faster", "better", "sign"), [(1, 1, -1), (1, -1, 1), (-1, 1, 1), (-1, 0, 1), (1, 0, 0),
                                                         (0, 0, 0)])
 def test_a_rival_wins_only_with_both(faster, better, sign):
-    assert figure10_networks.worst(Difference(faster, 0.5), Difference(better, 0.5)).sign == sign
+    assert figure10.worst(Difference(faster, 0.5), Difference(better, 0.5)).sign == sign
 
 
 def test_networks_trained_differently_are_called_so():
-    results = fig9(0.4)
     alike = "short schedule: 9 epochs of 4 96-pixel crops per photograph, rate 0.001 cosine"
-    results["schedules"] = {"paper": f"{alike}, 60 s on CPU", "paper-gan": f"{alike}, 900 s on CPU"}
-    assert "trained" not in figure9.line(results)
+
+    def found(label):
+        schedules = {"paper": f"{alike}, 60 s on CPU", "paper-gan": label}
+        return figure9.line(dataclasses.replace(results("fig9", 0.4), schedules=schedules))
+
+    assert "trained" not in found(f"{alike}, 900 s on CPU")
     for ours, other in (("9 epochs", "2 epochs"), ("0.001 cosine", "0.0001 constant"), ("short", "the paper's")):
-        label = f"{alike}, 60 s on CPU"
-        changed = {**results, "schedules": {"paper": label, "paper-gan": label.replace(ours, other)}}
-        assert "The networks were not trained alike" in figure9.line(changed)
-    results["schedules"]["paper-gan"] = "schedule not recorded"
-    assert "not known of all" in figure9.line(results)
+        assert "The networks were not trained alike" in found(f"{alike}, 60 s on CPU".replace(ours, other))
+    assert "not known of all" in found("schedule not recorded")
 
 
 def test_the_label_is_one_that_comparisons_understand():
-    from lfsr_core.bench.paper import figure, weights
-    from lfsr_core.reconstruct.networks import catalogue
-
     label = weights.schedule(catalogue.weights_path("paper", 4))
     assert figure.CROPS_SEEN.search(label)

@@ -1,142 +1,230 @@
-"""Fig. 10(a) and (b): elemental images per call, and the share of foreground, against the second stage's time."""
+"""Fig. 10(a), (c) and (d): elemental images per call, number of convolutions and architecture of a network."""
 
 from __future__ import annotations
 
+import dataclasses
 import statistics
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from lfsr_core.bench.paper import quality, renders, timing, weights
+from lfsr_core.bench import plots
+from lfsr_core.bench.paper import quality, timing, weights
 from lfsr_core.bench.paper.cells import Cells
-from lfsr_core.bench.paper.figure import COLORS, Figure, Results, axes, markdown, number, save
+from lfsr_core.bench.paper.figure import Figure, cautions, gains, measured, metric, scenes_of
+from lfsr_core.bench.paper.records import Accuracy, NetworkTimes, Results, Row
+from lfsr_core.bench.paper.renders import Shot
 from lfsr_core.bench.paper.settings import Settings
-from lfsr_core.bench.paper.verdict import Difference, mean_interval, overall, paired, say
-from lfsr_core.reconstruct.second_stage import UpscaleOptions, panel_image
+from lfsr_core.bench.paper.verdict import Difference, overall, paired, sentence, span
+from lfsr_core.bench.tables import markdown_table, number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Sheet
 
 NETWORK = "paper"
+DEPTHS = {"paper": 2, **{f"paper-{n}": n for n in (3, 4, 5, 6)}}
+ARCHITECTURES = ("paper", "espcn", "fsrcnn")
+STEP = 48
+WORTH = 0.01  # split SSIM that a deeper network would have to add
 CLAIM_STEP = "The number of elemental images per call, 8 to 208, changes the time of the second stage."
-CLAIM_SHARE = "Foreground selection saves time, the more the smaller the foreground is."
+CLAIM_DEPTH = "Two convolutions suffice: more cost time and add little."
+CLAIM_ARCHITECTURE = ("Its words are not known here; taken as: no other light network is both faster and more "
+                      "accurate than the generator.")
 
 
-def measure_step(settings: Settings, folder: Path) -> Results:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Steps(Results, NetworkTimes):
+    """Times of one network for each number of elemental images per call, the names of ``seconds``.
+
+    Attributes
+    ----------
+    workload: elemental images per frame and their low-resolution side.
+    """
+
+    workload: tuple[int, int] = (0, 0)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Networks(Results):
+    """Time and accuracy of several networks.
+
+    Attributes
+    ----------
+    times: of the networks alone.
+    rows: accuracy of every scene and method.
+    workload: elemental images per frame and their low-resolution side.
+    samples: per pixel of the renders.
+    """
+
+    times: NetworkTimes
+    rows: tuple[Row, ...]
+    workload: tuple[int, int] = (0, 0)
+    samples: int = 0
+
+    def median_ms(self, name: str) -> float:
+        """Median time of a network in milliseconds."""
+        return timing.median_ms(self.times.seconds[name])
+
+    def ratio(self, name: str) -> float:
+        """How many times as long as the generator a network takes."""
+        return self.median_ms(name) / self.median_ms(NETWORK)
+
+
+def measure_step(settings: Settings) -> Steps:
     """Time of the generator alone on one frame, for each step."""
     inputs = {"steps": list(settings.steps), "workload": list(settings.workload), "repeats": settings.repeats,
               "device": settings.device, "scale": settings.scale}
 
-    def run() -> dict:
-        network = weights.untrained(NETWORK, settings.scale)
+    def run() -> NetworkTimes:
         steps = {str(step): step for step in settings.steps}
-        return timing.network_times(dict.fromkeys(steps, network), settings.workload, settings.repeats,
-                                    settings.device, steps)
+        return timing.network_times(settings, dict.fromkeys(steps, weights.untrained(NETWORK, settings.scale)), steps)
 
-    cells = Cells(folder, "fig10a")
-    return {**cells("steps", inputs, run), "workload": list(settings.workload), "load": cells.load}
+    cells = Cells(settings.output, "fig10a")
+    times = cells.get(NetworkTimes, "steps", inputs, run)
+    return Steps(**vars(times), workload=settings.workload, load=cells.load)
 
 
-def draw_step(results: Results, _output: Path, path: Path) -> None:
+def draw_step(results: Steps, _output: Path) -> Sheet:
     """Milliseconds over the step, quartiles as bars."""
-    sheet, grid = axes(5, 3)
-    steps = sorted(results["seconds"], key=int)
-    middle = [timing.median_ms(results["seconds"][step]) for step in steps]
-    low, high = zip(*(_quartiles(results["seconds"][step]) for step in steps), strict=True)
-    grid[0, 0].errorbar([int(step) for step in steps], middle, color=COLORS[0], marker="o", capsize=3,
-                        yerr=[[m - q for m, q in zip(middle, low, strict=True)],
-                              [q - m for m, q in zip(middle, high, strict=True)]])
-    count, side = results["workload"]
-    grid[0, 0].set(xlabel="elemental images per call", ylabel=f"ms for {count} of {side}×{side}", ylim=(0, None))
-    save(sheet, path)
+    sheet, grid = plots.sheet(5, 3)
+    steps = sorted(results.seconds, key=int)
+    middle = [timing.median_ms(results.seconds[step]) for step in steps]
+    quartiles = [_quartiles(results.seconds[step]) for step in steps]
+    reach = [[m - low for m, (low, _) in zip(middle, quartiles, strict=True)],
+             [high - m for m, (_, high) in zip(middle, quartiles, strict=True)]]
+    grid[0, 0].errorbar([int(step) for step in steps], middle, color=plots.COLORS[0], marker="o", capsize=3, yerr=reach)
+    grid[0, 0].set(xlabel="elemental images per call", ylabel=_workload(results), ylim=(0, None))
+    return sheet
 
 
-def table_step(results: Results) -> list[str]:
+def table_step(results: Steps) -> list[str]:
     """Median and quartiles of each step."""
-    rows = [[step, number(timing.median_ms(times), digits=1), *(number(q, digits=1) for q in _quartiles(times))]
-            for step, times in sorted(results["seconds"].items(), key=lambda item: int(item[0]))]
-    return markdown(["step", "ms", "quartile 1", "quartile 3"], rows)
+    rows = [[step, *(number(ms, digits=1) for ms in (timing.median_ms(times), *_quartiles(times)))]
+            for step, times in sorted(results.seconds.items(), key=lambda item: int(item[0]))]
+    return markdown_table(["step", "ms", "quartile 1", "quartile 3"], rows)
 
 
-def line_step(results: Results) -> str:
+def line_step(results: Steps) -> str:
     """Slowest against fastest step; both are chosen on every other run and compared on the rest."""
-    seconds = results["seconds"]
+    seconds = results.seconds
     choosing = {step: statistics.median(times[::2]) for step, times in seconds.items()}
     fastest, slowest = (min(choosing, key=choosing.get), max(choosing, key=choosing.get))
     found = {"": paired(seconds[slowest][1::2], seconds[fastest][1::2])}
     ratio = timing.median_ms(seconds[slowest]) / timing.median_ms(seconds[fastest])
     statement = f"Step {slowest} takes longer than step {fastest}, {ratio:.2f} times"
-    return f"{overall(found)} {say(statement, found, 's')} Engine {results['engine']}, {results['device']}."
+    return f"{overall(found)} {sentence(statement, found, 's')} Engine {results.engine}, {results.device}."
 
 
-def _quartiles(times: list[float]) -> tuple[float, float]:
+def _quartiles(times: Sequence[float]) -> tuple[float, float]:
     low, _, high = statistics.quantiles(times, n=4)
     return 1e3 * low, 1e3 * high
 
 
-def measure_share(settings: Settings, folder: Path) -> Results:
-    """The whole second stage with and without selection, for the first scene seen from several distances."""
-    cells, scene = Cells(folder, "fig10b"), settings.scenes[0]
+def _workload(results: Steps | Networks) -> str:
+    count, side = results.workload
+    return f"ms for {count} of {side}×{side}"
+
+
+def measure_depth(settings: Settings) -> Networks:
+    """Time and accuracy of the generator with two to six convolutions."""
+    return _measure(settings, "fig10c", tuple(DEPTHS))
+
+
+def measure_architecture(settings: Settings) -> Networks:
+    """Time and accuracy of the generator, ESPCN and FSRCNN, and of bicubic for comparison of accuracy."""
+    return _measure(settings, "fig10d", ARCHITECTURES, ("bicubic",))
+
+
+def _measure(settings: Settings, figure: str, names: Sequence[str], only_quality: Sequence[str] = ()) -> Networks:
+    cells = Cells(settings.output, figure)
+    inputs = {"networks": list(names), "workload": list(settings.workload), "repeats": settings.repeats,
+              "device": settings.device, "scale": settings.scale, "step": STEP}
+    times = cells.get(NetworkTimes, "times", inputs, lambda: timing.network_times(
+        settings, {name: weights.untrained(name, settings.scale) for name in names}, dict.fromkeys(names, STEP)))
+    rows = tuple(_row(settings, cells, Shot(scene, settings.scale, settings.clean_spp), name)
+                 for scene in settings.scenes for name in (*names, *only_quality))
+    return Networks(times=times, rows=rows, workload=settings.workload, samples=settings.clean_spp, load=cells.load,
+                    schedules=quality.schedules(settings, names))
+
+
+def _row(settings: Settings, cells: Cells, shot: Shot, name: str) -> Row:
+    """Accuracy on a render nearly without noise: what a network adds there is its own."""
+    found = cells.get(Accuracy, f"{shot.scene.stem}-{name}", quality.inputs(settings, shot.scene, name, spp=shot.spp),
+                      lambda: quality.measure(settings, shot, name))
+    return Row.of(found, scene=shot.scene.stem, method=name)
+
+
+def draw(results: Networks, _output: Path) -> Sheet:
+    """Time as bars, accuracy of every scene as points."""
+    names = list(results.times.seconds)
+    sheet, grid = plots.sheet(8, 3, 1, 2)
+    times, accuracy = grid[0]
+    times.bar(names, [results.median_ms(name) for name in names], color=plots.COLORS[0])
+    times.set_ylabel(_workload(results))
+    found = measured(results.rows)
+    methods = list(dict.fromkeys(row.method for row in results.rows))
+    for index, scene in enumerate(scenes_of(found.values())):
+        places = [(place, found[scene, name].metrics["ssim_eia_fg"]) for place, name in enumerate(methods)
+                  if (scene, name) in found]
+        accuracy.plot(*zip(*places, strict=True), "o-", ms=4, lw=0.8, label=scene,
+                      color=plots.COLORS[index % len(plots.COLORS)])
+    accuracy.set_xticks(range(len(methods)), methods)
+    accuracy.set_ylabel("split SSIM, foreground")
+    if found:
+        accuracy.legend(frameon=False, fontsize=7)
+    for axis in grid[0]:
+        axis.tick_params(axis="x", rotation=20, labelsize=8)
+    return sheet
+
+
+def table(results: Networks) -> list[str]:
+    """Time per network, accuracy per scene."""
+    scenes, found = scenes_of(results.rows), measured(results.rows)
     rows = []
-    for share in settings.moves:
-        inputs = {"scene": scene.stem, "distance": share, "display": settings.timing_display.to_dict(),
-                  "scale": settings.scale, "spp": settings.spp, "repeats": settings.repeats, "device": settings.device}
-        rows.append(cells(f"{scene.stem}-{share:g}", inputs, lambda share=share: _at(settings, scene, share)))
-    return {"rows": rows, "scene": scene.stem, "load": cells.load}
+    for name in dict.fromkeys(row.method for row in results.rows):
+        ms = results.median_ms(name) if name in results.times.seconds else None
+        accuracies = [metric(found[scene, name], "ssim_eia_fg", 4) if (scene, name) in found else None
+                      for scene in scenes]
+        rows.append([name, number(ms, digits=1), *accuracies])
+    return markdown_table(["network", "ms", *scenes], rows)
 
 
-def _at(settings: Settings, scene: Path, share: float) -> dict:
-    moved = renders.moved(settings, scene, share)
-    folder = renders.low_resolution(settings, moved, settings.scale, settings.spp, display=settings.timing_display)
-    return {"distance": share, "p": quality.foreground_share(folder),
-            "seconds": selection_times(settings, folder, NETWORK)}
+def line_depth(results: Networks) -> str:
+    """What the deeper ones add to time and accuracy."""
+    seconds = results.times.seconds
+    slower = {name: paired(seconds[name], seconds[NETWORK]) for name in DEPTHS if name != NETWORK}
+    words = sentence("More convolutions cost time", slower, "s")
+    added = {f"{name} on {scene}": gain for name in slower
+             for scene, gain in gains(results.rows, name, NETWORK).items()}
+    # Above zero where even the upper end of what is gained stays below WORTH.
+    room = {name: Difference(WORTH - gain.value, gain.half) for name, gain in added.items()}
+    little = sentence(f"They add less than {WORTH} of split SSIM", room, "to spare")
+    little += f" They add {span(added)} of split SSIM." if added else ""
+    return (f"{overall(slower, room)} {words} Six take {results.ratio('paper-6'):.2f} times as long as two. {little}"
+            + cautions(results.rows, results.schedules))
 
 
-def selection_times(settings: Settings, folder: Path, name: str) -> dict[str, list[float]]:
-    """Seconds of the second stage "with" and "without" foreground selection."""
-    method = weights.untrained_method(settings, name, settings.scale)
-    return timing.take_turns({"with": lambda: panel_image(folder, method),
-                              "without": lambda: panel_image(folder, method, UpscaleOptions(selection=False))},
-                             settings.repeats)
+def line_architecture(results: Networks) -> str:
+    """Whether any rival is both faster and more accurate than the generator."""
+    seconds = results.times.seconds
+    words, unbeaten = [], {}
+    for name in ARCHITECTURES[1:]:
+        faster, better = {"": paired(seconds[NETWORK], seconds[name])}, gains(results.rows, name, NETWORK)
+        statement = f"{name} is faster than the generator ({results.ratio(name):.2f} times its time)"
+        words += [sentence(statement, faster, "s"), sentence(f"{name} is more accurate", better, "split SSIM")]
+        unbeaten |= {f"{name} on {scene}": worst(faster[""], gain) for scene, gain in better.items()}
+    over = gains(results.rows, NETWORK, "bicubic")
+    words.append(sentence("The generator is more accurate than bicubic", over, "split SSIM"))
+    return " ".join([overall(unbeaten), *words]) + cautions(results.rows, results.schedules)
 
 
-def saved(row: dict) -> Difference:
-    """Seconds that selection saves."""
-    return mean_interval(_saved_each(row))
+def worst(faster: Difference, better: Difference) -> Difference:
+    """Above zero where a rival surely lacks one of both, below where it surely has both."""
+    return Difference(-min(faster.sign, better.sign), 0.0)
 
 
-def draw_share(results: Results, _output: Path, path: Path) -> None:
-    """Milliseconds over the share of foreground."""
-    sheet, grid = axes(5, 3)
-    rows = sorted(results["rows"], key=lambda row: row["p"])
-    for kind, color in zip(("with", "without"), COLORS, strict=False):
-        grid[0, 0].plot([row["p"] for row in rows], [timing.median_ms(row["seconds"][kind]) for row in rows],
-                        marker="o", color=color, label=f"{kind} selection")
-    grid[0, 0].set(xlabel="share of foreground lenses", ylabel="second stage, ms", ylim=(0, None), xlim=(0, 1.02))
-    grid[0, 0].legend(frameon=False)
-    save(sheet, path)
-
-
-def table_share(results: Results) -> list[str]:
-    """Distance, share of foreground, both times."""
-    rows = [[f"{row['distance']:g}", number(row["p"]),
-             *(number(timing.median_ms(row["seconds"][kind]), digits=1) for kind in ("with", "without"))]
-            for row in results["rows"]]
-    return markdown(["distance", "p", "ms with selection", "ms without"], rows)
-
-
-def line_share(results: Results) -> str:
-    """Saved time at every share, and whether a smaller foreground saves more."""
-    rows = sorted(results["rows"], key=lambda row: row["p"])
-    found = {f"p = {row['p']:.2f}": saved(row) for row in rows}
-    words = say("Selection saves time", found, "s")
-    least, most = rows[0], rows[-1]
-    if least["p"] == most["p"]:
-        return f"{overall(found, {})} {words} Every distance has the same share, so nothing tells how it matters."
-    order = {"": paired(_saved_each(least), _saved_each(most))}
-    statement = f"It saves more at p = {least['p']:.2f} than at p = {most['p']:.2f}"
-    return f"{overall(found, order)} {words} {say(statement, order, 's')}"
-
-
-def _saved_each(row: dict) -> list[float]:
-    return [a - b for a, b in zip(row["seconds"]["without"], row["seconds"]["with"], strict=True)]
-
-
-STEP = Figure("fig10a", "Fig. 10(a): step", CLAIM_STEP, measure_step, draw_step, table_step, line_step)
-SHARE = Figure("fig10b", "Fig. 10(b): share of foreground", CLAIM_SHARE, measure_share, draw_share, table_share,
-               line_share)
+STEPS = Figure("fig10a", "Fig. 10(a): step", CLAIM_STEP, Steps, measure_step, table_step, line_step, draw_step)
+DEPTH = Figure("fig10c", "Fig. 10(c): number of convolutions", CLAIM_DEPTH, Networks, measure_depth, table, line_depth,
+               draw)
+ARCHITECTURE = Figure("fig10d", "Fig. 10(d): architectures", CLAIM_ARCHITECTURE, Networks, measure_architecture, table,
+                      line_architecture, draw)

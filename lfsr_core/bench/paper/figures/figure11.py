@@ -2,27 +2,97 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lfsr_core.bench.paper import quality, renders, weights
-from lfsr_core.bench.paper.cells import Cells
-from lfsr_core.bench.paper.figure import Figure, Results, axes, markdown, missing, number, save, unequal
+from lfsr_core.bench import plots
+from lfsr_core.bench.paper import quality, renders
+from lfsr_core.bench.paper.cells import FOLDER, Cells
+from lfsr_core.bench.paper.figure import Figure, cautions, differences
+from lfsr_core.bench.paper.records import Results
+from lfsr_core.bench.paper.renders import Shot
 from lfsr_core.bench.paper.settings import Settings
-from lfsr_core.bench.paper.verdict import Difference, overall, paired, say
+from lfsr_core.bench.paper.verdict import Difference, overall, sentence
+from lfsr_core.bench.tables import markdown_table, number
 from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.reference import Reference
+from lfsr_core.images.png import read_png, write_png
+from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import horizontal_epi, to_elemental_images
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
-from lfsr_core.reconstruct.second_stage import finished_linear
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Sheet
+
+ID = "fig11"
 PAIRS = (("bicubic", "bicubic-eia"), ("paper", "paper-eia"), ("fsrcnn", "fsrcnn-eia"))
-TRUTH, ADVERSARIAL = "reference", "paper-gan"
+REFERENCE, ADVERSARIAL = "reference", "paper-gan"
 UNIT = "× 10⁻³ mean squared error less"
-LEAST_HEIGHT = 80
 CLAIM = ("Super-resolving each elemental image keeps the lines of epipolar images; super-resolving the whole EIA "
          "mixes neighbouring elemental images (crosstalk).")
+
+
+@dataclasses.dataclass(frozen=True)
+class EpiErrors:
+    """Split squared errors of display values, the mean over the foreground lenses of each lens row.
+
+    Attributes
+    ----------
+    epi: of all views.
+    epi_border: of the outermost views on either side, where a neighbour's light would show.
+    """
+
+    epi: tuple[float, ...]
+    epi_border: tuple[float, ...]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EpiMeasurement:
+    """The epipolar images of one method.
+
+    Attributes
+    ----------
+    metrics: their errors, None where they were not measured.
+    picture: file name of one of them.
+    """
+
+    metrics: EpiErrors | None = None
+    picture: str | None = None
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EpiRow(EpiMeasurement):
+    """One method on one scene.
+
+    Attributes
+    ----------
+    scene: its name.
+    method: its name.
+    reason: why nothing could be measured, None where weights were the reason.
+    """
+
+    scene: str
+    method: str
+    reason: str | None = None
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Epis(Results):
+    """Epipolar images of every scene and method.
+
+    Attributes
+    ----------
+    rows: one of each.
+    default: name of this project's default method.
+    samples: per pixel of the renders.
+    """
+
+    rows: tuple[EpiRow, ...]
+    default: str
+    samples: int = 0
 
 
 def methods() -> tuple[str, ...]:
@@ -30,116 +100,102 @@ def methods() -> tuple[str, ...]:
     return (*(name for pair in PAIRS for name in reversed(pair)), ADVERSARIAL, DEFAULT_METHOD)
 
 
-def measure(settings: Settings, folder: Path) -> Results:
+def measure(settings: Settings) -> Epis:
     """Error of all horizontal EPIs, lens row by lens row; needs a reference of all lenses."""
-    cells = Cells(folder, "fig11")
-    rows = [_row(settings, cells, scene, name) for scene in settings.scenes for name in methods()]
-    return {"rows": rows, "samples": settings.clean_spp, "default": DEFAULT_METHOD,
-            "load": cells.load, "schedules": quality.schedules(settings, methods())}
+    cells = Cells(settings.output, ID)
+    rows = tuple(_row(settings, cells, scene, name) for scene in settings.scenes for name in methods())
+    return Epis(rows=rows, default=DEFAULT_METHOD, samples=settings.clean_spp, load=cells.load,
+                schedules=quality.schedules(settings, methods()))
 
 
-def _row(settings: Settings, cells: Cells, scene: Path, name: str) -> dict[str, Any]:
+def _row(settings: Settings, cells: Cells, scene: Path, name: str) -> EpiRow:
     if read_frame(renders.reference(settings, scene)).lens_list is not None:
-        return {"scene": scene.stem, "method": name, "reason": "sampled lenses have no epipolar images"}
-    picture = cells.folder / f"{scene.stem}-{name}.png"
-    inputs = quality.inputs(settings, scene, name, spp=settings.clean_spp)
-    found = cells(picture.stem, inputs, lambda: _measure_one(settings, scene, name, picture))
-    return {"scene": scene.stem, "method": name, **(found or {})}
+        return EpiRow(scene=scene.stem, method=name, reason="sampled lenses have no epipolar images")
+    file = cells.folder / f"{scene.stem}-{name}.png"
+    found = cells.get(EpiMeasurement, file.stem, quality.inputs(settings, scene, name, spp=settings.clean_spp),
+                      lambda: _measure_one(settings, Shot(scene, settings.scale, settings.clean_spp), name, file))
+    return EpiRow(**vars(found or EpiMeasurement()), scene=scene.stem, method=name)
 
 
-def _measure_one(settings: Settings, scene: Path, name: str, picture: Path) -> dict[str, Any] | None:
-    method = weights.method(settings, name)
-    if method is None:
+def _measure_one(settings: Settings, shot: Shot, name: str, file: Path) -> EpiMeasurement | None:
+    picture = quality.picture(settings, shot, name)
+    if picture is None:
         return None
-    folder = renders.low_resolution(settings, scene, settings.scale, settings.clean_spp)
-    image = quality.srgb_encode(finished_linear(folder, method))
-    reference = quality.Reference.read(renders.reference(settings, scene))
-    half_a, half_b = (quality.srgb_encode(half) for half in (reference.half_a, reference.half_b))
-    _write_epi(image, reference, picture)
-    _write_epi((half_a + half_b) / 2, reference, picture.with_name(f"{scene.stem}-{TRUTH}.png"))
-    return {"metrics": epi_errors(image, half_a, half_b, reference.hits, settings.scale), "picture": picture.name}
+    reference = picture.reference
+    image, half_a, half_b = (srgb_encode(pixels) for pixels in (picture.image, reference.half_a, reference.half_b))
+    _write_epi(image, reference, file)
+    _write_epi((half_a + half_b) / 2, reference, file.with_name(f"{shot.scene.stem}-{REFERENCE}.png"))
+    return EpiMeasurement(metrics=epi_errors((image - half_a) * (image - half_b), reference.hits, shot.scale),
+                          picture=file.name)
 
 
-def epi_errors(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray, hit: np.ndarray,
-               scale: int) -> dict[str, Any]:
-    """Split squared errors of display values, EIAs (H, W, 3), mean over the foreground lenses of each lens row.
+def epi_errors(squares: np.ndarray, hits: np.ndarray, scale: int) -> EpiErrors:
+    """Means by lens row of split squared errors (H, W, 3), over the foreground ``hits`` (sy, sx).
 
-    ``epi``: of all views; ``epi_border``: of the ``scale`` outermost views on
-    either side, where a neighbour's light would show. ``hit``: foreground (sy, sx).
+    The border are the ``scale`` outermost views on either side.
     """
-    lenses = hit.shape[::-1]
-    product = (image - half_a) * (image - half_b)
-    squares = to_elemental_images(product.astype(np.float64), lenses)
-    border = np.concatenate([squares[..., :scale, :], squares[..., -scale:, :]], axis=-2)
-    rows = [row for row in range(len(hit)) if hit[row].any()]
-    return {"epi": [float(squares[row][hit[row]].mean()) for row in rows],
-            "epi_border": [float(border[row][hit[row]].mean()) for row in rows]}
+    images = to_elemental_images(squares.astype(np.float64), hits.shape[::-1])
+    border = np.concatenate([images[..., :scale, :], images[..., -scale:, :]], axis=-2)
+    rows = np.flatnonzero(hits.any(1))
+    return EpiErrors(*(tuple(float(part[row][hits[row]].mean()) for row in rows) for part in (images, border)))
 
 
-def _write_epi(image: np.ndarray, reference: quality.Reference, path: Path) -> None:
-    from lfsr_core.images.png import write_png
-
-    lens_row = int(reference.hits.sum(1).argmax())
-    epi = horizontal_epi(image, reference.frame.display.lenses, lens_row, reference.frame.display.views[1] // 2)
+def _write_epi(image: np.ndarray, reference: Reference, path: Path) -> None:
+    display, lens_row = reference.frame.display, int(reference.hits.sum(1).argmax())
+    epi = horizontal_epi(image, display.lenses, lens_row, display.views[1] // 2)
     write_png(path, (epi.clip(0, 1) * 255).round().astype(np.uint8))
 
 
-def draw(results: Results, output: Path, path: Path) -> None:
+def draw(results: Epis, output: Path) -> Sheet:
     """The EPI of the fullest lens row, views downwards, of the first scene, for every method."""
-    from lfsr_core.images.png import read_png
-
-    scene = next((row["scene"] for row in results["rows"] if "picture" in row), "no scene")
-    shown = [(row["method"], row["picture"]) for row in results["rows"] if row["scene"] == scene and "picture" in row]
-    shown = [(TRUTH, f"{scene}-{TRUTH}.png"), *shown] if shown else []
-    sheet, grid = axes(7, 1.1 * max(1, len(shown)), max(1, len(shown)), 1)
+    scene = next((row.scene for row in results.rows if row.picture), "no scene")
+    shown = [(row.method, row.picture) for row in results.rows if row.scene == scene and row.picture]
+    shown = [(REFERENCE, f"{scene}-{REFERENCE}.png"), *shown] if shown else []
+    sheet, grid = plots.sheet(7, 1.1 * max(1, len(shown)), max(1, len(shown)), 1)
     for axis, (name, picture) in zip(grid[:, 0], shown, strict=False):
-        axis.imshow(read_png(Path(output) / "cells" / "fig11" / picture), aspect="auto", interpolation="nearest")
-        axis.set_xticks([])
-        axis.set_yticks([])
+        axis.imshow(read_png(output / FOLDER / ID / picture), aspect="auto", interpolation="nearest")
+        axis.set(xticks=[], yticks=[])
         axis.set_ylabel(name, rotation=0, ha="right", va="center", fontsize=8)
     sheet.suptitle(f"{scene}: lenses from left to right, views downwards", fontsize=8)
-    save(sheet, path)
+    return sheet
 
 
-def table(results: Results) -> list[str]:
+def table(results: Epis) -> list[str]:
     """PSNR of the EPIs, and of their border views."""
-    rows = [[row["scene"], row["method"], *(_decibels(row["metrics"][name]) for name in ("epi", "epi_border"))]
-            for row in results["rows"] if row.get("metrics")]
-    return markdown(["scene", "method", "EPI PSNR, dB", "of border views, dB"], rows)
+    rows = [[row.scene, row.method, _decibels(row.metrics.epi), _decibels(row.metrics.epi_border)]
+            for row in results.rows if row.metrics]
+    return markdown_table(["scene", "method", "EPI PSNR, dB", "of border views, dB"], rows)
 
 
-def _decibels(errors: list[float]) -> str:
+def _decibels(errors: tuple[float, ...]) -> str:
     mean = float(np.mean(errors)) if errors else 0.0
     return number(-10 * float(np.log10(mean)) if mean > 0 else None, digits=2)
 
 
-def less_error(results: Results, better: str, worse: str, name: str = "epi") -> dict[str, Difference]:
+def less_error(results: Epis, better: str, worse: str, name: str = "epi") -> dict[str, Difference]:
     """By how much ``better`` has the smaller error, per lens row, for every scene that has both."""
-    found = {(row["scene"], row["method"]): row["metrics"][name] for row in results["rows"] if row.get("metrics")}
-    scenes = dict.fromkeys(scene for scene, _ in found)
-    return {scene: paired(found[scene, worse], found[scene, better]) for scene in scenes
-            if found.get((scene, better)) and found.get((scene, worse))}
+    return differences(results.rows, worse, better, lambda row: getattr(row.metrics, name))
 
 
-def line(results: Results) -> str:
+def line(results: Epis) -> str:
     """Each upscaler per EI against itself over the whole array; then the default against the paper's."""
     found = {per_ei: less_error(results, per_ei, whole) for per_ei, whole in PAIRS}
     words = [overall(*found.values())]
     for per_ei, whole in PAIRS:
         statement = f"{per_ei} per elemental image is nearer to the truth than over the whole array"
-        words.append(say(statement, found[per_ei], UNIT, 1e3))
+        words.append(sentence(statement, found[per_ei], UNIT, 1e3))
         border = less_error(results, per_ei, whole, "epi_border")
-        words.append(say("In the border views", border, UNIT, 1e3) if border else "")
-    for better in (ADVERSARIAL, results["default"]):
+        words.append(sentence("In the border views", border, UNIT, 1e3) if border else "")
+    for better in (ADVERSARIAL, results.default):
         statement = f"{better} is nearer than the generator alone"
-        words.append(say(statement, less_error(results, better, "paper"), UNIT, 1e3))
-    whole = [row for row in results["rows"] if "reason" not in row]
-    return " ".join(filter(None, words)) + _left_out(results) + missing(whole) + unequal(results["schedules"])
+        words.append(sentence(statement, less_error(results, better, "paper"), UNIT, 1e3))
+    whole = [row for row in results.rows if row.reason is None]
+    return " ".join(filter(None, words)) + _left_out(results) + cautions(whole, results.schedules)
 
 
-def _left_out(results: Results) -> str:
-    reasons = {row["scene"]: row["reason"] for row in results["rows"] if "reason" in row}
+def _left_out(results: Epis) -> str:
+    reasons = {row.scene: row.reason for row in results.rows if row.reason}
     return "".join(f" {scene} was not measured: {reason}." for scene, reason in reasons.items())
 
 
-FIGURE = Figure("fig11", "Fig. 11: epipolar images", CLAIM, measure, draw, table, line)
+FIGURE = Figure(ID, "Fig. 11: epipolar images", CLAIM, Epis, measure, table, line, draw)

@@ -2,146 +2,202 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from lfsr_core.bench.paper import quality, renders, timing, weights
+from lfsr_core.bench.paper import quality, renders, weights
 from lfsr_core.bench.paper.cells import Cells
-from lfsr_core.bench.paper.figure import Figure, Results, by_name, gains, markdown, metric, missing, number, unequal
+from lfsr_core.bench.paper.figure import Figure, cautions, gains, measured, metric
+from lfsr_core.bench.paper.records import Accuracy, FrameTimes, Results, Row
+from lfsr_core.bench.paper.renders import Shot
 from lfsr_core.bench.paper.settings import Settings
-from lfsr_core.bench.paper.verdict import Difference, overall, say, single_runs
+from lfsr_core.bench.paper.verdict import Difference, overall, sentence, single_runs
+from lfsr_core.bench.tables import markdown_table, number
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.second_stage import panel_image
 
 DIRECT, BY_VIEW, FEW_SAMPLES = "direct", "view by view + fsrcnn", "1 sample + oidn"
 PAPER, PAPER_PLAIN, OURS = "paper (adversary)", "paper (no adversary)", "this project"
 ENOUGH_SSIM = 0.90
 CLAIM_RIVALS = f"The paper's method is faster than every rival, with an SSIM above {ENOUGH_SSIM:.2f}."
 CLAIM_COST = "The generator needs fewer multiply-adds than other networks for super-resolution."
+METRICS = ("ssim_eia_plain", "ssim_ceiling", "ssim_eia_fg", "psnr_fg")
+Found = Mapping[tuple[str, str], "RivalRow"]
 
 
-def rivals(settings: Settings) -> dict[str, tuple[int, int, str, str]]:
-    """Scale, samples, layout and method of each row."""
-    scale, spp = settings.scale, settings.spp
-    return {DIRECT: (1, spp, "one-pass", "none"), BY_VIEW: (scale, spp, "view-by-view", "fsrcnn"),
-            FEW_SAMPLES: (1, 1, "one-pass", "oidn"), PAPER: (scale, spp, "one-pass", "paper-gan"),
-            PAPER_PLAIN: (scale, spp, "one-pass", "paper"), OURS: (scale, spp, "one-pass", DEFAULT_METHOD)}
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Rival(Accuracy, FrameTimes):
+    """Time and accuracy of one method."""
+
+    render: float = 0.0
+    second_stage: float = 0.0
 
 
-def measure_rivals(settings: Settings, folder: Path) -> Results:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RivalRow(Row, Rival):
+    """Of one scene.
+
+    Attributes
+    ----------
+    how: scale, samples and method.
+    """
+
+    how: str = ""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Rivals(Results):
+    """Every rival on every scene, the ``rows``."""
+
+    rows: tuple[RivalRow, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class CostRow:
+    """What one network costs.
+
+    Attributes
+    ----------
+    method: its name.
+    per_low_pixel: multiply-adds per low-resolution pixel.
+    parameters: their number.
+    per_frame: multiply-adds for all lenses.
+    """
+
+    method: str
+    per_low_pixel: float
+    parameters: int = 0
+    per_frame: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Costs(Results):
+    """Costs of networks.
+
+    Attributes
+    ----------
+    rows: one per network.
+    pixels: of a frame, horizontal and vertical.
+    scale: factor.
+    """
+
+    rows: tuple[CostRow, ...]
+    pixels: tuple[int, int] = (0, 0)
+    scale: int = 0
+
+
+def rivals(settings: Settings, scene: Path) -> dict[str, tuple[Shot, str]]:
+    """Render and method of each row."""
+    shot = Shot(scene, settings.scale, settings.spp)
+    whole = dataclasses.replace(shot, scale=1)
+    return {DIRECT: (whole, "none"), BY_VIEW: (dataclasses.replace(shot, layout="view-by-view"), "fsrcnn"),
+            FEW_SAMPLES: (dataclasses.replace(whole, spp=1), "oidn"), PAPER: (shot, "paper-gan"),
+            PAPER_PLAIN: (shot, "paper"), OURS: (shot, DEFAULT_METHOD)}
+
+
+def measure_rivals(settings: Settings) -> Rivals:
     """Every rival on every scene."""
-    cells, rows = Cells(folder, "table2"), []
-    for scene in settings.scenes:
-        for name, (scale, spp, layout, method) in rivals(settings).items():
-            inputs = quality.inputs(settings, scene, method, spp=spp, render_scale=scale, layout=layout,
-                                    repeats=settings.repeats, device=settings.device,
-                                    render_device=settings.render_device)
-            key = f"{scene.stem}-{name}".replace(" ", "-").replace("(", "").replace(")", "")
-            found = cells(key, inputs, lambda scene=scene, row=(scale, spp, layout, method): _one(
-                settings, scene, *row))
-            rows.append({"scene": scene.stem, "method": name, "how": f"s{scale}, {spp} spp, {method}", **(found or {})})
-    methods = [how[3] for how in rivals(settings).values()]
-    return {"rows": rows, "load": cells.load, "schedules": quality.schedules(settings, methods)}
+    cells = Cells(settings.output, "table2")
+    rows = tuple(_row(settings, cells, name, *how) for scene in settings.scenes
+                 for name, how in rivals(settings, scene).items())
+    methods = [method for _, method in rivals(settings, settings.scenes[0]).values()]
+    return Rivals(rows=rows, load=cells.load, schedules=quality.schedules(settings, methods))
 
 
-def _one(settings: Settings, scene: Path, scale: int, spp: int, layout: str, name: str) -> dict[str, Any] | None:
+def _row(settings: Settings, cells: Cells, name: str, shot: Shot, method: str) -> RivalRow:
+    inputs = quality.inputs(settings, shot.scene, method, spp=shot.spp, render_scale=shot.scale, layout=shot.layout,
+                            repeats=settings.repeats, device=settings.device, render_device=settings.render_device)
+    key = f"{shot.scene.stem}-{name}".replace(" ", "-").replace("(", "").replace(")", "")
+    found = cells.get(Rival, key, inputs, lambda: _one(settings, shot, method))
+    return RivalRow.of(found, scene=shot.scene.stem, method=name, how=f"s{shot.scale}, {shot.spp} spp, {method}")
+
+
+def _one(settings: Settings, shot: Shot, name: str) -> Rival | None:
     method = weights.method(settings, name)
     if method is None:
         return None
-    folder = renders.low_resolution(settings, scene, scale, spp, layout=layout)
-    seconds = timing.take_turns({"": lambda: panel_image(folder, method)}, settings.repeats)[""]
-    return {**(quality.measure(settings, scene, folder, name) or {}), "render": read_frame(folder).seconds["render"],
-            "second_stage": timing.median_ms(seconds) / 1e3}
+    folder = renders.low_resolution(settings, shot)
+    return Rival(**vars(quality.measure(settings, shot, name)), render=read_frame(folder).seconds["render"],
+                 second_stage=quality.second_stage_seconds(settings, folder, method))
 
 
-def table_rivals(results: Results) -> list[str]:
+def table_rivals(results: Rivals) -> list[str]:
     """Time, frame rate and accuracy."""
-    names = ("ssim_eia_plain", "ssim_ceiling", "ssim_eia_fg", "psnr_fg")
-    rows = [[row["scene"], row["method"], row["how"], number(row["render"]), number(row["second_stage"]),
-             number(1 / total(row)), *(metric(row, name) for name in names)]
-            for row in results["rows"] if row.get("metrics")]
-    return markdown(["scene", "method", "how", "render, s", "second stage, s", "frames/s", *names], rows)
+    rows = [[row.scene, row.method, row.how, number(row.render), number(row.second_stage), number(1 / row.total),
+             *(metric(row, name) for name in METRICS)] for row in results.rows if row.metrics]
+    return markdown_table(["scene", "method", "how", "render, s", "second stage, s", "frames/s", *METRICS], rows)
 
 
-def total(row: dict[str, Any]) -> float:
-    """Seconds per frame."""
-    return row["render"] + row["second_stage"]
-
-
-def line_rivals(results: Results) -> str:
+def line_rivals(results: Rivals) -> str:
     """The paper's method, with its adversary if it was trained, against each rival."""
-    found = by_name(results["rows"], "scene", "method")
-    scenes = list(dict.fromkeys(scene for scene, _ in found))
-    ours = next((name for name in (PAPER, PAPER_PLAIN) if any((scene, name) in found for scene in scenes)), None)
+    found = measured(results.rows)
+    ours = next((name for name in (PAPER, PAPER_PLAIN) if any(method == name for _, method in found)), None)
     if ours is None:
         return "Not measured, for want of weights."
-    faster = {rival: _faster(found, ours, rival, scenes) for rival in (DIRECT, BY_VIEW, FEW_SAMPLES)}
-    enough = _enough(found, ours, scenes)
+    faster = {rival: _faster(found, ours, rival) for rival in (DIRECT, BY_VIEW, FEW_SAMPLES)}
+    enough = _enough(found, ours)
     words = [overall(*faster.values(), enough), f"Of {ours}:"]
-    for rival in (DIRECT, BY_VIEW, FEW_SAMPLES):
-        words.append(say(f"Faster than {rival}", faster[rival], "s"))
-    words.append(say(f"Plain SSIM of the whole EIA above {ENOUGH_SSIM:.2f}", enough, f"from {ENOUGH_SSIM:.2f}"))
-    words += _ceiling(found, ours, scenes)
-    for rival in (DIRECT, BY_VIEW, FEW_SAMPLES, OURS):
-        words.append(say(f"More accurate than {rival}", gains(results["rows"], ours, rival), "split SSIM"))
-    return " ".join(words) + missing(results["rows"]) + unequal(results["schedules"])
+    words += [sentence(f"Faster than {rival}", found_faster, "s") for rival, found_faster in faster.items()]
+    words.append(sentence(f"Plain SSIM of the whole EIA above {ENOUGH_SSIM:.2f}", enough, f"from {ENOUGH_SSIM:.2f}"))
+    words += _ceiling(found, ours)
+    words += [sentence(f"More accurate than {rival}", gains(results.rows, ours, rival), "split SSIM")
+              for rival in (*faster, OURS)]
+    return " ".join(words) + cautions(results.rows, results.schedules)
 
 
-def _faster(found: dict[tuple[str, str], Any], ours: str, rival: str, scenes: list[str]) -> dict[str, Difference]:
+def _faster(found: Found, ours: str, rival: str) -> dict[str, Difference]:
     """Seconds by which ``ours`` is faster, for every scene that has both."""
-    return {scene: single_runs(total(found[scene, rival]), total(found[scene, ours])) for scene in scenes
-            if (scene, rival) in found and (scene, ours) in found}
+    return {scene: single_runs(row.total, found[scene, ours].total) for (scene, method), row in found.items()
+            if method == rival and (scene, ours) in found}
 
 
-def _enough(found: dict[tuple[str, str], Any], ours: str, scenes: list[str]) -> dict[str, Difference]:
+def _enough(found: Found, ours: str) -> dict[str, Difference]:
     """Plain SSIM, the paper's own figure, above its bound; a reference of all lenses has no interval."""
-    rows = {scene: found[scene, ours] for scene in scenes if (scene, ours) in found}
-    return {scene: Difference(row["metrics"]["ssim_eia_plain"] - ENOUGH_SSIM,
-                              row["ci95"].get("ssim_eia_plain") or 0.0) for scene, row in rows.items()}
+    return {scene: Difference(row.metrics["ssim_eia_plain"] - ENOUGH_SSIM, row.ci95.get("ssim_eia_plain") or 0.0)
+            for (scene, method), row in found.items() if method == ours}
 
 
-def _ceiling(found: dict[tuple[str, str], Any], ours: str, scenes: list[str]) -> list[str]:
+def _ceiling(found: Found, ours: str) -> list[str]:
     """A caution where the reference's own noise alone keeps plain SSIM below the bound."""
-    low = [scene for scene in scenes if (scene, ours) in found
-           and found[scene, ours]["metrics"]["ssim_ceiling"] < ENOUGH_SSIM]
+    low = [scene for (scene, method), row in found.items()
+           if method == ours and row.metrics["ssim_ceiling"] < ENOUGH_SSIM]
     return [f"The reference of {', '.join(low)} is itself too noisy for that: its halves agree less."] if low else []
 
 
-def measure_cost(settings: Settings, folder: Path) -> Results:
+def measure_cost(settings: Settings) -> Costs:
     """Counted, not timed; at every scale that a network comes in."""
     from lfsr_core.reconstruct.networks.pytorch.cost import multiply_adds, parameters
 
-    width, height = settings.timing_display.panel_pixels
-    rows = []
+    display, scale, rows = settings.timing_display, settings.scale, []
+    width, height = display.panel_pixels
     for name, entry in catalogue.NETWORKS.items():
         # Only what works on an elemental image of its own; the adversary leaves the generator's size as it is.
-        if entry.upscaler != catalogue.PHOTOGRAPH_UPSCALER or name == "paper-gan" or settings.scale not in entry.scales:
+        if entry.upscaler != catalogue.PHOTOGRAPH_UPSCALER or name == "paper-gan" or scale not in entry.scales:
             continue
-        network = weights.untrained(name, settings.scale)
-        per_pixel = multiply_adds(network, *settings.timing_display.low_views(settings.scale)[::-1])
-        rows.append({"method": name, "parameters": parameters(network), "per_low_pixel": per_pixel,
-                     "per_frame": per_pixel * width * height / settings.scale**2})
-    return {"rows": rows, "pixels": [width, height], "scale": settings.scale}
+        network = weights.untrained(name, scale)
+        per_pixel = multiply_adds(network, *display.low_views(scale)[::-1])
+        rows.append(CostRow(name, per_pixel, parameters(network), per_pixel * width * height / scale**2))
+    return Costs(rows=tuple(rows), pixels=(width, height), scale=scale)
 
 
-def table_cost(results: Results) -> list[str]:
+def table_cost(results: Costs) -> list[str]:
     """Parameters and multiply-adds."""
-    rows = [[row["method"], row["parameters"], f"{row['per_low_pixel']:.0f}", f"{row['per_frame'] / 1e9:.2f}"]
-            for row in results["rows"]]
-    return markdown(["network", "parameters", "multiply-adds per low-resolution pixel",
-                     f"10⁹ per {results['pixels'][0]}×{results['pixels'][1]} frame, all lenses"], rows)
+    rows = [[row.method, row.parameters, f"{row.per_low_pixel:.0f}", f"{row.per_frame / 1e9:.2f}"]
+            for row in results.rows]
+    return markdown_table(["network", "parameters", "multiply-adds per low-resolution pixel",
+                           f"10⁹ per {results.pixels[0]}×{results.pixels[1]} frame, all lenses"], rows)
 
 
-def line_cost(results: Results) -> str:
+def line_cost(results: Costs) -> str:
     """The generator against the other architectures."""
-    cost = {row["method"]: row["per_low_pixel"] for row in results["rows"]}
+    cost = {row.method: row.per_low_pixel for row in results.rows}
     others = {name: Difference(value / cost["paper"] - 1, 0.0) for name, value in cost.items()
               if not name.startswith("paper")}
     ratios = ", ".join(f"{name} {1 + other.value:.2f}" for name, other in others.items())
     return f"{overall(others)} Times the generator's: {ratios} (counted, so without an interval)."
 
 
-RIVALS = Figure("table2", "Table 2: rivals", CLAIM_RIVALS, measure_rivals, None, table_rivals, line_rivals)
-COST = Figure("table3", "Table 3: multiply-adds", CLAIM_COST, measure_cost, None, table_cost, line_cost)
+RIVALS = Figure("table2", "Table 2: rivals", CLAIM_RIVALS, Rivals, measure_rivals, table_rivals, line_rivals)
+COST = Figure("table3", "Table 3: multiply-adds", CLAIM_COST, Costs, measure_cost, table_cost, line_cost)
