@@ -12,6 +12,7 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
+from lfsr_core.images import exr
 from lfsr_core.optics.rays import RayLayout
 
 from .. import compat
@@ -77,6 +78,7 @@ def render_to(scene: bpy.types.Scene, path: str | Path, progress: Progress | Non
             raise LfsrError(f"Blender cannot render this scene ({str(error).strip()}): see its messages") from None
         if not temporary.is_file():
             raise LfsrError(f"Blender wrote no image for {path}: see its messages")
+        exr.check_whole(temporary)
     return time.perf_counter() - started
 
 

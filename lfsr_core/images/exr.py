@@ -73,6 +73,25 @@ def write_layers(path: str | Path, layers: Mapping[str, np.ndarray], half: bool 
                             "choose another folder")
 
 
+def check_whole(path: str | Path) -> None:
+    """LfsrError unless every part of an EXR can be read to its last row: a full disk cuts files without a word."""
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise _cut(path, oiio.geterror())
+    index = 0
+    while source.seek_subimage(index, 0):
+        pixels = source.read_image(index, 0, 0, source.spec().nchannels, "half")
+        if pixels is None or source.has_error:
+            raise _cut(path, source.geterror())
+        index += 1
+    source.close()
+
+
+def _cut(path: str | Path, reason: str) -> LfsrError:
+    first_line = reason.strip().splitlines()[0] if reason.strip() else "it has no pixels"
+    return LfsrError(f"{path} was not written whole ({first_line}): free some space or choose another folder")
+
+
 def clean(layers: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], int]:
     """The layers with every NaN and infinity set to 0, and how many pixels had one."""
     cleaned, broken = dict(layers), None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -27,12 +28,13 @@ def blend(scene, tmp_path):
     return tmp_path / "scene.blend"
 
 
-def start(tmp_path, **options):
+def start(tmp_path, limit=None, **options):
     data = Job(str(tmp_path / "out"), MINI, **{"scale": 4, "spp": 2} | options).to_dict()
     write_json(tmp_path / "job.json", data)
     command = [sys.executable, ENTRY, "--", ROOT, tmp_path / "job.json"]
+    smaller = (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))) if limit else None
     return subprocess.Popen(command, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                            env=os.environ | {"PYTHONUNBUFFERED": "1"})
+                            env=os.environ | {"PYTHONUNBUFFERED": "1"}, preexec_fn=smaller)
 
 
 def records(lines):
@@ -87,3 +89,13 @@ def test_signal_stops_at_once_and_leaves_no_file(blend, tmp_path, number, layout
     assert child.returncode == 130
     assert records(rest.splitlines())[-1]["stage"] == "cancelled"
     assert list((tmp_path / "out").iterdir()) == []
+
+
+@pytest.mark.parametrize("options", [{"kind": "reference", "scale": 1, "spp": 2}, {"scale": 1}])
+def test_a_file_that_was_cut_short_is_not_published(blend, tmp_path, options):
+    child = start(tmp_path, limit=24_576, scene=str(blend),
+                  layers=("albedo", "normal", "position"), **options)
+    *_, last = records(child.communicate()[0].splitlines())
+    assert child.returncode == 2
+    assert last["stage"] == "error" and "was not written whole" in last["message"]
+    assert not list((tmp_path / "out").glob("*"))
