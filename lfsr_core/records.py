@@ -13,12 +13,13 @@ import typing
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
-
-import cattrs
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.files import read_json, write_json
+
+if TYPE_CHECKING:
+    import cattrs
 
 Record = TypeVar("Record")
 MOST_VALUE, MOST_PLACE, MOST_RULE, MOST_SENTENCE = 50, 70, 90, 300  # characters
@@ -82,6 +83,8 @@ def _at(place: str) -> Iterator[None]:
 @functools.cache
 def _converter() -> cattrs.Converter:
     """A converter whose every hook checks before it takes."""
+    import cattrs  # slow to import, and scripts inside Blender that read no record do without it
+
     converter = cattrs.Converter(unstruct_collection_overrides={tuple: list})
     hooks: dict[Callable[[Any], bool], Callable[[Any, Any], Any]] = {
         dataclasses.is_dataclass: _record, _origin(tuple): _tuple, _origin(dict): _dict,

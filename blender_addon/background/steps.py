@@ -133,11 +133,9 @@ def second_stage_step(stage: str, share: float, work: Path, task: str, /, **argu
     return Step(stage, share, lambda: Worker("The second stage", command, runtime.environment()))
 
 
-def rendering_step(stage: str, share: float, work: Path, module: str, /, **arguments: Any) -> Step:
-    """Run ``module`` of lfsr_core, which starts renders itself: its task file also holds the ``command`` for them."""
-    path = _write(work / "task.json", {**arguments, "command": _render_command(Path())[:-1]})
-    command = [*runtime.second_stage_command(module), str(path)]
-    return Step(stage, share, lambda: Worker("The second stage", command, runtime.environment()))
+def rendering_step(stage: str, share: float, work: Path, task: str, /, **arguments: Any) -> Step:
+    """A task that starts renders itself: its file also holds the ``command`` for them."""
+    return second_stage_step(stage, share, work, task, **arguments, command=_render_command(Path())[:-1])
 
 
 @contextmanager

@@ -6,7 +6,7 @@ import argparse
 import shlex
 from pathlib import Path
 
-from lfsr_core.commands import arguments as _scene
+from lfsr_core.commands.arguments import add_geometry_arguments, make_job
 from lfsr_core.progress import ProgressBar
 
 NAME = "plan"
@@ -14,7 +14,7 @@ HELP = "find the cheapest scale, samples and method that reach an accuracy, from
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this verb; their defaults are those of plan_options.Options."""
+    """Arguments of this verb; their defaults are those of plan.options.Options."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     parser.add_argument("--target", type=float, metavar="0..1", help="accuracy to reach, default: 0.95")
     parser.add_argument("--metric", metavar="NAME",
@@ -26,28 +26,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--methods", type=_names, metavar="NAME,NAME", help="default: the default method and its parts")
     parser.add_argument("--seconds", dest="most_seconds", type=float, metavar="N", help="longest time of a frame")
     parser.add_argument("--budget", dest="share", type=float, metavar="0..1",
-                        help="what the sample may cost, as a share of the dearest candidate's frame, default: 0.05")
+                        help="what the sample may cost, as a share of the costliest candidate's frame, default: 0.05")
     parser.add_argument("--lenses", type=int, metavar="N", help="sample just so many, whatever the budget")
     parser.add_argument("--reference-spp", type=int, metavar="N", help="of the sampled lenses, default: 256")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
     parser.add_argument("--work", type=Path, metavar="DIR", help="keep the sample's renders and go on from them")
-    _scene.add_geometry_arguments(parser)
+    add_geometry_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Plan, print the table, and the command that renders the choice."""
     from lfsr_core.plan.candidates import default_methods
     from lfsr_core.plan.options import Options
-    from lfsr_core.plan.planner import make_plan, rendering, work_folder
-    from lfsr_core.plan.report import as_json, table
+    from lfsr_core.plan.planner import make_plan, work_folder
+    from lfsr_core.plan.renders import rendering
+    from lfsr_core.plan.report import plan_report, table
     from lfsr_core.reconstruct.method_name import layers_of
+    from lfsr_core.records import write_record
     from lfsr_core.render.blender import find_blender
 
     names = ("target", "metric", "scales", "spps", "between", "methods", "most_seconds", "share", "lenses",
              "reference_spp")
     options = Options(**{name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None})
     layers = layers_of(options.methods or default_methods())
-    job = _scene.make_job(arguments, output=".", spp=1, layers=layers, scale=1)
+    job = make_job(arguments, output=".", spp=1, layers=layers, scale=1)
     progress, blender = ProgressBar(), find_blender(arguments.blender)
     try:
         with work_folder(arguments.work) as folder:
@@ -56,8 +58,7 @@ def run(arguments: argparse.Namespace) -> None:
         progress.close()
     print(table(planned, options))
     if arguments.json:
-        from lfsr_core.files import write_json
-        write_json(arguments.json, as_json(planned, options, job))
+        write_record(arguments.json, plan_report(planned, options, job))
     if planned.choice.chosen is not None:
         print(render_command(arguments, planned.choice.chosen.candidate.options))
 
@@ -66,7 +67,7 @@ def render_command(arguments: argparse.Namespace, options: tuple[str, ...]) -> s
     """The `lfsr render` command line of a candidate's ``options`` for the scene that was planned."""
     words = ["lfsr", "render", str(arguments.scene), "-o", arguments.scene.stem, *options]
     usual = argparse.ArgumentParser()
-    _scene.add_geometry_arguments(usual)
+    add_geometry_arguments(usual)
     for action in usual._actions:
         value = getattr(arguments, action.dest, action.default)
         if value == action.default or action.dest == "help":

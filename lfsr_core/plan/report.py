@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-from typing import Any
 
 from lfsr_core.frames.job import Job
 from lfsr_core.plan.candidates import BETWEEN, Choice, Rated
+from lfsr_core.plan.estimate import Estimate
 from lfsr_core.plan.options import Options
-from lfsr_core.plan.planner import Planned
+from lfsr_core.plan.planner import Planned, SampleFacts
 
 HEADINGS = ("", "scale", "spp", "method", "seconds", "accuracy", "95 % above", "")
 
@@ -26,10 +25,10 @@ def table(planned: Planned, options: Options) -> str:
 def cost(planned: Planned) -> str:
     """What was looked at and what that cost."""
     sample = planned.sample
-    seconds = sample["seconds"] + sample["measuring_seconds"]
-    return (f"sampled {sum(sample['lenses'].values())} lenses in {seconds:.0f} s: {sample['share']:.1%} of the path "
-            f"samples of {sample['dearest']}, {seconds / sample['dearest_seconds']:.1%} of its "
-            f"{sample['dearest_seconds']:.0f} s")
+    seconds = sample.seconds + sample.measuring_seconds
+    return (f"sampled {sum(sample.lenses.values())} lenses in {seconds:.0f} s: {sample.share:.1%} of the path "
+            f"samples of {sample.costliest}, {seconds / sample.costliest_seconds:.1%} of its "
+            f"{sample.costliest_seconds:.0f} s")
 
 
 def sentence(choice: Choice, options: Options) -> str:
@@ -45,16 +44,66 @@ def sentence(choice: Choice, options: Options) -> str:
             f"({row.estimate.mean:.3f}, at least {row.estimate.low:.3f}). Limit: {choice.limit}")
 
 
-def as_json(planned: Planned, options: Options, job: Job) -> dict[str, Any]:
-    """Everything that was measured, see docs/guide/plan.md."""
-    settings = dataclasses.asdict(options)
-    if math.isinf(options.most_seconds):
-        settings["most_seconds"] = None
+@dataclasses.dataclass(frozen=True)
+class CandidateReport:
+    """What a plan says of one candidate.
+
+    Attributes
+    ----------
+    scale, spp, method : the candidate
+    seconds : predicted for a whole frame
+    estimate : accuracy, None where it was not measured
+    note : why it was not, or BETWEEN
+    """
+
+    scale: int
+    spp: int
+    method: str
+    seconds: float
+    estimate: Estimate | None
+    note: str
+
+    @classmethod
+    def of(cls, row: Rated) -> CandidateReport:
+        """Of what is known."""
+        return cls(row.candidate.scale, row.candidate.spp, row.candidate.method, row.seconds, row.estimate, row.note)
+
+
+@dataclasses.dataclass(frozen=True)
+class PlanReport:
+    """Everything that was measured, as `lfsr plan --json` writes it, see docs/guide/plan.md.
+
+    Attributes
+    ----------
+    scene, display, seed : what was planned for
+    options : of the plan
+    sample : what was looked at, and what that cost
+    candidates : all of them, cheapest first
+    chosen : the cheapest that meets the target, None where none does
+    best : the measured candidate with the highest lower bound, None without any
+    limit : why nothing meets the target, else empty
+    sentence : the outcome for a person
+    """
+
+    scene: str
+    display: str
+    seed: int
+    options: Options
+    sample: SampleFacts
+    candidates: tuple[CandidateReport, ...]
+    chosen: CandidateReport | None
+    best: CandidateReport | None
+    limit: str
+    sentence: str
+
+
+def plan_report(planned: Planned, options: Options, job: Job) -> PlanReport:
+    """The report of a finished plan."""
     choice = planned.choice
-    return {"scene": job.scene, "display": job.display.name, "seed": job.seed, "options": settings,
-            "sample": planned.sample, "candidates": [_data(row) for row in planned.rated],
-            "chosen": choice.chosen and _data(choice.chosen), "best": choice.best and _data(choice.best),
-            "limit": choice.limit, "sentence": sentence(choice, options)}
+    chosen, best = (row and CandidateReport.of(row) for row in (choice.chosen, choice.best))
+    return PlanReport(job.scene, job.display.name, job.seed, options, planned.sample,
+                      tuple(map(CandidateReport.of, planned.rated)), chosen, best, choice.limit,
+                      sentence(choice, options))
 
 
 def _row(row: Rated, choice: Choice, options: Options) -> tuple[str, ...]:
@@ -63,8 +112,3 @@ def _row(row: Rated, choice: Choice, options: Options) -> tuple[str, ...]:
     note = row.note or ("meets it" if row.estimate is not None and row.estimate.low >= options.target else "")
     candidate = row.candidate
     return mark, str(candidate.scale), str(candidate.spp), candidate.method, f"{row.seconds:.1f}", *known, note
-
-
-def _data(row: Rated) -> dict[str, Any]:
-    estimate = row.estimate and dataclasses.asdict(row.estimate)
-    return {**dataclasses.asdict(row.candidate), "seconds": row.seconds, "estimate": estimate, "note": row.note}

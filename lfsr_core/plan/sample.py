@@ -30,17 +30,33 @@ Lens = tuple[int, int]
 
 
 @dataclasses.dataclass(frozen=True)
+class QuickCost:
+    """What the quick look cost, and what it says of costs.
+
+    Attributes
+    ----------
+    samples : path samples that were spent on every lens
+    cost_ratio : of a sample in a sampled lens, which shows more, to one in the mean lens
+    """
+
+    samples: float
+    cost_ratio: float
+
+
+@dataclasses.dataclass(frozen=True)
 class Budget:
     """What the sample may cost, in mean path samples of a whole frame.
 
-    ``allowed``: in all. ``quick``: what has been spent on every lens. ``dearness``: of
-    a sample in a sampled lens, which shows more than the mean lens. ``reference`` and
-    ``renders`` by (scale, spp): path samples that one sampled lens takes.
+    Attributes
+    ----------
+    allowed : in all
+    quick : of the quick look
+    reference : path samples that one sampled lens of the reference takes
+    renders : the same of the renders, by (scale, spp)
     """
 
     allowed: float
-    quick: float
-    dearness: float
+    quick: QuickCost
     reference: float
     renders: Mapping[tuple[int, int], float]
 
@@ -51,12 +67,13 @@ class Budget:
         Counted without renders that would take more than the reference itself.
         """
         usual = self.reference + sum(cost for cost in self.renders.values() if cost < self.reference)
-        affordable = int((self.allowed - self.quick) / (usual * self.dearness))
+        affordable = int((self.allowed - self.quick.samples) / (usual * self.quick.cost_ratio))
         return min(max(affordable, LEAST_LENSES), MOST_LENSES)
 
     def cost(self, lenses: int, renders: Iterable[tuple[int, int]]) -> float:
         """Of the whole sample, with these renders of so many lenses."""
-        return self.quick + lenses * self.dearness * (self.reference + sum(self.renders[key] for key in renders))
+        per_lens = self.reference + sum(self.renders[key] for key in renders)
+        return self.quick.samples + lenses * self.quick.cost_ratio * per_lens
 
 
 def reach(display: DisplayProfile, scale: int) -> int:
@@ -65,18 +82,22 @@ def reach(display: DisplayProfile, scale: int) -> int:
     return 0 if width >= WIDE_ENOUGH else min(math.ceil(CONTEXT / width), MOST_REACH)
 
 
-def budget(display: DisplayProfile, wanted: Sequence[Candidate], reference_spp: int, quick: float, dearness: float,
+def budget(display: DisplayProfile, wanted: Sequence[Candidate], reference_spp: int, quick: QuickCost,
            share: float) -> Budget:
-    """What the sample of ``wanted`` candidates may cost: ``share`` of the dearest candidate's frame.
+    """What a sample may cost.
 
-    ``reference_spp``: samples per pixel of all parts of the reference; ``quick``
-    and ``dearness`` as in Budget.
+    Parameters
+    ----------
+    display, wanted : the display and the candidates that are sampled
+    reference_spp : samples per pixel of all parts of the reference
+    quick : as in Budget
+    share : of the path samples of the costliest candidate's frame that the sample may take
     """
     lenses = math.prod(display.lenses)
     renders = {(scale, spp): (2 * reach(display, scale) + 1) ** 2 * low_pixels(display, scale) / lenses * spp
                for scale, spp in {(candidate.scale, candidate.spp) for candidate in wanted}}
-    dearest = max(samples_of(candidate, display) for candidate in wanted)
-    return Budget(share * dearest, quick, dearness, math.prod(display.views) * reference_spp, renders)
+    costliest = max(samples_of(candidate, display) for candidate in wanted)
+    return Budget(share * costliest, quick, math.prod(display.views) * reference_spp, renders)
 
 
 def strata_masks(mask: np.ndarray, wide: np.ndarray) -> dict[str, np.ndarray]:
@@ -87,7 +108,7 @@ def strata_masks(mask: np.ndarray, wide: np.ndarray) -> dict[str, np.ndarray]:
 def sample(masks: Mapping[str, np.ndarray], count: int, seed: int, whole: bool) -> dict[str, list[Lens]]:
     """Random (row, column) lenses of each of ``strata_masks``, about ``count`` in all.
 
-    Each stratum's are spread over it (lens_choice). ``whole`` also samples "rest",
+    Each stratum's are spread over it (optics.lens_sampling). ``whole`` also samples "rest",
     which cannot count for the foreground. No stratum that has LEAST_OF_STRATUM lenses
     gets fewer.
     """

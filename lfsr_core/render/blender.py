@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+import os
 import re
 import shutil
 import subprocess
@@ -23,8 +24,7 @@ class Blender:
 
     def command(self, job_file: Path) -> list[str]:
         """Command line that runs the render job in ``job_file``."""
-        core = importlib.util.find_spec("lfsr_core")
-        return self.script_command(entry_script(), str(Path(core.origin).parents[1]), str(job_file))
+        return self.script_command(entry_script(), os.pathsep.join(_package_folders()), str(job_file))
 
     def script_command(self, script: Path, *arguments: str) -> list[str]:
         """Command line that runs a Python ``script`` inside Blender."""
@@ -32,6 +32,12 @@ class Blender:
             return [sys.executable, str(script), "--", *arguments]
         return [self.executable, "--background", "--factory-startup", "--python-exit-code", "1",
                 "--python", str(script), "--", *arguments]
+
+
+def _package_folders() -> list[str]:
+    """Where lfsr_core lies, and the pure Python packages that it needs inside Blender."""
+    found = (importlib.util.find_spec(name) for name in ("lfsr_core", "cattrs"))
+    return list(dict.fromkeys(str(Path(spec.origin).parents[1]) for spec in found if spec and spec.origin))
 
 
 def entry_script() -> Path:

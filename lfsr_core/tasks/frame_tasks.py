@@ -1,8 +1,7 @@
-"""The tasks of the add-on that work on one frame folder; ``TASKS`` names them."""
+"""The tasks of the add-on that work on one frame folder."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +52,7 @@ def choose(folder: str, count: int, seed: int = 0) -> dict[str, Any]:
 
 
 def check(method: str) -> dict[str, Any]:
-    """LfsrError if this Python cannot run ``method``, as a network without PyTorch: better told before the render."""
+    """LfsrError if this Python cannot run ``method``, as a network without PyTorch: better known before the render."""
     from lfsr_core.reconstruct.registry import method as load
 
     return {"method": load(method).name.text}
@@ -65,7 +64,3 @@ def compare(folder: str, reference: str) -> dict[str, Any]:
 
     emit_progress("compare", 0.0, "comparing")
     return {"metrics": compare_folders(folder, reference)}
-
-
-TASKS: dict[str, Callable[..., dict[str, Any]]] = {
-    "upscale": upscale, "decode": decode, "check": check, "choose": choose, "compare": compare}

@@ -15,7 +15,8 @@ import pytest
 from lfsr_core.cli import build_parser, main
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import load_display
-from lfsr_core.tasks import plan_task
+from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED
+from lfsr_core.tasks import runner
 from tests.support.synthetic import fails
 
 ROOT = Path(__file__).parents[2]
@@ -73,14 +74,14 @@ def test_plan_that_finds_nothing_says_why_and_names_no_command(scene, blender, c
     assert "nothing reaches ssim_eia_fg 0.999" in out and "Limit: " in out and "lfsr render" not in out
 
 
-@pytest.mark.parametrize(("options", "told"), [
+@pytest.mark.parametrize(("options", "message"), [
     (["--target", "1.5"], "target is 1.5"), (["--metric", "psnr"], "metric is 'psnr'"),
     (["--methods", "bilinaer"], "did you mean 'bilinear'"), (["--scales", "3"], "scale is 3"),
     (["--budget", "0"], "budget is 0"), (["--lenses", "2"], "number of lenses is 2"),
     (["--layout", "view-by-view"], "view-by-view"), (["--blender", "/no/blender"], "'/no/blender' was not found")])
-def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, capsys, options, told):
+def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, capsys, options, message):
     work = tmp_path / "work"
-    assert told in fails(["plan", scene, *FEW, "--blender", blender, "--work", str(work), *options], capsys)
+    assert message in fails(["plan", scene, *FEW, "--blender", blender, "--work", str(work), *options], capsys)
     assert not work.exists()
 
 
@@ -93,13 +94,13 @@ def task(tmp_path: Path, blender: str, **options: object) -> Path:
     job = Job(output=str(tmp_path), display=load_display("mini"), scene="scene.blend")
     options = {"target": 0.5, "scales": [2], "spps": [4], "methods": ["bilinear"], "lenses": 16} | options
     path = tmp_path / "task.json"
-    path.write_text(json.dumps({"job": job.to_dict(), "options": options, "command": [blender],
+    path.write_text(json.dumps({"task": "plan", "job": job.to_dict(), "options": options, "command": [blender],
                                 "work": str(tmp_path / "work")}))
     return path
 
 
 def run_task(path: Path) -> subprocess.Popen:
-    return subprocess.Popen([sys.executable, "-m", plan_task.__name__, str(path)], cwd=ROOT, stdin=subprocess.PIPE,
+    return subprocess.Popen([sys.executable, "-m", runner.__name__, str(path)], cwd=ROOT, stdin=subprocess.PIPE,
                             stdout=subprocess.PIPE, text=True)
 
 
@@ -117,7 +118,7 @@ def test_task_of_the_add_on_ends_with_its_result(tmp_path, blender):
 def test_task_with_bad_options_ends_with_one_sentence(tmp_path, blender):
     with run_task(task(tmp_path, blender, target=2.0)) as process:
         record = json.loads(process.stdout.read().removeprefix("LFSR "))
-    assert process.returncode == plan_task.EXIT_BAD_INPUT
+    assert process.returncode == EXIT_BAD_INPUT
     assert record["stage"] == "error" and "target is 2.0" in record["message"]
 
 
@@ -131,7 +132,7 @@ def test_task_takes_its_render_along_when_it_ends(tmp_path, how):
             assert process.poll() is None
         time.sleep(0.2)  # until it listens to what it started
         process.send_signal(signal.SIGTERM) if how == "signal" else process.stdin.close()
-        assert process.wait(10) == plan_task.EXIT_CANCELLED
+        assert process.wait(10) == EXIT_CANCELLED
     pid = int((tmp_path / "pid").read_text())
     assert not Path(f"/proc/{pid}").exists()
     assert not (tmp_path / "work" / "quick").exists()

@@ -1,9 +1,8 @@
-"""A whole plan on a synthetic light field with noise, its renders played by NumPy: estimates against the truth."""
+"""A whole plan on a synthetic light field with noise, its renders played by NumPy: estimates against whole frames."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
 import sys
 from pathlib import Path
 
@@ -22,9 +21,10 @@ from lfsr_core.plan import planner, score
 from lfsr_core.plan.candidates import BETWEEN, Candidate
 from lfsr_core.plan.options import Options
 from lfsr_core.plan.planner import make_plan
-from lfsr_core.plan.report import as_json, sentence, table
+from lfsr_core.plan.report import PlanReport, plan_report, sentence, table
 from lfsr_core.plan.score import SampledReference, split_scores
 from lfsr_core.reconstruct.second_stage import finished_linear
+from lfsr_core.records import read_record, write_record
 from tests.support.synthetic import MINI, frame_of, light_field, tiles
 
 NOISE = 0.3  # of one sample
@@ -78,7 +78,7 @@ def rendered(tmp_path):
     return jobs, remember
 
 
-def truth(folder: Path, candidate) -> float:
+def accuracy(folder: Path, candidate) -> float:
     """Accuracy of a whole frame of ``candidate``, mean over the lenses that show foreground."""
     render(dataclasses.replace(JOB, output=str(folder), scale=candidate.scale, spp=candidate.spp, seed=991))
     lenses = MINI.lenses
@@ -89,35 +89,35 @@ def truth(folder: Path, candidate) -> float:
     return float(stacked_ssim(shown, wanted, wanted).mean())
 
 
-def test_estimates_are_near_the_truth_of_whole_frames(tmp_path):
+def test_estimates_are_near_those_of_whole_frames(tmp_path):
     planned = make_plan(JOB, OPTIONS, render, tmp_path / "sample")
     assert len(planned.rated) == 12
     for number, row in enumerate(planned.rated):
         if row.estimate is None:
             continue
-        true = truth(tmp_path / f"truth{number}", row.candidate)
+        true = accuracy(tmp_path / f"whole{number}", row.candidate)
         assert abs(row.estimate.mean - true) < 3 * row.estimate.error + 0.004, row
     assert sum(row.estimate is not None for row in planned.rated) >= 6
 
 
-def test_chosen_meets_the_target_and_dearer_candidates_were_not_rendered(tmp_path, rendered):
+def test_chosen_meets_the_target_and_costlier_candidates_were_not_rendered(tmp_path, rendered):
     jobs, remember = rendered
     planned = make_plan(JOB, dataclasses.replace(OPTIONS, target=0.55), remember, tmp_path / "sample")
     chosen = planned.choice.chosen
     assert chosen is not None and chosen.estimate.low >= 0.55
-    assert truth(tmp_path / "truth", chosen.candidate) >= 0.55
+    assert accuracy(tmp_path / "whole", chosen.candidate) >= 0.55
     assert (2, 64) not in {(job.scale, job.spp) for job in jobs}
     skipped = [row for row in planned.rated if row.note.startswith("not needed")]
     assert skipped and all(row.estimate is None and row.seconds > chosen.seconds for row in skipped)
 
 
-def test_between_measured_sample_counts_the_estimates_are_near_the_truth_too(tmp_path):
+def test_between_measured_sample_counts_the_estimates_are_near_whole_frames_too(tmp_path):
     options = dataclasses.replace(OPTIONS, scales=(2,), methods=("bilinear",), between=1)
     planned = make_plan(JOB, options, render, tmp_path / "sample")
     found = [row for row in planned.rated if row.note == BETWEEN]
     assert [row.candidate.spp for row in found] == [8, 32]
     for row in found:
-        true = truth(tmp_path / f"truth{row.candidate.spp}", row.candidate)
+        true = accuracy(tmp_path / f"whole{row.candidate.spp}", row.candidate)
         assert -0.02 < row.estimate.mean - true < 3 * row.estimate.error + 0.004
     text = table(planned, options)
     assert len(text.splitlines()) == 1 + 3 + 3
@@ -168,13 +168,13 @@ def test_a_sample_of_other_settings_is_not_taken(tmp_path):
     assert again.choice.chosen is not None
 
 
-def test_a_small_budget_leaves_dear_candidates_out(tmp_path, monkeypatch):
+def test_a_small_budget_leaves_costly_candidates_out(tmp_path, monkeypatch):
     monkeypatch.setattr(planner.plan_sample, "LEAST_LENSES", 4)
     options = dataclasses.replace(OPTIONS, target=0.999, lenses=None, reference_spp=16, share=0.5)
     planned = make_plan(JOB, options, render, tmp_path / "sample")
     left_out = [row for row in planned.rated if "budget" in row.note]
     assert left_out and all(row.estimate is None for row in left_out)
-    assert planned.sample["within_budget"] and planned.sample["share"] <= 0.5 * 1.01 + 0.02
+    assert planned.sample.within_budget and planned.sample.share <= 0.5 * 1.01 + 0.02
 
 
 def test_accuracy_of_the_whole_array_counts_every_lens(tmp_path):
@@ -186,7 +186,7 @@ def test_accuracy_of_the_whole_array_counts_every_lens(tmp_path):
     shown, wanted = (srgb_encode(to_elemental_images(image[..., :3], MINI.lenses)).reshape(-1, 8, 8, 3)
                      for image in (finished_linear(folder, "bilinear"), light_field()))
     true = float(stacked_ssim(shown, wanted, wanted).mean())
-    assert planned.sample["lenses"]["rest"] >= 4
+    assert planned.sample.lenses["rest"] >= 4
     assert abs(row.estimate.mean - true) < 3 * row.estimate.error + 0.004
 
 
@@ -258,9 +258,12 @@ def test_report_says_everything(tmp_path):
     chosen = planned.choice.chosen
     assert any(line.startswith("→") and chosen.candidate.method in line for line in text.splitlines())
     assert "path samples of s2-spp64" in text and "with 95 % confidence" in text
-    data = json.loads(json.dumps(as_json(planned, options, JOB), allow_nan=False))
-    assert data["chosen"]["method"] == chosen.candidate.method and len(data["candidates"]) == 12
-    assert data["sample"]["lenses"]["foreground"] + data["sample"]["lenses"]["edge"] == 40
+    report = plan_report(planned, options, JOB)
+    write_record(tmp_path / "plan.json", report)
+    assert read_record(tmp_path / "plan.json", PlanReport, "a plan") == report
+    assert report.chosen.method == chosen.candidate.method and len(report.candidates) == 12
+    assert report.sample.lenses["foreground"] + report.sample.lenses["edge"] == 40
+    assert report.sample.cost_ratio >= 1 and report.sample.costliest.startswith("s2-spp64")
 
 
 def test_recovery_is_judged_and_timed_like_any_method(tmp_path):

@@ -13,13 +13,12 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.plan import candidates
 from lfsr_core.plan.options import Options
 from lfsr_core.reconstruct.method_name import layers_of
+from lfsr_core.records import to_data
 
 from ...background import recipes, session, steps
 from ...background.steps import Steps
 from ...settings.methods import method_items
 from .base import UNDO, Result, TaskOperator, reports_errors
-
-PLAN_TASK = "lfsr_core.tasks.plan_task"
 
 
 class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
@@ -68,11 +67,11 @@ def methods() -> tuple[str, ...]:
 
 
 def find(job: Any, options: Options) -> Steps:
-    """Plan for a copy of this file; the result is that of lfsr_core.tasks.plan_task."""
+    """Plan for a copy of this file; the result is that of lfsr_core.tasks.plan_task.plan."""
     with steps.file_copy() as copy:
         job = dataclasses.replace(job, scene=str(copy), output=str(copy.parent))
-        done = yield steps.rendering_step("Measuring lenses", 1.0, copy.parent, PLAN_TASK, job=job.to_dict(),
-                                          options=_given(options), work=str(Path(copy.parent, "plan")))
+        done = yield steps.rendering_step("Measuring lenses", 1.0, copy.parent, "plan", job=job.to_dict(),
+                                          options=to_data(options), work=str(Path(copy.parent, "plan")))
     return done
 
 
@@ -89,12 +88,6 @@ def show(scene_name: str, done: dict[str, Any]) -> None:
 def clear(state: bpy.types.PropertyGroup) -> None:
     """Forget the last result: it must not seem to belong to what runs now."""
     state.plan_scene = state.plan_text = state.plan_method = ""
-
-
-def _given(options: Options) -> dict[str, Any]:
-    """Options that differ from their defaults, JSON-ready (the default of the longest time is infinite)."""
-    return {field.name: getattr(options, field.name) for field in dataclasses.fields(options)
-            if getattr(options, field.name) != field.default}
 
 
 CLASSES = (LFSR_OT_plan, LFSR_OT_plan_use)

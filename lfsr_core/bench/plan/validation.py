@@ -1,8 +1,8 @@
 """Are plans right? ``python -m lfsr_core.bench.plan.validation BENCH -o DIR --json FILE [--replay]``
 
-Plans every scene of a bench folder (lfsr_core.bench.plan.truth) for several
+Plans every scene of a bench folder (lfsr_core.bench.plan.actual) for several
 targets and seeds, and holds each plan against whole frames and references: does
-the chosen candidate truly meet the target, and what does it cost against the best
+the chosen candidate meet the target, and what does it cost against the best
 choice in hindsight. With --replay the sampled lenses are cut out of the bench's
 frames, so that many seeds cost no render; without, they are rendered.
 """
@@ -13,146 +13,174 @@ import argparse
 import dataclasses
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lfsr_core.bench.plan import truth
+from lfsr_core.bench.plan.actual import REFERENCE, Actual, actual, renders, replay, scenes
+from lfsr_core.bench.plan.records import Summary, Validation, Verdict
+from lfsr_core.bench.tables import markdown_table
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import write_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import Job
+from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import BETWEEN, Candidate, between, samples_of
 from lfsr_core.plan.options import Options
-from lfsr_core.plan.planner import Planned, Render, make_plan, rendering
+from lfsr_core.plan.planner import Planned, make_plan
+from lfsr_core.plan.renders import rendering
+from lfsr_core.records import write_record
+from lfsr_core.render.blender import find_blender
+from lfsr_core.render.store import Render
 
 TARGETS = (0.8, 0.85, 0.9, 0.925, 0.95, 0.97)
 CHEAP_ENOUGH = 1.2  # times the cost of the best choice in hindsight
-COLUMNS = ("scene", "seed", "target", "chosen", "estimate", "bound", "truth", "met", "hindsight", "cost", "samples")
-Truths = dict[Candidate, truth.Actual]
+COLUMNS = ("scene", "seed", "target", "chosen", "estimate", "bound", "actual", "met", "hindsight", "cost", "samples")
+KEPT = "truth"  # folder of measured candidates beside a scene's samples
+Actuals = dict[Candidate, Actual]
 
 
-def validate(folder: Path, render: Render, options: Options, targets: Sequence[float], seed: int, work: Path,
-             cache: Path, scene_file: str) -> list[dict[str, Any]]:
-    """One row per target for a scene ``folder`` of the bench; the sample in ``work`` serves all targets."""
-    frame = read_frame(folder / truth.REFERENCE)
-    options = dataclasses.replace(options, renders=tuple(truth.renders(folder)))
-    job = Job(output=str(work), display=frame.display, scene=scene_file, layers=("albedo", "normal"), seed=seed)
-    truths = with_between(_truths(folder, options.candidates(job.display), options.metric, cache), options.between)
-    rows = []
+@dataclasses.dataclass(frozen=True)
+class Draw:
+    """One draw of lenses on one scene of the bench.
+
+    Attributes
+    ----------
+    folder : the scene's folder in the bench
+    scene_file : what Blender opens, empty where renders are replayed
+    seed : of the lenses
+    work : keeps the sample
+    cache : keeps measured candidates
+    """
+
+    folder: Path
+    scene_file: str
+    seed: int
+    work: Path
+    cache: Path
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """One plan: ``scene``, ``seed`` of its lenses, ``target`` accuracy, and the ``display``."""
+
+    scene: str
+    seed: int
+    target: float
+    display: DisplayProfile
+
+
+def validate(draw: Draw, render: Render, options: Options, targets: Sequence[float]) -> Iterator[Verdict]:
+    """One verdict per target; the sample in ``draw.work`` serves all targets."""
+    display = read_frame(draw.folder / REFERENCE).display
+    options = dataclasses.replace(options, renders=tuple(renders(draw.folder)))
+    job = Job(output=str(draw.work), display=display, scene=draw.scene_file, layers=("albedo", "normal"),
+              seed=draw.seed)
+    known = with_between(_actuals(draw, options.candidates(display), options.metric), options.between)
     for target in targets:
-        planned = make_plan(job, dataclasses.replace(options, target=target), render, work)
-        rows.append({"scene": folder.name, "seed": seed, "target": target} | judge(planned, truths, target, job))
-    return rows
+        planned = make_plan(job, dataclasses.replace(options, target=target), render, draw.work)
+        yield judge(planned, known, Case(draw.folder.name, draw.seed, target, display))
 
 
-def judge(planned: Planned, truths: Truths, target: float, job: Job) -> dict[str, Any]:
-    """How a plan compares with the truth. "hindsight": the cheapest candidate that truly meets the target."""
-    meeting = [candidate for candidate, true in truths.items() if true.accuracy >= target]
-    best = min(meeting, key=lambda candidate: truths[candidate].seconds, default=None)
+def judge(planned: Planned, actuals: Actuals, case: Case) -> Verdict:
+    """How a plan compares with what its candidates reach and take as whole frames."""
+    meeting = [candidate for candidate, found in actuals.items() if found.accuracy >= case.target]
+    best = min(meeting, key=lambda candidate: actuals[candidate].seconds, default=None)
+    measured = [row for row in planned.rated
+                if row.estimate is not None and row.note != BETWEEN and row.candidate in actuals]
+    known = [actuals[row.candidate] for row in measured]
+    pairs = list(zip(measured, known, strict=True))
     row = planned.choice.chosen
-    measured = [r for r in planned.rated if r.estimate is not None and r.note != BETWEEN and r.candidate in truths]
-    result = {"chosen": row and row.candidate.name, "hindsight": best and best.name, "met": None, "cost": None,
-              "samples": None, "sample": planned.sample, "limit": planned.choice.limit,
-              "covered": [r.estimate.low <= truths[r.candidate].accuracy for r in measured],
-              "errors": [r.estimate.mean - truths[r.candidate].accuracy for r in measured],
-              "times": [r.seconds / truths[r.candidate].seconds for r in measured]}
+    verdict = Verdict(
+        case.scene, case.seed, case.target, row and row.candidate.name, best and best.name, None, None, None,
+        planned.sample, planned.choice.limit,
+        covered=tuple(row.estimate.low <= found.accuracy for row, found in pairs),
+        errors=tuple(row.estimate.mean - found.accuracy for row, found in pairs),
+        times=tuple(row.seconds / found.seconds for row, found in pairs))
     if row is None:
-        return result
-    true = truths[row.candidate]
-    result |= {"estimate": row.estimate.mean, "bound": row.estimate.low, "truth": true.accuracy,
-               "met": true.accuracy >= target}
-    if best is not None and result["met"]:
-        result |= {"cost": true.seconds / truths[best].seconds,
-                   "samples": samples_of(row.candidate, job.display) / samples_of(best, job.display)}
-    return result
+        return verdict
+    found = actuals[row.candidate]
+    verdict = dataclasses.replace(verdict, estimate=row.estimate.mean, bound=row.estimate.low, actual=found.accuracy,
+                                  met=found.accuracy >= case.target)
+    if best is None or not verdict.met:
+        return verdict
+    samples = samples_of(row.candidate, case.display) / samples_of(best, case.display)
+    return dataclasses.replace(verdict, cost=found.seconds / actuals[best].seconds, samples=samples)
 
 
-def with_between(truths: Truths, steps: int) -> Truths:
-    """``truths`` and those between them, by the same rule as a plan's (plan.between); seconds grow with the samples."""
-    found = dict(truths)
-    for scale, method in {(candidate.scale, candidate.method) for candidate in truths}:
-        known = {c.spp: true for c, true in truths.items() if (c.scale, c.method) == (scale, method)}
+def with_between(actuals: Actuals, steps: int) -> Actuals:
+    """``actuals`` and those between them, by the rule of a plan (candidates.between); seconds grow with the samples."""
+    found = dict(actuals)
+    for scale, method in {(candidate.scale, candidate.method) for candidate in actuals}:
+        known = {c.spp: one for c, one in actuals.items() if (c.scale, c.method) == (scale, method)}
         for spp, fewer, more, weight in between(list(known), steps):
             low, high, share = known[fewer], known[more], (spp - fewer) / (more - fewer)
             accuracy = low.accuracy + weight * (high.accuracy - low.accuracy)
             seconds = low.seconds + share * (high.seconds - low.seconds)
-            found[Candidate(scale, spp, method)] = truth.Actual(accuracy, seconds)
+            found[Candidate(scale, spp, method)] = Actual(accuracy, seconds)
     return found
 
 
-def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Over all plans: how often the target was met, what it cost, and how good the estimates were."""
-    chosen = [row for row in rows if row["met"] is not None]
-    costs = [row["cost"] for row in rows if row["cost"] is not None]
-    possible = [row for row in rows if row["hindsight"] is not None]
-    return {"plans": len(rows), "chosen": len(chosen), "met": _mean(row["met"] for row in chosen),
-            "nothing_chosen_though_possible": sum(row["chosen"] is None for row in possible),
-            "costs": len(costs), "median_cost": float(np.median(costs)) if costs else None,
-            "cheap_enough": _mean(cost <= CHEAP_ENOUGH for cost in costs),
-            "bounds_below_the_truth": _mean(covered for row in rows for covered in row["covered"]),
-            "mean_error": _mean(error for row in rows for error in row["errors"]),
-            "median_predicted_over_true_seconds": _median(time for row in rows for time in row["times"]),
-            "mean_share_of_seconds": _mean(row["sample"]["share_of_seconds"] for row in rows),
-            "mean_share_of_samples": _mean(row["sample"]["share"] for row in rows)}
+def summary(rows: Sequence[Verdict]) -> Summary:
+    """Over all plans."""
+    chosen = [row for row in rows if row.met is not None]
+    costs = [row.cost for row in rows if row.cost is not None]
+    possible = [row for row in rows if row.hindsight is not None]
+    return Summary(
+        plans=len(rows), chosen=len(chosen), met=_mean(row.met for row in chosen),
+        nothing_chosen_though_possible=sum(row.chosen is None for row in possible), costs=len(costs),
+        median_cost=_median(costs), cheap_enough=_mean(cost <= CHEAP_ENOUGH for cost in costs),
+        bounds_below_actual=_mean(covered for row in rows for covered in row.covered),
+        mean_error=_mean(error for row in rows for error in row.errors),
+        median_predicted_over_actual_seconds=_median(time for row in rows for time in row.times),
+        mean_share_of_seconds=_mean(row.sample.share_of_seconds for row in rows),
+        mean_share_of_samples=_mean(row.sample.share for row in rows))
 
 
-def markdown(rows: Sequence[dict[str, Any]]) -> str:
+def markdown(rows: Sequence[Verdict]) -> str:
     """A table of all plans and one of the summary."""
-    lines = [_line(COLUMNS), _line(["---"] * len(COLUMNS)), *(_line([_cell(row.get(name)) for name in COLUMNS])
-                                                              for row in rows)]
-    lines += ["", _line(("over all plans", "")), _line(("---", "---")),
-              *(_line((name.replace("_", " "), _cell(value))) for name, value in summary(rows).items())]
+    lines = markdown_table(COLUMNS, ([getattr(row, name) for name in COLUMNS] for row in rows))
+    whole = dataclasses.asdict(summary(rows))
+    lines += ["", *markdown_table(("over all plans", ""),
+                                  [(name.replace("_", " "), value) for name, value in whole.items()])]
     return "\n".join(lines) + "\n"
 
 
-def _truths(folder: Path, wanted: Sequence[Candidate], metric: str, cache: Path) -> Truths:
+def _actuals(draw: Draw, wanted: Sequence[Candidate], metric: str) -> Actuals:
     found = {}
     for candidate in wanted:
         try:
-            found[candidate] = truth.truth(folder, candidate, metric, cache)
+            found[candidate] = actual(draw.folder, candidate, metric, draw.cache)
         except LfsrError as error:
             if candidate == wanted[-1] and not found:
                 raise
-            print(f"{folder.name}, {candidate.name}: {error}", file=sys.stderr)
+            print(f"{draw.folder.name}, {candidate.name}: {error}", file=sys.stderr)
     return found
 
 
-def _mean(values: Any) -> float | None:
+def _mean(values: Iterable[float]) -> float | None:
     values = list(values)
     return float(np.mean(values)) if values else None
 
 
-def _median(values: Any) -> float | None:
+def _median(values: Iterable[float]) -> float | None:
     values = list(values)
     return float(np.median(values)) if values else None
-
-
-def _line(cells: Sequence[object]) -> str:
-    return "| " + " | ".join(map(str, cells)) + " |"
-
-
-def _cell(value: object) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return "–" if value is None else f"{value:.3f}" if isinstance(value, float) else str(value)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Validate every scene, write the JSON after each, print the tables."""
     options = _parser().parse_args(argv)
-    folders = truth.scenes(options.bench)
+    folders = scenes(options.bench)
     files = {path.stem: str(path.resolve()) for path in options.scenes}
     wanted = Options(metric=options.metric, spps=options.spps, methods=options.methods, lenses=options.lenses,
                      between=options.between, share=options.budget, reference_spp=options.reference_spp)
-    rows: list[dict[str, Any]] = []
+    rows: list[Verdict] = []
     try:
         for folder in folders:
             if options.replay or folder.name in files:
                 rows += _scene(folder, wanted, options, files.get(folder.name, ""))
-                write_json(options.json, {"replay": options.replay, "summary": summary(rows), "plans": rows})
+                write_record(options.json, Validation(options.replay, summary(rows), tuple(rows)))
         if not rows:
             raise LfsrError(f"{options.bench} has no scene of the files given: name them, or use --replay")
     except LfsrError as error:
@@ -162,27 +190,25 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _scene(folder: Path, wanted: Options, options: argparse.Namespace, scene_file: str) -> list[dict[str, Any]]:
-    rows: list[dict[str, Any]] = []
-    cache = options.output / folder.name / "truth"
+def _scene(folder: Path, wanted: Options, options: argparse.Namespace, scene_file: str) -> list[Verdict]:
+    rows: list[Verdict] = []
+    kept = options.output / folder.name
     for seed in options.seeds:
         print(f"{folder.name}, seed {seed}", file=sys.stderr, flush=True)
+        draw = Draw(folder, scene_file, seed, kept / f"seed-{seed}", kept / KEPT)
         if options.replay:
             with tempfile.TemporaryDirectory(prefix="lfsr-replay-") as work:
-                rows += validate(folder, lambda job: truth.replay(folder, job), wanted, options.targets, seed,
-                                 Path(work), cache, scene_file)
+                rows += validate(dataclasses.replace(draw, work=Path(work)), lambda job: replay(folder, job), wanted,
+                                 options.targets)
         else:
-            from lfsr_core.render.blender import find_blender
-            work = options.output / folder.name / f"seed-{seed}"
-            rows += validate(folder, rendering(find_blender(options.blender)), wanted, options.targets, seed, work,
-                             cache, scene_file)
+            rows += validate(draw, rendering(find_blender(options.blender)), wanted, options.targets)
     return rows
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="plan_validation", description=__doc__.splitlines()[0])
     parser.add_argument("bench", type=Path, help="bench folder with whole references and renders")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="keeps samples and truths")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="keeps samples and measured candidates")
     parser.add_argument("--json", type=Path, required=True)
     parser.add_argument("--scenes", type=Path, nargs="*", default=[], help="scene files; needless with --replay")
     parser.add_argument("--replay", action="store_true", help="cut the sample out of the bench's frames")

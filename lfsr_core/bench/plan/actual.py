@@ -1,4 +1,4 @@
-"""What every candidate of a bench folder truly reaches and takes, and renders replayed from it.
+"""What every candidate of a bench folder reaches and takes as a whole frame, and renders replayed from it.
 
 A bench folder holds per scene ``reference/`` and ``s{scale}-spp{n}/``, whole frame
 folders of `lfsr reference` and `lfsr render`.
@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.bench.cells import Cells
 from lfsr_core.bench.chart.renders import known_seconds
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json, write_json
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame, write_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.reference import Reference, check_reference
@@ -57,18 +57,18 @@ def renders(scene: Path) -> dict[tuple[int, int], Path]:
     return found
 
 
-def truth(scene: Path, candidate: Candidate, metric: str, cache: Path) -> Actual:
+def actual(scene: Path, candidate: Candidate, metric: str, cache: Path) -> Actual:
     """Of one candidate; what was measured once is read from the folder ``cache``.
 
     LfsrError where it cannot be made, or where the reference is of sampled lenses
     only: its own uncertainty would be as large as the plan's.
     """
-    path = cache / f"{candidate.name.replace(' ', '-')}-{metric}.json"
-    if not path.exists():
+    def measure() -> Actual:
         folder = renders(scene)[candidate.scale, candidate.spp]
-        write_json(path, dataclasses.asdict(Actual(_accuracy(folder, scene / REFERENCE, candidate.method, metric),
-                                                  _seconds(folder, candidate.method))))
-    return Actual(**read_json(path, "the truth of a candidate"))
+        accuracy = _accuracy(folder, scene / REFERENCE, candidate.method, metric)
+        return Actual(accuracy, _seconds(folder, candidate.method))
+
+    return Cells(cache, Actual, key=None).get(f"{candidate.name.replace(' ', '-')}-{metric}", {}, measure)
 
 
 def _accuracy(folder: Path, reference: Path, method: str, metric: str) -> float:
@@ -92,7 +92,7 @@ def _reference(folder: Path) -> tuple[Reference, tuple[np.ndarray, np.ndarray]]:
 
 def _seconds(folder: Path, method: str) -> float:
     """Render, as it took then, and second stage, as it takes now; the folder itself stays as it is."""
-    with tempfile.TemporaryDirectory(prefix="lfsr-truth-") as name:
+    with tempfile.TemporaryDirectory(prefix="lfsr-actual-") as name:
         write_frame(name, timed_frame(folder))
         shutil.copy(folder / LOW_RES_FILE, name)
         return sum(upscale_frame(name, method)["seconds"].values())

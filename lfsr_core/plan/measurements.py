@@ -1,0 +1,185 @@
+"""What is known of every candidate while a plan is made, and which are worth a render of their own."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import Frame
+from lfsr_core.frames.job import Job
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.plan.candidates import BETWEEN, Candidate, Rated, between, choose, samples_of
+from lfsr_core.plan.estimate import Estimate, Stratum, estimate
+from lfsr_core.plan.options import Options
+from lfsr_core.plan.renders import SampleRenders
+from lfsr_core.plan.sample import STRATA, Budget, Lens, Mosaic, reach, with_neighbours
+from lfsr_core.plan.score import QuickLook, SampledReference, Scores, score, stage_time
+from lfsr_core.plan.times import StageTime, TimeModel
+
+Report = Callable[[str, float], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Question:
+    """What is to be planned.
+
+    Attributes
+    ----------
+    job : scene, display and frame; its scale, samples and output do not matter
+    options : target, metric and what the sample may cost
+    wanted : the candidates, cheapest render first
+    """
+
+    job: Job
+    options: Options
+    wanted: tuple[Candidate, ...]
+
+    @property
+    def display(self) -> DisplayProfile:
+        """The display to plan for."""
+        return self.job.display
+
+    @property
+    def whole(self) -> bool:
+        """True where every lens counts, not only those of the foreground."""
+        return self.options.metric == "ssim_eia"
+
+    @property
+    def costliest(self) -> Candidate:
+        """The candidate whose frame takes most path samples."""
+        return max(self.wanted, key=lambda candidate: samples_of(candidate, self.display))
+
+
+@dataclasses.dataclass(frozen=True)
+class LensSample:
+    """The lenses that stand for the display.
+
+    Attributes
+    ----------
+    look : what the quick look knows of every lens
+    frame : how the quick look was rendered
+    strata : sampled lenses by name of STRATA
+    budget : what the sample costs
+    limit : path samples that it may cost, infinite where the number of lenses was asked for
+    """
+
+    look: QuickLook
+    frame: Frame
+    strata: dict[str, list[Lens]]
+    budget: Budget
+    limit: float
+
+    @property
+    def lenses(self) -> list[Lens]:
+        """All of them, in the order of STRATA."""
+        return [lens for name in STRATA for lens in self.strata[name]]
+
+    def done(self, renders: list[tuple[int, int]]) -> float:
+        """Share of the whole sample's cost that is spent with these renders, by scale and samples."""
+        return self._cost(renders) / self._cost(self.budget.renders)
+
+    def affords(self, renders: list[tuple[int, int]]) -> bool:
+        """True if these renders are within the limit."""
+        return self._cost(renders) <= self.limit
+
+    def _cost(self, renders: Iterable[tuple[int, int]]) -> float:
+        return self.budget.cost(len(self.lenses), renders)
+
+
+class Measurements:
+    """Scores and times of candidates; ``measure`` adds those of one scale and number of samples."""
+
+    def __init__(self, question: Question, sample: LensSample, reference: SampledReference, renders: SampleRenders,
+                 model: TimeModel) -> None:
+        self.question, self.sample, self.reference, self.renders = question, sample, reference, renders
+        self.scores: dict[Candidate, Scores] = {}
+        self.seconds = 0.0
+        self._model, self._stages = model, dict[tuple[int, str], StageTime]()
+        self._notes: dict[Candidate, str] = {}
+        self._measured: list[tuple[int, int]] = []
+
+    def measure(self, scale: int, spp: int, report: Report) -> None:
+        """Render and measure the candidates of one scale and number of samples, unless there is a reason against."""
+        here = [c for c in self.question.wanted if (c.scale, c.spp) == (scale, spp)]
+        why = self._why_not(scale, spp, here)
+        if why:
+            self._notes |= dict.fromkeys(here, why)
+            return
+        width = reach(self.question.display, scale)
+        listed, blocks = with_neighbours(self.sample.lenses, width, self.question.display.lenses)
+        report(f"{len(listed)} lenses at scale {scale}, {spp} samples", self.sample.done(self._measured))
+        folder = self.renders.sampled(scale, spp, listed)
+        self._measured.append((scale, spp))
+        started = time.perf_counter()
+        for candidate in here:
+            report(candidate.name, self.sample.done(self._measured))
+            self._score(candidate, folder, Mosaic.of(blocks), Mosaic.of(blocks[:1]))
+        self.seconds += time.perf_counter() - started
+
+    def rated(self) -> list[Rated]:
+        """What is known by now, cheapest first."""
+        times, display = self.times(), self.question.display
+        rows = [Rated(candidate, times.seconds(candidate, display),
+                      self._estimate(self.scores[candidate].values) if candidate in self.scores else None,
+                      self._notes.get(candidate, "")) for candidate in self.question.wanted]
+        rows += [Rated(candidate, times.seconds(candidate, display), self._estimate(values), BETWEEN)
+                 for candidate, values in self._between()]
+        return sorted(rows, key=lambda row: row.seconds)
+
+    def times(self) -> TimeModel:
+        """The costs that all renders so far tell."""
+        model = dataclasses.replace(self._model, stages=self._stages)
+        share = float(self.sample.look.masks["foreground"].mean())
+        return model.refined(self.sample.frame, self.renders.of_lenses, share)
+
+    def _why_not(self, scale: int, spp: int, here: list[Candidate]) -> str:
+        """Reason to leave the candidates of one scale and sample count out, empty if there is none."""
+        options, times = self.question.options, self.times()
+        least = min(times.seconds(candidate, self.question.display) for candidate in here)
+        if least > options.limit:
+            return "takes too long"
+        chosen = choose(self.rated(), options.target, options.limit).chosen
+        confirms = chosen and chosen.candidate.scale == scale and all(
+            spp <= other for key, other in self.sample.budget.renders
+            if key == scale and other > chosen.candidate.spp)
+        if chosen and least > chosen.seconds and not confirms:
+            return f"not needed: costs more than {chosen.candidate.name}"
+        if not self.sample.affords([*self._measured, (scale, spp)]):
+            return "not measured: beyond the sample's budget (--budget)"
+        return ""
+
+    def _score(self, candidate: Candidate, folder: Path, mosaic: Mosaic, one: Mosaic) -> None:
+        try:
+            self.scores[candidate] = score(folder, candidate.method, mosaic, self.reference)
+            stage = stage_time(folder, candidate.method, mosaic, one)
+        except LfsrError as error:
+            self._notes[candidate] = str(error)
+            return
+        self._stages[candidate.scale, candidate.method] = stage
+
+    def _between(self) -> Iterator[tuple[Candidate, np.ndarray]]:
+        """Candidates between measured ones, and the accuracy (n,) of each lens there."""
+        for scale, method in sorted({(candidate.scale, candidate.method) for candidate in self.scores}):
+            known = {candidate.spp: scores.values for candidate, scores in self.scores.items()
+                     if (candidate.scale, candidate.method) == (scale, method)}
+            for spp, fewer, more, weight in between(list(known), self.question.options.between):
+                yield Candidate(scale, spp, method), (1 - weight) * known[fewer] + weight * known[more]
+
+    def _estimate(self, of_lenses: np.ndarray) -> Estimate:
+        """Mean over the display from the accuracy (n,) of every sampled lens."""
+        look, whole, strata, start = self.sample.look, self.question.whole, [], 0
+        for name in STRATA:
+            lenses = self.sample.strata[name]
+            rows = slice(start, start + len(lenses))
+            start = rows.stop
+            if name == "rest" and not whole:
+                continue
+            values = of_lenses[rows]
+            inside = np.ones(len(values), bool) if whole or name == "foreground" else self.reference.hits[rows]
+            strata.append(Stratum(int(look.masks[name].sum()), values, inside, *look.covariates(name, lenses)))
+        return estimate(strata)
