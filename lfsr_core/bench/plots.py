@@ -113,12 +113,12 @@ def draw_curve(axes: Axes, curve: Curve, order: float = 3) -> None:
     """Draw a curve without its name; a higher ``order`` lies on top."""
     axes.plot(curve.x, curve.y, color=curve.color, marker=curve.marker, markersize=8 if curve.bold else 7,
               linewidth=3 if curve.bold else 1.8, zorder=order)
-    thin = {"fmt": "none", "ecolor": curve.color, "elinewidth": 1.2, "alpha": 0.6, "zorder": order}
+    thin = {"color": curve.color, "linewidth": 1.2, "alpha": 0.6, "zorder": order}
     if curve.spans:
-        least, most = np.transpose(curve.spans)
-        axes.errorbar(curve.x, curve.y, xerr=(np.maximum(curve.x - least, 0), np.maximum(most - curve.x, 0)), **thin)
+        axes.hlines(curve.y, *np.transpose(curve.spans), **thin)
     if curve.halves:
-        axes.errorbar(curve.x, curve.y, yerr=[half or 0 for half in curve.halves], **thin)
+        y, half = np.asarray(curve.y), np.array([half or 0 for half in curve.halves])
+        axes.vlines(curve.x, y - half, y + half, **thin)
 
 
 def name_curves(axes: Axes, curves: Sequence[Curve], taken: Iterable[Any] = ()) -> None:

@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> None:
     from lfsr_core.bench.chart import run as chart
 
     settings = _settings(arguments)
-    measured = chart.measure(settings, arguments.scenes, _say)
+    measured = chart.measure(settings, arguments.scenes, _report)
     for path in chart.write_pages(settings.folder, measured):
         print(path)
 
@@ -74,11 +74,11 @@ def _settings(arguments: argparse.Namespace) -> Any:
     chosen = {name: (*methods, *DIRECT_METHODS) if names == EVERY else names for name, names in chosen.items()}
     same = ("display", "scale", "spps", "direct_spps", "reference_spp", "lenses", "ceiling_spp", "repeats",
             "render_repeats", "only_measure", "device", "blender", "retime_renders")
-    return Settings(folder=arguments.output, methods=methods, ours=ours, **chosen,
+    return Settings(folder=arguments.output, methods=methods, direct_methods=DIRECT_METHODS, ours=ours, **chosen,
                     **{name: getattr(arguments, name) for name in same})
 
 
-def _say(sentence: str) -> None:
+def _report(sentence: str) -> None:
     print(sentence, file=sys.stderr, flush=True)
 
 

@@ -59,7 +59,8 @@ def test_points_wear_what_is_known_of_them():
     axes = axes[0, 0]
     plots.draw_curve(axes, Curve("a", plots.INK, "o", (1, 2), (3, 4), spans=((0.5, 1), (2, 2.5)), halves=(0.1, None)))
     sides, ups = (collection.get_segments() for collection in axes.collections)
-    assert np.allclose(sides[0], [(0.5, 3), (1, 3)]) and np.allclose(ups, [[(1, 2.9), (1, 3.1)], [(2, 4), (2, 4)]])
+    assert np.allclose(sides, [[(0.5, 3), (1, 3)], [(2, 4), (2.5, 4)]])
+    assert np.allclose(ups, [[(1, 2.9), (1, 3.1)], [(2, 4), (2, 4)]])
 
 
 @given(st.floats(1e-3, 1e5), st.floats(1.01, 1e4))

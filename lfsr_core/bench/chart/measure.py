@@ -1,9 +1,8 @@
-"""One cell of a chart: one render, finished by one method, timed and measured."""
+"""One cell of a chart: one render, finished by one method, timed and measured; and what a method costs."""
 
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import os
 import shutil
 import statistics
@@ -19,9 +18,11 @@ from typing import Any
 import numpy as np
 
 from lfsr_core import __version__
-from lfsr_core.bench.chart.settings import CELL_FOLDER
+from lfsr_core.bench.cells import Cells, Fingerprint, digest
+from lfsr_core.bench.chart.records import MethodCost, Metrics
+from lfsr_core.bench.chart.settings import CELL_FOLDER, FRESH_FOLDER
+from lfsr_core.bench.environment import load_average
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json, write_json
 from lfsr_core.frames.foreground import foreground_mask, recall
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
 from lfsr_core.frames.reference import Reference, check_reference
@@ -32,8 +33,58 @@ from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
 
-CELL_FORMAT = 1
+CELL_FORMAT = 2
 STAGES = ("load", "mask", "upscale", "assemble", "color", "write")
+
+
+@dataclasses.dataclass(frozen=True)
+class Times:
+    """Seconds of the second stage; the fields are those of ``records.Cell``."""
+
+    second_stage_seconds: tuple[float, ...]
+    stage_seconds: dict[str, float]
+    notes: tuple[str, ...]
+    load_average: float | None
+
+
+@dataclasses.dataclass(frozen=True)
+class KeptCell:
+    """What is measured of a render and a method, as the bench folder keeps it.
+
+    Attributes
+    ----------
+    method : its name
+    metrics, ci95 : how near it comes to the reference, and half-widths of the 95 % intervals
+    times : of the second stage
+    """
+
+    method: str
+    metrics: Metrics
+    ci95: dict[str, float | None]
+    times: Times
+
+
+@dataclasses.dataclass(frozen=True)
+class FreshSeconds:
+    """Seconds of `lfsr upscale` in a process of its own, start included."""
+
+    seconds: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Effort:
+    """What is measured although a kept cell fits.
+
+    Attributes
+    ----------
+    repeats : timed runs of the second stage
+    again : everything is measured afresh
+    retime : the times are taken afresh, the metrics kept
+    """
+
+    repeats: int
+    again: bool = False
+    retime: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,79 +110,71 @@ class Target:
         return cls(reference, reference.foreground_mask(mask))
 
 
-def cell(folder: Path, name: str, target: Target, repeats: int, again: bool = False,
-         retime: bool = False) -> dict[str, Any]:
-    """The cell of frame folder ``folder`` and method ``name``; measured unless its file is there and still fits.
+def cell(folder: Path, name: str, target: Target, effort: Effort) -> KeptCell:
+    """The cell of a render and a method, measured unless it is kept and still fits.
 
-    ``again`` measures it in any case, ``retime`` keeps metrics that fit and takes new times. The folder itself is not
-    written to. LfsrError where the method cannot finish this frame.
+    Parameters
+    ----------
+    folder : frame folder of the render; it is not written to
+    name : the method
+    target : what it is measured against
+    effort : what is measured in any case
+
+    Raises
+    ------
+    LfsrError : the method cannot finish this frame
     """
-    path = folder.parent / CELL_FOLDER / f"{folder.name}-{name}.json"
-    print_of = fingerprint(folder, name, target)
-    known = read_json(path, "a measured cell") if path.exists() and not again else {}
-    fits = known.get("fingerprint") == print_of
-    if fits and not retime and len(known["second_stage_seconds"]) >= repeats:
+    cells, mark = Cells(folder.parent / CELL_FOLDER, KeptCell), fingerprint(folder, name, target)
+    file_name = f"{folder.name}-{name}"
+    known = None if effort.again else cells.read(file_name, mark)
+    if known and not effort.retime and len(known.times.second_stage_seconds) >= effort.repeats:
         return known
     check_reference(read_frame(folder), target.reference.frame)
     with scratch_copy(folder) as copy:
-        found = known if fits else {"fingerprint": print_of, "method": name, **_measured(copy, name, target)}
-        found |= _times(copy, name, repeats, warm=not fits)
-    write_json(path, found)
+        metrics, ci95 = (known.metrics, known.ci95) if known else _metrics(copy, name, target)
+        found = KeptCell(name, metrics, ci95, _times(copy, name, effort.repeats, warm=known is None))
+    cells.write(file_name, mark, found)
     return found
 
 
-def fingerprint(folder: Path, name: str, target: Target) -> dict[str, Any]:
+def fingerprint(folder: Path, name: str, target: Target) -> Fingerprint:
     """What a cell depends on, as hashes: a change means that it must be measured again."""
+    method = MethodName.parse(name)
     return {"format": CELL_FORMAT, "lfsr": __version__,
-            "frame": _hash((folder / FRAME_FILE).read_bytes()),
-            "reference": _hash((target.reference.folder / FRAME_FILE).read_bytes()),
-            "mask": _hash(target.mask.tobytes()),
-            "weights": MethodName.parse(name).weights_digest,
-            **MethodName.parse(name).versions}
+            "frame": digest((folder / FRAME_FILE).read_bytes()),
+            "reference": digest((target.reference.folder / FRAME_FILE).read_bytes()),
+            "mask": digest(target.mask.tobytes()), "weights": method.weights_digest, **method.versions}
 
 
-def _hash(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()[:16]
+def _metrics(folder: Path, name: str, target: Target) -> tuple[Metrics, dict[str, float | None]]:
+    """Every metric and its interval, whether the reference is whole or of sampled lenses."""
+    image, reference, mask = finished_linear(folder, name), target.reference, target.mask
+    halves, frame = (reference.half_a, reference.half_b), read_frame(folder)
+    lenses = frame.display.lenses
+    found: dict[str, Any] = compare(image, *halves, lenses, mask, lens_list=reference.lens_list)
+    if reference.lens_list is None:
+        found["ci95"] = lens_intervals(image, *halves, lenses, mask)
+        found["recall"] = recall(foreground_mask(read_layers(folder / LOW_RES_FILE), frame.rays.tiles), mask)
+    return Metrics(**{field.name: found.get(field.name) for field in dataclasses.fields(Metrics)}), found["ci95"]
 
 
-def _measured(folder: Path, name: str, target: Target) -> dict[str, Any]:
-    metrics = _metrics(finished_linear(folder, name), target)
-    if target.reference.lens_list is None:
-        frame = read_frame(folder)
-        mask = foreground_mask(read_layers(folder / LOW_RES_FILE), frame.rays.tiles)
-        metrics["recall"] = recall(mask, target.mask)
-    return {"metrics": metrics}
-
-
-def _times(folder: Path, name: str, repeats: int, warm: bool) -> dict[str, Any]:
+def _times(folder: Path, name: str, repeats: int, warm: bool) -> Times:
     """Seconds of ``repeats`` runs; if not ``warm``, of runs after one that is not counted.
 
     That one loads what a running program has loaded.
     """
     if not warm:
         upscale_frame(folder, name)
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    load = load_average()
     runs = [_timed(folder, name) for _ in range(repeats)]
-    reports = [report for _, report in runs]
-    stages = {stage: statistics.median(report["seconds"][stage] for report in reports) for stage in STAGES}
-    return {"second_stage_seconds": [seconds for seconds, _ in runs], "stage_seconds": stages,
-            "notes": reports[-1]["notes"], "load_average": load}
+    stages = {stage: statistics.median(report["seconds"][stage] for _, report in runs) for stage in STAGES}
+    return Times(tuple(seconds for seconds, _ in runs), stages, tuple(runs[-1][1]["notes"]), load)
 
 
 def _timed(folder: Path, name: str) -> tuple[float, dict[str, Any]]:
     started = time.perf_counter()
     report = upscale_frame(folder, name)
     return round(time.perf_counter() - started, 4), report
-
-
-def _metrics(image: np.ndarray, target: Target) -> dict[str, Any]:
-    """Every metric with "ci95", whether the reference is whole or of sampled lenses."""
-    reference, mask = target.reference, target.mask
-    lenses = reference.frame.display.lenses
-    found = compare(image, reference.half_a, reference.half_b, lenses, mask, lens_list=reference.lens_list)
-    if reference.lens_list is None:
-        found |= {"lenses": None, "ci95": lens_intervals(image, reference.half_a, reference.half_b, lenses, mask)}
-    return {"recall": None} | found
 
 
 @contextmanager
@@ -146,23 +189,24 @@ def scratch_copy(folder: Path) -> Iterator[Path]:
         yield Path(name)
 
 
-FRESH_FILE = "fresh-process.json"
+def method_cost(name: str, scale: int, low_views: tuple[int, int], seconds: float | None = None) -> MethodCost:
+    """What a method costs; Open Image Denoise, which does not tell, is not counted.
 
-
-def network_cost(name: str, scale: int, low_views: tuple[int, int]) -> dict[str, Any]:
-    """Parameters and multiply-adds per low-resolution pixel of the networks in a method; None where it has none.
-
-    ``low_views`` (w, h): pixels of a low-resolution elemental image. Open Image Denoise is not counted: it does not
-    tell.
+    Parameters
+    ----------
+    name : the method
+    scale : of its networks
+    low_views : (w, h) pixels of a low-resolution elemental image
+    seconds : of a process of its own
     """
     counts = [_count(part, scale, low_views) for part in MethodName.parse(name).networks]
     if not counts:
-        return {"parameters": None, "multiply_adds_per_low_pixel": None}
-    return {"parameters": sum(count for count, _ in counts),
-            "multiply_adds_per_low_pixel": float(sum(work for _, work in counts))}
+        return MethodCost(name, None, None, seconds)
+    return MethodCost(name, sum(count for count, _ in counts), float(sum(work for _, work in counts)), seconds)
 
 
 def _count(part: str, scale: int, low_views: tuple[int, int]) -> tuple[int, float]:
+    """Parameters of a network, and its multiply-adds per low-resolution pixel."""
     from lfsr_core.reconstruct.networks.pytorch.cost import multiply_adds, parameters
 
     network = catalogue.build(part, scale).eval()
@@ -170,15 +214,24 @@ def _count(part: str, scale: int, low_views: tuple[int, int]) -> tuple[int, floa
 
 
 def fresh_seconds(folder: Path, name: str, chart_folder: Path, again: bool = False) -> float:
-    """Wall seconds of `lfsr upscale` in a process of its own, start included; measured once per method and chart."""
-    path, key = chart_folder / FRESH_FILE, f"{name} {MethodName.parse(name).weights_digest}"
-    known = read_json(path, "seconds of fresh processes") if path.exists() else {}
-    if key not in known or again:
-        with scratch_copy(folder) as copy:
-            command = [sys.executable, "-m", "lfsr_core.cli", "upscale", str(copy), "--method", name]
-            known[key] = _process_seconds(command)
-        write_json(path, known)
-    return known[key]
+    """Wall seconds of `lfsr upscale` in a process of its own, start included; measured once per method and chart.
+
+    Parameters
+    ----------
+    folder : frame folder of the render that is upscaled; it is not written to
+    name : the method
+    chart_folder : bench folder that keeps the seconds
+    again : measure it although it is known
+    """
+    cells, mark = Cells(chart_folder / FRESH_FOLDER, FreshSeconds), {"weights": MethodName.parse(name).weights_digest}
+    if again:
+        cells.path(name).unlink(missing_ok=True)
+    return cells.get(name, mark, lambda: FreshSeconds(_upscaled(folder, name))).seconds
+
+
+def _upscaled(folder: Path, name: str) -> float:
+    with scratch_copy(folder) as copy:
+        return _process_seconds([sys.executable, "-m", "lfsr_core.cli", "upscale", str(copy), "--method", name])
 
 
 def _process_seconds(command: list[str]) -> float:

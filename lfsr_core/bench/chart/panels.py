@@ -5,26 +5,17 @@ from __future__ import annotations
 import collections
 import dataclasses
 import statistics
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from lfsr_core.bench import plots
-from lfsr_core.bench.chart.analysis import (
-    DIRECT,
-    LOW,
-    LOWER_IS_BETTER,
-    MAIN_METRIC,
-    RIVAL,
-    Point,
-    curves,
-    end_to_end,
-    mean_points,
-    pareto_front,
-    points,
-)
+from lfsr_core.bench.chart.analysis import MAIN_METRIC, RIVAL, curves, mean_points, pareto_front, points, sign_of
+from lfsr_core.bench.chart.records import DIRECT, LOW, Cell, Chart, Key, Point, SceneRow
 from lfsr_core.bench.plots import Curve
 
-Key = tuple[str, str]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 STYLES = list(zip(plots.COLORS, plots.MARKERS, strict=True))
 FRONT = "#f3dfa2"
 AXES = {"ssim_eia_fg": "SSIM of the subject", "ssim_views_fg": "SSIM of the views", "ssim_eia": "SSIM of everything",
@@ -62,69 +53,66 @@ class Panel:
     toward_one: bool
 
 
-def styles(chart: dict[str, Any]) -> dict[Key, tuple[str, str]]:
+def styles(chart: Chart) -> dict[Key, tuple[str, str]]:
     """Colour and marker of every method that is drawn with its name: ours, direct rendering, and who is on a front."""
-    fixed = [(LOW, chart["settings"]["ours"]), RIVAL, (DIRECT, "none")]
-    seen = collections.Counter((point["role"], point["method"])
-                               for scene in chart["scenes"] for point in scene["analysis"][0]["front"])
+    fixed = [(LOW, chart.settings.ours), RIVAL, (DIRECT, "none")]
+    seen = collections.Counter(point.curve for scene in chart.scenes for point in scene.main.front)
     more = [key for key, _ in seen.most_common() if key not in fixed]
     return dict(zip([*fixed, *more], STYLES, strict=False))
 
 
-def scene_panel(chart: dict[str, Any], scene: dict[str, Any], metric: str = MAIN_METRIC) -> Panel:
+def scene_panel(chart: Chart, scene: SceneRow, metric: str = MAIN_METRIC) -> Panel:
     """Panel of one scene, with intervals and the ceiling."""
-    cells = {(cell["role"], cell["method"], cell["samples"]): cell for cell in scene["cells"]}
-    return _panel(chart, scene["scene"], metric, points(scene["cells"], metric), _ceiling([scene], metric), cells)
+    cells = {cell.key: cell for cell in scene.cells}
+    panel = _panel(chart, points(scene.cells, metric), metric, cells)
+    return dataclasses.replace(panel, title=scene.scene, ceiling=_ceiling([scene], metric))
 
 
-def mean_panel(chart: dict[str, Any], metric: str = MAIN_METRIC) -> Panel | None:
+def mean_panel(chart: Chart, metric: str = MAIN_METRIC) -> Panel | None:
     """Panel of the mean over scenes; None where the scenes share no cell."""
-    shared = mean_points(chart["scenes"], metric)
-    title = f"Mean of {len(chart['scenes'])} scenes"
-    return _panel(chart, title, metric, shared, _ceiling(chart["scenes"], metric), {}) if shared else None
+    shared = mean_points(chart.scenes, metric)
+    if not shared:
+        return None
+    return dataclasses.replace(_panel(chart, shared, metric, {}), title=f"Mean of {len(chart.scenes)} scenes",
+                               ceiling=_ceiling(chart.scenes, metric))
 
 
-def _panel(chart: dict[str, Any], title: str, metric: str, every: Sequence[Point], ceiling: tuple[float, str] | None,
-           cells: dict[tuple[str, str, int], Any]) -> Panel:
-    found, look = curves(every), styles(chart)
-    drawn = [_curve(chart, key, found[key], metric, cells) for key in look if key in found]
-    others = [point for point in every if (point.role, point.method) not in look]
-    return Panel(title, AXES[metric], drawn, pareto_front(every), others, ceiling, toward_one="ssim" in metric)
+def _panel(chart: Chart, every: Sequence[Point], metric: str, cells: Mapping[tuple[str, str, int], Cell]) -> Panel:
+    """Panel without title and ceiling; curves have the intervals of ``cells`` where there are any."""
+    found, look, ours = curves(every), styles(chart), chart.settings.ours
+
+    def curve(key: Key) -> Curve:
+        mine = [cells[(*key, point.samples)] for point in found[key] if cells]
+        return Curve(label(key, ours), *look[key], x=[point.seconds for point in found[key]],
+                     y=[point.value for point in found[key]], halves=[cell.ci95.get(metric) for cell in mine],
+                     spans=[(cell.seconds.least, cell.seconds.most) for cell in mine],
+                     notes=[str(point.samples) for point in found[key]] if key in ((LOW, ours), RIVAL) else (),
+                     bold=key == (LOW, ours))
+
+    return Panel("", AXES[metric], [curve(key) for key in look if key in found], pareto_front(every),
+                 [point for point in every if point.curve not in look], None, toward_one="ssim" in metric)
 
 
-def _curve(chart: dict[str, Any], key: Key, found: Sequence[Point], metric: str,
-           cells: dict[tuple[str, str, int], Any]) -> Curve:
-    """The curve of a method, with intervals of ``cells`` where there are any."""
-    mine = [cells[(*key, point.samples)] for point in found if cells]
-    ours = chart["settings"]["ours"]
-    return Curve(label(key, ours), *styles(chart)[key], x=[point.seconds for point in found],
-                 y=[point.value for point in found], halves=[cell["ci95"].get(metric) for cell in mine],
-                 spans=[(cell["seconds"]["least"], cell["seconds"]["most"]) for cell in mine],
-                 notes=[str(point.samples) for point in found] if key in ((LOW, ours), RIVAL) else (),
-                 bold=key == (LOW, ours))
-
-
-def _ceiling(scenes: Sequence[dict[str, Any]], metric: str) -> tuple[float, str] | None:
+def _ceiling(scenes: Sequence[SceneRow], metric: str) -> tuple[float, str] | None:
     """Mean of the scenes' ceilings, as high as it is drawn, and the words at its line."""
-    found = [part["ceiling"] for scene in scenes for part in scene["analysis"] if part["metric"] == metric]
+    found = [part.ceiling for scene in scenes for part in scene.analysis if part.metric == metric]
     if not all(found):
         return None
-    value = statistics.fmean(ceiling["value"] for ceiling in found)
-    return (-value if metric in LOWER_IS_BETTER else value,
-            f"the best from a low resolution without noise: {value:.3f}")
+    value = statistics.fmean(ceiling.value for ceiling in found)
+    return sign_of(metric) * value, f"the best from a low resolution without noise: {value:.3f}"
 
 
-def panels(chart: dict[str, Any]) -> list[Panel]:
+def panels(chart: Chart) -> list[Panel]:
     """The mean where there are several scenes, then every scene."""
-    mean = mean_panel(chart) if len(chart["scenes"]) > 1 else None
-    return [panel for panel in (mean, *(scene_panel(chart, scene) for scene in chart["scenes"])) if panel]
+    mean = mean_panel(chart) if len(chart.scenes) > 1 else None
+    return [panel for panel in (mean, *(scene_panel(chart, scene) for scene in chart.scenes)) if panel]
 
 
-def picture(chart: dict[str, Any]) -> str:
+def picture(chart: Chart) -> str:
     """All panels as one SVG."""
-    environment = chart["environment"]
+    environment = chart.environment
     return drawn(panels(chart), "Pale band: Pareto front. Numbers: samples per pixel. Grey: other methods. Display "
-                 f"{chart['settings']['display']}, {environment['cores']} cores of {environment['cpu']}.")
+                 f"{chart.settings.display}, {environment.cores} cores of {environment.cpu}.")
 
 
 def drawn(shown: Sequence[Panel], footer: str = "") -> str:
@@ -135,7 +123,7 @@ def drawn(shown: Sequence[Panel], footer: str = "") -> str:
     return plots.svg(figure)
 
 
-def _draw(axes: Any, panel: Panel) -> None:
+def _draw(axes: Axes, panel: Panel) -> None:
     _limits(axes, panel)
     axes.grid(color=plots.GRID)
     axes.set_title(panel.title, loc="left", fontsize=16, weight="bold", pad=21)
@@ -153,7 +141,7 @@ def _draw(axes: Any, panel: Panel) -> None:
     plots.name_curves(axes, panel.curves, _draw_ceiling(axes, panel))
 
 
-def _draw_ceiling(axes: Any, panel: Panel) -> list[Any]:
+def _draw_ceiling(axes: Axes, panel: Panel) -> list[Any]:
     """Draw the line across; its words, if there is one."""
     if panel.ceiling is None:
         return []
@@ -163,7 +151,7 @@ def _draw_ceiling(axes: Any, panel: Panel) -> list[Any]:
                           fontsize=11.5, zorder=9)]
 
 
-def _limits(axes: Any, panel: Panel) -> None:
+def _limits(axes: Axes, panel: Panel) -> None:
     """Room for all curves and the ceiling."""
     seconds = [second for curve in panel.curves for second in curve.x] + [point.seconds for point in panel.front]
     values = [value for curve in panel.curves for value in curve.y] + [point.value for point in panel.front]
@@ -173,9 +161,3 @@ def _limits(axes: Any, panel: Panel) -> None:
     space = max(high - low, 1e-3) * 0.05
     plots.time_axis(axes, min(seconds) / 1.15, max(seconds) * 1.15)
     plots.value_axis(axes, low - space, high + 1.6 * space, panel.toward_one)
-
-
-def seconds_text(cell: dict[str, Any]) -> str:
-    """Median of a cell's end-to-end seconds and their spread."""
-    spread = cell["seconds"]
-    return f"{end_to_end(cell):.2f} ({spread['least']:.2f}–{spread['most']:.2f})"

@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 import tempfile
 from pathlib import Path
-from typing import Any
 
+import numpy as np
+
+from lfsr_core.bench.cells import Cells, Fingerprint
 from lfsr_core.bench.chart.settings import LAYERS, REFERENCE_FOLDER, TIMES_FOLDER, Settings, render_folder
-from lfsr_core.files import read_json, write_json
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
 from lfsr_core.frames.job import Job
@@ -17,15 +18,25 @@ from lfsr_core.optics.lens_sampling import choose_lenses
 from lfsr_core.render.store import is_complete, kept, with_blender
 
 
+@dataclasses.dataclass(frozen=True)
+class Repeats:
+    """Seconds of renders that were made again only for their time; ``alone``: that of the kept one does not count."""
+
+    alone: bool = False
+    repeats: tuple[float, ...] = ()
+
+    def counted(self, first: float) -> list[float]:
+        """All seconds that count, of the kept render's ``first`` and the others."""
+        return [*(() if self.alone else (first,)), *self.repeats]
+
+
 def low_render(settings: Settings, scene: Path, scale: int, samples: int) -> Path | None:
     """Frame folder of a render, made if it is not there; None if it is not and no render may be made.
 
-    LfsrError if the folder holds a render of another display, scale or number of samples.
+    LfsrError if the folder holds another render.
     """
-    folder = render_folder(settings.folder / scene.stem, scale, samples)
-    if settings.only_measure and not is_complete(folder):
-        return None
-    return kept(_job(settings, scene, folder, scale, samples), with_blender(settings.blender))
+    return _kept(settings, _job(settings, scene, render_folder(settings.folder / scene.stem, scale, samples), scale,
+                                samples))
 
 
 def reference(settings: Settings, scene: Path) -> Path | None:
@@ -34,13 +45,10 @@ def reference(settings: Settings, scene: Path) -> Path | None:
     One that is there is used whatever its lenses and samples are: both are in the chart's file.
     """
     folder = settings.folder / scene.stem / REFERENCE_FOLDER
-    if not is_complete(folder, "reference"):
-        if settings.only_measure:
-            return None
-        with_blender(settings.blender)(dataclasses.replace(
-            _job(settings, scene, folder, 1, settings.reference_spp), kind="reference", layers=(), clamp_indirect=0.0,
-            lens_list=_lenses(settings, scene)))
-    return folder
+    made = is_complete(folder, "reference") or settings.only_measure
+    job = _job(settings, scene, folder, 1, settings.reference_spp)
+    return _kept(settings, dataclasses.replace(job, kind="reference", layers=(), clamp_indirect=0.0,
+                                               lens_list=None if made else _lenses(settings, scene)))
 
 
 def seconds_of(settings: Settings, scene: Path, folder: Path) -> list[float]:
@@ -48,37 +56,31 @@ def seconds_of(settings: Settings, scene: Path, folder: Path) -> list[float]:
 
     With ``settings.retime_renders`` of repeats alone: the kept one was made while the machine was busy.
     """
-    path, known = _times(folder)
-    first = known["first"]
-    if settings.retime_renders and not known["alone"]:
-        known = {"first": first, "alone": True, "repeats": []}
-    while len(_counted(known)) < settings.render_repeats and not settings.only_measure:
-        known["repeats"].append(_timed_again(settings, scene, read_frame(folder)))
-        write_json(path, known)
-    return _counted(known) or [first]
+    cells, mark, known = _repeats(folder)
+    first = mark["first"]
+    if settings.retime_renders and not known.alone:
+        known = Repeats(alone=True)
+    while len(known.counted(first)) < settings.render_repeats and not settings.only_measure:
+        again = _timed_again(settings, scene, read_frame(folder))
+        known = dataclasses.replace(known, repeats=(*known.repeats, again))
+        cells.write(folder.name, mark, known)
+    return known.counted(first) or [first]
 
 
 def known_seconds(folder: Path) -> list[float]:
     """Cycles seconds of a render as far as they are known, those of its repeats too where there are any."""
-    known = _times(folder)[1]
-    return _counted(known) or [known["first"]]
+    _, mark, known = _repeats(folder)
+    return known.counted(mark["first"]) or [mark["first"]]
 
 
-def _times(folder: Path) -> tuple[Path, dict[str, Any]]:
-    """Where the seconds of a render and its repeats stand, and what stands there."""
-    path = folder.parent / TIMES_FOLDER / f"{folder.name}.json"
-    first = read_frame(folder).seconds["render"]
-    known = read_json(path, "seconds of repeated renders") if path.exists() else {}
-    if known.get("first") != first:  # the kept render is another one now
-        known = {"first": first, "alone": False, "repeats": []}
-    return path, known
+def _repeats(folder: Path) -> tuple[Cells[Repeats], Fingerprint, Repeats]:
+    """Where the seconds of a render's repeats are kept, for which render, and what is kept of them."""
+    cells = Cells(folder.parent / TIMES_FOLDER, Repeats, key=None)
+    mark = {"first": read_frame(folder).seconds["render"]}
+    return cells, mark, cells.read(folder.name, mark) or Repeats()
 
 
-def _counted(known: dict[str, Any]) -> list[float]:
-    return known["repeats"] if known["alone"] else [known["first"], *known["repeats"]]
-
-
-def widest_mask(scene_folder: Path, scale: int, display_lenses: tuple[int, int]) -> Any:
+def widest_mask(scene_folder: Path, scale: int, display_lenses: tuple[int, int]) -> np.ndarray | None:
     """Foreground mask (sy, sx) bool of the render with most samples at ``scale``; None without a render."""
     folders = [folder for folder in scene_folder.glob(f"s{scale}-spp*") if is_complete(folder)]
     if not folders:
@@ -97,11 +99,17 @@ def _lenses(settings: Settings, scene: Path) -> tuple[tuple[int, int], ...] | No
 
 def _timed_again(settings: Settings, scene: Path, frame: Frame) -> float:
     with tempfile.TemporaryDirectory(prefix=".chart-", dir=settings.folder) as name:
-        again = Path(name) / "frame"
-        with_blender(settings.blender)(_job(settings, scene, again, frame.scale, frame.samples))
-        return read_frame(again).seconds["render"]
+        job = _job(settings, scene, Path(name) / "frame", frame.scale, frame.samples)
+        return read_frame(_kept(settings, job)).seconds["render"]
 
 
 def _job(settings: Settings, scene: Path, folder: Path, scale: int, samples: int) -> Job:
     return Job(output=str(folder), display=settings.profile, scene=str(scene.resolve()), scale=scale, spp=samples,
                layers=LAYERS, device=settings.device)
+
+
+def _kept(settings: Settings, job: Job) -> Path | None:
+    """The job's folder; None where it would have to be rendered and may not."""
+    if settings.only_measure and not is_complete(Path(job.output), job.kind):
+        return None
+    return kept(job, with_blender(settings.blender))

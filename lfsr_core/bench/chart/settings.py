@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any
 
+from lfsr_core.bench.chart.records import ChartSettings
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_CHAINS, PLAIN_METHOD, UPSCALERS
@@ -15,40 +15,29 @@ from lfsr_core.reconstruct.registry import method
 DENOISER, AS_RENDERED = "oidn", "none"
 DIRECT_METHODS = (AS_RENDERED, DENOISER)
 LAYERS = ("albedo", "normal")
-REFERENCE_FOLDER, CELL_FOLDER, TIMES_FOLDER = "reference", "cells", "render-times"
+REFERENCE_FOLDER, CELL_FOLDER, TIMES_FOLDER, FRESH_FOLDER = "reference", "cells", "render-times", "fresh-process"
 
 
-@dataclasses.dataclass(frozen=True)
-class Settings:
-    """One chart: ``folder`` holds a folder per scene, see docs/reference/chart.md.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Settings(ChartSettings):
+    """One chart: what decides its figures, and how it is run. LfsrError for numbers that cannot be.
 
-    ``spps``: samples per pixel of low-resolution renders at ``scale``, each finished by every one of ``methods``;
-    ``direct_spps``: of renders at scale 1, finished by ``direct_methods``. ``ceiling_spp``: of the nearly noise-free
-    low-resolution render, 0 for none. ``lenses`` None: a whole reference. ``only_measure`` refuses new renders.
-    ``again``: methods whose cells are measured afresh, ``retime``: those that are only timed afresh.
-    ``retime_renders``: renders are made again for their time, as often as ``render_repeats``. LfsrError for numbers
-    that cannot be.
+    Attributes
+    ----------
+    folder : bench folder with a folder per scene
+    only_measure : new renders are refused
+    again, retime : methods whose cells are measured afresh, and those that are only timed afresh
+    retime_renders : renders are made again for their time, as often as ``render_repeats``
+    device, blender : what Cycles renders on, and the Blender that is used instead of the one found
     """
 
     folder: Path
-    display: str = "small"
-    scale: int = 4
-    spps: tuple[int, ...] = (1, 4, 16, 64)
-    direct_spps: tuple[int, ...] = (1, 4, 16)
-    methods: tuple[str, ...] = ()
-    direct_methods: tuple[str, ...] = DIRECT_METHODS
-    ours: str = DEFAULT_METHOD
-    reference_spp: int = 1024
-    lenses: int | None = None
-    ceiling_spp: int = 4096
-    repeats: int = 3
-    render_repeats: int = 1
     only_measure: bool = False
-    device: str = "CPU"
-    blender: str | None = None
     again: tuple[str, ...] = ()
     retime: tuple[str, ...] = ()
     retime_renders: bool = False
+    device: str = "CPU"
+    blender: str | None = None
 
     def __post_init__(self) -> None:
         for name in ("spps", "direct_spps"):
@@ -66,12 +55,10 @@ class Settings:
         """The display."""
         return load_display(self.display)
 
-    def described(self) -> dict[str, Any]:
-        """The part that decides the figures, JSON-ready."""
-        names = ("display", "scale", "spps", "direct_spps", "methods", "direct_methods", "ours", "reference_spp",
-                 "lenses", "ceiling_spp", "repeats", "render_repeats")
-        values = {name: getattr(self, name) for name in names}
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+    @property
+    def figures(self) -> ChartSettings:
+        """The part that decides the figures."""
+        return ChartSettings(**{field.name: getattr(self, field.name) for field in dataclasses.fields(ChartSettings)})
 
 
 def _check_samples(name: str, samples: tuple[int, ...]) -> None:

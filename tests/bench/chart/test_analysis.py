@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 
 import pytest
@@ -9,9 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_core.bench.chart.analysis import (
-    DIRECT,
-    LOW,
-    Point,
     analyse,
     ceiling,
     dominates,
@@ -22,6 +20,8 @@ from lfsr_core.bench.chart.analysis import (
     target,
     time_to_reach,
 )
+from lfsr_core.bench.chart.records import DIRECT, LOW, Ceiling, Metrics, Point
+from tests.support.chart_example import measured_cell, scene_row
 
 SECONDS = st.sampled_from([1.0, 2.0, 3.0]) | st.floats(0.01, 1e4)  # some alike: ties must be told too
 VALUES = st.sampled_from([0.2, 0.4, 0.6]) | st.floats(-1, 1)
@@ -35,9 +35,9 @@ def curve(*pairs, role=LOW, method="ours"):
 
 
 def cell(role, method, samples, render, second, value, flip=0.1):
-    return {"role": role, "method": method, "samples": samples, "render_seconds": [render],
-            "second_stage_seconds": [second], "open_seconds": 1.0,
-            "metrics": {"ssim_eia_fg": value, "flip": flip}}
+    names = dict.fromkeys(field.name for field in dataclasses.fields(Metrics))
+    metrics = Metrics(**names | {"ssim_eia_fg": value, "flip": flip})
+    return dataclasses.replace(measured_cell(role, method, samples, render, (second,), metrics), open_seconds=1.0)
 
 
 @given(POINTS)
@@ -90,26 +90,26 @@ def test_a_slower_and_worse_run_of_the_same_method_is_no_part_of_its_curve():
 def test_wins_and_losses_are_both_named():
     ours, rival = curve((1, 0.5), (4, 0.8)), curve((3, 0.4), (12, 0.8), (40, 0.9), role=DIRECT, method="oidn")
     duels = face_off(ours, {(DIRECT, "oidn"): rival})
-    assert [duel["outcome"] for duel in duels] == ["win", "win", "loss"]
-    assert [duel["ratio"] for duel in duels] == [pytest.approx(1 / 3), pytest.approx(1 / 3), None]
-    assert [duel["bound"] for duel in duels] == [True, False, False]
+    assert [duel.outcome for duel in duels] == ["win", "win", "loss"]
+    assert [duel.ratio for duel in duels] == [pytest.approx(1 / 3), pytest.approx(1 / 3), None]
+    assert [duel.bound for duel in duels] == [True, False, False]
     back = reverse(ours, {(DIRECT, "oidn"): rival})
-    assert [(duel["method"], duel["outcome"]) for duel in back] == [("oidn", "win"), ("oidn", "win")]
-    assert back[1]["needs_seconds"] == pytest.approx(12)
+    assert [(duel.method, duel.outcome) for duel in back] == [("oidn", "win"), ("oidn", "win")]
+    assert back[1].needs_seconds == pytest.approx(12)
 
 
 def test_reverse_calls_a_rival_that_is_faster_a_loss():
     duel, = reverse(curve((10, 0.5)), {(DIRECT, "oidn"): curve((2, 0.6), role=DIRECT, method="oidn")})
-    assert duel["outcome"] == "loss" and duel["ratio"] == pytest.approx(0.2)
+    assert duel.outcome == "loss" and duel.ratio == pytest.approx(0.2)
 
 
 def test_the_target_takes_the_worst_accuracy_between_one_and_four_samples():
     rival = curve((8, 0.5), (16, 0.7), (64, 0.9), role=DIRECT, method="oidn")
     found = target(curve((1, 0.5), (5, 0.6), (6, 0.7)), rival)
-    assert found["worst_ratio"] == pytest.approx(5 / (8 * 16) ** 0.5)
-    assert not found["met"]
-    assert target(curve((1, 0.5), (2, 0.7)), rival)["stretch_met"]
-    assert target(curve((1, 0.5), (2, 0.69)), rival)["worst_ratio"] is None
+    assert found.worst_ratio == pytest.approx(5 / (8 * 16) ** 0.5)
+    assert not found.met
+    assert target(curve((1, 0.5), (2, 0.7)), rival).stretch_met
+    assert target(curve((1, 0.5), (2, 0.69)), rival).worst_ratio is None
     assert target(curve((1, 0.5)), rival[2:]) is None
 
 
@@ -117,22 +117,22 @@ def test_less_flip_is_better_and_the_ceiling_is_no_point():
     cells = [cell(LOW, "ours", 1, 1, 1, 0.5, flip=0.2), cell(LOW, "ours", 4, 2, 1, 0.7, flip=0.1),
              cell(DIRECT, "oidn", 1, 4, 1, 0.6, flip=0.05), cell("ceiling", "ours", 4096, 900, 1, 0.95, flip=0.01),
              cell("ceiling", "bicubic", 4096, 900, 1, 0.9, flip=0.02)]
-    assert ceiling(cells, "flip") == {"method": "ours", "samples": 4096, "value": 0.01}
+    assert ceiling(cells, "flip") == Ceiling("ours", 4096, 0.01)
     found = analyse(cells, "ours", "flip")
-    assert [point["samples"] for point in found["front"]] == [1, 4, 1]
-    assert [duel["outcome"] for duel in found["versus"]] == ["loss"]
-    assert [duel["outcome"] for duel in analyse(cells, "ours")["versus"]] == ["win"]
+    assert [point.samples for point in found.front] == [1, 4, 1]
+    assert [duel.outcome for duel in found.versus] == ["loss"]
+    assert [duel.outcome for duel in analyse(cells, "ours").versus] == ["win"]
 
 
 def test_opening_the_scene_counts_only_where_it_is_asked_for():
     cells = [cell(LOW, "ours", 1, 0.5, 0.5, 0.6), cell(DIRECT, "oidn", 1, 3, 1, 0.6)]
     found = analyse(cells, "ours")
-    assert found["target"]["worst_ratio"] == pytest.approx(1 / 4)
-    assert found["target_with_opening"]["worst_ratio"] == pytest.approx(2 / 5)
+    assert found.target.worst_ratio == pytest.approx(1 / 4)
+    assert found.target_with_opening.worst_ratio == pytest.approx(2 / 5)
 
 
 def test_means_are_over_what_every_scene_has():
-    scenes = [{"cells": [cell(LOW, "ours", 1, seconds - 1, 1, value), cell(LOW, "only", samples, 1, 1, 0.1)]}
+    scenes = [scene_row("a", (cell(LOW, "ours", 1, seconds - 1, 1, value), cell(LOW, "only", samples, 1, 1, 0.1)))
               for seconds, value, samples in ((2, 0.4, 1), (8, 0.6, 4))]
     point, = mean_points(scenes, "ssim_eia_fg")
     assert point == Point(LOW, "ours", 1, pytest.approx(4), pytest.approx(0.5))

@@ -9,13 +9,14 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.bench.chart import measure, renders
-from lfsr_core.bench.chart.records import check_chart
+from lfsr_core.bench.chart.records import chart_of
 from lfsr_core.bench.chart.settings import Settings, default_methods
 from lfsr_core.cli import main
 from lfsr_core.errors import LfsrError
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.registry import method
+from tests.support.chart_example import example
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import fails, write_reference, write_render
 
@@ -40,7 +41,7 @@ def arguments(folder: Path, *more: str, scenes=("vase.blend",)) -> list[str]:
 
 def measured(folder: Path) -> dict:
     chart = json.loads((folder / "chart.json").read_text())
-    check_chart(chart)
+    chart_of(chart)
     return chart
 
 
@@ -234,14 +235,14 @@ def test_default_methods_are_all_known_and_begin_with_the_default():
 
 def test_our_method_must_be_measured(tmp_path):
     with pytest.raises(LfsrError, match="not among those measured"):
-        Settings(folder=tmp_path, methods=("bicubic",), ours="nearest")
+        Settings(folder=tmp_path, **vars(example(1).settings) | {"ours": "nearer"})
 
 
 def test_cost_of_networks():
-    assert measure.network_cost("oidn+bicubic", 4, (10, 10))["parameters"] is None
-    cost = measure.network_cost("oidn+espcn", 4, (10, 10))
-    assert cost["multiply_adds_per_low_pixel"] == 75 * 64 + 9 * 64 * 32 + 9 * 32 * 48
-    assert cost["parameters"] == 76 * 64 + (9 * 64 + 1) * 32 + (9 * 32 + 1) * 48
+    assert measure.method_cost("oidn+bicubic", 4, (10, 10)).parameters is None
+    cost = measure.method_cost("oidn+espcn", 4, (10, 10))
+    assert cost.multiply_adds_per_low_pixel == 75 * 64 + 9 * 64 * 32 + 9 * 32 * 48
+    assert cost.parameters == 76 * 64 + (9 * 64 + 1) * 32 + (9 * 32 + 1) * 48
 
 
 @pytest.mark.parametrize("name", ["light", "oidn-both+refine"])
@@ -250,7 +251,7 @@ def test_cost_of_our_networks_is_their_formula(name):
     width, body = config.width, config.body_width
     full = 9 * config.input_channels * width + 9 * width * config.outputs
     half = 4 * width * body + 2 * config.blocks * 9 * body * body + body * width * 4
-    assert measure.network_cost(name, 4, (10, 10))["multiply_adds_per_low_pixel"] == full + half / 4
+    assert measure.method_cost(name, 4, (10, 10)).multiply_adds_per_low_pixel == full + half / 4
 
 
 @needs_bpy
