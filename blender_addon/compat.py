@@ -10,10 +10,15 @@ import bpy
 def multilayer_exr(half: bool = False) -> dict[str, Any]:
     """Image settings for a multi-layer EXR of 32-bit (or 16-bit) floats, in the order they must be set."""
     common = {"file_format": "OPEN_EXR_MULTILAYER", "color_mode": "RGBA", "color_depth": "16" if half else "32",
-              "exr_codec": "ZIP"}
+              "exr_codec": "ZIP", "color_management": "FOLLOW_SCENE"}
     if "media_type" in bpy.types.ImageFormatSettings.bl_rna.properties:
         return {"media_type": "MULTI_LAYER_IMAGE"} | common
     return common
+
+
+def working_space() -> str:
+    """Name of the file's linear colour space, which can be chosen since 5.0."""
+    return bpy.data.colorspace.working_space if hasattr(bpy.data, "colorspace") else "Linear Rec.709"
 
 
 def literal_path(path: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,15 +10,14 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, Frame, write_frame
 from lfsr_core.frames.job import Job
-from lfsr_core.images.color_settings import ColorSettings
 
 from ..array import placement
 from ..scene.light import lit
 from ..scene.subject import find_subject, has_background_meshes
 from . import animation, devices, passes
+from .color import color_settings
 from .cycles import RenderSettings, render_encoded
 from .progress import Progress, part
 from .view_by_view import render_views
@@ -58,28 +56,16 @@ def describe(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], o
     """The frame that ``job`` asks for, with the array placed in ``scene``."""
     array, matrix_world = placement.place_array(scene, job.display, subject)
     reference, layers = job.kind == "reference", job.layers
+    world_visible = _world_visible(scene, job, own_light)
     if "index" not in layers and has_background_meshes(scene, subject):
         layers = (*layers, "index")
     return Frame(
         display=job.display, scale=1 if reference else job.scale, array=array, matrix_world=matrix_world,
         samples=job.spp, seed=job.seed, frame=scene.frame_current, convention=job.convention,
         view_aperture=job.view_aperture, lens_list=job.lens_list, layout=_layout(job), layers=layers,
-        world_visible=_world_visible(scene, job, own_light), color=color_settings(scene),
+        world_visible=world_visible, color=color_settings(scene, world_visible),
         scene=os.path.basename(job.scene or bpy.data.filepath), subject=job.subject or "",
         blender=bpy.app.version_string, device=job.device)
-
-
-def color_settings(scene: bpy.types.Scene) -> ColorSettings:
-    """How this scene is shown: the names that the second stage needs to look the same."""
-    view = scene.view_settings
-    for name in ("exposure", "gamma"):
-        if not math.isfinite(getattr(view, name)):
-            raise LfsrError(f"the scene's view {name} is {getattr(view, name)}, but it must be a finite number: "
-                            "set it in Render Properties, Color Management")
-    config = os.environ.get("OCIO") or str(
-        Path(bpy.utils.system_resource("DATAFILES"), "colormanagement", "config.ocio"))
-    return ColorSettings(scene.display_settings.display_device, view.view_transform, view.look or "None",
-                         view.exposure, view.gamma, config)
 
 
 @contextmanager

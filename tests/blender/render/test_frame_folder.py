@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from blender_addon.render import frame_folder
-from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.images import exr
@@ -100,11 +99,3 @@ def test_braces_in_a_path_are_no_template(noisy, tmp_path, layout):
     folder.mkdir(parents=True)
     assert set(rendered(noisy, folder, spp=1, scale=4, layout=layout)) == {"lr_eia"}
     assert [path.name for path in tmp_path.iterdir()] == ["{scene} {x"]
-
-
-@pytest.mark.parametrize("name", ["exposure", "gamma"])
-def test_a_view_that_is_no_number_is_refused(noisy, tmp_path, name):
-    setattr(noisy.view_settings, name, float("nan"))
-    with pytest.raises(LfsrError, match=f"view {name} is nan"):
-        rendered(noisy, tmp_path / "frame")
-    assert not (tmp_path / "frame").exists()

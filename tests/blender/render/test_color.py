@@ -1,0 +1,69 @@
+"""A picture comes out in Blender's colours, or is refused with a sentence."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.render.frame_folder import render_job
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.job import Job
+from lfsr_core.images.exr import read_layers
+from tests.support.scenes import MINI, add_box, add_camera, emission
+
+
+@pytest.fixture
+def coloured(scene):
+    """A box that shines in one colour."""
+    add_box(scene, (0, 0, 0), (2, 2, 2), emission((0.7, 0.2, 0.05)))
+    add_camera(scene)
+    return scene
+
+
+def color(scene, folder, **options):
+    render_job(scene, Job(str(folder), MINI, **{"spp": 1, "scale": 4} | options))
+    return read_layers(folder / "lr_eia.exr")["color"]
+
+
+def refused(scene, folder, **options):
+    with pytest.raises(LfsrError) as caught:
+        color(scene, folder, **options)
+    assert not folder.exists()
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["exposure", "gamma"])
+def test_a_view_that_is_no_number_is_refused(coloured, tmp_path, name):
+    setattr(coloured.view_settings, name, float("nan"))
+    assert f"view {name} is nan" in refused(coloured, tmp_path / "frame")
+
+
+@pytest.mark.parametrize(("switch", "name"), [("use_curve_mapping", "curves"), ("use_white_balance", "white balance")])
+def test_views_that_the_second_stage_does_not_know_are_refused(coloured, tmp_path, switch, name):
+    setattr(coloured.view_settings, switch, True)
+    assert f"view uses {name}" in refused(coloured, tmp_path / "frame")
+
+
+@pytest.mark.skipif(not hasattr(bpy.data, "colorspace"), reason="working spaces are new in Blender 5.0")
+def test_another_working_space_is_refused(coloured, tmp_path):
+    bpy.ops.wm.set_working_color_space(working_space="ACEScg")
+    assert "working space is ACEScg" in refused(coloured, tmp_path / "frame")
+
+
+def test_a_colour_managed_file_setting_does_not_change_the_values(coloured, tmp_path):
+    expected = color(coloured, tmp_path / "plain")
+    settings = coloured.render.image_settings
+    settings.media_type = "MULTI_LAYER_IMAGE" if hasattr(settings, "media_type") else None
+    settings.file_format = "OPEN_EXR_MULTILAYER"
+    settings.color_management = "OVERRIDE"
+    settings.linear_colorspace_settings.name = "ACEScg"
+    np.testing.assert_array_equal(color(coloured, tmp_path / "overridden"), expected)
+    assert settings.color_management == "OVERRIDE"
+
+
+def test_a_shadow_catcher_before_a_visible_world_is_refused(coloured, tmp_path):
+    coloured.world = bpy.data.worlds.new("sky")
+    coloured.objects["item"].is_shadow_catcher = True
+    assert "'item' is a shadow catcher" in refused(coloured, tmp_path / "frame", world_visible=True)
+    color(coloured, tmp_path / "alone", world_visible=False)
