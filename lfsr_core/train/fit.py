@@ -25,7 +25,7 @@ from lfsr_core.reconstruct.networks import catalogue, numpy_network
 from lfsr_core.reconstruct.networks.pytorch import checkpoint
 from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldNet, conserve, display_values, encode, upscale
 from lfsr_core.reconstruct.registry import method
-from lfsr_core.train.lightfields.split_ssim import split_error_map, split_ssim_map
+from lfsr_core.train.ssim import split_error_map, split_ssim_map
 
 BATCH, RATE, HELD_OUT_SHARE, LEAST_LENSES = 16, 5e-4, 4, 8
 STEPS_PER_MESSAGE = 25

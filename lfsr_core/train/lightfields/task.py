@@ -16,7 +16,7 @@ from torch import Tensor
 from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldNet, conserve, display_values, encode, upscale
 from lfsr_core.train.config import LightFieldTrainConfig
 from lfsr_core.train.lightfields.data import Batch, Scene, from_eis, make_batch, network_inputs, to_eis
-from lfsr_core.train.lightfields.split_ssim import blur, masked_mean, split_error_map
+from lfsr_core.train.ssim import blur, masked_mean, split_error_map
 
 EMA_DECAY = 0.998
 VALIDATION_SHARE = 12

@@ -9,9 +9,9 @@ from torch import Tensor, nn
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.train.lightfields.data import Batch, Scene, from_eis, load_scenes, make_batch
-from lfsr_core.train.lightfields.split_ssim import masked_mean, split_ssim_map
 from lfsr_core.train.lightfields.task import foreground
 from lfsr_core.train.photographs.data import linear_to_srgb
+from lfsr_core.train.ssim import masked_mean, split_ssim_map
 
 PREFERRED_SAMPLES = 16
 

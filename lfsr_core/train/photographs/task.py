@@ -18,7 +18,7 @@ from lfsr_core.reconstruct.networks.weights_file import read as read_tensors
 from lfsr_core.train.config import TrainConfig
 from lfsr_core.train.photographs.data import Crops, CropSampler, EpochOfCrops, Photographs, downsample
 from lfsr_core.train.photographs.discriminator import Discriminator
-from lfsr_core.train.photographs.ssim import psnr, ssim
+from lfsr_core.train.ssim import psnr, ssim
 
 BETAS = (0.9, 0.999)
 
