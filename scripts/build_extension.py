@@ -44,7 +44,7 @@ PURE = ("--platform", "any", "--implementation", "py", "--abi", "none", "--pytho
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Build as the command line says; the exit code."""
+    """Build as the command line asks; the exit code."""
     parser = argparse.ArgumentParser(description="Build the Blender extension.")
     parser.add_argument("--output", type=Path, required=True, metavar="DIR", help="where the zip goes")
     try:

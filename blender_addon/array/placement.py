@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterable
 
@@ -19,6 +20,7 @@ from .spaces import from_blender
 FILL = 0.85           # share of the display the subject may fill, seen from the centre
 LEAST_FILL = 0.5      # a deep subject is made smaller to fit the usable depth, but not below this
 WALL_MARGIN = 0.9     # share of the free space around the camera that the array may use
+MOST_REACH = 1.70141e38   # Blender's own, of a ray without end
 PROBES = (32, 18)     # rays that look for the visible depth of the subject
 SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 
@@ -65,14 +67,14 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
     nearest and farthest points have equal parallax. It comes nearer, and the array
     gets smaller with it, where the array would reach through a wall beside the camera.
     """
-    camera, depsgraph = scene.camera, bpy.context.evaluated_depsgraph_get()
-    matrix = camera.matrix_world.normalized()
+    camera = scene.camera
     half_width = _half_width(scene, camera.data)
-    aspect = profile.panel_mm[1] / profile.panel_mm[0]
-    distance = _focus(camera) or _balanced_depth(scene, depsgraph, matrix, half_width, aspect, subject)
+    half_height = half_width * profile.panel_mm[1] / profile.panel_mm[0]
+    sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), camera.matrix_world.normalized())
+    distance = _focus(camera) or _balanced_depth(sight, (half_width, half_height), subject)
     array = CameraArray.for_display(profile, 2 * half_width * distance, distance)
-    distance *= _free_share(scene, depsgraph, matrix, profile, array)
-    return CameraArray.for_display(profile, 2 * half_width * distance, distance), from_blender(matrix)
+    distance *= _free_share(sight, profile, array)
+    return CameraArray.for_display(profile, 2 * half_width * distance, distance), from_blender(sight.matrix)
 
 
 def bounds(subject: Iterable[bpy.types.Object]) -> tuple[np.ndarray, np.ndarray]:
@@ -126,30 +128,41 @@ def _focus(camera: bpy.types.Object) -> float | None:
     return -toward.z if toward.z < 0 else None
 
 
-def _balanced_depth(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, matrix: mathutils.Matrix,
-                    half_width: float, aspect: float, subject: set[bpy.types.Object]) -> float:
+@dataclasses.dataclass(frozen=True)
+class _Sight:
+    """Rays from the scene's camera into what would be rendered."""
+
+    scene: bpy.types.Scene
+    depsgraph: bpy.types.Depsgraph
+    # World matrix of the camera, without scale.
+    matrix: mathutils.Matrix
+
+    def cast(self, direction: tuple[float, ...],
+             reach: float = MOST_REACH) -> tuple[mathutils.Vector, bpy.types.Object] | None:
+        """World place and object that a ray in ``direction`` of the camera's space hits within ``reach``, else None."""
+        turned = self.matrix.to_3x3() @ mathutils.Vector(direction)
+        hit, place, _, _, item, _ = self.scene.ray_cast(self.depsgraph, self.matrix.translation, turned, distance=reach)
+        return (place, item) if hit else None
+
+
+def _balanced_depth(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Object]) -> float:
     """Depth whose parallax against the nearest and farthest visible point is equal: 2/D = 1/near + 1/far."""
-    depths = []
-    for x in np.linspace(-1, 1, PROBES[0]):
-        for y in np.linspace(-1, 1, PROBES[1]):
-            ray = mathutils.Vector((x * half_width, y * half_width * aspect, -1))
-            hit, place, _, _, item, _ = scene.ray_cast(depsgraph, matrix.translation, matrix.to_3x3() @ ray)
-            if hit and item.original in subject:
-                depths.append(-(matrix.inverted() @ place).z)
+    hits = [sight.cast((x * half[0], y * half[1], -1))
+            for x in np.linspace(-1, 1, PROBES[0]) for y in np.linspace(-1, 1, PROBES[1])]
+    toward = sight.matrix.inverted()
+    depths = [-(toward @ place).z for place, item in filter(None, hits) if item.original in subject]
     if not depths:
         raise LfsrError("the scene's camera does not see the subject: turn the camera or choose another subject")
     near, far = np.percentile(depths, (2, 98))
     return float(2 / (1 / near + 1 / far))
 
 
-def _free_share(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, matrix: mathutils.Matrix,
-                profile: DisplayProfile, array: CameraArray) -> float:
+def _free_share(sight: _Sight, profile: DisplayProfile, array: CameraArray) -> float:
     """Share of the array's reach that is free of walls, at most 1."""
     share = 1.0
-    for axis, sign in ((0, -1), (0, 1), (1, -1), (1, 1)):
+    for axis, direction in ((0, (-1, 0, 0)), (0, (1, 0, 0)), (1, (0, -1, 0)), (1, (0, 1, 0))):
         reach = profile.views[axis] * array.spacing / 2
-        direction = sign * matrix.col[axis].to_3d()
-        hit, place, *_ = scene.ray_cast(depsgraph, matrix.translation, direction, distance=reach / WALL_MARGIN)
-        if hit:
-            share = min(share, (place - matrix.translation).length * WALL_MARGIN / reach)
+        hit = sight.cast(direction, reach / WALL_MARGIN)
+        if hit is not None:
+            share = min(share, (hit[0] - sight.matrix.translation).length * WALL_MARGIN / reach)
     return share

@@ -29,7 +29,7 @@ def prepare(folders: list[str]) -> None:
 
 
 def _add_libraries(folders: list[str]) -> None:
-    """On Windows, Blender's modules find Blender's libraries only if told where they are."""
+    """On Windows, Blender's modules find Blender's libraries only where their folder is added."""
     if not hasattr(os, "add_dll_directory"):
         return
     for folder in folders:

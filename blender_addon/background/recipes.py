@@ -24,12 +24,16 @@ RENDER_SHARE = 0.85
 
 
 @dataclasses.dataclass(frozen=True)
-class FramePlan:
+class FrameRecipe:
     """One frame as its scene asked for when the button was pressed."""
 
+    # Frame folder to fill.
     folder: Path
+    # The render stage's job.
     job: Job
+    # The second stage's method, by name.
     method: str
+    # Also write the image before the view transform.
     linear_exr: bool = False
 
     @property
@@ -38,73 +42,73 @@ class FramePlan:
         return scene_settings.is_complete(self.folder, self.job, self.method)
 
 
-def plan_frame(scene: bpy.types.Scene, number: int | None = None) -> FramePlan:
-    """Plan of frame ``number``, by default the current one; LfsrError where it cannot be rendered."""
+def frame_recipe(scene: bpy.types.Scene, number: int | None = None) -> FrameRecipe:
+    """Recipe of frame ``number``, by default the current one; LfsrError where it cannot be rendered."""
     scene_settings.check_renderable(scene)
     if rig.find(scene) is None:
         raise LfsrError(f"scene {scene.name!r} has no camera array: add one in the Light Field tab")
     folder = scene_settings.frame_folder(scene, number)
     job = scene_settings.render_job(scene, folder, number)
     rig.placement(scene, job.display)
-    # A second stage that cannot start should be told before the render, not after it.
+    # A second stage that cannot start should be an error before the render, not after it.
     runtime.second_stage_command(PANEL_TASKS)
-    return FramePlan(folder, job, scene.lfsr.method, scene.lfsr.linear_exr)
+    return FrameRecipe(folder, job, scene.lfsr.method, scene.lfsr.linear_exr)
 
 
-def plan_animation(scene: bpy.types.Scene) -> tuple[list[FramePlan], int]:
-    """Plans of the frames of the timeline's range that are to be rendered, and how many are complete already."""
+def animation_recipes(scene: bpy.types.Scene) -> tuple[list[FrameRecipe], int]:
+    """Recipes of the frames of the timeline's range that are to be rendered, and how many are complete already."""
     numbers = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
-    plans = [plan_frame(scene, number) for number in numbers]
-    missing = [plan for plan in plans if scene.lfsr.use_overwrite or not plan.complete]
-    return missing, len(plans) - len(missing)
+    recipes = [frame_recipe(scene, number) for number in numbers]
+    missing = [recipe for recipe in recipes if scene.lfsr.use_overwrite or not recipe.complete]
+    return missing, len(recipes) - len(missing)
 
 
-def render_frames(plans: Sequence[FramePlan]) -> Steps:
-    """Render and finish ``plans``; the result is the last one's folder."""
+def render_frames(recipes: Sequence[FrameRecipe]) -> Steps:
+    """Render and finish ``recipes``; the result is the last one's folder."""
     with file_copy() as copy:
-        if MethodName.parse(plans[0].method).networks:
-            yield second_stage_step("Checking method", 0.0, copy.parent, "check", method=plans[0].method)
-        for number, plan in enumerate(plans):
-            title = f" {number + 1}/{len(plans)}" if len(plans) > 1 else ""
-            yield from _render_frame(copy, plan, title, 1 / len(plans))
-    return plans[-1].folder
+        if MethodName.parse(recipes[0].method).networks:
+            yield second_stage_step("Checking method", 0.0, copy.parent, "check", method=recipes[0].method)
+        for number, recipe in enumerate(recipes):
+            title = f" {number + 1}/{len(recipes)}" if len(recipes) > 1 else ""
+            yield from _render_frame(copy, recipe, title, 1 / len(recipes))
+    return recipes[-1].folder
 
 
-def _render_frame(copy: Path, plan: FramePlan, title: str, share: float) -> Steps:
-    with staging(plan.folder) as folder:
+def _render_frame(copy: Path, recipe: FrameRecipe, title: str, share: float) -> Steps:
+    with staging(recipe.folder) as folder:
         staged = folder / "frame"
         staged.mkdir()
-        job = dataclasses.replace(plan.job, scene=str(copy), output=str(staged))
+        job = dataclasses.replace(recipe.job, scene=str(copy), output=str(staged))
         yield render_step(job, folder, share * RENDER_SHARE, "Rendering" + title)
         yield second_stage_step(
             "Upscaling" + title, share * (1 - RENDER_SHARE), folder, "upscale", folder=str(staged),
-            method=plan.method, linear_exr=plan.linear_exr, views=str(views_file(plan.folder)))
-        publish(staged, plan.folder, DERIVED_FILES)
+            method=recipe.method, linear_exr=recipe.linear_exr, views=str(views_file(recipe.folder)))
+        publish(staged, recipe.folder, DERIVED_FILES)
 
 
-def plan_reference(scene: bpy.types.Scene) -> tuple[FramePlan, Job]:
+def reference_recipe(scene: bpy.types.Scene) -> tuple[FrameRecipe, Job]:
     """The finished frame to judge and the job of its reference; LfsrError where there is no such frame."""
-    plan = plan_frame(scene)
-    if not (plan.folder / EIA_FILE).is_file():
-        raise LfsrError(f"there is no image in {plan.folder} to compare: render the EIA first")
-    if not plan.complete:
-        raise LfsrError(f"the image in {plan.folder} was made with other settings: render the EIA again first")
-    return plan, scene_settings.reference_job(scene, scene_settings.reference_folder(scene))
+    recipe = frame_recipe(scene)
+    if not (recipe.folder / EIA_FILE).is_file():
+        raise LfsrError(f"there is no image in {recipe.folder} to compare: render the EIA first")
+    if not recipe.complete:
+        raise LfsrError(f"the image in {recipe.folder} was made with other settings: render the EIA again first")
+    return recipe, scene_settings.reference_job(scene, scene_settings.reference_folder(scene))
 
 
-def render_reference(plan: FramePlan, job: Job, lenses: int) -> Steps:
+def render_reference(recipe: FrameRecipe, job: Job, lenses: int) -> Steps:
     """Render the reference of ``lenses`` lenses (0: all) and compare; the result is the metrics."""
     folder = Path(job.output)
     with file_copy() as copy, staging(folder) as work:
         staged = work / "frame"
         staged.mkdir()
-        chosen = yield second_stage_step("Choosing lenses", 0.01, work, "choose", folder=str(plan.folder),
+        chosen = yield second_stage_step("Choosing lenses", 0.01, work, "choose", folder=str(recipe.folder),
                                          count=lenses, seed=job.seed)
         listed = chosen["lens_list"] and tuple((row, column) for row, column in chosen["lens_list"])
         job = dataclasses.replace(job, scene=str(copy), output=str(staged), lens_list=listed)
         yield render_step(job, work, 0.94, "Rendering reference")
         publish(staged, folder)
-        done = yield second_stage_step("Comparing", 0.05, work, "compare", folder=str(plan.folder),
+        done = yield second_stage_step("Comparing", 0.05, work, "compare", folder=str(recipe.folder),
                                        reference=str(folder))
     return done["metrics"]
 

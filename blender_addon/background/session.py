@@ -79,10 +79,10 @@ def _look() -> float | None:
             return SECONDS_BETWEEN_LOOKS
         _current = None
         for warning in task.warnings[-1:]:
-            tell(warning, "INFO")
+            notify(warning, "INFO")
         _finish(task.result)
     except LfsrError as error:
-        tell(str(error), "ERROR")
+        notify(str(error), "ERROR")
     finally:
         # Also after an error nobody thought of: a task that cannot go on must not block the next.
         if task.worker is None:
@@ -91,7 +91,7 @@ def _look() -> float | None:
     return None
 
 
-def tell(message: str, icon: str) -> None:
+def notify(message: str, icon: str) -> None:
     """Show a sentence that no operator is there to report: in the panel and beside the pointer."""
     bpy.context.window_manager.lfsr.message = message
     print(f"Light Field: {message}")

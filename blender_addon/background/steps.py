@@ -42,7 +42,7 @@ Steps = Generator[Step, dict[str, Any], Any]
 
 
 class Task:
-    """Steps under way: ``stage``, ``fraction`` and ``message`` say how far."""
+    """Steps under way; ``stage``, ``fraction`` and ``message`` are the progress."""
 
     def __init__(self, title: str, steps: Steps) -> None:
         """Start the first step; LfsrError where it cannot be started."""
@@ -74,7 +74,7 @@ class Task:
             return True
         running = self.worker.running()
         for record in self.worker.records():
-            self._hear(record)
+            self._take(record)
         if running:
             return False
         try:
@@ -101,7 +101,7 @@ class Task:
             raise
         return self.result
 
-    def _hear(self, record: dict[str, Any]) -> None:
+    def _take(self, record: dict[str, Any]) -> None:
         if record.get("warning"):
             self.warnings.append(str(record.get("message", "")))
         elif "fraction" in record:

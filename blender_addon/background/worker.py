@@ -54,15 +54,15 @@ class Worker:
         return self._process.pid
 
     def records(self) -> list[dict[str, Any]]:
-        """What it has said since the last call."""
-        said = []
+        """The records it has emitted since the last call."""
+        found = []
         with contextlib.suppress(queue.Empty):
             while True:
-                said.append(self._records.get_nowait())
-        return said
+                found.append(self._records.get_nowait())
+        return found
 
     def running(self) -> bool:
-        """False once it has ended and all it said is in ``records``."""
+        """False once it has ended and all it emitted is in ``records``."""
         return self._process.poll() is None or self._reader.is_alive()
 
     def check(self) -> dict[str, Any]:
@@ -73,7 +73,7 @@ class Worker:
         if code != 0 or self.result.get("stage") != "done":
             reason = f"signal {-code}" if code < 0 else f"exit code {code}"
             lines = " / ".join(self._last_lines) or "nothing"
-            raise LfsrError(f"{self.name} stopped with {reason} before it was done, last saying {lines!r}: "
+            raise LfsrError(f"{self.name} stopped with {reason} before it was done, last printing {lines!r}: "
                             "try again, or save and report it")
         return self.result
 

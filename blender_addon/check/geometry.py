@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator
 
 import bpy
@@ -24,18 +25,39 @@ TOLERANCE = 1e-3      # of the display's distance
 class Found:
     """One object's problem."""
 
+    # Key of its fix in ``fixes.FIXES``.
     code: str
     item: bpy.types.Object
+    # A sentence for the artist.
     reason: str
+    # The button's text; empty: there is no button.
     fix: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
-class Extent:
-    """An object in camera-array space: its depths and, as shares of half the display, the rectangle it covers."""
+class View:
+    """What a scene's array shows of it."""
 
+    scene: bpy.types.Scene
+    display: DisplayProfile
+    array: CameraArray
+    # One view of this many in each direction is rendered.
+    scale: int
+
+    @functools.cached_property
+    def limits(self) -> tuple[float, float]:
+        """Nearest and farthest usable distance from the viewing position, in scene units."""
+        return rig.usable_depth(self.array, self.display)
+
+
+@dataclasses.dataclass(frozen=True)
+class Extent:
+    """An object in camera-array space."""
+
+    # Distances from the viewing position along the view, in scene units.
     near: float
     far: float
+    # Corners (2,) of the rectangle it covers, as shares of half the display.
     low: np.ndarray
     high: np.ndarray
 
@@ -50,17 +72,17 @@ class Extent:
         return bool(((np.minimum(self.high, 1) - np.maximum(self.low, -1)) / 2 > COVERS).all())
 
 
-def find(scene: bpy.types.Scene, display: DisplayProfile, placed: Placement, subject: set[bpy.types.Object],
-         scale: int) -> Iterator[Found]:
-    """Problems of every visible object of the subject, by name."""
+def find(scene: bpy.types.Scene, display: DisplayProfile, placed: Placement,
+         subject: set[bpy.types.Object]) -> Iterator[Found]:
+    """Problems of every visible object of ``subject``, by name, for an array that is ``placed`` in the scene."""
     array, matrix = placed
-    limits = rig.usable_depth(array, display)
+    view = View(scene, display, array, int(scene.lfsr.scale))
     corners = world_corners(subject)
     inverse = np.array(rig.to_array_space(matrix))
     for item in sorted(corners, key=lambda item: item.name):
         extent = extent_of(np.concatenate(corners[item]) @ inverse[:3, :3].T + inverse[:3, 3], array)
         if extent.visible:
-            yield from _problems(scene, item, extent, array, display, limits, scale)
+            yield from _problems(item, extent, view)
 
 
 def world_corners(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, list[np.ndarray]]:
@@ -85,12 +107,11 @@ def extent_of(points: np.ndarray, array: CameraArray) -> Extent:
     return Extent(float(depths.min()), float(depths.max()), seen.min(0), seen.max(0))
 
 
-def _problems(scene: bpy.types.Scene, item: bpy.types.Object, extent: Extent, array: CameraArray,
-              display: DisplayProfile, limits: tuple[float, float], scale: int) -> Iterator[Found]:
-    near, far = limits
-    margin = TOLERANCE * array.distance
+def _problems(item: bpy.types.Object, extent: Extent, view: View) -> Iterator[Found]:
+    (near, far), scene, distance = view.limits, view.scene, view.array.distance
+    margin = TOLERANCE * distance
     # A floor or a room: from beside the viewer, or from before the usable depth, to behind the display.
-    through = extent.far > (array.distance if extent.near <= 0 else far) and extent.near < near
+    through = extent.far > (distance if extent.near <= 0 else far) and extent.near < near
     if through or (extent.covers and extent.far > far + margin):
         yield Found("background", item, "It fills the display or all of its depth, so every lens would count "
                     "as foreground. Objects in a collection called Background are reconstructed faster.",
@@ -102,7 +123,7 @@ def _problems(scene: bpy.types.Scene, item: bpy.types.Object, extent: Extent, ar
     elif extent.far > far + margin:
         yield Found("depth", item, f"It reaches {length(scene, extent.far)} from the viewing position; beyond "
                     f"{length(scene, far)} the display blurs it.")
-    least, seen = thickness(item), finest(array, display, extent, scale)
+    least, seen = thickness(item), finest(view, extent)
     if 0 < least < seen:
         yield Found("thin", item, f"It is {length(scene, least)} thick; at its depth the rendered views see "
                     f"nothing finer than {length(scene, seen)}. Choose a smaller scale or bring it nearer to "
@@ -114,9 +135,10 @@ def thickness(item: bpy.types.Object) -> float:
     return sorted(item.dimensions)[1]
 
 
-def finest(array: CameraArray, display: DisplayProfile, extent: Extent, scale: int) -> float:
+def finest(view: View, extent: Extent) -> float:
     """Width at the object's depth of what one pixel of the rendered array sees: a lens or a cell of views."""
+    array = view.array
     depth = min(max(array.distance, extent.near), extent.far)
-    lens = 2 * array.half_width / display.lenses[0] * depth / array.distance
-    cell = scale * array.spacing * abs(depth - array.distance) / array.distance
+    lens = 2 * array.half_width / view.display.lenses[0] * depth / array.distance
+    cell = view.scale * array.spacing * abs(depth - array.distance) / array.distance
     return max(lens, cell)

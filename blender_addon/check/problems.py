@@ -126,7 +126,7 @@ def _geometry(scene: bpy.types.Scene) -> Iterator[Problem]:
             yield Problem("rig", rig.find(scene).name, _sentence(error), severity=ERROR, is_object=True)
         return
     if placed is not None:
-        for found in geometry.find(scene, display, placed, subject, int(scene.lfsr.scale)):
+        for found in geometry.find(scene, display, placed, subject):
             yield Problem(found.code, found.item.name, found.reason, found.fix, is_object=True)
 
 

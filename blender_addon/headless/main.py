@@ -1,4 +1,4 @@
-"""Runs one job file inside Blender and talks on standard output."""
+"""Runs one job file inside Blender; its progress goes to standard output."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def on_signals(end: Callable[[], None]) -> None:
-    """Remove unfinished files and call ``end``, which must end the process, when it is told to stop.
+    """Remove unfinished files and call ``end``, which must end the process, when a signal stops it.
 
     The main thread sits inside Cycles, where no Python handler runs; the signal's
     number arrives through a pipe that another thread reads. Scene settings need

@@ -31,18 +31,21 @@ UNFINISHED: set[Path] = set()
 
 @dataclasses.dataclass(frozen=True)
 class RenderSettings:
-    """How Cycles renders, whatever the camera.
+    """How Cycles renders, whatever the camera."""
 
-    ``clamp_indirect`` None: Cycles' default; 0: unclamped. ``half`` writes 16-bit
-    floats. ``world_visible`` adds the environment pass.
-    """
-
+    # Paths per pixel.
     samples: int = 16
+    # Of the random numbers.
     seed: int = 0
+    # Auxiliary layers besides colour, from ``lfsr_core.frames.job.LAYERS``.
     layers: tuple[str, ...] = ()
+    # "CPU" or a GPU type such as "OPTIX".
     device: str = "CPU"
+    # Largest radiance of an indirect path; None: Cycles' default, 0: unclamped.
     clamp_indirect: float | None = None
+    # Adds the environment pass.
     world_visible: bool = False
+    # Writes 16-bit floats instead of 32-bit ones.
     half: bool = False
 
     def __post_init__(self) -> None:
@@ -51,10 +54,33 @@ class RenderSettings:
         passes.check_layers(self.layers)
 
 
-def render_encoded(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix, settings: RenderSettings,
-                   path: str | Path, progress: Progress | None = None) -> float:
-    """Render ``layout`` in one pass into the multi-layer EXR ``path``; seconds it took."""
-    with encoded_camera(scene, layout, matrix_world), cycles_settings(scene, settings, layout.size):
+@dataclasses.dataclass(frozen=True)
+class Shot:
+    """Which rays a render sends, and from where."""
+
+    # Rays in camera-array space.
+    layout: RayLayout
+    # Camera-array space to the world, four rows of four.
+    matrix_world: Matrix
+
+
+def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, path: str | Path,
+                   progress: Progress | None = None) -> float:
+    """Render the rays of ``shot`` in one pass.
+
+    Parameters
+    ----------
+    scene : the scene, unchanged afterwards
+    shot : rays, and from where
+    settings : how Cycles renders
+    path : multi-layer EXR to write, whole or not at all
+    progress : called while it renders; an exception it raises cancels
+
+    Returns
+    -------
+    Seconds it took.
+    """
+    with encoded_camera(scene, shot.layout, shot.matrix_world), cycles_settings(scene, settings, shot.layout.size):
         return render_to(scene, path, progress)
 
 

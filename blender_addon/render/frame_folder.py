@@ -18,7 +18,7 @@ from ..scene.light import lit
 from ..scene.subject import find_subject, has_background_meshes
 from . import animation, devices, passes
 from .color import color_settings
-from .cycles import RenderSettings, render_encoded
+from .cycles import RenderSettings, Shot, render_encoded
 from .progress import Progress, part
 from .view_by_view import render_views
 
@@ -97,7 +97,7 @@ def _render_low(scene: bpy.types.Scene, job: Job, frame: Frame, progress: Progre
 
 
 def _render_reference(scene: bpy.types.Scene, job: Job, frame: Frame, progress: Progress | None) -> float:
-    """Two halves with random numbers of their own; unclamped unless the job says otherwise."""
+    """Two halves with random numbers of their own; unclamped unless the job clamps."""
     clamp = 0.0 if job.clamp_indirect is None else job.clamp_indirect
     seconds = 0.0
     for half, name in enumerate(REFERENCE_FILES):
@@ -112,4 +112,4 @@ def _render_reference(scene: bpy.types.Scene, job: Job, frame: Frame, progress: 
 def _render(scene: bpy.types.Scene, frame: Frame, settings: RenderSettings, path: Path,
             progress: Progress | None) -> float:
     render = render_views if frame.layout == "view-by-view" else render_encoded
-    return render(scene, frame.rays, frame.matrix_world, settings, path, progress)
+    return render(scene, Shot(frame.rays, frame.matrix_world), settings, path, progress)

@@ -45,7 +45,7 @@ def following(progress: Progress | None) -> Iterator[None]:
 
 
 def sample_fraction(statistics: str) -> float | None:
-    """Share of the image that is done, from Cycles' statistics line; None if it does not say."""
+    """Share of the image that is done, from Cycles' statistics line; None where it is of something else."""
     found = _SAMPLES.search(statistics)
     if found is None:
         return None
@@ -54,7 +54,7 @@ def sample_fraction(statistics: str) -> float | None:
 
 
 def part(progress: Progress | None, index: int, count: int) -> Progress | None:
-    """Progress of part ``index`` of ``count`` equal parts, told as progress of the whole."""
+    """Progress of part ``index`` of ``count`` equal parts, as progress of the whole."""
     if progress is None:
         return None
     return lambda fraction, message: progress((index + fraction) / count, f"{index + 1}/{count}: {message}")

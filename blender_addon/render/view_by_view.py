@@ -22,8 +22,8 @@ from lfsr_core.images import exr
 from lfsr_core.optics import eia
 from lfsr_core.optics.rays import RayLayout, view_offset
 
-from ..array.spaces import Matrix, to_blender
-from .cycles import UNFINISHED, RenderSettings, cycles_settings, render_to, temporary_camera, unfinished
+from ..array.spaces import to_blender
+from .cycles import UNFINISHED, RenderSettings, Shot, cycles_settings, render_to, temporary_camera, unfinished
 from .overrides import overridden
 from .progress import Progress, part
 
@@ -32,20 +32,20 @@ SENSOR_MM = 36.0
 WINDOW_PER_BOX = 2.08
 
 
-def render_views(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix, settings: RenderSettings,
-                 path: str | Path, progress: Progress | None = None) -> float:
-    """Render ``layout`` one view after the other into the multi-layer EXR ``path``; seconds it took.
+def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, path: str | Path,
+                 progress: Progress | None = None) -> float:
+    """Render the rays of ``shot`` one view after the other; with a lens list whole views, of which the lenses are kept.
 
-    With a lens list every view is rendered whole and the listed lenses are kept.
+    Parameters and result as of ``cycles.render_encoded``.
     """
-    started = time.perf_counter()
-    with (unfinished(path) as target, temporary_camera(scene, matrix_world, layout.array.distance) as camera,
+    started, layout = time.perf_counter(), shot.layout
+    with (unfinished(path) as target, temporary_camera(scene, shot.matrix_world, layout.array.distance) as camera,
           cycles_settings(scene, settings, layout.lenses), overridden(scene.render, pixel_aspect(layout)),
           overridden(scene.cycles, _filter(layout)), _folder(target.parent) as folder):
         views: dict[str, list[np.ndarray]] = {}
         count = layout.views[0] * layout.views[1]
         for number in range(count):
-            aim(camera, matrix_world, layout, number % layout.views[0], number // layout.views[0])
+            aim(camera, shot, number % layout.views[0], number // layout.views[0])
             scene.cycles.seed = _seed(settings.seed, number)
             render_to(scene, folder / "view.exr", part(progress, number, count))
             for name, pixels in exr.read_layers(folder / "view.exr").items():
@@ -66,9 +66,9 @@ def _folder(parent: Path) -> Iterator[Path]:
             UNFINISHED.discard(Path(name))
 
 
-def aim(camera: bpy.types.Object, matrix_world: Matrix, layout: RayLayout, column: int, row: int) -> None:
-    """Make ``camera`` the view in ``column`` and ``row`` of the layout, seeing the display rectangle."""
-    array, lens = layout.array, camera.data
+def aim(camera: bpy.types.Object, shot: Shot, column: int, row: int) -> None:
+    """Make ``camera`` the view in ``column`` and ``row`` of the shot's layout, seeing the display rectangle."""
+    layout, array, lens = shot.layout, shot.layout.array, camera.data
     right = float(view_offset(column, layout.views[0], layout.spacing, layout.convention))
     down = float(view_offset(row, layout.views[1], layout.spacing, layout.convention))
     lens.type, lens.sensor_fit, lens.sensor_width = "PERSP", "HORIZONTAL", SENSOR_MM
@@ -77,7 +77,7 @@ def aim(camera: bpy.types.Object, matrix_world: Matrix, layout: RayLayout, colum
     lens.shift_x = (lens_right - right) / (2 * array.half_width)
     lens.shift_y = (down - lens_down) / (2 * array.half_width)
     open_aperture(lens, layout)
-    camera.matrix_world = to_blender(matrix_world) @ mathutils.Matrix.Translation((right, -down, 0))
+    camera.matrix_world = to_blender(shot.matrix_world) @ mathutils.Matrix.Translation((right, -down, 0))
 
 
 def open_aperture(camera: bpy.types.Camera, layout: RayLayout) -> None:

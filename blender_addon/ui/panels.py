@@ -174,7 +174,7 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
 
 
 class LFSR_PT_reference(LightFieldPanel, bpy.types.Panel):
-    """How close the image is to the truth."""
+    """How close the image is to its reference."""
 
     bl_label = "Reference"
     bl_idname = "LFSR_PT_reference"

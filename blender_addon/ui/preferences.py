@@ -31,7 +31,7 @@ class LfsrPreferences(bpy.types.AddonPreferences):
 
 
 class LFSR_OT_test_python(bpy.types.Operator):
-    """Start the Python that runs the second stage and say what it has"""
+    """Start the Python that runs the second stage and report what it has"""
 
     bl_idname = "lfsr.test_python"
     bl_label = "Test Second Stage's Python"

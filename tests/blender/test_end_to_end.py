@@ -99,16 +99,16 @@ def test_same_seed_same_pixels_another_seed_others(scene, tmp_path):
     assert not np.array_equal(pixels[0], pixels[2])
 
 
-@pytest.mark.parametrize(("name", "content", "told"), [
+@pytest.mark.parametrize(("name", "content", "message"), [
     ("broken.blend", b"BLENDER-v", "broken.blend"),
     ("broken.glb", b"glTF\x02\x00\x00\x00", "broken.glb"),
     ("empty.gltf", b'{"asset": {"version": "2.0"}}', "subject"),
 ])
-def test_bad_scene_is_one_sentence_and_leaves_nothing(tmp_path, name, content, told):
+def test_bad_scene_is_one_sentence_and_leaves_nothing(tmp_path, name, content, message):
     (tmp_path / name).write_bytes(content)
     answer = lfsr("render", tmp_path / name, "-o", tmp_path / "frame", "--display", "mini")
     assert answer.returncode == 2, answer.stderr
-    assert told in answer.stderr.splitlines()[-1]
+    assert message in answer.stderr.splitlines()[-1]
     assert "Traceback" not in answer.stderr
     assert [path.name for path in tmp_path.iterdir()] == [name]
 

@@ -110,5 +110,5 @@ def encoded(scene: bpy.types.Scene, layout: RayLayout, folder: Path, matrix_worl
             **settings: object) -> dict[str, np.ndarray]:
     """Layers of a one-pass render."""
     settings = cycles.RenderSettings(**{"samples": 1} | settings)
-    cycles.render_encoded(scene, layout, matrix_world or front(), settings, folder / "image.exr")
+    cycles.render_encoded(scene, cycles.Shot(layout, matrix_world or front()), settings, folder / "image.exr")
     return exr.read_layers(folder / "image.exr")

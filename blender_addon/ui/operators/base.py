@@ -14,6 +14,8 @@ from ...background import session
 from ...background.steps import Steps
 
 Result = set[str]
+# The steps of a task, and what to do with its result.
+Prepared = tuple[Steps, Callable[[Any], None]]
 
 
 def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
@@ -30,9 +32,9 @@ def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
 
 
 class TaskOperator:
-    """An operator that starts a task; ``plan`` says which and what to do with its result."""
+    """An operator that starts a task, the one that its ``prepare`` returns."""
 
-    def plan(self, context: bpy.types.Context) -> tuple[Steps, Callable[[Any], None]] | None:
+    def prepare(self, context: bpy.types.Context) -> Prepared | None:
         """Steps and what to do with their result; None if there is nothing to do."""
         raise NotImplementedError
 
@@ -44,19 +46,19 @@ class TaskOperator:
     def start(self, context: bpy.types.Context) -> Result:
         """Start the task; a timer follows it."""
         session.check_idle()
-        planned = self.plan(context)
-        if planned is not None:
-            session.start(self.bl_label, *planned)
+        prepared = self.prepare(context)
+        if prepared is not None:
+            session.start(self.bl_label, *prepared)
         return {"FINISHED"}
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
         """Return when the result is there."""
         session.check_idle()
-        planned = self.plan(context)
-        if planned is None:
+        prepared = self.prepare(context)
+        if prepared is None:
             return {"FINISHED"}
-        steps, finish = planned
+        steps, finish = prepared
         task = session.run(self.bl_label, steps)
         for warning in task.warnings:
             self.report({"WARNING"}, warning)

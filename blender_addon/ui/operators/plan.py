@@ -18,7 +18,7 @@ from lfsr_core.records import to_data
 from ...background import recipes, session, steps
 from ...background.steps import Steps
 from ...settings.methods import method_items
-from .base import UNDO, Result, TaskOperator, reports_errors
+from .base import UNDO, Prepared, Result, TaskOperator, reports_errors
 
 
 class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
@@ -27,10 +27,10 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
     bl_idname = "lfsr.plan"
     bl_label = "Find the Least That Will Do"
 
-    def plan(self, context: bpy.types.Context) -> tuple[Steps, Any]:
+    def prepare(self, context: bpy.types.Context) -> Prepared:
         """The plan of the current frame, then its result in the panel."""
         scene = context.scene
-        frame = recipes.plan_frame(scene)
+        frame = recipes.frame_recipe(scene)
         options = wanted(scene)
         job = dataclasses.replace(frame.job, layers=layers_of(options.methods))
         clear(context.window_manager.lfsr)

@@ -17,10 +17,9 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE
 
 from ...background import recipes, session
-from ...background.steps import Steps
 from ...results import preview, show_image
 from ...settings import scene_settings
-from .base import Result, TaskOperator
+from .base import Prepared, Result, TaskOperator
 
 
 class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
@@ -29,11 +28,11 @@ class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
     bl_idname = "lfsr.render_eia"
     bl_label = "Render EIA"
 
-    def plan(self, context: bpy.types.Context) -> tuple[Steps, Callable[[Any], None]]:
+    def prepare(self, context: bpy.types.Context) -> Prepared:
         """One frame, then its image."""
         scene = context.scene
-        plan = recipes.plan_frame(scene)
-        return recipes.render_frames([plan]), _show_eia_of(scene.name)
+        recipe = recipes.frame_recipe(scene)
+        return recipes.render_frames([recipe]), _show_eia_of(scene.name)
 
 
 class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
@@ -42,10 +41,10 @@ class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
     bl_idname = "lfsr.render_animation"
     bl_label = "Render Animation"
 
-    def plan(self, context: bpy.types.Context) -> tuple[Steps, Callable[[Any], None]] | None:
+    def prepare(self, context: bpy.types.Context) -> Prepared | None:
         """The frames that are missing, then the last one's image."""
         scene = context.scene
-        missing, complete = recipes.plan_animation(scene)
+        missing, complete = recipes.animation_recipes(scene)
         if not missing:
             self.report({"INFO"}, f"All {complete} frames are complete already")
             return None
@@ -59,14 +58,14 @@ class LFSR_OT_render_reference(TaskOperator, bpy.types.Operator):
     bl_idname = "lfsr.render_reference"
     bl_label = "Render Reference + SSIM"
 
-    def plan(self, context: bpy.types.Context) -> tuple[Steps, Callable[[Any], None]]:
+    def prepare(self, context: bpy.types.Context) -> Prepared:
         """The reference of the current frame, then the metrics in its report."""
         scene = context.scene
-        plan, job = recipes.plan_reference(scene)
-        return recipes.render_reference(plan, job, scene.lfsr.reference_lenses), self._tell
+        recipe, job = recipes.reference_recipe(scene)
+        return recipes.render_reference(recipe, job, scene.lfsr.reference_lenses), self._report_ssim
 
     @staticmethod
-    def _tell(metrics: dict[str, Any]) -> None:
+    def _report_ssim(metrics: dict[str, Any]) -> None:
         ssim = metrics.get("ssim_eia_fg")
         print(f"Light Field: SSIM of the foreground {ssim:.4f}" if ssim is not None else "Light Field: no SSIM")
 
@@ -77,7 +76,7 @@ class LFSR_OT_preview_view(TaskOperator, bpy.types.Operator):
     bl_idname = "lfsr.preview_view"
     bl_label = "Preview View"
 
-    def plan(self, context: bpy.types.Context) -> tuple[Steps, Callable[[Any], None]] | None:
+    def prepare(self, context: bpy.types.Context) -> Prepared | None:
         """Decode the current frame's views unless that is done, then show one."""
         scene = context.scene
         folder = scene_settings.frame_folder(scene)

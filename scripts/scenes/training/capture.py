@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from training.stage import Stage
 
-from blender_addon.render.cycles import RenderSettings, render_encoded
+from blender_addon.render.cycles import RenderSettings, Shot, render_encoded
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.rays import RayLayout
 
@@ -41,7 +41,7 @@ class Capture:
         layout = RayLayout.for_display(self.stage.profile, self.stage.array, scale)
         with tempfile.TemporaryDirectory(prefix="lfsr-training-") as folder:
             path = Path(folder, "render.exr")
-            render_encoded(bpy.context.scene, layout, self.stage.matrix_world, settings, path)
+            render_encoded(bpy.context.scene, Shot(layout, self.stage.matrix_world), settings, path)
             return read_layers(path)
 
 

@@ -43,10 +43,10 @@ def records(lines):
 
 def test_job_becomes_a_frame_folder(blend, tmp_path):
     child = start(tmp_path, scene=str(blend), layers=("albedo",), seed=3)
-    told = records(child.communicate()[0].splitlines())
+    emitted = records(child.communicate()[0].splitlines())
     assert child.returncode == 0
-    assert told[-1] == {"stage": "done", "folder": str(tmp_path / "out")}
-    fractions = [record["fraction"] for record in told if record["stage"] == "render"]
+    assert emitted[-1] == {"stage": "done", "folder": str(tmp_path / "out")}
+    fractions = [record["fraction"] for record in emitted if record["stage"] == "render"]
     assert fractions and fractions[-1] == 1
     frame = read_frame(tmp_path / "out")
     assert (frame.samples, frame.seed, frame.scale, frame.scene) == (2, 3, 4, "scene.blend")
@@ -63,18 +63,18 @@ def test_job_becomes_a_frame_folder(blend, tmp_path):
 ])
 def test_bad_input_is_one_sentence_and_exit_code_2(blend, tmp_path, options, sentence):
     child = start(tmp_path, **{"scene": str(blend)} | options)
-    told = records(child.communicate()[0].splitlines())
+    emitted = records(child.communicate()[0].splitlines())
     assert child.returncode == 2
-    assert told[-1]["stage"] == "error" and sentence in told[-1]["message"] and "\n" not in told[-1]["message"]
+    assert emitted[-1]["stage"] == "error" and sentence in emitted[-1]["message"] and "\n" not in emitted[-1]["message"]
     assert not list((tmp_path / "out").glob("**/*"))
 
 
 def test_device_without_osl_renders_view_by_view_and_says_so(blend, tmp_path):
     child = start(tmp_path, scene=str(blend), device="CUDA")
-    told = records(child.communicate()[0].splitlines())
-    assert any("view by view" in str(record.get("message")) for record in told)
+    emitted = records(child.communicate()[0].splitlines())
+    assert any("view by view" in str(record.get("message")) for record in emitted)
     # With such a device it renders, without one it says that there is none.
-    assert child.returncode == 0 or "this machine has none" in told[-1]["message"]
+    assert child.returncode == 0 or "this machine has none" in emitted[-1]["message"]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -60,7 +60,7 @@ def test_samples_are_split_evenly(noisy, tmp_path, monkeypatch):
     render = frame_folder.render_encoded
 
     def remember(*arguments):
-        settings.append(arguments[3])
+        settings.append(arguments[2])
         return render(*arguments)
 
     monkeypatch.setattr(frame_folder, "render_encoded", remember)

@@ -23,7 +23,7 @@ def image(request, scene, tmp_path):
     add_box(scene, (0, -0.8, -0.3), (0.1, 0.02, 0.1), emission(BLUE))
     add_box(scene, (0, 0.8, -0.45), (0.6, 0.02, 0.3), emission(YELLOW))
     layout = RayLayout.for_display(MINI, ARRAY)
-    WAYS[request.param](scene, layout, front(), cycles.RenderSettings(32), tmp_path / "image.exr")
+    WAYS[request.param](scene, cycles.Shot(layout, front()), cycles.RenderSettings(32), tmp_path / "image.exr")
     return exr.read_layers(tmp_path / "image.exr")["color"][..., :3]
 
 

@@ -116,15 +116,15 @@ def test_after_an_error(worn, tmp_path, options):
 
 @pytest.mark.parametrize("options", KINDS.values(), ids=KINDS)
 def test_after_a_cancel(worn, tmp_path, options):
-    before, told = snapshot(), []
+    before, reported = snapshot(), []
 
     def cancel(fraction, message):
-        told.append(fraction)
+        reported.append(fraction)
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         frame_folder.render_job(worn, job(tmp_path, **options), progress=cancel)
-    assert len(told) == 1
+    assert len(reported) == 1
     assert not changes(before)
     assert list(tmp_path.iterdir()) == [], "a cancelled render leaves no file"
     assert not bpy.app.handlers.render_stats
@@ -154,8 +154,8 @@ def test_setting_that_cannot_be_set_restores_those_before(scene):
 
 
 def test_progress_grows_to_one(worn, tmp_path):
-    told = []
-    frame_folder.render_job(worn, job(tmp_path, layout="view-by-view"), progress=lambda f, m: told.append((f, m)))
-    fractions = [fraction for fraction, _ in told]
+    reported = []
+    frame_folder.render_job(worn, job(tmp_path, layout="view-by-view"), progress=lambda f, m: reported.append((f, m)))
+    fractions = [fraction for fraction, _ in reported]
     assert fractions == sorted(fractions) and fractions[-1] == 1 and len(set(fractions)) >= 4
-    assert told[-1][1].startswith("4/4: Sample")
+    assert reported[-1][1].startswith("4/4: Sample")

@@ -36,12 +36,12 @@ def lit_scene():
 
 
 def one_pass(scene, layout, path, seed):
-    cycles.render_encoded(scene, layout, front(), cycles.RenderSettings(SAMPLES, seed), path)
+    cycles.render_encoded(scene, cycles.Shot(layout, front()), cycles.RenderSettings(SAMPLES, seed), path)
     return exr.read_layers(path)["color"]
 
 
 def view_by_view(scene, layout, path, seed):
-    views.render_views(scene, layout, front(), cycles.RenderSettings(SAMPLES, seed), path)
+    views.render_views(scene, cycles.Shot(layout, front()), cycles.RenderSettings(SAMPLES, seed), path)
     return exr.read_layers(path)["color"]
 
 
@@ -97,7 +97,7 @@ def test_positions_agree_pixel_by_pixel(scene, tmp_path, convention, lens_list):
     add_box(scene, (0, 30.5, 0), (60, 30, 60), position_emission())
     layout = RayLayout.for_display(MINI, ARRAY, SCALE, convention=convention, view_aperture=0.0, lens_list=lens_list)
     expected = encoded(scene, layout, tmp_path)["color"]
-    views.render_views(scene, layout, front(), cycles.RenderSettings(1), tmp_path / "views.exr")
+    views.render_views(scene, cycles.Shot(layout, front()), cycles.RenderSettings(1), tmp_path / "views.exr")
     shown = exr.read_layers(tmp_path / "views.exr")["color"]
     assert shown.shape == expected.shape
     # The two cameras put the pixel centre half a step of the filter table off, of their own pixel: paper's are smaller.
@@ -109,8 +109,8 @@ def test_other_layers_come_view_by_view_too(scene, tmp_path):
     add_box(scene, (0.2, 0, 0), (0.3, 0.3, 0.3), position_emission())
     layout = RayLayout.for_display(MINI, ARRAY, SCALE, view_aperture=0.0)
     settings = cycles.RenderSettings(1, layers=("albedo", "normal", "position", "index"), world_visible=True)
-    views.render_views(scene, layout, front(), settings, tmp_path / "views.exr")
-    cycles.render_encoded(scene, layout, front(), settings, tmp_path / "encoded.exr")
+    views.render_views(scene, cycles.Shot(layout, front()), settings, tmp_path / "views.exr")
+    cycles.render_encoded(scene, cycles.Shot(layout, front()), settings, tmp_path / "encoded.exr")
     shown, expected = (exr.read_layers(tmp_path / f"{name}.exr") for name in ("views", "encoded"))
     assert set(shown) == set(expected) == {"color", "albedo", "normal", "position", "index", "environment"}
     for name in ("position", "normal", "index"):

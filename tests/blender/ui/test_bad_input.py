@@ -27,9 +27,9 @@ def scene(tmp_path):
 def refuse(scene, sentence: str, operator=None) -> None:
     """The operator is cancelled with a report that matches, and the scene is as it was."""
     before = panel.snapshot(scene)
-    with pytest.raises(RuntimeError, match=sentence) as told:
+    with pytest.raises(RuntimeError, match=sentence) as caught:
         (operator or bpy.ops.lfsr.render_eia)()
-    assert str(told.value).strip().count("\n") == 0
+    assert str(caught.value).strip().count("\n") == 0
     assert panel.snapshot(scene) == before
     assert session.current() is None
 
@@ -125,12 +125,12 @@ def test_missing_texture(scene, tmp_path):
     check.refresh(scene)
     line = next(line for line in bpy.context.window_manager.lfsr.problems if line.code == "texture")
     assert line.target == "gone.png" and line.severity == "ERROR" and "magenta" in line.reason
-    task = session.run("Render EIA", recipes.render_frames([recipes.plan_frame(scene)]))
+    task = session.run("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]))
     assert [warning for warning in task.warnings if "gone.png" in warning]
 
 
 def test_render_already_running(scene, monkeypatch):
-    task = session.start("Render EIA", recipes.render_frames([recipes.plan_frame(scene)]), print)
+    task = session.start("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]), print)
     for operator in (bpy.ops.lfsr.render_eia, bpy.ops.lfsr.render_animation, bpy.ops.lfsr.render_reference,
                      bpy.ops.lfsr.preview_view):
         with pytest.raises(RuntimeError, match="Render EIA is still running: wait for it or cancel it"):
@@ -180,11 +180,11 @@ def test_network_that_was_not_trained_for_the_scale(scene, monkeypatch):
         methods.check_scale("oidn+fsrcnn", 2)
 
 
-def test_second_stage_that_cannot_run_the_method_is_told_before_the_render(scene, monkeypatch):
+def test_second_stage_that_cannot_run_the_method_is_an_error_before_the_render(scene, monkeypatch):
     monkeypatch.setattr(recipes, "render_step", lambda *_: pytest.fail("it renders"))
-    plan = dataclasses.replace(recipes.plan_frame(scene), method="oidn+fsrcnn+epi")
+    recipe = dataclasses.replace(recipes.frame_recipe(scene), method="oidn+fsrcnn+epi")
     with pytest.raises(LfsrError, match="'epi' cannot follow 'fsrcnn'"):
-        session.run("Render EIA", recipes.render_frames([plan]))
+        session.run("Render EIA", recipes.render_frames([recipe]))
 
 
 def test_two_scenes_with_different_displays(scene, tmp_path):
@@ -194,9 +194,9 @@ def test_two_scenes_with_different_displays(scene, tmp_path):
     assert other != scene
     other.lfsr.display, other.lfsr.scale = "small", "8"
     other.view_settings.exposure = 1.5
-    plans = [recipes.plan_frame(each) for each in (scene, other)]
-    assert [plan.job.display.name for plan in plans] == ["mini", "small"]
-    assert plans[0].folder.parent.name == "Scene" and plans[1].folder.parent.name == "Other"
+    asked = [recipes.frame_recipe(each) for each in (scene, other)]
+    assert [recipe.job.display.name for recipe in asked] == ["mini", "small"]
+    assert asked[0].folder.parent.name == "Scene" and asked[1].folder.parent.name == "Other"
     bpy.context.window.scene = scene
     with bpy.context.temp_override(scene=other):
         assert bpy.ops.lfsr.render_eia() == {"FINISHED"}

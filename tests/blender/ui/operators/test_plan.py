@@ -68,7 +68,7 @@ def test_a_plan_of_another_scene_is_not_shown(scene):
 def test_cancel_ends_the_render_it_started(scene):
     context = bpy.context
     scene.lfsr.display = "bupt-32in-8k"  # its quick render alone would go on for many seconds
-    steps, finish = plan.LFSR_OT_plan.plan(None, context)
+    steps, finish = plan.LFSR_OT_plan.prepare(None, context)
     task = session.start("Plan", steps, finish)
     work = Path(bpy.app.tempdir)
     wait_for(lambda: children(work))

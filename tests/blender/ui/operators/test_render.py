@@ -124,16 +124,16 @@ def test_animation_skips_complete_frames(opened, rendered):
     folder = frame_one(rendered)
     untouched = (folder / "eia.png").stat().st_mtime_ns
     opened.frame_start, opened.frame_end = 1, 2
-    assert len(recipes.plan_animation(opened)[0]) == 1
+    assert len(recipes.animation_recipes(opened)[0]) == 1
     assert bpy.ops.lfsr.render_animation() == {"FINISHED"}
     assert (folder / "eia.png").stat().st_mtime_ns == untouched
     assert read_frame(folder.with_name("0002")).frame == 2
-    assert recipes.plan_animation(opened) == ([], 2)
+    assert recipes.animation_recipes(opened) == ([], 2)
     assert bpy.ops.lfsr.render_animation() == {"FINISHED"}
     opened.lfsr.samples = 3
-    assert len(recipes.plan_animation(opened)[0]) == 2
+    assert len(recipes.animation_recipes(opened)[0]) == 2
     opened.lfsr.samples, opened.lfsr.use_overwrite = 1, True
-    assert len(recipes.plan_animation(opened)[0]) == 2
+    assert len(recipes.animation_recipes(opened)[0]) == 2
 
 
 def test_reference_and_ssim(opened, rendered):
@@ -163,7 +163,7 @@ def test_reference_needs_the_image_of_these_settings(opened):
 @pytest.mark.parametrize("stage", ["Rendering", "Upscaling"])
 def test_cancel_is_quick_and_leaves_nothing(scene, tmp_path, stage):
     before = panel.snapshot(scene)
-    steps = recipes.render_frames([recipes.plan_frame(scene)])
+    steps = recipes.render_frames([recipes.frame_recipe(scene)])
     task = session.start("Render EIA", steps, lambda _: pytest.fail("it finished"))
     wait_for(lambda: task.stage.startswith(stage))
     started = time.perf_counter()
@@ -176,9 +176,9 @@ def test_cancel_is_quick_and_leaves_nothing(scene, tmp_path, stage):
     assert not list(Path(bpy.app.tempdir).glob("lfsr-*/*.blend"))
 
 
-def test_a_worker_that_dies_is_told(scene, tmp_path):
+def test_a_worker_that_dies_is_reported(scene, tmp_path):
     before = panel.snapshot(scene)
-    task = session.start("Render EIA", recipes.render_frames([recipes.plan_frame(scene)]), print)
+    task = session.start("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]), print)
     os.killpg(task.worker.pid, signal.SIGKILL)
     wait_for(lambda: session.current() is None)
     message = bpy.context.window_manager.lfsr.message
@@ -199,8 +199,8 @@ def test_a_worker_that_ignores_the_end_is_killed():
 
 
 def test_progress_and_time_left(scene):
-    task = session.start("Render EIA", recipes.render_frames([recipes.plan_frame(scene)]), print)
-    task._hear({"stage": "render", "fraction": 0.5})
+    task = session.start("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]), print)
+    task._take({"stage": "render", "fraction": 0.5})
     task._started -= 10
     assert task.fraction == pytest.approx(0.5 * recipes.RENDER_SHARE)
     assert task.seconds_left == pytest.approx(10 * (1 - task.fraction) / task.fraction, abs=1)
@@ -209,7 +209,7 @@ def test_progress_and_time_left(scene):
     session.cancel()
 
 
-def test_a_missing_interpreter_is_told_before_the_render(scene, monkeypatch):
+def test_a_missing_interpreter_is_an_error_before_the_render(scene, monkeypatch):
     monkeypatch.setenv("LFSR_PYTHON", "/no/such/python")
     monkeypatch.setattr(recipes, "render_step", lambda *_: pytest.fail("it renders"))
     with pytest.raises(RuntimeError, match="/no/such/python"):
@@ -223,7 +223,7 @@ def test_no_task_to_cancel(add_on):
 def test_errors_are_lfsr_errors(scene):
     scene.lfsr.scale = "3"
     with pytest.raises(LfsrError, match="choose a scale"):
-        recipes.plan_frame(scene)
+        recipes.frame_recipe(scene)
 
 
 def wait_for(condition, look: bool = True) -> None:
