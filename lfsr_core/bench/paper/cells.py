@@ -3,56 +3,44 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import sys
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from lfsr_core.bench import cells
 from lfsr_core.bench.environment import load_average
+from lfsr_core.bench.paper.settings import VERSION, Settings
 
 Record = TypeVar("Record")
 FOLDER = "cells"
-VERSION = 3  # another one where a measurement of the same inputs holds other numbers
 
 
-class Cells:
-    """The measurements of one figure, in the folder OUTPUT/cells/FIGURE.
+class Cells(Generic[Record]):
+    """The measurements of one figure, records of class ``kind`` in the folder OUTPUT/cells/FIGURE.
 
-    Attributes
-    ----------
-    folder: where the files are, and pictures beside them.
-    load: highest load average that was seen after any of them, None where the system tells none.
+    ``load``: highest load average that was seen after any of them, None where the system tells none.
     """
 
-    def __init__(self, output: Path, figure: str) -> None:
-        self.folder = output / FOLDER / figure
+    def __init__(self, settings: Settings, figure: str, kind: type[Record]) -> None:
+        self.settings, self.kind, self.folder = settings, kind, settings.output / FOLDER / figure
+        # None as a result is kept too: there were no weights.
+        fields = [("result", kind | None), ("load", float | None)]
+        self._kept = dataclasses.make_dataclass("Kept", fields, frozen=True)
         self.load: float | None = None
 
-    def get(self, kind: type[Record], name: str, inputs: dict[str, Any],
-            measure: Callable[[], Record | None]) -> Record | None:
-        """The record of an earlier call of this name with the same inputs, else what ``measure()`` gives.
-
-        Parameters
-        ----------
-        kind: class of the record, a frozen dataclass.
-        name: of the file.
-        inputs: what the record depends on, plain JSON.
-        measure: called where nothing is kept; None is kept too.
-        """
+    def get(self, name: str, inputs: dict[str, Any], measure: Callable[[], Record | None]) -> Record | None:
+        """What an earlier call of this name with the same ``inputs``, plain JSON, gave; else ``measure()``."""
         def measure_now() -> Any:
             print(f"{self.folder.name:7} {name}", file=sys.stderr, flush=True)
             result, load = measure(), load_average()
-            return _kept(kind)(result, None if load is None else round(load, 1))
+            return self._kept(result, None if load is None else round(load, 1))
 
-        files = cells.Cells(self.folder, _kept(kind), key="inputs")
+        files = cells.Cells(self.folder, self._kept, key="inputs")
         kept = files.get(name, {"version": VERSION, **inputs}, measure_now)
-        self.load = max((load for load in (self.load, kept.load) if load is not None), default=None)
+        self.load = highest(self.load, kept.load)
         return kept.result
 
 
-@functools.cache
-def _kept(kind: type) -> type:
-    """Record of a measurement: its ``result``, and the load average after it."""
-    return dataclasses.make_dataclass("Kept", [("result", kind | None), ("load", float | None)], frozen=True)
+def highest(*loads: float | None) -> float | None:
+    """The highest load average that is known."""
+    return max((load for load in loads if load is not None), default=None)

@@ -6,15 +6,12 @@ import dataclasses
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
-from lfsr_core.bench import tables
-from lfsr_core.bench.paper.records import Accuracy, Results, Row
+from lfsr_core.bench import plots, tables
+from lfsr_core.bench.paper.records import Results, Row
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.bench.paper.verdict import Difference, paired
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Sheet
 
 Measured = TypeVar("Measured", bound=Results)
 ALIKE = 1.5  # times as many crops as another network has seen
@@ -24,31 +21,20 @@ CROPS_SEEN = re.compile(r"^(?P<kind>[^:]*): (?P<epochs>\d+) epochs of (?P<crops>
 
 @dataclasses.dataclass(frozen=True)
 class Figure(Generic[Measured]):
-    """One figure or table of the paper.
+    """One figure or table of the paper."""
 
-    Attributes
-    ----------
-    id: on the command line and in file names.
-    title: on the page.
-    claim: what the paper says, as far as it is known here.
-    kind: class of its results.
-    measure: makes the results, and goes on where an earlier call was stopped.
-    table: Markdown lines of the results.
-    line: what became of the claim, in words.
-    draw: a picture of the results and of files in the output folder; None for a table only.
-    """
-
-    id: str
-    title: str
-    claim: str
-    kind: type[Measured]
-    measure: Callable[[Settings], Measured]
-    table: Callable[[Measured], list[str]]
-    line: Callable[[Measured], str]
-    draw: Callable[[Measured, Path], Sheet] | None = None
+    id: str  # on the command line and in file names
+    title: str  # on the page
+    claim: str  # what the paper says, as far as it is known here
+    kind: type[Measured]  # class of its results
+    measure: Callable[[Settings], Measured]  # makes the results, and goes on where an earlier call was stopped
+    table: Callable[[Measured], list[str]]  # Markdown lines of the results
+    line: Callable[[Measured], str]  # what became of the claim, in words
+    # A picture of the results and of files in the output folder; None for a table only.
+    draw: Callable[[Measured, Path], plots.Figure] | None = None
 
 
-def metric(row: Accuracy, name: str, digits: int = 3) -> str:
+def metric(row: Row, name: str, digits: int = 3) -> str:
     """One metric that was measured, with its interval where it has one."""
     return tables.number(row.metrics.get(name), row.ci95.get(name), digits)
 

@@ -8,14 +8,14 @@ from typing import Any
 
 from lfsr_core.bench.environment import Environment
 from lfsr_core.bench.paper.figure import Figure
-from lfsr_core.bench.paper.figures import figure9, figure10, figure11, figure12, selection, tables
+from lfsr_core.bench.paper.figures import figure9, figure10, figure11, frames, tables
 from lfsr_core.bench.paper.records import Results
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.errors import LfsrError
 
 FIGURES: dict[str, Figure[Any]] = {figure.id: figure for figure in (
-    figure9.FIGURE, figure10.STEPS, selection.SHARE, figure10.DEPTH, figure10.ARCHITECTURE, figure11.FIGURE,
-    figure12.FIGURE, selection.SCENES, tables.RIVALS, tables.COST)}
+    figure9.FIGURE, figure10.STEPS, frames.SHARE, figure10.DEPTH, figure10.ARCHITECTURE, figure11.FIGURE,
+    frames.SCALES, frames.SCENES, tables.RIVALS, tables.COST)}
 """Every figure and table by its id, in the paper's order."""
 
 INTRODUCTION = """# The paper, measured again
@@ -53,18 +53,11 @@ def picture_name(figure: Figure) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """One run of the reproduction.
+    """One run of the reproduction."""
 
-    Attributes
-    ----------
-    settings: what it measures.
-    environment: of the machine.
-    command: line that began it.
-    """
-
-    settings: Settings
-    environment: Environment
-    command: str
+    settings: Settings  # what it measures
+    environment: Environment  # of the machine
+    command: str  # line that began it
 
 
 def markdown(results: Mapping[str, Results], run: Run, images: str = "images") -> str:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import statistics
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lfsr_core.bench.paper import renders, timing, weights
-from lfsr_core.bench.paper.records import Accuracy, SplitError
+from lfsr_core.bench.paper.cells import Cells
+from lfsr_core.bench.paper.records import Row, SplitError
 from lfsr_core.bench.paper.renders import Shot
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.frames.frame import Frame, read_frame
@@ -27,20 +27,12 @@ from lfsr_core.reconstruct.second_stage import linear_and_mask, panel_image
 
 @dataclasses.dataclass(frozen=True)
 class Picture:
-    """What a method made of a render, beside its reference.
+    """What a method made of a render, beside its reference."""
 
-    Attributes
-    ----------
-    image: EIA (H, W, 3), scene-linear, in view order.
-    mask: (sy, sx) bool, the foreground it was made with.
-    frame: of the render.
-    reference: of the same scene.
-    """
-
-    image: np.ndarray
-    mask: np.ndarray
-    frame: Frame
-    reference: Reference
+    image: np.ndarray  # EIA (H, W, 3), scene-linear, in view order
+    mask: np.ndarray  # (sy, sx) bool, the foreground it was made with
+    frame: Frame  # of the render
+    reference: Reference  # of the same scene
 
 
 def picture(settings: Settings, shot: Shot, name: str) -> Picture | None:
@@ -53,27 +45,44 @@ def picture(settings: Settings, shot: Shot, name: str) -> Picture | None:
     return Picture(*linear_and_mask(folder, method), read_frame(folder), reference)
 
 
-def measure(settings: Settings, shot: Shot, name: str) -> Accuracy | None:
-    """Accuracy of method ``name`` on a render; None where its network has no weights."""
-    made = picture(settings, shot, name)
-    return made and accuracy(made)
+def row(cells: Cells[Any], shot: Shot, name: str, key: str, measure: Callable[[Picture, Path], Any]) -> Any:
+    """A kept record of what a method makes of a render, with its scene and method.
+
+    Parameters
+    ----------
+    cells: where it is kept.
+    shot: the render.
+    name: of the method.
+    key: file name of the record.
+    measure: makes the record of a picture, and shows it in a file of the given path if it likes.
+
+    Returns
+    -------
+    A record of class ``cells.kind``, without figures where the method's network has no weights.
+    """
+    def made() -> Any:
+        seen = picture(cells.settings, shot, name)
+        return seen and measure(seen, cells.folder / f"{key}.png")
+
+    found = cells.get(key, inputs(cells.settings, shot, name), made) or cells.kind()
+    return dataclasses.replace(found, scene=shot.scene.stem, method=name, samples=shot.spp)
 
 
-def accuracy(made: Picture) -> Accuracy:
+def accuracy(seen: Picture, _file: Path | None = None) -> Row:
     """Metrics of a picture, where its error lies, and its split SSIM per foreground lens."""
-    frame, reference = made.frame, made.reference
+    frame, reference = seen.frame, seen.reference
     check_reference(frame, reference.frame)
-    metrics = compare(made.image, reference.half_a, reference.half_b, frame.display.lenses,
-                      reference.foreground_mask(made.mask), reference.lens_list)
-    return Accuracy(metrics={name: metrics.get(name) for name in METRIC_NAMES}, ci95=metrics.get("ci95", {}),
-                    error=_errors(reference, made.image, frame.scale),
-                    lens_ssim_fg=tuple(round(float(value), 6) for value in _per_lens(reference, made.image)))
+    metrics = compare(seen.image, reference.half_a, reference.half_b, frame.display.lenses,
+                      reference.foreground_mask(seen.mask), reference.lens_list)
+    return Row(metrics={name: metrics.get(name) for name in METRIC_NAMES}, ci95=metrics.get("ci95", {}),
+               error=_errors(reference, seen.image, frame.scale),
+               lens_ssim_fg=tuple(round(float(value), 6) for value in _per_lens(reference, seen.image)))
 
 
 def second_stage_seconds(settings: Settings, folder: Path, method: Method) -> float:
     """Median seconds of the whole second stage short of writing files."""
     seconds = timing.take_turns({"": lambda: panel_image(folder, method)}, settings.repeats)
-    return statistics.median(seconds[""])
+    return timing.median_ms(seconds[""]) / 1e3
 
 
 def middle_lenses(reference: Reference, count: int) -> np.ndarray:
@@ -114,16 +123,16 @@ def _errors(reference: Reference, image: np.ndarray, margin: int) -> SplitError 
     return SplitError(border, centre, border_pixels=float((~inside).mean()))
 
 
-def inputs(settings: Settings, scene: Path, name: str, **more: Any) -> dict[str, Any]:
+def inputs(settings: Settings, shot: Shot, name: str, **more: Any) -> dict[str, Any]:
     """What a kept measurement of accuracy depends on."""
-    reference = read_frame(renders.reference(settings, scene))
-    return {"scene": scene.stem, "method": name, "display": settings.display.to_dict(), "scale": settings.scale,
+    reference = read_frame(renders.reference(settings, shot.scene))
+    return {"scene": shot.scene.stem, "method": name, "display": settings.display.to_dict(), "scale": settings.scale,
             "convention": settings.convention, "reference_spp": reference.samples,
             "weights": weights.fingerprints(settings, name),
-            "lenses": None if reference.lens_list is None else len(reference.lens_list), **more}
+            "lenses": None if reference.lens_list is None else len(reference.lens_list), "spp": shot.spp, **more}
 
 
-def schedules(settings: Settings, names: Sequence[str]) -> dict[str, str]:
+def schedules(settings: Settings, names: Iterable[str]) -> dict[str, str]:
     """How the network of each method was trained; methods without one are left out."""
     return {name: weights.schedule(weights.weights(settings, part)) for name in names
             for part in MethodName.parse(name).networks}

@@ -27,45 +27,39 @@ LAYERS = ("albedo", "normal")
 
 @dataclasses.dataclass(frozen=True)
 class Shot:
-    """One low-resolution render.
+    """One low-resolution render."""
 
-    Attributes
-    ----------
-    scene: its file.
-    scale: factor, 1 for every view.
-    spp: samples per pixel.
-    display: None for that of accuracy.
-    layout: how views are rendered, see ``Job``.
-    """
-
-    scene: Path
-    scale: int
-    spp: int
-    display: DisplayProfile | None = None
-    layout: str = "one-pass"
+    scene: Path  # its file
+    scale: int  # factor, 1 for every view
+    spp: int  # samples per pixel
+    display: DisplayProfile | None = None  # None for that of accuracy
+    layout: str = "one-pass"  # how views are rendered, see ``Job``
 
 
 def low_resolution(settings: Settings, shot: Shot) -> Path:
     """Frame folder of a render; LfsrError where the folder holds another one."""
-    display = shot.display or settings.display
     variant = "" if shot.layout == "one-pass" else f"-{shot.layout}"
-    name = f"s{shot.scale}-spp{shot.spp}{variant}{_convention(settings)}"
-    folder = _scene_folder(settings, display, shot.scene) / name
-    job = Job(output=str(folder), display=display, scene=check_scene(shot.scene), scale=shot.scale, spp=shot.spp,
-              layers=LAYERS, layout=shot.layout, convention=settings.convention, device=settings.render_device)
-    return kept(job, with_blender(settings.blender))
+    job = _job(settings, shot.scene, f"s{shot.scale}-spp{shot.spp}{variant}", shot.display or settings.display)
+    return kept(dataclasses.replace(job, scale=shot.scale, spp=shot.spp, layers=LAYERS, layout=shot.layout),
+                with_blender(settings.blender))
 
 
 def reference(settings: Settings, scene: Path) -> Path:
     """Reference folder of ``scene`` on ``settings.display``; an existing one may have any number of samples."""
-    folder = _scene_folder(settings, settings.display, scene) / f"reference{_convention(settings)}"
-    job = Job(output=str(folder), display=settings.display, scene=check_scene(scene), kind="reference", scale=1,
-              spp=settings.reference_spp, convention=settings.convention, clamp_indirect=0.0,
-              device=settings.render_device)
-    if settings.lenses is not None and not (folder / FRAME_FILE).exists():
+    job = dataclasses.replace(_job(settings, scene, "reference", settings.display), kind="reference",
+                              spp=settings.reference_spp, clamp_indirect=0.0)
+    if settings.lenses is not None and not Path(job.output, FRAME_FILE).exists():
         mask = foreground(low_resolution(settings, Shot(scene, settings.scale, settings.spp)))
         job = dataclasses.replace(job, lens_list=choose_lenses(mask, settings.lenses))
     return kept(job, with_blender(settings.blender))
+
+
+def _job(settings: Settings, scene: Path, name: str, display: DisplayProfile) -> Job:
+    """A job at full resolution in the folder of this name, on ``settings.display`` in the shared bench folder."""
+    bench = settings.bench if display == settings.display else settings.output / f"bench-{display.name}"
+    convention = "" if settings.convention == "centred" else f"-{settings.convention}"
+    return Job(output=str(bench / scene.stem / f"{name}{convention}"), display=display, scene=check_scene(scene),
+               scale=1, convention=settings.convention, device=settings.render_device)
 
 
 def moved(settings: Settings, scene: Path, share: float) -> Path:
@@ -101,12 +95,3 @@ def resolution(display: DisplayProfile, divisor: int) -> DisplayProfile | None:
 def foreground(folder: Path) -> np.ndarray:
     """(sy, sx) bool: lenses of a render that see the foreground."""
     return foreground_mask(read_layers(folder / LOW_RES_FILE), read_frame(folder).rays.tiles)
-
-
-def _convention(settings: Settings) -> str:
-    return "" if settings.convention == "centred" else f"-{settings.convention}"
-
-
-def _scene_folder(settings: Settings, display: DisplayProfile, scene: Path) -> Path:
-    same = display == settings.display
-    return (settings.bench if same else settings.output / f"bench-{display.name}") / scene.stem

@@ -6,67 +6,42 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.bench.paper.cells import VERSION
 from lfsr_core.optics.display import DisplayProfile, load_display
 
+VERSION = 3  # another one where a measurement of the same inputs holds other numbers
 QUICK_DISPLAY = DisplayProfile("paper-quick", (192, 112), (192.0, 112.0), (12, 7), (16, 16), 250.0, 40.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """Everything that decides what is measured.
+    """Everything that decides what is measured."""
 
-    Attributes
-    ----------
-    output: folder of everything that is made.
-    scenes: scene files.
-    bench: folder of renders on ``display``, may be shared.
-    display: for accuracy.
-    timing_display: for whole frames whose time counts.
-    scale: factor of the low-resolution renders.
-    spp: samples per pixel that a user renders with.
-    clean_spp: samples per pixel nearly free of noise.
-    reference_spp: samples per pixel of a reference.
-    lenses: lenses of a reference, None for all.
-    convention: where views lie, see ``Job``.
-    weights: folder of trained networks, None for those that ship.
-    train_minutes: training per missing network, 0 trains none.
-    photographs, validation: to train with, empty for those of the built-in configs.
-    device: for networks.
-    render_device: for Cycles.
-    blender: executable, None to look for one.
-    repeats: runs of everything timed but renders.
-    steps: elemental images per call in Fig. 10(a).
-    moves: distances of the camera array in Fig. 10(b), as a share of its own.
-    resolutions: divisors of ``timing_display`` in Fig. 12(a).
-    workload: elemental images per frame and their low-resolution side where only a network is timed.
-    quick: whether the run only touches every figure.
-    """
-
-    output: Path
-    scenes: tuple[Path, ...]
-    bench: Path
-    display: DisplayProfile
-    timing_display: DisplayProfile
-    scale: int = 4
-    spp: int = 16
-    clean_spp: int = 4096
-    reference_spp: int = 1024
-    lenses: int | None = None
-    convention: str = "centred"
-    weights: Path | None = None
-    train_minutes: float = 0.0
-    photographs: str = ""
-    validation: str = ""
-    device: str = "auto"
-    render_device: str = "CPU"
-    blender: str | None = None
-    repeats: int = 10
-    steps: tuple[int, ...] = (8, 16, 32, 48, 80, 128, 208)
+    output: Path  # folder of everything that is made
+    scenes: tuple[Path, ...]  # scene files
+    bench: Path  # folder of renders on ``display``, may be shared
+    display: DisplayProfile  # for accuracy
+    timing_display: DisplayProfile  # for whole frames whose time counts
+    scale: int = 4  # factor of the low-resolution renders
+    spp: int = 16  # samples per pixel that a user renders with
+    clean_spp: int = 4096  # samples per pixel nearly free of noise
+    reference_spp: int = 1024  # samples per pixel of a reference
+    lenses: int | None = None  # lenses of a reference, None for all
+    convention: str = "centred"  # where views lie, see ``Job``
+    weights: Path | None = None  # folder of trained networks, None for those that ship
+    train_minutes: float = 0.0  # training per missing network, 0 trains none
+    photographs: str = ""  # to train with, empty for those of the built-in configs
+    validation: str = ""  # to train with, empty for those of the built-in configs
+    device: str = "auto"  # for networks
+    render_device: str = "CPU"  # for Cycles
+    blender: str | None = None  # executable, None to look for one
+    repeats: int = 10  # runs of everything timed but renders
+    steps: tuple[int, ...] = (8, 16, 32, 48, 80, 128, 208)  # elemental images per call in Fig. 10(a)
+    # Distances of the camera array in Fig. 10(b), as a share of its own.
     moves: tuple[float, ...] = (0.3, 0.45, 0.7, 1.0, 1.6)
-    resolutions: tuple[int, ...] = (4, 2, 1)
+    resolutions: tuple[int, ...] = (4, 2, 1)  # divisors of ``timing_display`` in Fig. 12(a)
+    # Elemental images per frame and their low-resolution side where only a network is timed.
     workload: tuple[int, int] = (5184, 20)
-    quick: bool = False
+    quick: bool = False  # whether the run only touches every figure
 
     def facts(self) -> dict[str, Any]:
         """What the page says about the run: no paths."""

@@ -14,16 +14,10 @@ SINGLE_RUN = 0.10  # share of a time taken once that is within its noise
 
 @dataclasses.dataclass(frozen=True)
 class Difference:
-    """A difference with its 95 % interval.
+    """A difference with its 95 % interval."""
 
-    Attributes
-    ----------
-    value: the difference itself.
-    half: half-width of the interval, infinite where the spread is not known.
-    """
-
-    value: float
-    half: float
+    value: float  # the difference itself
+    half: float  # half-width of the interval, infinite where the spread is not known
 
     @property
     def sign(self) -> int:

@@ -17,25 +17,15 @@ TOLERANCE = 1e-9  # rounding of the difference of two measured figures
 
 @dataclasses.dataclass(frozen=True)
 class Dial:
-    """One difficulty.
+    """One difficulty."""
 
-    Attributes
-    ----------
-    name: as on the command line and in the names of folders.
-    meaning: what a value is.
-    unit: of the values.
-    values: from easy to hard, the first of them the start.
-    quick: the part of them that a quick run measures.
-    judged: the metric, larger is better, that breaks.
-    scene: the one scene of all values, which then are samples per pixel; None where each value has its own.
-    """
-
-    name: str
-    meaning: str
-    unit: str
-    values: tuple[float, ...]
-    quick: tuple[float, ...]
-    judged: str = "ssim_eia_fg"
+    name: str  # as on the command line and in the names of folders
+    meaning: str  # what a value is
+    unit: str  # of the values
+    values: tuple[float, ...]  # from easy to hard, the first of them the start
+    quick: tuple[float, ...]  # the part of them that a quick run measures
+    judged: str = "ssim_eia_fg"  # the metric, larger is better, that breaks
+    # The one scene of all values, which then are samples per pixel; None where each value has its own.
     scene: str | None = None
 
     def scene_name(self, value: float) -> str:
@@ -102,18 +92,11 @@ def choose_dials(names: Sequence[str] | None) -> tuple[Dial, ...]:
 
 @dataclasses.dataclass(frozen=True)
 class Break:
-    """Where a method breaks.
+    """Where a method breaks."""
 
-    Attributes
-    ----------
-    value: of the dial.
-    quality: the judged figure there.
-    reason: "below bicubic" or "below its start".
-    """
-
-    value: float
-    quality: float
-    reason: str
+    value: float  # of the dial
+    quality: float  # the judged figure there
+    reason: str  # "below bicubic" or "below its start"
 
 
 def breaking_point(values: Sequence[float], quality: Mapping[float, float | None],

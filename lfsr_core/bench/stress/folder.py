@@ -28,18 +28,11 @@ FIXED_SEED = 0
 
 @dataclasses.dataclass(frozen=True)
 class Bench:
-    """A bench folder, in which missing scenes and renders are made when they are asked for.
+    """A bench folder, in which missing scenes and renders are made when they are asked for."""
 
-    Attributes
-    ----------
-    folder: where everything lies.
-    settings: what decides its figures.
-    executable: of Blender, None to look for one.
-    """
-
-    folder: Path
-    settings: Settings
-    executable: str | None = None
+    folder: Path  # where everything lies
+    settings: Settings  # what decides its figures
+    executable: str | None = None  # of Blender, None to look for one
 
     def claim(self) -> None:
         """Record the settings of a new folder; LfsrError if it was begun with other ones."""

@@ -26,23 +26,14 @@ Metrics = dict[str, float | None]
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """A dial's scene at one value, its folders read.
+    """A dial's scene at one value, its folders read."""
 
-    Attributes
-    ----------
-    bench: the folder that it is in.
-    dial, value: whose scene.
-    reference: of all lenses.
-    render: the low-resolution frame folder.
-    found: (sy, sx) bool, the foreground that the render found.
-    """
-
-    bench: Bench
-    dial: Dial
-    value: float
-    reference: Reference
-    render: Path
-    found: np.ndarray
+    bench: Bench  # the folder that it is in
+    dial: Dial  # whose scene
+    value: float  # whose scene
+    reference: Reference  # of all lenses
+    render: Path  # the low-resolution frame folder
+    found: np.ndarray  # (sy, sx) bool, the foreground that the render found
 
     @classmethod
     def load(cls, bench: Bench, dial: Dial, value: float) -> Scene:

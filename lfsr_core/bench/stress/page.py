@@ -30,18 +30,11 @@ WIDTH, HEIGHT = 6.4, 3.0  # of a drawing of curves, in inches
 
 @dataclasses.dataclass(frozen=True)
 class Picture:
-    """The worst crop of one method along one dial.
+    """The worst crop of one method along one dial."""
 
-    Attributes
-    ----------
-    source: path of the file, as seen from the page.
-    method: its name.
-    cell: whose worst lens it shows.
-    """
-
-    source: str
-    method: str
-    cell: Cell
+    source: str  # path of the file, as seen from the page
+    method: str  # its name
+    cell: Cell  # whose worst lens it shows
 
     @property
     def order(self) -> tuple[str, ...]:

@@ -19,24 +19,14 @@ EXTRAS = {"border": ("rmse_border", "rmse_centre", "border_ratio", "ssim_centre"
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """What decides every figure of a bench folder besides the dials and methods.
+    """What decides every figure of a bench folder besides the dials and methods."""
 
-    Attributes
-    ----------
-    display: that all scenes are made for.
-    scale: of the low-resolution renders, at least 2.
-    reference_samples: per pixel, of both halves of a reference together.
-    frames: of the moving card.
-    device: Cycles device.
-    format: of the files.
-    """
-
-    display: DisplayProfile
-    scale: int
-    reference_samples: int
-    frames: int
-    device: str = "CPU"
-    format: int = FORMAT
+    display: DisplayProfile  # that all scenes are made for
+    scale: int  # of the low-resolution renders, at least 2
+    reference_samples: int  # per pixel, of both halves of a reference together
+    frames: int  # of the moving card
+    device: str = "CPU"  # Cycles device
+    format: int = FORMAT  # of the files
 
     def __post_init__(self) -> None:
         self.display.low_views(self.scale)
@@ -55,49 +45,30 @@ class Settings:
 
 @dataclasses.dataclass(frozen=True)
 class Cell:
-    """The figures of one method at one value of one dial.
+    """The figures of one method at one value of one dial."""
 
-    Attributes
-    ----------
-    value: of the dial.
-    scene: folder of the scene.
-    samples: per pixel of the low-resolution render.
-    method: its name.
-    metrics: figures by name, None where one could not be measured.
-    worst_lens: (row, column) of the foreground lens with the largest error, None without foreground.
-    weights: SHA-256 over the files of the method's weights, empty without.
-    versions: of the method's parts that have one, by name.
-    """
-
-    value: float
-    scene: str
-    samples: int
-    method: str
-    metrics: dict[str, float | None]
+    value: float  # of the dial
+    scene: str  # folder of the scene
+    samples: int  # per pixel of the low-resolution render
+    method: str  # its name
+    metrics: dict[str, float | None]  # figures by name, None where one could not be measured
+    # (row, column) of the foreground lens with the largest error, None without foreground.
     worst_lens: tuple[int, int] | None
-    weights: str = ""
-    versions: dict[str, int] = dataclasses.field(default_factory=dict)
+    weights: str = ""  # SHA-256 over the files of the method's weights, empty without
+    versions: dict[str, int] = dataclasses.field(default_factory=dict)  # of the method's parts that have one, by name
 
 
 @dataclasses.dataclass(frozen=True)
 class DialReport:
-    """What was measured along one dial.
+    """What was measured along one dial."""
 
-    Attributes
-    ----------
-    name, meaning, unit, judged: as of the dial.
-    values: that were measured, from easy to hard.
-    cells: one per value and method.
-    breaks: where each method breaks, None where it never does.
-    """
-
-    name: str
-    meaning: str
-    unit: str
-    judged: str
-    values: tuple[float, ...]
-    cells: tuple[Cell, ...]
-    breaks: dict[str, Break | None]
+    name: str  # as of the dial
+    meaning: str  # as of the dial
+    unit: str  # as of the dial
+    judged: str  # as of the dial
+    values: tuple[float, ...]  # that were measured, from easy to hard
+    cells: tuple[Cell, ...]  # one per value and method
+    breaks: dict[str, Break | None]  # where each method breaks, None where it never does
 
     @property
     def span(self) -> str:
@@ -124,19 +95,10 @@ class DialReport:
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """Everything that was measured in a bench folder.
+    """Everything that was measured in a bench folder."""
 
-    Attributes
-    ----------
-    format: of the file.
-    settings: of the bench folder.
-    environment: of the machine that wrote the report.
-    methods: their names, bicubic first.
-    dials: one entry per dial.
-    """
-
-    format: int
-    settings: Settings
-    environment: dict[str, Any]
-    methods: tuple[str, ...]
-    dials: tuple[DialReport, ...]
+    format: int  # of the file
+    settings: Settings  # of the bench folder
+    environment: dict[str, Any]  # of the machine that wrote the report
+    methods: tuple[str, ...]  # their names, bicubic first
+    dials: tuple[DialReport, ...]  # one entry per dial

@@ -20,22 +20,13 @@ CARD_DEPTH = 0.25  # usable depths behind the display
 
 @dataclasses.dataclass(frozen=True)
 class Space:
-    """A display and its camera array in lens pitches.
+    """A display and its camera array in lens pitches."""
 
-    Attributes
-    ----------
-    lenses: horizontal and vertical count.
-    views: per lens, horizontal and vertical.
-    distance: of the viewer from the display plane.
-    spacing: between neighbouring high-resolution views.
-    scale: factor between rendered and finished views.
-    """
-
-    lenses: tuple[int, int]
-    views: tuple[int, int]
-    distance: float
-    spacing: float
-    scale: int
+    lenses: tuple[int, int]  # horizontal and vertical count
+    views: tuple[int, int]  # per lens, horizontal and vertical
+    distance: float  # of the viewer from the display plane
+    spacing: float  # between neighbouring high-resolution views
+    scale: int  # factor between rendered and finished views
 
     @classmethod
     def of(cls, profile: DisplayProfile, scale: int) -> Space:

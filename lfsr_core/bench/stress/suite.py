@@ -23,18 +23,11 @@ from lfsr_core.reconstruct.registry import method
 
 @dataclasses.dataclass(frozen=True)
 class Choice:
-    """What one run of the suite measures; LfsrError for an unknown dial or method.
+    """What one run of the suite measures; LfsrError for an unknown dial or method."""
 
-    Attributes
-    ----------
-    methods: names of methods, bicubic first; it is added where it lacks.
-    dials: that are measured.
-    quick: only a few values of each.
-    """
-
-    methods: tuple[str, ...]
-    dials: tuple[Dial, ...]
-    quick: bool = False
+    methods: tuple[str, ...]  # names of methods, bicubic first; it is added where it lacks
+    dials: tuple[Dial, ...]  # that are measured
+    quick: bool = False  # only a few values of each
 
     @classmethod
     def of(cls, methods: Sequence[str], dial_names: Sequence[str] | None = None, quick: bool = False) -> Choice:

@@ -11,7 +11,8 @@ from pathlib import Path
 import cv2
 import pytest
 
-from lfsr_core.bench.paper import cells, page, quality, renders, settings, timing, weights
+from lfsr_core.bench.paper import page, quality, renders, settings, timing, weights
+from lfsr_core.bench.paper.cells import Cells
 from lfsr_core.bench.paper.figure import CROPS_SEEN
 from lfsr_core.bench.paper.figures import figure9, figure11
 from lfsr_core.bench.paper.records import SplitError
@@ -131,20 +132,20 @@ def test_a_second_run_measures_nothing(frames, measured, monkeypatch):
 
 
 def test_cells_follow_their_inputs(tmp_path):
-    kept, calls = cells.Cells(tmp_path, "fig"), []
+    kept, calls = Cells(settings.quick(tmp_path, ()), "fig", SplitError), []
 
     def value(number, steps):
         def measure():
             calls.append(number)
             return SplitError(number, 0.0, 0.5)
 
-        return kept.get(SplitError, "a", {"n": steps}, measure).border
+        return kept.get("a", {"n": steps}, measure).border
 
     assert value(5, [1]) == value(6, [1]) == 5
     assert value(7, [2]) == 7
     (tmp_path / "cells" / "fig" / "a.json").write_text("{broken")
     assert value(8, [2]) == 8 and calls == [5, 7, 8]
-    assert kept.get(SplitError, "none", {}, lambda: None) is kept.get(SplitError, "none", {}, lambda: 1 / 0) is None
+    assert kept.get("none", {}, lambda: None) is kept.get("none", {}, lambda: 1 / 0) is None
 
 
 def test_stopped_run_keeps_what_is_done(frames, measured, tmp_path, monkeypatch):

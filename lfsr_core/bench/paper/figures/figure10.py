@@ -6,20 +6,16 @@ import dataclasses
 import statistics
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lfsr_core.bench import plots
 from lfsr_core.bench.paper import quality, timing, weights
-from lfsr_core.bench.paper.cells import Cells
+from lfsr_core.bench.paper.cells import Cells, highest
 from lfsr_core.bench.paper.figure import Figure, cautions, gains, measured, metric, scenes_of
-from lfsr_core.bench.paper.records import Accuracy, NetworkTimes, Results, Row
+from lfsr_core.bench.paper.records import NetworkTimes, Results, Row
 from lfsr_core.bench.paper.renders import Shot
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.bench.paper.verdict import Difference, overall, paired, sentence, span
 from lfsr_core.bench.tables import markdown_table, number
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Sheet
 
 NETWORK = "paper"
 DEPTHS = {"paper": 2, **{f"paper-{n}": n for n in (3, 4, 5, 6)}}
@@ -34,32 +30,19 @@ CLAIM_ARCHITECTURE = ("Its words are not known here; taken as: no other light ne
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Steps(Results, NetworkTimes):
-    """Times of one network for each number of elemental images per call, the names of ``seconds``.
+    """Times of one network for each number of elemental images per call, the names of ``seconds``."""
 
-    Attributes
-    ----------
-    workload: elemental images per frame and their low-resolution side.
-    """
-
-    workload: tuple[int, int] = (0, 0)
+    workload: tuple[int, int] = (0, 0)  # elemental images per frame and their low-resolution side
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Networks(Results):
-    """Time and accuracy of several networks.
+    """Time and accuracy of several networks."""
 
-    Attributes
-    ----------
-    times: of the networks alone.
-    rows: accuracy of every scene and method.
-    workload: elemental images per frame and their low-resolution side.
-    samples: per pixel of the renders.
-    """
-
-    times: NetworkTimes
-    rows: tuple[Row, ...]
-    workload: tuple[int, int] = (0, 0)
-    samples: int = 0
+    times: NetworkTimes  # of the networks alone
+    rows: tuple[Row, ...]  # accuracy of every scene and method
+    workload: tuple[int, int] = (0, 0)  # elemental images per frame and their low-resolution side
+    samples: int = 0  # per pixel of the renders
 
     def median_ms(self, name: str) -> float:
         """Median time of a network in milliseconds."""
@@ -79,12 +62,11 @@ def measure_step(settings: Settings) -> Steps:
         steps = {str(step): step for step in settings.steps}
         return timing.network_times(settings, dict.fromkeys(steps, weights.untrained(NETWORK, settings.scale)), steps)
 
-    cells = Cells(settings.output, "fig10a")
-    times = cells.get(NetworkTimes, "steps", inputs, run)
-    return Steps(**vars(times), workload=settings.workload, load=cells.load)
+    cells = Cells(settings, "fig10a", NetworkTimes)
+    return Steps(**vars(cells.get("steps", inputs, run)), workload=settings.workload, load=cells.load)
 
 
-def draw_step(results: Steps, _output: Path) -> Sheet:
+def draw_step(results: Steps, _output: Path) -> plots.Figure:
     """Milliseconds over the step, quartiles as bars."""
     sheet, grid = plots.sheet(5, 3)
     steps = sorted(results.seconds, key=int)
@@ -136,25 +118,20 @@ def measure_architecture(settings: Settings) -> Networks:
 
 
 def _measure(settings: Settings, figure: str, names: Sequence[str], only_quality: Sequence[str] = ()) -> Networks:
-    cells = Cells(settings.output, figure)
+    """Accuracy is that of a render nearly without noise: what a network adds there is its own."""
     inputs = {"networks": list(names), "workload": list(settings.workload), "repeats": settings.repeats,
               "device": settings.device, "scale": settings.scale, "step": STEP}
-    times = cells.get(NetworkTimes, "times", inputs, lambda: timing.network_times(
+    timed, cells = Cells(settings, figure, NetworkTimes), Cells(settings, figure, Row)
+    times = timed.get("times", inputs, lambda: timing.network_times(
         settings, {name: weights.untrained(name, settings.scale) for name in names}, dict.fromkeys(names, STEP)))
-    rows = tuple(_row(settings, cells, Shot(scene, settings.scale, settings.clean_spp), name)
-                 for scene in settings.scenes for name in (*names, *only_quality))
-    return Networks(times=times, rows=rows, workload=settings.workload, samples=settings.clean_spp, load=cells.load,
-                    schedules=quality.schedules(settings, names))
+    shots = [Shot(scene, settings.scale, settings.clean_spp) for scene in settings.scenes]
+    rows = tuple(quality.row(cells, shot, name, f"{shot.scene.stem}-{name}", quality.accuracy)
+                 for shot in shots for name in (*names, *only_quality))
+    return Networks(times=times, rows=rows, workload=settings.workload, samples=settings.clean_spp,
+                    load=highest(timed.load, cells.load), schedules=quality.schedules(settings, names))
 
 
-def _row(settings: Settings, cells: Cells, shot: Shot, name: str) -> Row:
-    """Accuracy on a render nearly without noise: what a network adds there is its own."""
-    found = cells.get(Accuracy, f"{shot.scene.stem}-{name}", quality.inputs(settings, shot.scene, name, spp=shot.spp),
-                      lambda: quality.measure(settings, shot, name))
-    return Row.of(found, scene=shot.scene.stem, method=name)
-
-
-def draw(results: Networks, _output: Path) -> Sheet:
+def draw(results: Networks, _output: Path) -> plots.Figure:
     """Time as bars, accuracy of every scene as points."""
     names = list(results.times.seconds)
     sheet, grid = plots.sheet(8, 3, 1, 2)

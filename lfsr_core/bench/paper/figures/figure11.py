@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,9 +24,6 @@ from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import horizontal_epi, to_elemental_images
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Sheet
-
 ID = "fig11"
 PAIRS = (("bicubic", "bicubic-eia"), ("paper", "paper-eia"), ("fsrcnn", "fsrcnn-eia"))
 REFERENCE, ADVERSARIAL = "reference", "paper-gan"
@@ -37,62 +34,31 @@ CLAIM = ("Super-resolving each elemental image keeps the lines of epipolar image
 
 @dataclasses.dataclass(frozen=True)
 class EpiErrors:
-    """Split squared errors of display values, the mean over the foreground lenses of each lens row.
+    """Split squared errors of display values, the mean over the foreground lenses of each lens row."""
 
-    Attributes
-    ----------
-    epi: of all views.
-    epi_border: of the outermost views on either side, where a neighbour's light would show.
-    """
-
-    epi: tuple[float, ...]
-    epi_border: tuple[float, ...]
+    epi: tuple[float, ...]  # of all views
+    epi_border: tuple[float, ...]  # of the outermost views on either side, where a neighbour's light would show
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class EpiMeasurement:
-    """The epipolar images of one method.
+class EpiRow:
+    """Epipolar images of one method on one scene."""
 
-    Attributes
-    ----------
-    metrics: their errors, None where they were not measured.
-    picture: file name of one of them.
-    """
-
-    metrics: EpiErrors | None = None
-    picture: str | None = None
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class EpiRow(EpiMeasurement):
-    """One method on one scene.
-
-    Attributes
-    ----------
-    scene: its name.
-    method: its name.
-    reason: why nothing could be measured, None where weights were the reason.
-    """
-
-    scene: str
-    method: str
-    reason: str | None = None
+    scene: str = ""  # its name
+    method: str = ""  # its name
+    samples: int | None = None  # per pixel of the render
+    metrics: EpiErrors | None = None  # None where nothing was measured
+    picture: str | None = None  # file name of one of them
+    reason: str | None = None  # why nothing could be measured, None where weights were the reason
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Epis(Results):
-    """Epipolar images of every scene and method.
+    """Epipolar images of every scene and method."""
 
-    Attributes
-    ----------
-    rows: one of each.
-    default: name of this project's default method.
-    samples: per pixel of the renders.
-    """
-
-    rows: tuple[EpiRow, ...]
-    default: str
-    samples: int = 0
+    rows: tuple[EpiRow, ...]  # one of each
+    default: str  # name of this project's default method
+    samples: int = 0  # per pixel of the renders
 
 
 def methods() -> tuple[str, ...]:
@@ -102,31 +68,27 @@ def methods() -> tuple[str, ...]:
 
 def measure(settings: Settings) -> Epis:
     """Error of all horizontal EPIs, lens row by lens row; needs a reference of all lenses."""
-    cells = Cells(settings.output, ID)
-    rows = tuple(_row(settings, cells, scene, name) for scene in settings.scenes for name in methods())
+    cells = Cells(settings, ID, EpiRow)
+    rows = tuple(_row(cells, Shot(scene, settings.scale, settings.clean_spp), name)
+                 for scene in settings.scenes for name in methods())
     return Epis(rows=rows, default=DEFAULT_METHOD, samples=settings.clean_spp, load=cells.load,
                 schedules=quality.schedules(settings, methods()))
 
 
-def _row(settings: Settings, cells: Cells, scene: Path, name: str) -> EpiRow:
-    if read_frame(renders.reference(settings, scene)).lens_list is not None:
-        return EpiRow(scene=scene.stem, method=name, reason="sampled lenses have no epipolar images")
-    file = cells.folder / f"{scene.stem}-{name}.png"
-    found = cells.get(EpiMeasurement, file.stem, quality.inputs(settings, scene, name, spp=settings.clean_spp),
-                      lambda: _measure_one(settings, Shot(scene, settings.scale, settings.clean_spp), name, file))
-    return EpiRow(**vars(found or EpiMeasurement()), scene=scene.stem, method=name)
+def _row(cells: Cells[EpiRow], shot: Shot, name: str) -> EpiRow:
+    scene = shot.scene.stem
+    if read_frame(renders.reference(cells.settings, shot.scene)).lens_list is not None:
+        return EpiRow(scene=scene, method=name, reason="sampled lenses have no epipolar images")
+    return quality.row(cells, shot, name, f"{scene}-{name}", functools.partial(_measure_one, scene))
 
 
-def _measure_one(settings: Settings, shot: Shot, name: str, file: Path) -> EpiMeasurement | None:
-    picture = quality.picture(settings, shot, name)
-    if picture is None:
-        return None
+def _measure_one(scene: str, picture: quality.Picture, file: Path) -> EpiRow:
     reference = picture.reference
     image, half_a, half_b = (srgb_encode(pixels) for pixels in (picture.image, reference.half_a, reference.half_b))
     _write_epi(image, reference, file)
-    _write_epi((half_a + half_b) / 2, reference, file.with_name(f"{shot.scene.stem}-{REFERENCE}.png"))
-    return EpiMeasurement(metrics=epi_errors((image - half_a) * (image - half_b), reference.hits, shot.scale),
-                          picture=file.name)
+    _write_epi((half_a + half_b) / 2, reference, file.with_name(f"{scene}-{REFERENCE}.png"))
+    errors = epi_errors((image - half_a) * (image - half_b), reference.hits, picture.frame.scale)
+    return EpiRow(metrics=errors, picture=file.name)
 
 
 def epi_errors(squares: np.ndarray, hits: np.ndarray, scale: int) -> EpiErrors:
@@ -146,7 +108,7 @@ def _write_epi(image: np.ndarray, reference: Reference, path: Path) -> None:
     write_png(path, (epi.clip(0, 1) * 255).round().astype(np.uint8))
 
 
-def draw(results: Epis, output: Path) -> Sheet:
+def draw(results: Epis, output: Path) -> plots.Figure:
     """The EPI of the fullest lens row, views downwards, of the first scene, for every method."""
     scene = next((row.scene for row in results.rows if row.picture), "no scene")
     shown = [(row.method, row.picture) for row in results.rows if row.scene == scene and row.picture]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from einops import rearrange
@@ -14,7 +13,7 @@ from lfsr_core.bench import plots
 from lfsr_core.bench.paper import quality
 from lfsr_core.bench.paper.cells import FOLDER, Cells
 from lfsr_core.bench.paper.figure import Figure, cautions, gains, metric, scenes_of
-from lfsr_core.bench.paper.records import Accuracy, Results, Row
+from lfsr_core.bench.paper.records import Results, Row
 from lfsr_core.bench.paper.renders import Shot
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.bench.paper.verdict import Difference, overall, sentence
@@ -22,9 +21,6 @@ from lfsr_core.bench.tables import markdown_table
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import to_elemental_images
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Sheet
 
 ID = "fig9"
 METHODS = ("bicubic", "paper", "paper-gan")
@@ -38,16 +34,10 @@ COLUMNS = ("ssim_eia", "ssim_eia_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plai
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Residuals(Results):
-    """Accuracy of every scene, number of samples and method.
+    """Accuracy of every scene, number of samples and method."""
 
-    Attributes
-    ----------
-    rows: one of each.
-    samples: per pixel, from few to many.
-    """
-
-    rows: tuple[Row, ...]
-    samples: tuple[int, ...]
+    rows: tuple[Row, ...]  # one of each
+    samples: tuple[int, ...]  # per pixel, from few to many
 
     def at(self, samples: int) -> list[Row]:
         """Rows of one number of samples."""
@@ -56,35 +46,22 @@ class Residuals(Results):
 
 def measure(settings: Settings) -> Residuals:
     """Every scene, at the samples a user has and nearly without noise."""
-    cells, samples = Cells(settings.output, ID), tuple(sorted({settings.spp, settings.clean_spp}))
+    cells, samples = Cells(settings, ID, Row), tuple(sorted({settings.spp, settings.clean_spp}))
     shots = [Shot(scene, settings.scale, spp) for scene in settings.scenes for spp in samples]
-    rows = tuple(_row(settings, cells, shot, name) for shot in shots for name in METHODS)
+    rows = tuple(quality.row(cells, shot, name, f"{shot.scene.stem}-spp{shot.spp}-{name}", _measure_one)
+                 for shot in shots for name in METHODS)
     return Residuals(rows=rows, samples=samples, load=cells.load, schedules=quality.schedules(settings, METHODS))
 
 
-def _row(settings: Settings, cells: Cells, shot: Shot, name: str) -> Row:
-    stem = f"{shot.scene.stem}-spp{shot.spp}-{name}"
-    found = cells.get(Accuracy, stem, quality.inputs(settings, shot.scene, name, spp=shot.spp),
-                      lambda: _measure_one(settings, shot, name, cells.folder / f"{stem}.png"))
-    return Row.of(found, scene=shot.scene.stem, method=name, samples=shot.spp)
-
-
-def _measure_one(settings: Settings, shot: Shot, name: str, file: Path) -> Accuracy | None:
-    picture = quality.picture(settings, shot, name)
-    if picture is None:
-        return None
-    _write_residual(picture, file)
-    return dataclasses.replace(quality.accuracy(picture), picture=file.name)
-
-
-def _write_residual(picture: quality.Picture, path: Path) -> None:
-    """Amplified difference from the mean of the halves, of foreground lenses side by side."""
+def _measure_one(picture: quality.Picture, file: Path) -> Row:
+    """Shows the amplified difference from the mean of the halves, of foreground lenses side by side."""
     reference, shown = picture.reference, quality.middle_lenses(picture.reference, LENSES_SHOWN)
     rows, columns = reference.lenses[shown].T
     ours = srgb_encode(to_elemental_images(picture.image, reference.frame.display.lenses)[rows, columns])
     half_a, half_b = (half[shown] for half in reference.elemental_images())
     residual = np.abs(ours - (half_a + half_b) / 2) * AMPLIFIED
-    write_png(path, (mosaic(residual).clip(0, 1) * 255).round().astype(np.uint8))
+    write_png(file, (mosaic(residual).clip(0, 1) * 255).round().astype(np.uint8))
+    return dataclasses.replace(quality.accuracy(picture), picture=file.name)
 
 
 def mosaic(images: np.ndarray, across: int = ACROSS) -> np.ndarray:
@@ -94,7 +71,7 @@ def mosaic(images: np.ndarray, across: int = ACROSS) -> np.ndarray:
                      "(down across) h w c -> (down h) (across w) c", across=across)
 
 
-def draw(results: Residuals, output: Path) -> Sheet:
+def draw(results: Residuals, output: Path) -> plots.Figure:
     """One row per scene, one column per method, at the most samples; above each its split SSIM."""
     rows = results.at(results.samples[-1])
     scenes = scenes_of(rows)

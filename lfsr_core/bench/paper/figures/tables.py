@@ -9,12 +9,11 @@ from pathlib import Path
 from lfsr_core.bench.paper import quality, renders, weights
 from lfsr_core.bench.paper.cells import Cells
 from lfsr_core.bench.paper.figure import Figure, cautions, gains, measured, metric
-from lfsr_core.bench.paper.records import Accuracy, FrameTimes, Results, Row
+from lfsr_core.bench.paper.records import FrameTimes, Results, Row
 from lfsr_core.bench.paper.renders import Shot
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.bench.paper.verdict import Difference, overall, sentence, single_runs
 from lfsr_core.bench.tables import markdown_table, number
-from lfsr_core.frames.frame import read_frame
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.networks import catalogue
 
@@ -28,23 +27,10 @@ Found = Mapping[tuple[str, str], "RivalRow"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Rival(Accuracy, FrameTimes):
-    """Time and accuracy of one method."""
+class RivalRow(Row, FrameTimes):
+    """Time and accuracy of one rival on one scene."""
 
-    render: float = 0.0
-    second_stage: float = 0.0
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class RivalRow(Row, Rival):
-    """Of one scene.
-
-    Attributes
-    ----------
-    how: scale, samples and method.
-    """
-
-    how: str = ""
+    how: str = ""  # scale, samples and method
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -56,36 +42,21 @@ class Rivals(Results):
 
 @dataclasses.dataclass(frozen=True)
 class CostRow:
-    """What one network costs.
+    """What one network costs."""
 
-    Attributes
-    ----------
-    method: its name.
-    per_low_pixel: multiply-adds per low-resolution pixel.
-    parameters: their number.
-    per_frame: multiply-adds for all lenses.
-    """
-
-    method: str
-    per_low_pixel: float
-    parameters: int = 0
-    per_frame: float = 0.0
+    method: str  # its name
+    per_low_pixel: float  # multiply-adds per low-resolution pixel
+    parameters: int = 0  # their number
+    per_frame: float = 0.0  # multiply-adds for all lenses
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Costs(Results):
-    """Costs of networks.
+    """Costs of networks."""
 
-    Attributes
-    ----------
-    rows: one per network.
-    pixels: of a frame, horizontal and vertical.
-    scale: factor.
-    """
-
-    rows: tuple[CostRow, ...]
-    pixels: tuple[int, int] = (0, 0)
-    scale: int = 0
+    rows: tuple[CostRow, ...]  # one per network
+    pixels: tuple[int, int] = (0, 0)  # of a frame, horizontal and vertical
+    scale: int = 0  # factor
 
 
 def rivals(settings: Settings, scene: Path) -> dict[str, tuple[Shot, str]]:
@@ -99,28 +70,30 @@ def rivals(settings: Settings, scene: Path) -> dict[str, tuple[Shot, str]]:
 
 def measure_rivals(settings: Settings) -> Rivals:
     """Every rival on every scene."""
-    cells = Cells(settings.output, "table2")
-    rows = tuple(_row(settings, cells, name, *how) for scene in settings.scenes
+    cells = Cells(settings, "table2", RivalRow)
+    rows = tuple(_row(cells, name, *how) for scene in settings.scenes
                  for name, how in rivals(settings, scene).items())
     methods = [method for _, method in rivals(settings, settings.scenes[0]).values()]
     return Rivals(rows=rows, load=cells.load, schedules=quality.schedules(settings, methods))
 
 
-def _row(settings: Settings, cells: Cells, name: str, shot: Shot, method: str) -> RivalRow:
-    inputs = quality.inputs(settings, shot.scene, method, spp=shot.spp, render_scale=shot.scale, layout=shot.layout,
-                            repeats=settings.repeats, device=settings.device, render_device=settings.render_device)
+def _row(cells: Cells[RivalRow], name: str, shot: Shot, method: str) -> RivalRow:
+    settings = cells.settings
+    inputs = quality.inputs(settings, shot, method, render_scale=shot.scale, layout=shot.layout, device=settings.device,
+                            repeats=settings.repeats, render_device=settings.render_device)
     key = f"{shot.scene.stem}-{name}".replace(" ", "-").replace("(", "").replace(")", "")
-    found = cells.get(Rival, key, inputs, lambda: _one(settings, shot, method))
-    return RivalRow.of(found, scene=shot.scene.stem, method=name, how=f"s{shot.scale}, {shot.spp} spp, {method}")
+    found = cells.get(key, inputs, lambda: _one(settings, shot, method)) or RivalRow()
+    how = f"s{shot.scale}, {shot.spp} spp, {method}"
+    return dataclasses.replace(found, scene=shot.scene.stem, method=name, how=how)
 
 
-def _one(settings: Settings, shot: Shot, name: str) -> Rival | None:
-    method = weights.method(settings, name)
-    if method is None:
+def _one(settings: Settings, shot: Shot, name: str) -> RivalRow | None:
+    method, picture = weights.method(settings, name), quality.picture(settings, shot, name)
+    if method is None or picture is None:
         return None
     folder = renders.low_resolution(settings, shot)
-    return Rival(**vars(quality.measure(settings, shot, name)), render=read_frame(folder).seconds["render"],
-                 second_stage=quality.second_stage_seconds(settings, folder, method))
+    return RivalRow(**vars(quality.accuracy(picture)), render=picture.frame.seconds["render"],
+                    second_stage=quality.second_stage_seconds(settings, folder, method))
 
 
 def table_rivals(results: Rivals) -> list[str]:
