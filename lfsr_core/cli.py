@@ -15,13 +15,16 @@ from lfsr_core.errors import LfsrError
 VERBS = (displays, render, upscale, plan, reference, compare, chart, views, stress, train, fit)
 
 EXIT_BAD_INPUT, EXIT_INTERRUPTED = 2, 130
+ENDINGS = ("SIGTERM", "SIGHUP", "SIGQUIT")  # as Ctrl-C: a closed terminal too
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; returns the exit code: 0, 2 after bad input, 130 after Ctrl-C."""
     arguments = build_parser().parse_args(argv)
     try:
-        signal.signal(signal.SIGTERM, _interrupt)
+        for name in ENDINGS:
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), _interrupt)
         arguments.run(arguments)
     except LfsrError as error:
         print(f"lfsr {arguments.verb}: {error}", file=sys.stderr)

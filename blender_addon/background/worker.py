@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from typing import IO, Any
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.render.protocol import parse_progress
+from lfsr_core.render.protocol import ENDS_WITH_INPUT, parse_progress
 
 SECONDS_TO_STOP = 1.0
 LINES_IN_MESSAGE = 3
@@ -39,6 +39,7 @@ class Worker:
         self._last_lines: collections.deque[str] = collections.deque(maxlen=LINES_IN_MESSAGE)
         # A pipe for its input ends with this process, whatever ends that.
         streams = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+        environment = environment | {ENDS_WITH_INPUT: "1"}
         try:
             self._process = subprocess.Popen(list(command), **streams, env=environment, text=True, encoding="utf-8",
                                              errors="replace", **_own_group())

@@ -10,6 +10,8 @@ from collections.abc import Callable
 
 import bpy
 
+from lfsr_core.render.protocol import ENDS_WITH_INPUT
+
 from ..render.cycles import UNFINISHED
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -28,6 +30,8 @@ def on_signals(end: Callable[[], None]) -> None:
     for number in SIGNALS:
         signal.signal(number, _leave_to_thread)
     threading.Thread(target=_wait, args=(reader, end), daemon=True, name="lfsr-stop").start()
+    if os.environ.get(ENDS_WITH_INPUT):
+        threading.Thread(target=_wait_for_end_of_input, args=(end,), daemon=True, name="lfsr-parent").start()
 
 
 def _leave_to_thread(*_: object) -> None:
@@ -37,6 +41,17 @@ def _leave_to_thread(*_: object) -> None:
 def _wait(reader: int, end: Callable[[], None]) -> None:
     while os.read(reader, 1)[0] not in SIGNALS:
         pass
+    _leave(end)
+
+
+def _wait_for_end_of_input(end: Callable[[], None]) -> None:
+    """The process that started this one holds the other end of standard input: it ends when that dies."""
+    while os.read(0, 1):
+        pass
+    _leave(end)
+
+
+def _leave(end: Callable[[], None]) -> None:
     for path in list(UNFINISHED):
         shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
     shutil.rmtree(bpy.app.tempdir, ignore_errors=True)

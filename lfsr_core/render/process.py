@@ -8,7 +8,6 @@ import os
 import shutil
 import signal
 import subprocess
-import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,8 @@ from lfsr_core.files import write_json
 from lfsr_core.frames import frame
 from lfsr_core.frames.job import Job
 from lfsr_core.render.blender import Blender
-from lfsr_core.render.protocol import EXIT_BAD_INPUT, LAST_STAGES, parse_progress
+from lfsr_core.render.protocol import ENDS_WITH_INPUT, EXIT_BAD_INPUT, LAST_STAGES, parse_progress
+from lfsr_core.render.staging import staging_folder
 
 LOG_FILE = "blender.log"
 SECONDS_TO_STOP = 5
@@ -41,15 +41,10 @@ def run_job(job: Job, blender: Blender, progress: Progress | None = None, warn: 
     """
     folder = Path(job.output)
     check_folder(folder, job.kind)
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        staging = tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent)
-    except OSError as error:
-        raise LfsrError(f"{folder} cannot be made ({error.strerror}): choose another folder") from None
-    with staging as name:
-        staged = Path(name) / "frame"
+    with staging_folder(folder) as staging:
+        staged = staging / "frame"
         staged.mkdir()
-        job_file, log_file = Path(name) / "job.json", Path(name) / LOG_FILE
+        job_file, log_file = staging / "job.json", staging / LOG_FILE
         write_json(job_file, dataclasses.replace(job, output=str(staged.resolve())).to_dict())
         _run(blender.command(job_file), log_file, folder, _listener(progress, warn))
         _publish(staged, folder)
@@ -78,8 +73,10 @@ def _listener(progress: Progress | None, warn: Warn | None) -> Callable[[dict[st
 
 def _run(command: list[str], log_file: Path, folder: Path, listen: Callable[[dict[str, Any]], None]) -> None:
     # Its own process group: Ctrl-C reaches this program only, which then stops Blender.
-    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
-                             env=os.environ | {"PYTHONUNBUFFERED": "1"}, start_new_session=True)
+    # A pipe for its input, which ends with this program, whatever ends that; then Blender ends too.
+    child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                             text=True, errors="replace", start_new_session=True,
+                             env=os.environ | {"PYTHONUNBUFFERED": "1", ENDS_WITH_INPUT: "1"})
     with child, log_file.open("w", encoding="utf-8") as log:
         try:
             last = _follow(child.stdout or (), log.write, listen)

@@ -12,6 +12,8 @@ from typing import Any
 PROGRESS_PREFIX = "LFSR "
 LAST_STAGES = ("done", "error", "cancelled")
 EXIT_BAD_INPUT, EXIT_CANCELLED = 2, 130
+# Environment variable that tells a process to end when its standard input does.
+ENDS_WITH_INPUT = "LFSR_ENDS_WITH_INPUT"
 
 
 def emit(**record: Any) -> None:

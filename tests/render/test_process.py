@@ -218,7 +218,7 @@ def wait_for(condition, seconds: float = 20) -> None:
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
 def test_interrupt_stops_blender_and_leaves_nothing(blender, job, tmp_path, sent):
     pid_file, scene = tmp_path / "pid", tmp_path / "scene.glb"
     scene.touch()

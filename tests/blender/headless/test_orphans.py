@@ -1,0 +1,72 @@
+"""However the command ends, Blender ends with it, and the next run clears away what was left."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import bpy
+import pytest
+
+from tests.support.scenes import ROOT, add_box, emission
+
+SECONDS_TO_END = 2.0
+FEW, ENDLESS = "1", "400000"
+
+
+@pytest.fixture
+def blend(scene, tmp_path):
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), emission((1, 0.5, 0.2)))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    return tmp_path / "scene.blend"
+
+
+def lfsr(blend, samples):
+    command = [sys.executable, "-m", "lfsr_core.cli", "render", blend, "-o", blend.parent / "frame", "--display",
+               "mini", "--method", "bicubic", "--spp", samples]
+    temporary = blend.parent / "tmp"
+    temporary.mkdir(exist_ok=True)
+    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                            env=os.environ | {"TMPDIR": str(temporary)})
+
+
+def children(pid):
+    """Process ids of the living children of ``pid``."""
+    return [int(line) for line in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def lives(pid):
+    stat = Path(f"/proc/{pid}/stat")
+    return stat.exists() and stat.read_text().rsplit(")", 1)[1].split()[0] not in "ZX"
+
+
+def wait_for(condition, seconds, what):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, what
+        time.sleep(0.02)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGHUP, signal.SIGQUIT])
+def test_blender_ends_with_the_command(blend, sent):
+    program = lfsr(blend, ENDLESS)
+    try:
+        for line in program.stdout:
+            if "render" in line:
+                break
+        (blender,) = children(program.pid)
+        program.send_signal(sent)
+        program.wait(20)
+        wait_for(lambda: not lives(blender), SECONDS_TO_END * 5, "Blender lives on")
+    finally:
+        program.kill()
+    assert not list((blend.parent / "tmp").glob("blender_*"))
+    left = list(blend.parent.glob(".frame-*"))
+    assert len(left) == (1 if sent == signal.SIGKILL else 0)
+    assert lfsr(blend, FEW).wait(120) == 0
+    assert sorted(path.name for path in blend.parent.iterdir()) == ["frame", "scene.blend", "tmp"]
