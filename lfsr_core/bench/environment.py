@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 import os
 import platform
 import sys
@@ -10,8 +11,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from lfsr_core import __version__
+from lfsr_core.errors import LfsrError
 
 PACKAGES = ("bpy", "numpy", "pyoidn", "torch", "onnxruntime", "OpenImageIO", "opencolorio")
+REPORT_PACKAGES = ("Jinja2", "matplotlib")  # the extra "bench"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,7 +25,7 @@ class Environment:
     ----------
     cpu : name of the processor
     cores : number of its logical cores
-    memory_gib : main memory, None where the system does not tell
+    memory_gib : main memory, None where it is not known
     system : operating system
     python : version of Python
     gpu : name of the graphics card that PyTorch used, None without one
@@ -55,8 +58,15 @@ def environment() -> Environment:
                        versions)
 
 
+def check_packages() -> None:
+    """LfsrError if a package that writes the reports is not installed: before hours of measuring, not after them."""
+    for package in REPORT_PACKAGES:
+        if importlib.util.find_spec(package.lower()) is None:
+            raise LfsrError(f"reports need the Python package {package!r}, which is not installed: install lfsr[bench]")
+
+
 def load_average() -> float | None:
-    """Processes that wanted to run over the last minute, None where the system does not tell."""
+    """Processes that wanted to run over the last minute, None where it is not known."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 

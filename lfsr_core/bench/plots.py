@@ -72,7 +72,13 @@ class Curve:
 
 
 def sheet(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
-    """A figure of ``width`` × ``height`` inches and its axes (rows, columns), drawn without a window."""
+    """A figure, drawn without a window, and its axes.
+
+    Parameters
+    ----------
+    width, height : of the figure in inches
+    rows, columns : of the axes, which come as an array of that shape
+    """
     figure = _figure(width, height, layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False)
 
@@ -174,9 +180,13 @@ def even_ticks(low: float, high: float) -> list[float]:
 
 
 def value_axis(axes: Axes, low: float, high: float, toward_one: bool) -> None:
-    """Values from ``low`` to ``high``, upwards.
+    """Values upwards, with round ticks.
 
-    ``toward_one``: they end at 1, equal steps up halve 1 − value, and the limits are as ``height`` gives them.
+    Parameters
+    ----------
+    axes : what is drawn on
+    low, high : limits; ``toward_one`` as ``height`` gives them
+    toward_one : values end at 1, and equal steps up halve 1 − value
     """
     if not toward_one:
         axes.set_ylim(low, high)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lfsr_core.bench.chart.settings import Settings
 
 NAME = "chart"
 HELP = "measure every method's end-to-end time and accuracy on scenes, and draw both"
@@ -54,15 +57,16 @@ def _add_measure_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Measure, then write the tables and pictures and name them."""
-    from lfsr_core.bench.chart import run as chart
+    from lfsr_core.bench.chart.run import measure, write_pages
+    from lfsr_core.bench.environment import check_packages
 
+    check_packages()
     settings = _settings(arguments)
-    measured = chart.measure(settings, arguments.scenes, _report)
-    for path in chart.write_pages(settings.folder, measured):
+    for path in write_pages(settings.folder, measure(settings, arguments.scenes, _report)):
         print(path)
 
 
-def _settings(arguments: argparse.Namespace) -> Any:
+def _settings(arguments: argparse.Namespace) -> Settings:
     from lfsr_core.bench.chart.settings import DIRECT_METHODS, Settings, check_methods, default_methods
     from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 

@@ -30,6 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Measure what is missing and write tables, curves and pictures."""
+    from lfsr_core.bench.environment import check_packages
+
+    check_packages()
     from lfsr_core.bench.stress.folder import DISPLAY_FILE, Bench
     from lfsr_core.bench.stress.records import Settings
     from lfsr_core.bench.stress.suite import Choice, default_methods, run_suite

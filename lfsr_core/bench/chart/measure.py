@@ -105,7 +105,7 @@ class Target:
         """The reference in ``folder``; ``mask`` (sy, sx) is the foreground where it shows only some lenses."""
         reference = Reference.read(folder)
         if reference.lens_list is not None and mask is None:
-            raise LfsrError(f"{folder} shows only some lenses, so a low-resolution render must say which are "
+            raise LfsrError(f"{folder} shows only some lenses, so a low-resolution render must show which are "
                             "foreground, but there is none: run it without --only-measure")
         return cls(reference, reference.foreground_mask(mask))
 
@@ -190,7 +190,7 @@ def scratch_copy(folder: Path) -> Iterator[Path]:
 
 
 def method_cost(name: str, scale: int, low_views: tuple[int, int], seconds: float | None = None) -> MethodCost:
-    """What a method costs; Open Image Denoise, which does not tell, is not counted.
+    """What a method costs; Open Image Denoise, whose size is not known, is not counted.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ class ChartSettings:
 
 @dataclasses.dataclass(frozen=True)
 class Metrics:
-    """Every metric of docs/reference/metrics.md; None stands for what cannot be told."""
+    """Every metric of docs/reference/metrics.md; None stands for what is not known."""
 
     p: float | None
     ssim_eia: float | None

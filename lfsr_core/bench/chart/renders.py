@@ -33,7 +33,15 @@ class Repeats:
 def low_render(settings: Settings, scene: Path, scale: int, samples: int) -> Path | None:
     """Frame folder of a render, made if it is not there; None if it is not and no render may be made.
 
-    LfsrError if the folder holds another render.
+    Parameters
+    ----------
+    settings : of the chart
+    scene : its file
+    scale, samples : of the render
+
+    Raises
+    ------
+    LfsrError : the folder holds another render
     """
     return _kept(settings, _job(settings, scene, render_folder(settings.folder / scene.stem, scale, samples), scale,
                                 samples))

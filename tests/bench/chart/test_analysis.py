@@ -23,7 +23,7 @@ from lfsr_core.bench.chart.analysis import (
 from lfsr_core.bench.chart.records import DIRECT, LOW, Ceiling, Metrics, Point
 from tests.support.chart_example import measured_cell, scene_row
 
-SECONDS = st.sampled_from([1.0, 2.0, 3.0]) | st.floats(0.01, 1e4)  # some alike: ties must be told too
+SECONDS = st.sampled_from([1.0, 2.0, 3.0]) | st.floats(0.01, 1e4)  # some alike: ties happen
 VALUES = st.sampled_from([0.2, 0.4, 0.6]) | st.floats(-1, 1)
 POINTS = st.lists(st.builds(Point, st.just(LOW), st.sampled_from("ab"), st.integers(1, 64), SECONDS, VALUES),
                   min_size=1, max_size=12)
