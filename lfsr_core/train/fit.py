@@ -24,6 +24,7 @@ from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.networks import catalogue, numpy_network
 from lfsr_core.reconstruct.networks.pytorch import checkpoint
 from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldNet, conserve, display_values, encode, upscale
+from lfsr_core.reconstruct.networks.pytorch.networks import load
 from lfsr_core.reconstruct.registry import method
 from lfsr_core.train.ssim import split_error_map, split_ssim_map
 
@@ -102,7 +103,7 @@ def fit(folder: str | Path, reference: str | Path, output: str | Path, options: 
         raise LfsrError(f"{reference} shows {len(order)} foreground lenses, but a fit needs {LEAST_LENSES} and some to "
                         "check it: render a reference of more lenses")
     seen, unseen = data.take(order[:count]), data.take(order[count:])
-    network, entry = catalogue.load(options.network, data.scale), catalogue.spec(options.network)
+    network, entry = load(options.network, data.scale), catalogue.spec(options.network)
     torch.manual_seed(options.seed)
     before = score(network, unseen)
     network, steps = _descend(network, seen, options.seconds, progress)

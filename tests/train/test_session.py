@@ -11,8 +11,8 @@ from torch import nn
 
 from lfsr_core.cli import main
 from lfsr_core.errors import LfsrError
-from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.networks.pytorch import checkpoint
+from lfsr_core.reconstruct.networks.pytorch.networks import load
 from lfsr_core.train import loop
 from lfsr_core.train.log import read_log
 from lfsr_core.train.photographs import task as comparator
@@ -42,7 +42,7 @@ def test_training_lowers_the_loss_and_beats_its_start(folder, tmp_path):
     facts = json.loads(trained.weights.with_suffix(".json").read_text())
     assert facts["config"] == dataclasses.asdict(config) and facts["data"]["photographs"]["files"] == 3
     assert facts["validation"]["bicubic.psnr"] > 20 and facts["multiply_adds_per_low_pixel"] == 10896
-    loaded = catalogue.load("paper", 2, trained.weights)
+    loaded = load("paper", 2, trained.weights)
     assert checkpoint.digest({k: v.numpy() for k, v in loaded.state_dict().items()}) == facts["sha256"]
 
 

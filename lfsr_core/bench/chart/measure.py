@@ -30,7 +30,6 @@ from lfsr_core.images.exr import read_layers
 from lfsr_core.metrics.eia_metrics import compare
 from lfsr_core.metrics.intervals import lens_intervals
 from lfsr_core.reconstruct.method_name import MethodName
-from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
 
 CELL_FORMAT = 2
@@ -208,8 +207,9 @@ def method_cost(name: str, scale: int, low_views: tuple[int, int], seconds: floa
 def _count(part: str, scale: int, low_views: tuple[int, int]) -> tuple[int, float]:
     """Parameters of a network, and its multiply-adds per low-resolution pixel."""
     from lfsr_core.reconstruct.networks.pytorch.cost import multiply_adds, parameters
+    from lfsr_core.reconstruct.networks.pytorch.networks import build
 
-    network = catalogue.build(part, scale).eval()
+    network = build(part, scale).eval()
     return parameters(network), multiply_adds(network, *low_views[::-1])
 
 

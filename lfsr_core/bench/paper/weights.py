@@ -93,8 +93,10 @@ def untrained(name: str, scale: int) -> Any:
     """The network as built, with random weights of seed 0: its speed does not depend on them."""
     import torch
 
+    from lfsr_core.reconstruct.networks.pytorch.networks import build
+
     torch.manual_seed(0)
-    return catalogue.build(name, scale).eval().requires_grad_(False)
+    return build(name, scale).eval().requires_grad_(False)
 
 
 def untrained_method(settings: Settings, name: str, scale: int) -> registry.Method:

@@ -1,7 +1,4 @@
-"""Networks behind the contract of ``upscale.py``: one dict of names, everything else imported when used.
-
-Importing this module imports no torch.
-"""
+"""The networks that can be named: one dict of what each is. Imports no PyTorch; what needs it is imported when used."""
 
 from __future__ import annotations
 
@@ -9,12 +6,9 @@ import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lfsr_core.errors import LfsrError, did_you_mean
-
-if TYPE_CHECKING:
-    from torch import nn
 
 PYTORCH = "lfsr_core.reconstruct.networks.pytorch"
 WEIGHTS_FOLDER = Path(__file__).parent / "weights"
@@ -27,11 +21,16 @@ EVERY_SCALE = (2, 3, 4, 5, 8, 10)
 class NetworkSpec:
     """One network that can be named on the command line.
 
-    ``architecture``: "module:class"; the class takes ``scale`` and ``options``.
-    ``layers``: auxiliary layers it needs. ``upscaler``: "module:class" taking (name, **settings) and obeying
-    the contract of ``upscale.py``. ``weights``: file stem if not the name.
-    ``trained_at``: the one scale it was trained at, if its weights serve all. ``after``: prefilter
-    that must come before it.
+    Attributes:
+        description: one line for menus.
+        architecture: its class, by name of ``pytorch.networks.ARCHITECTURES``.
+        options: what that class takes beside the scale.
+        scales: those it comes in.
+        layers: auxiliary layers that it needs.
+        upscaler: "module:class" that takes (name, **settings) and obeys ``contract.Upscaler``.
+        weights: stem of its files, if that is not its name.
+        trained_at: the one scale it was trained at, if its weights serve all.
+        after: prefilter that must come before it.
     """
 
     description: str
@@ -55,12 +54,12 @@ def _ours(description: str, inputs: tuple[str, ...], size: tuple[int, int, int],
     width, body_width, blocks = size
     options = {"inputs": inputs, "base": inputs[0], "width": width, "body_width": body_width, "blocks": blocks}
     options |= {"second_base": second_base} if second_base else {}
-    return NetworkSpec(description, f"{PYTORCH}.lightfield:build", options, EVERY_SCALE,
+    return NetworkSpec(description, "LightFieldNet", options, EVERY_SCALE,
                        ("albedo", "normal"), upscaler=LIGHT_FIELD_UPSCALER, trained_at=4, after=after)
 
 
 def _paper(convolutions: int, description: str) -> NetworkSpec:
-    return NetworkSpec(description, f"{PYTORCH}.paper:PaperGenerator", {"convolutions": convolutions})
+    return NetworkSpec(description, "PaperGenerator", {"convolutions": convolutions})
 
 
 NETWORKS: dict[str, NetworkSpec] = {
@@ -72,12 +71,12 @@ NETWORKS: dict[str, NetworkSpec] = {
     "paper": _paper(2, "the paper's generator per EI, trained with MSE only"),
     "paper-gan": _paper(2, "the paper's generator per EI, trained with its discriminator"),
     **{f"paper-{n}": _paper(n, f"the paper's generator with {n} convolutions, MSE only") for n in (3, 4, 5, 6)},
-    "espcn": NetworkSpec("ESPCN per EI", f"{PYTORCH}.espcn:ESPCN"),
-    "fsrcnn": NetworkSpec("FSRCNN(56, 12, 4) per EI", f"{PYTORCH}.fsrcnn:FSRCNN"),
-    "fsrcnn-eia": NetworkSpec("FSRCNN over the whole EIA: crosstalk between EIs", f"{PYTORCH}.fsrcnn:FSRCNN",
+    "espcn": NetworkSpec("ESPCN per EI", "ESPCN"),
+    "fsrcnn": NetworkSpec("FSRCNN(56, 12, 4) per EI", "FSRCNN"),
+    "fsrcnn-eia": NetworkSpec("FSRCNN over the whole EIA: crosstalk between EIs", "FSRCNN",
                               upscaler=f"{PYTORCH}.upscalers:WholeEIAUpscaler", weights="fsrcnn"),
     "paper-eia": NetworkSpec("the paper's generator over the whole EIA: crosstalk between EIs",
-                             f"{PYTORCH}.paper:PaperGenerator", {"convolutions": 2},
+                             "PaperGenerator", {"convolutions": 2},
                              upscaler=f"{PYTORCH}.upscalers:WholeEIAUpscaler", weights="paper"),
 }
 
@@ -92,15 +91,6 @@ def spec(name: str) -> NetworkSpec:
     return NETWORKS[name]
 
 
-def build(name: str, scale: int) -> nn.Module:
-    """Untrained network; LfsrError if it does not come at that scale or torch is missing."""
-    entry = spec(name)
-    if scale not in entry.scales:
-        scales = ", ".join(map(str, entry.scales))
-        raise LfsrError(f"network {name!r} has no scale {scale}: choose one of {scales} or another method")
-    return resolve(entry.architecture)(scale=scale, **entry.options)
-
-
 def weights_path(name: str, scale: int, folder: str | Path = WEIGHTS_FOLDER) -> Path:
     """Where the weights of a network at a scale lie, whether they exist or not."""
     entry = spec(name)
@@ -112,28 +102,17 @@ def trained_scales(name: str) -> list[int]:
     return [scale for scale in spec(name).scales if weights_path(name, scale).exists()]
 
 
-def load(name: str, scale: int, weights: str | Path | None = None) -> nn.Module:
-    """Network with its weights, in evaluation mode, on the CPU; LfsrError if they do not fit."""
-    network = build(name, scale)
-    path = Path(weights) if weights else weights_path(name, scale)
-    if weights is None and not path.exists():
-        scales = ", ".join(map(str, trained_scales(name))) or "no scale"
-        raise LfsrError(f"network {name!r} has no weights for scale {scale} (there are some for {scales}): "
-                        f"choose another scale or method, or train them with 'lfsr train'")
-    return resolve(f"{PYTORCH}.checkpoint:load_into")(network, path, spec(name).trained_at or scale).eval()
-
-
 def upscaler(name: str, **settings: Any) -> Any:
-    """Upscaler of the contract in ``upscale.py``; weights load at the first call, when the scale is known.
+    """What obeys ``contract.Upscaler``; weights load at the first call, when the scale is known.
 
     ``settings`` go to the upscaler's class (``weights``, ``device``, ``step``).
     LfsrError for an unknown name or a missing package.
     """
-    return resolve(spec(name).upscaler)(name, **settings)
+    return _class(spec(name).upscaler)(name, **settings)
 
 
-def resolve(reference: str) -> Any:
-    """Object named "module:attribute"; LfsrError if torch is not installed."""
+def _class(reference: str) -> Any:
+    """Class named "module:class"; LfsrError if PyTorch is not installed."""
     module, attribute = reference.split(":")
     try:
         return getattr(importlib.import_module(module), attribute)

@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.networks.pytorch import checkpoint
+from lfsr_core.reconstruct.networks.pytorch.networks import build
 from lfsr_core.reconstruct.networks.weights_file import read as read_tensors
 from lfsr_core.train.config import TrainConfig
 from lfsr_core.train.photographs.data import Crops, CropSampler, EpochOfCrops, Photographs, downsample
@@ -50,7 +51,7 @@ class ComparatorTask:
         self._sampler = CropSampler(photographs, crops, device)
         self._validation = _validation_pairs(validation, config, device) if validation else []
         self._more_figures = more_figures
-        self.network = catalogue.build(config.network, config.scale).to(device)
+        self.network = build(config.network, config.scale).to(device)
         if config.start:
             checkpoint.load_into(self.network, config.start, config.scale)
             self._data["start"] = read_tensors(Path(config.start))[0]["sha256"]

@@ -16,6 +16,8 @@ from lfsr_core.reconstruct.networks.pytorch.cost import multiply_adds, parameter
 from lfsr_core.reconstruct.networks.pytorch.deconvolution import fold_for_inference
 from lfsr_core.reconstruct.networks.pytorch.espcn import ESPCN
 from lfsr_core.reconstruct.networks.pytorch.fsrcnn import FSRCNN
+from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldConfig, LightFieldNet
+from lfsr_core.reconstruct.networks.pytorch.networks import build
 from lfsr_core.reconstruct.networks.pytorch.paper import PaperGenerator
 from lfsr_core.train.photographs.discriminator import Discriminator
 
@@ -28,7 +30,7 @@ CLASSES = (PaperGenerator, FSRCNN, ESPCN)
 @pytest.mark.parametrize("name", PHOTOGRAPH_NETWORKS)
 @pytest.mark.parametrize("scale", [2, 3, 4, 8])
 def test_every_network_upscales_by_its_scale(name, scale):
-    high = catalogue.build(name, scale)(torch.rand(2, 3, 7, 10))
+    high = build(name, scale)(torch.rand(2, 3, 7, 10))
     assert high.shape == (2, 3, 7 * scale, 10 * scale)
 
 
@@ -38,7 +40,7 @@ def kinds(network: nn.Module, kind: type) -> list[nn.Module]:
 
 @pytest.mark.parametrize("convolutions", [2, 3, 4, 5, 6])
 def test_paper_generator_has_the_papers_layers(convolutions):
-    network = catalogue.build("paper" if convolutions == 2 else f"paper-{convolutions}", 4)
+    network = build("paper" if convolutions == 2 else f"paper-{convolutions}", 4)
     sizes = [(layer.in_channels, layer.out_channels, layer.kernel_size[0]) for layer in kinds(network, nn.Conv2d)]
     assert sizes == [(3, 32, 5), (32, 16, 3)] + [(16, 16, 3)] * (convolutions - 2)
     (up,) = kinds(network, nn.ConvTranspose2d)
@@ -68,6 +70,14 @@ def test_discriminator_is_srgans():
 ])
 def test_multiply_adds_are_those_of_the_formula(network, expected):
     assert multiply_adds(network, 10, 6) == expected
+
+
+@pytest.mark.parametrize("config", [LightFieldConfig(), LightFieldConfig(width=4, body_width=8, blocks=1)])
+def test_multiply_adds_of_our_network_are_those_of_the_formula(config):
+    width, body = config.width, config.body_width
+    full = 9 * config.input_channels * width + 9 * width * config.outputs
+    half = 4 * width * body + 2 * config.blocks * 9 * body * body + body * width * 4
+    assert multiply_adds(LightFieldNet(config), 10, 6) == full + half / 4
 
 
 def test_parameters_of_espcn():
@@ -103,14 +113,15 @@ def test_unknown_network_names_the_nearest():
 
 def test_scale_that_does_not_fit():
     with pytest.raises(LfsrError, match="network 'paper' has no scale 5: choose one of 2, 3, 4, 8"):
-        catalogue.build("paper", 5)
+        build("paper", 5)
 
 
 def test_missing_package_is_one_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
-    monkeypatch.delitem(sys.modules, "lfsr_core.reconstruct.networks.pytorch.espcn")
+    monkeypatch.delitem(sys.modules, "lfsr_core.reconstruct.networks.pytorch.upscalers", raising=False)
+    monkeypatch.delitem(sys.modules, "lfsr_core.reconstruct.networks.pytorch.engine", raising=False)
     with pytest.raises(LfsrError, match=r"need the Python package 'torch'.*install lfsr\[training\]"):
-        catalogue.build("espcn", 4)
+        catalogue.upscaler("espcn")
 
 
 def test_registry_and_contract_import_no_torch():

@@ -15,6 +15,7 @@ from lfsr_core.reconstruct.networks import catalogue, numpy_network
 from lfsr_core.reconstruct.networks.elemental import ElementalUpscaler, needs_network
 from lfsr_core.reconstruct.networks.numpy_network import ElementalNetwork, network_inputs
 from lfsr_core.reconstruct.networks.pytorch import checkpoint, lightfield
+from lfsr_core.reconstruct.networks.pytorch.networks import build
 from lfsr_core.reconstruct.registry import method
 from lfsr_core.train.lightfields.data import network_inputs as training_inputs
 
@@ -25,7 +26,7 @@ LENSES = np.array([(0, 0), (2, 3), (1, 1), (0, 2), (2, 0)])
 def random_network(name="refine", seed=0):
     """Torch module with every tensor random."""
     torch.manual_seed(seed)
-    net = catalogue.build(name, 4)
+    net = build(name, 4)
     for value in net.parameters():
         torch.nn.init.normal_(value, std=0.2)
     return net.eval()
@@ -113,7 +114,7 @@ def test_flat_elemental_images_need_no_network(low, file):
 
 
 def test_each_elemental_image_keeps_the_light_it_was_rendered_with(low, file):
-    checkpoint.save(file, catalogue.build("refine", 4), 4, {}, catalogue.spec("refine").options)
+    checkpoint.save(file, build("refine", 4), 4, {}, catalogue.spec("refine").options)
     rendered = low.color * np.random.default_rng(3).uniform(0.9, 1.1, (*GRID, 1, 1, 3)).astype(np.float32)
     low = dataclasses.replace(low, noisy=rendered)
     kept = decode(ElementalUpscaler("refine", weights=file, flat=-1).clean(low, LENSES)).mean((1, 2))
@@ -159,7 +160,7 @@ def test_wrong_files_are_told(tmp_path, file):
     with pytest.raises(LfsrError, match="does not exist"):
         numpy_network.load(tmp_path / "no.safetensors")
     other = tmp_path / "other.safetensors"
-    checkpoint.save(other, catalogue.build("paper", 4), 4, {}, {"convolutions": 2})
+    checkpoint.save(other, build("paper", 4), 4, {}, {"convolutions": 2})
     with pytest.raises(LfsrError, match="expected 'LightFieldNet'"):
         numpy_network.load(other)
     checkpoint.save(other, random_network(), 4, {}, {**catalogue.spec("refine").options, "width": 12})

@@ -9,7 +9,7 @@ import torch
 from torch import nn
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.networks.pytorch.networks import load
 from lfsr_core.train.photographs.data import load_photographs
 from lfsr_core.train.photographs.discriminator import Discriminator
 from lfsr_core.train.photographs.task import ComparatorTask, adversarial_loss, discriminator_loss
@@ -74,7 +74,7 @@ def test_a_generator_meets_its_adversary_with_what_it_has_learned(folder, tmp_pa
     generator = train(small(folder, epochs=2), tmp_path / "generator", device="cpu").weights
     judged = small(folder, network="paper-gan", crop=32, adversarial=1e-3, start=str(generator))
     task = ComparatorTask(judged, load_photographs(folder), None, CPU)
-    learned = catalogue.load("paper", 2, generator).state_dict()
+    learned = load("paper", 2, generator).state_dict()
     assert all(torch.equal(value, learned[name]) for name, value in task.network.state_dict().items())
     other = train(small(folder, epochs=1, seed=5), tmp_path / "other", device="cpu").weights
     elsewhere = ComparatorTask(dataclasses.replace(judged, start=str(other)), load_photographs(folder), None, CPU)

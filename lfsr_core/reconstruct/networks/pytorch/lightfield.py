@@ -1,4 +1,4 @@
-"""Our network: cleans each low-resolution elemental image so that linear upscaling comes nearest to the truth.
+"""Our network: cleans each low-resolution elemental image so that linear upscaling comes nearest to the reference.
 
 A shallow U of 3×3 convolutions inside one EI, trained through linear upscaling
 on noisy renders. A nonlinear upscaling head and convolutions across lenses
@@ -20,11 +20,13 @@ from lfsr_core.reconstruct.networks.numpy_network import LEAST_LIGHT, MAX_GAIN, 
 class LightFieldConfig:
     """Size and inputs of one network.
 
-    ``inputs`` are layers of the low-resolution EIA in the order the first
-    convolution sees them. ``base`` is the layer that the network corrects; ``second_base``
-    another picture of the same, which it mixes in pixel by pixel.
-    ``width``: channels at full angular resolution; ``body_width``: at half.
-    ``blocks``: residual pairs of convolutions.
+    Attributes:
+        inputs: layers of the low-resolution EIA, in the order that the first convolution sees them.
+        base: the layer that the network corrects.
+        second_base: another picture of the same, which it mixes in pixel by pixel; "" for none.
+        width: channels at full angular resolution.
+        body_width: channels at half of it.
+        blocks: residual pairs of convolutions.
     """
 
     inputs: tuple[str, ...] = ("color", "alpha", "albedo", "normal")
@@ -46,7 +48,7 @@ class LightFieldConfig:
 
 
 def encode(linear: Tensor) -> Tensor:
-    """Scene-linear >= 0 to the working domain of ``upscale.encode``: √x up to 1, 1 + ½·ln x above."""
+    """Scene-linear >= 0 to the working domain of ``encoding.encode``: √x up to 1, 1 + ½·ln x above."""
     # The slope of a root at 0 has no end.
     return linear.clamp(1e-8, 1).sqrt() + 0.5 * linear.clamp_min(1).log()
 

@@ -1,4 +1,4 @@
-"""From the contract of ``upscale.py`` to a network and back.
+"""Comparators as upscalers: from the contract to a network trained on photographs and back.
 
 Comparators were trained on photographs, so they see what photographs are:
 sRGB-encoded RGB clipped to [0, 1]. Highlights above 1 are lost there; the
@@ -11,15 +11,13 @@ from __future__ import annotations
 import math
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.networks.pytorch.engine import Engine, make_engine
-
-if TYPE_CHECKING:
-    from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.reconstruct.networks.pytorch.networks import load
 
 # Reach of the widest comparator (FSRCNN: 5×5, four 3×3 and 9×9 at stride s) in low-resolution pixels.
 RECEPTIVE_RADIUS = 11
@@ -66,7 +64,7 @@ class PhotographUpscaler:
     def engine(self, scale: int) -> Engine:
         """The engine that runs the network at ``scale``, made once."""
         if scale not in self._engines:
-            network = catalogue.load(self.name, scale, self._weights)
+            network = load(self.name, scale, self._weights)
             self._engines[scale] = make_engine(network, **self._settings)
         return self._engines[scale]
 

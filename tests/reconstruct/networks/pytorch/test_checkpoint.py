@@ -14,6 +14,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.networks.pytorch import checkpoint
+from lfsr_core.reconstruct.networks.pytorch.networks import load
 from lfsr_core.reconstruct.networks.pytorch.paper import PaperGenerator
 
 
@@ -35,7 +36,7 @@ def rewrite(path, change_header=None, change_tensors=None):
 
 def test_load_gives_the_saved_values(saved):
     network, path = saved
-    loaded = catalogue.load("paper", 4, path)
+    loaded = load("paper", 4, path)
     assert not loaded.training
     for name, value in network.state_dict().items():
         assert torch.equal(loaded.state_dict()[name], value)
@@ -53,28 +54,28 @@ def test_provenance_lies_beside_and_agrees(saved):
 def test_another_version(saved):
     rewrite(saved[1], {"version": "2"})
     with pytest.raises(LfsrError, match="weights format version '2', expected 1"):
-        catalogue.load("paper", 4, saved[1])
+        load("paper", 4, saved[1])
 
 
 def test_another_format(saved):
     save_file({"a": np.zeros(2, np.float32)}, saved[1])
     with pytest.raises(LfsrError, match="not LFSR weights"):
-        catalogue.load("paper", 4, saved[1])
+        load("paper", 4, saved[1])
 
 
 def test_another_architecture(saved):
     with pytest.raises(LfsrError, match="architecture 'PaperGenerator', expected 'ESPCN'"):
-        catalogue.load("espcn", 4, saved[1])
+        load("espcn", 4, saved[1])
 
 
 def test_another_scale(saved):
     with pytest.raises(LfsrError, match="scale '4', expected '2'"):
-        catalogue.load("paper", 2, saved[1])
+        load("paper", 2, saved[1])
 
 
 def test_another_shape(saved):
     with pytest.raises(LfsrError, match=r"body\.4\..*missing, expected \(16"):
-        catalogue.load("paper-3", 4, saved[1])
+        load("paper-3", 4, saved[1])
 
 
 def test_one_changed_value_breaks_the_hash(saved):
@@ -83,7 +84,7 @@ def test_one_changed_value_breaks_the_hash(saved):
     value[0] += 1e-3
     rewrite(saved[1], change_tensors={"up.bias": value})
     with pytest.raises(LfsrError, match="does not match the SHA-256"):
-        catalogue.load("paper", 4, saved[1])
+        load("paper", 4, saved[1])
 
 
 def test_hash_sees_shapes_and_names():
@@ -97,7 +98,7 @@ def test_hash_sees_shapes_and_names():
 def test_truncated_file(saved, keep):
     saved[1].write_bytes(saved[1].read_bytes()[:keep])
     with pytest.raises(LfsrError, match="cannot be read as safetensors weights"):
-        catalogue.load("paper", 4, saved[1])
+        load("paper", 4, saved[1])
 
 
 def test_a_pickle_is_never_run(saved, tmp_path):
@@ -107,17 +108,17 @@ def test_a_pickle_is_never_run(saved, tmp_path):
 
     saved[1].write_bytes(pickle.dumps(Evil()))
     with pytest.raises(LfsrError, match="cannot be read"):
-        catalogue.load("paper", 4, saved[1])
+        load("paper", 4, saved[1])
     assert not (tmp_path / "proof").exists()
 
 
 def test_missing_file_and_missing_scale(tmp_path, monkeypatch):
     with pytest.raises(LfsrError, match="does not exist"):
-        catalogue.load("paper", 4, tmp_path / "none.safetensors")
+        load("paper", 4, tmp_path / "none.safetensors")
     monkeypatch.setattr(catalogue, "trained_scales", lambda name: [2, 4])
     monkeypatch.setattr(catalogue, "weights_path", lambda name, scale: tmp_path / "none.safetensors")
     with pytest.raises(LfsrError, match=r"no weights for scale 3 \(there are some for 2, 4\)"):
-        catalogue.load("paper", 3)
+        load("paper", 3)
 
 
 def test_too_large_and_diverged_weights_are_refused(tmp_path):
@@ -143,4 +144,4 @@ def test_shipped_weights_fit_and_carry_their_provenance(name, scale):
     assert path.stat().st_size < checkpoint.MAX_BYTES
     assert header["sha256"] == facts["sha256"] == checkpoint.digest(tensors)
     assert {"command", "versions", "validation"} <= facts.keys()
-    catalogue.load(name, scale)
+    load(name, scale)

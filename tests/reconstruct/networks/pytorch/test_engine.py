@@ -8,7 +8,6 @@ import torch
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
-from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.networks.pytorch import backends, engine, upscalers
 from lfsr_core.reconstruct.networks.pytorch.engine import make_engine
 from lfsr_core.reconstruct.networks.pytorch.espcn import ESPCN
@@ -117,7 +116,7 @@ def low_eia(sy=4, sx=5, h=6, w=5, aux=(), seed=0):
 
 @pytest.fixture
 def paper_weights(network, monkeypatch):
-    monkeypatch.setattr(catalogue, "load", lambda name, scale, weights=None: network)
+    monkeypatch.setattr(upscalers, "load", lambda name, scale, weights=None: network)
     return network
 
 
