@@ -29,11 +29,11 @@ from training.textures import find_textures, prepare_textures
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
+from lfsr_core.render.protocol import EXIT_BAD_INPUT, emit
 
 if TYPE_CHECKING:
     from training.produce import Recipe
 
-BAD_INPUT = 2
 SETTINGS_FILE = "settings.json"
 
 
@@ -101,7 +101,7 @@ def missing_scenes(recipe: Recipe, first: int, count: int) -> list[int]:
 def run(options: argparse.Namespace) -> int:
     """Do what the command line says; how many scenes failed."""
     if options.prepare_textures:
-        crew.say(stage="textures", count=prepare_textures(*options.prepare_textures, options.size))
+        emit(stage="textures", count=prepare_textures(*options.prepare_textures, options.size))
         return 0
     from training.produce import produce
 
@@ -111,12 +111,12 @@ def run(options: argparse.Namespace) -> int:
         return 0
     claim_folder(recipe)
     missing = missing_scenes(recipe, options.first, options.count)
-    crew.say(stage="start", scenes=len(missing), complete=options.count - len(missing))
+    emit(stage="start", scenes=len(missing), complete=options.count - len(missing))
     if options.workers > 1:
         failed = crew.share_out(worker_command(options), min(options.workers, len(missing)), missing)
     else:
         failed = [index for index in missing if not crew.attempt(lambda index: produce(recipe, index), index)]
-    crew.say(stage="done", made=len(missing) - len(failed), failed=failed)
+    emit(stage="done", made=len(missing) - len(failed), failed=failed)
     return len(failed)
 
 
@@ -141,8 +141,8 @@ def main() -> int:
     try:
         return 1 if run(parse(script_arguments())) else 0
     except LfsrError as error:
-        crew.say(stage="error", message=str(error))
-        return BAD_INPUT
+        emit(stage="error", message=str(error))
+        return EXIT_BAD_INPUT
 
 
 def leave(code: int) -> None:

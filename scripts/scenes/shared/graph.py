@@ -1,4 +1,4 @@
-"""Random materials: every sort the product's scenes may contain, with colours from numbers, noise or photographs."""
+"""Node trees written as nested calls."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from typing import Any
 
 import bpy
 
+from blender_addon import compat
+
 
 class Graph:
-    """Node tree of a material, written as nested calls."""
+    """Node tree of a material or a world."""
 
     def __init__(self, tree: bpy.types.NodeTree) -> None:
         self.tree = tree
@@ -28,3 +30,15 @@ class Graph:
             self.tree.links.new(value, socket)
         else:
             socket.default_value = value
+
+    def only(self, kind: str) -> bpy.types.Node:
+        """The one node of a type such as "BACKGROUND"."""
+        return next(node for node in self.tree.nodes if node.type == kind)
+
+
+def principled(name: str) -> tuple[bpy.types.Material, Graph, bpy.types.Node]:
+    """A new material, its graph and its Principled shader."""
+    material = bpy.data.materials.new(name)
+    compat.use_nodes(material)
+    graph = Graph(material.node_tree)
+    return material, graph, graph.only("BSDF_PRINCIPLED")

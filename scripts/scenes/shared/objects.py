@@ -1,8 +1,4 @@
-"""What every part of a training scene is built on: the random stream, the display window, the notes.
-
-World axes: X right, Z up, Y away from the viewer; the display plane is y = 0 with
-half-width 1, the viewer at y = -distance.
-"""
+"""Surfaces and other data as objects in the open scene."""
 
 from __future__ import annotations
 

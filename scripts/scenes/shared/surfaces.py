@@ -1,4 +1,4 @@
-"""Meshes of the training scenes as plain arrays: NumPy only, unit-sized, centred."""
+"""Meshes as plain arrays: NumPy only, unit-sized, centred."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from stress.stage import (
     twin,
     world_light,
 )
-from stress.things import bodies, every_sort, glass, lattice, opaque_sorts, print_of, printed, tiles, wires
+from stress.things import Grid, bodies, every_sort, glass, lattice, opaque_sorts, print_of, printed, tiles, wires
 
 from lfsr_core.bench.stress.space import card_centre, card_of_motion, hole
 
@@ -97,7 +97,7 @@ def glass_scene(stage: Stage, material: bpy.types.Material) -> None:
     world_light()
     sun()
     space = stage.space
-    bodies(stage, space.depth(-0.25), space.depth(0.25), [material] * 4, cell=3.0)
+    bodies(stage, space.depth(-0.25), space.depth(0.25), [material] * 4, Grid(3.0))
     y = space.depth(BOARD_DEPTH)
     ground, graph, shader = surface_of("tiles", Roughness=0.8)
     graph.feed(shader.inputs["Base Color"], tiles(graph, 1.5 * space.magnified(y), (0.08, 0.05, 0.2), (0.8, 0.7, 0.4)))
@@ -124,7 +124,7 @@ def caustics(stage: Stage, degrees: float) -> None:
     full_board(stage, "wall", y, plain("wall", (0.75, 0.72, 0.68), Roughness=1.0, Specular_IOR_Level=0.0))
     size = space.magnified(y)
     sorts = [glass(1.5, 0.0), plain("brass", (0.95, 0.75, 0.4), Metallic=1.0, Roughness=0.05)]
-    bodies(stage, y - 2.2 * size, y - 1.6 * size, [sorts[0], sorts[0], sorts[1], sorts[0]], cell=3.2)
+    bodies(stage, y - 2.2 * size, y - 1.6 * size, [sorts[0], sorts[0], sorts[1], sorts[0]], Grid(3.2))
 
 
 def fireflies(stage: Stage, pixels: float) -> None:
@@ -134,7 +134,7 @@ def fireflies(stage: Stage, pixels: float) -> None:
     bodies(stage, space.depth(0.3), space.depth(0.5), every_sort())
     radius = pixels * space.footprint(0)
     ball = put("firefly", surfaces.sphere(), glow("firefly", (1.0, 0.8, 0.5), FIREFLY_POWER / radius**2), (0, 0, 0))
-    for place, _ in lattice(stage, space.depth(-0.2), space.depth(0.2), cell=3.3):
+    for place, _ in lattice(stage, space.depth(-0.2), space.depth(0.2), Grid(3.3)):
         twin(ball, place, radius)
     bpy.data.objects.remove(ball)
 
@@ -178,7 +178,7 @@ def hdri(stage: Stage, times: float) -> None:
     bpy.context.scene.render.film_transparent = False
     space = stage.space
     reach = (space.lenses[0] * 0.28, space.lenses[1] * 0.28)
-    bodies(stage, space.depth(-0.25), space.depth(0.25), every_sort(), reach, cell=2.0)
+    bodies(stage, space.depth(-0.25), space.depth(0.25), every_sort(), Grid(2.0, reach))
 
 
 def border(stage: Stage, contrast: float) -> None:
@@ -219,7 +219,7 @@ def recall(stage: Stage, pixels: float) -> None:
     world_light()
     space = stage.space
     speck = put("speck", surfaces.sphere(), glow("speck", (1.0, 0.95, 0.85), 1.0), (0, 0, 0))
-    for place, _ in lattice(stage, space.depth(-0.5), space.depth(0.5), cell=3.0):
+    for place, _ in lattice(stage, space.depth(-0.5), space.depth(0.5), Grid(3.0)):
         twin(speck, place, pixels * space.footprint(place[1]) / 2)
     bpy.data.objects.remove(speck)
 

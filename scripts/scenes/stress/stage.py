@@ -12,11 +12,10 @@ from typing import Any
 
 import bpy
 import numpy as np
-from shared.graph import Graph
+from shared.graph import Graph, principled
 from shared.objects import add_surface
 from shared.surfaces import Surface
 
-from blender_addon import compat
 from blender_addon.array import edit
 from blender_addon.scene import subject
 from blender_addon.scene.light import add_light
@@ -52,9 +51,9 @@ class Stage:
 def world_light(picture: str = "city.exr", strength: float = WORLD_STRENGTH) -> bpy.types.Node:
     """Light from one of Blender's own world pictures, kept inside the file; its background node."""
     world = add_light(bpy.context.scene, picture)
-    nodes = world.node_tree.nodes
-    next(node for node in nodes if node.type == "TEX_ENVIRONMENT").image.pack()
-    background = next(node for node in nodes if node.type == "BACKGROUND")
+    graph = Graph(world.node_tree)
+    graph.only("TEX_ENVIRONMENT").image.pack()
+    background = graph.only("BACKGROUND")
     background.inputs["Strength"].default_value = strength
     return background
 
@@ -71,10 +70,7 @@ def sun(strength: float = SUN_STRENGTH, angle: float = SUN_ANGLE) -> bpy.types.O
 
 def surface_of(name: str, **inputs: Any) -> tuple[bpy.types.Material, Graph, bpy.types.Node]:
     """Principled material with ``inputs`` by socket name (spaces as _): material, its graph, its shader."""
-    material = bpy.data.materials.new(name)
-    compat.use_nodes(material)
-    graph = Graph(material.node_tree)
-    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    material, graph, shader = principled(name)
     for key, value in inputs.items():
         graph.feed(shader.inputs[key.replace("_", " ")], value)
     return material, graph, shader

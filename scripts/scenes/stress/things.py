@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from collections.abc import Iterator, Sequence
@@ -13,18 +14,21 @@ from shared.graph import Graph
 from shared.surfaces import Surface
 from stress.stage import Stage, between, object_vector, plain, put, surface_of, turned, twin
 
-CELL = 2.5      # lenses from body to body, seen from the viewing position
-BODY_SIZE = 0.95  # their radius in lenses
+BODY_SIZE = 0.95  # radius in lenses
 JITTER = 0.35
 
 
-def lattice(stage: Stage, low: float, high: float, cell: float = CELL,
-            reach: tuple[float, float] | None = None) -> Iterator[tuple[np.ndarray, float]]:
-    """(place, lens size there) of scattered points between depths ``low`` and ``high``.
+@dataclasses.dataclass(frozen=True)
+class Grid:
+    """How points are spread, in lenses seen from the viewing position."""
 
-    They lie ``cell`` lenses apart seen from the viewing position and fill all that
-    any view sees, or ± ``reach`` lenses of the middle.
-    """
+    cell: float = 2.5  # from point to point
+    reach: tuple[float, float] | None = None  # to either side of the middle, None for all that any view sees
+
+
+def lattice(stage: Stage, low: float, high: float, grid: Grid) -> Iterator[tuple[np.ndarray, float]]:
+    """(place, lens size there) of scattered points between depths ``low`` and ``high``."""
+    cell, reach = grid.cell, grid.reach
     space, rng = stage.space, stage.rng
     limits = [max(space.window(y)[axis] / space.magnified(y) for y in (low, high)) + cell for axis in (0, 1)]
     columns, rows = (int((reach or limits)[axis] / cell) for axis in (0, 1))
@@ -36,12 +40,12 @@ def lattice(stage: Stage, low: float, high: float, cell: float = CELL,
 
 
 def bodies(stage: Stage, low: float, high: float, materials: Sequence[bpy.types.Material],
-           reach: tuple[float, float] | None = None, cell: float = CELL) -> list[bpy.types.Object]:
+           grid: Grid = Grid()) -> list[bpy.types.Object]:
     """Balls, boxes, rings and pillows of the given materials between two depths."""
     kinds = [put(f"body {index}", shape, material, (0, 0, 0))
              for index, (shape, material) in enumerate(zip(itertools.cycle(_shapes(stage)), materials, strict=False))]
     made = [turned(twin(kinds[index % len(kinds)], place, size * BODY_SIZE), tuple(stage.rng.uniform(0, 180, 3)))
-            for index, (place, size) in enumerate(lattice(stage, low, high, cell, reach))]
+            for index, (place, size) in enumerate(lattice(stage, low, high, grid))]
     for kind in kinds:
         bpy.data.objects.remove(kind)
     return made

@@ -1,13 +1,12 @@
 """Several Blender processes that take scene numbers from one list.
 
 A worker reads numbers from its standard input, one a line, and answers each with
-one line ``LFSR {json}``. A worker that dies costs the scene it was at, no more;
+one record of ``lfsr_core.render.protocol``. A worker that dies costs the scene it was at, no more;
 bad input, which every scene would meet, ends the run.
 """
 
 from __future__ import annotations
 
-import json
 import queue
 import subprocess
 import sys
@@ -16,26 +15,21 @@ import traceback
 from collections.abc import Callable, Sequence
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.render.protocol import emit, parse_progress
 
-PREFIX = "LFSR "
 Work = Callable[[int], dict[str, float]]
 
 
-def say(**message: object) -> None:
-    """One line of the progress protocol."""
-    print(PREFIX + json.dumps(message), flush=True)
-
-
 def attempt(work: Work, index: int) -> bool:
-    """Do one scene and say how it went; False where it failed. LfsrError passes through."""
+    """Do one scene and report how it went; False where it failed. LfsrError passes through."""
     try:
-        say(stage="scene", index=index, seconds=work(index))
+        emit(stage="scene", index=index, seconds=work(index))
     except LfsrError:
         raise
     except Exception as error:
-        # One bad scene must not end a run of thousands; it is told and counted.
+        # One bad scene must not end a run of thousands; it is reported and counted.
         traceback.print_exc(file=sys.stderr)
-        say(stage="failed", index=index, message=f"{type(error).__name__}: {error}")
+        emit(stage="failed", index=index, message=f"{type(error).__name__}: {error}")
         return False
     return True
 
@@ -79,7 +73,7 @@ def _lead(command: Sequence[str], waiting: queue.SimpleQueue[int], failed: list[
         if answer["stage"] == "error":
             errors.append(answer["message"])
             break
-        say(**{name: value for name, value in answer.items() if name != "dead"})
+        emit(**{name: value for name, value in answer.items() if name != "dead"})
         if answer["stage"] == "failed":
             failed.append(index)
         worker = None if "dead" in answer else worker
@@ -99,7 +93,4 @@ def _ask(worker: subprocess.Popen, index: int) -> dict | None:
         worker.stdin.flush()
     except BrokenPipeError:
         return None
-    for line in worker.stdout:
-        if line.startswith(PREFIX):
-            return json.loads(line.removeprefix(PREFIX))
-    return None
+    return next((record for line in worker.stdout if (record := parse_progress(line))), None)

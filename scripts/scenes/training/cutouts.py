@@ -6,7 +6,7 @@ import math
 
 import bpy
 import numpy as np
-from shared.graph import Graph
+from shared.graph import Graph, principled
 from training.materials import photo, random_color
 from training.stage import Stage
 
@@ -15,10 +15,7 @@ LEAF_PIXELS = 64
 
 def leaf_material(stage: Stage) -> bpy.types.Material:
     """Translucent leaf drawn on the whole texture square, its outline in the alpha channel."""
-    material = bpy.data.materials.new("leaf")
-    if material.node_tree is None:
-        material.use_nodes = True
-    graph, shader = Graph(material.node_tree), material.node_tree.nodes["Principled BSDF"]
+    material, graph, shader = principled("leaf")
     uv = graph.node("ShaderNodeTexCoord").outputs["UV"]
     texture = graph.node("ShaderNodeTexImage", {"Vector": uv}, image=_leaf_image(stage))
     for name, value in {"Base Color": texture.outputs["Color"], "Alpha": texture.outputs["Alpha"],
@@ -35,8 +32,7 @@ def _shine_through(stage: Stage, graph: Graph, shader: bpy.types.Node, color: bp
     amount = graph.node("ShaderNodeMath", {0: alpha, 1: float(stage.rng.uniform(0, 0.5))}, operation="MULTIPLY")
     through = graph.node("ShaderNodeBsdfTranslucent", {"Color": color})
     mix = graph.node("ShaderNodeMixShader", {0: amount.outputs[0], 1: shader.outputs[0], 2: through.outputs[0]})
-    output = next(node for node in graph.tree.nodes if node.type == "OUTPUT_MATERIAL")
-    graph.feed(output.inputs["Surface"], mix.outputs[0])
+    graph.feed(graph.only("OUTPUT_MATERIAL").inputs["Surface"], mix.outputs[0])
 
 
 def _leaf_image(stage: Stage) -> bpy.types.Image:
@@ -58,10 +54,7 @@ def _leaf_image(stage: Stage) -> bpy.types.Image:
 
 def paper_material(stage: Stage, cut: bool) -> bpy.types.Material:
     """A photograph (or plain paper) on a sheet; ``cut`` tears holes into it."""
-    material = bpy.data.materials.new("paper")
-    if material.node_tree is None:
-        material.use_nodes = True
-    graph, shader = Graph(material.node_tree), material.node_tree.nodes["Principled BSDF"]
+    material, graph, shader = principled("paper")
     uv, rng = graph.node("ShaderNodeTexCoord").outputs["UV"], stage.rng
     zoom = stage.log_uniform(0.2, 2)
     spot = graph.node("ShaderNodeMapping", {"Vector": uv, "Scale": (zoom,) * 3,

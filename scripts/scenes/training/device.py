@@ -6,8 +6,6 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 
-DEVICES = ("CPU", "OPTIX")
-
 
 def use_device(device: str, threads: int | None = None) -> None:
     """Choose the CPU, with a number of threads, or every OptiX card; LfsrError where there is none."""

@@ -112,17 +112,18 @@ def woods(stage: Stage) -> None:
     for _ in range(stage.rng.integers(1, 4)):
         plant = plants.tree(stage.rng)
         size = stage.rng.uniform(0.5, 1.0)
-        _plant(stage, plant, _around_plane(stage, size * 0.6), size, upright(stage, 0.1))
+        _plant(stage, plant, (_around_plane(stage, size * 0.6), size, upright(stage, 0.1)))
     if stage.chance(0.3):
         _floor(stage, -stage.array.half_height * 0.9)
 
 
-def _plant(stage: Stage, plant: plants.Plant, at: np.ndarray, size: float, turned: np.ndarray,
-           leaf_kind: str = "leaf") -> None:
-    put(stage, add_surface(plant.wood, random_material(stage, closed=False), "wood"), at, size, turned)
+def _plant(stage: Stage, plant: plants.Plant, where: tuple[np.ndarray, float, np.ndarray],
+           cut_out: bool = True) -> None:
+    """Wood and leaves; ``where``: place, size and turn, as of ``put``; ``cut_out``: leaves drawn by alpha."""
+    put(stage, add_surface(plant.wood, random_material(stage, closed=False), "wood"), *where)
     if plant.leaves is not None:
-        material = leaf_material(stage) if leaf_kind == "leaf" else random_material(stage, closed=False)
-        put(stage, add_surface(plant.leaves, material, "leaves"), at, size, turned)
+        material = leaf_material(stage) if cut_out else random_material(stage, closed=False)
+        put(stage, add_surface(plant.leaves, material, "leaves"), *where)
 
 
 def bouquet(stage: Stage) -> None:
@@ -135,8 +136,8 @@ def bouquet(stage: Stage) -> None:
     for _ in range(stage.rng.integers(2, 10)):
         lean = np.array([*stage.rng.normal(0, 0.25, 2), stage.rng.uniform(-3, 3)])
         height = size * stage.rng.uniform(0.9, 1.5)
-        _plant(stage, plants.flower(stage.rng), base + np.array([0, 0, height - size]), height, lean,
-               "leaf" if stage.chance(0.2) else "petal")
+        _plant(stage, plants.flower(stage.rng), (base + np.array([0, 0, height - size]), height, lean),
+               cut_out=stage.chance(0.2))
     if stage.chance(0.5):
         _floor(stage, base[2] - size)
 

@@ -9,10 +9,12 @@ import bpy
 import numpy as np
 from mathutils import Vector
 from shared import surfaces
-from shared.graph import Graph
+from shared.graph import Graph, principled
 from shared.objects import add_object, add_surface, settle
 from training.materials import random_color
 from training.stage import Dimmer, Stage
+
+from blender_addon import compat
 
 SETUPS = {"picture": 40, "picture+lamps": 16, "lamps": 16, "sun": 14, "sparks": 7, "sky": 7}
 
@@ -37,24 +39,19 @@ def light_open_scene(stage: Stage) -> None:
 
 def _world(strength: float) -> tuple[Graph, bpy.types.Node]:
     world = bpy.data.worlds.new("world")
-    if world.node_tree is None:
-        world.use_nodes = True
+    compat.use_nodes(world)
     bpy.context.scene.world = world
     world.cycles.sampling_method, world.cycles.sample_map_resolution = "MANUAL", 512
-    background = next(node for node in world.node_tree.nodes if node.type == "BACKGROUND")
+    graph = Graph(world.node_tree)
+    background = graph.only("BACKGROUND")
     background.inputs["Strength"].default_value = strength
-    return Graph(world.node_tree), background
-
-
-def world_pictures() -> list[Path]:
-    """The world pictures that come with Blender, sorted by name."""
-    folder = bpy.utils.system_resource("DATAFILES", path="studiolights/world")
-    return sorted(Path(folder).glob("*.exr"))
+    return graph, background
 
 
 def _world_picture(stage: Stage, strength: float) -> None:
     graph, background = _world(strength)
-    pictures = world_pictures()
+    # Those that come with Blender.
+    pictures = sorted(Path(bpy.utils.system_resource("DATAFILES", path="studiolights/world")).glob("*.exr"))
     path = pictures[stage.rng.integers(len(pictures))]
     around, tilt = stage.rng.uniform(0, 2 * math.pi), stage.rng.normal(0, 0.2)
     vector = graph.node("ShaderNodeMapping", {"Vector": graph.node("ShaderNodeTexCoord").outputs["Generated"],
@@ -122,10 +119,7 @@ def _sun(stage: Stage, strength: float) -> None:
 
 def glowing_ball(stage: Stage) -> None:
     """A small, very bright body somewhere in view."""
-    material = bpy.data.materials.new("spark")
-    if material.node_tree is None:
-        material.use_nodes = True
-    shader = material.node_tree.nodes["Principled BSDF"]
+    material, _, shader = principled("spark")
     shader.inputs["Emission Color"].default_value = (*_lamp_color(stage), 1.0)
     shader.inputs["Emission Strength"].default_value = stage.log_uniform(20, 200)
     stage.dimmers.append(Dimmer(shader.inputs["Emission Strength"], "default_value"))

@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 import bpy
-from shared.graph import Graph
+from shared.graph import Graph, principled
 from training.stage import Dimmer, Stage
 
 KINDS = {"plastic": 15, "photo": 24, "noise": 12, "metal": 12, "glass": 11, "skin": 6, "cloth": 6,
@@ -19,11 +19,7 @@ def random_material(stage: Stage, closed: bool = True, uv: bool = True, kind: st
     """Material of a random or given kind; glass only on closed solids."""
     weights = {name: share for name, share in KINDS.items() if closed or name != "glass"}
     kind = kind or stage.pick(weights)
-    material = bpy.data.materials.new(kind)
-    if material.node_tree is None:  # 5.0 and later always have nodes
-        material.use_nodes = True
-    graph = Graph(material.node_tree)
-    shader = material.node_tree.nodes["Principled BSDF"]
+    material, graph, shader = principled(kind)
     BUILDERS[kind](stage, graph, shader, uv)
     if kind not in ("glow", "photo") or stage.chance(0.3):
         _maybe_bump(stage, graph, shader, uv)
@@ -146,8 +142,7 @@ def _glass(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None
     if absorbing:
         volume = graph.node("ShaderNodeVolumeAbsorption", {"Color": random_color(stage, 0.4, 0.9),
                                                            "Density": stage.log_uniform(1, 20)})
-        output = next(node for node in graph.tree.nodes if node.type == "OUTPUT_MATERIAL")
-        graph.feed(output.inputs["Volume"], volume.outputs[0])
+        graph.feed(graph.only("OUTPUT_MATERIAL").inputs["Volume"], volume.outputs[0])
 
 
 def _skin(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:

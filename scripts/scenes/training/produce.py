@@ -22,9 +22,11 @@ from typing import Any
 
 import bpy
 import numpy as np
-from training.build import build_scene
+from training import layouts
 from training.capture import Capture, expose, half_floats, occupancy
 from training.device import use_device
+from training.displays import choose_display
+from training.stage import Stage
 
 from lfsr_core.files import atomic_path
 from lfsr_core.reconstruct.methods.denoise import clean_guides, denoise_eia
@@ -88,7 +90,7 @@ def _ready_scene(recipe: Recipe, index: int, clock: Clock) -> tuple[Capture, dic
     """A built and exposed scene that fills enough of the display; nearly empty or unlit ones are built anew."""
     for attempt in range(ATTEMPTS):
         with clock.stage("build"):
-            stage = build_scene(recipe.seed, index, attempt, recipe.display, recipe.scale, recipe.textures)
+            stage = build_scene(recipe, index, attempt)
             use_device(recipe.device, recipe.threads)
         capture = Capture(stage, recipe.scale, recipe.device)
         with clock.stage("expose"):
@@ -96,6 +98,17 @@ def _ready_scene(recipe: Recipe, index: int, clock: Clock) -> tuple[Capture, dic
         if share >= LEAST_OCCUPANCY and EXPOSURES[0] < exposure < EXPOSURES[1]:
             break
     return capture, {"index": index, "attempt": attempt, "exposure": exposure, "p": share, "seeds": {}}
+
+
+def build_scene(recipe: Recipe, index: int, attempt: int) -> Stage:
+    """Scene ``index`` in an empty Blender: the same whatever was built before it."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    rng = np.random.default_rng([recipe.seed, index, attempt])
+    stage = Stage.for_display(rng, choose_display(recipe.display, rng), recipe.scale, recipe.textures)
+    stage.layout = layouts.build(stage)
+    # The same scene is rendered several times: keep textures and acceleration structure between renders.
+    bpy.context.scene.render.use_persistent_data = True
+    return stage
 
 
 def _render(recipe: Recipe, capture: Capture, facts: dict[str, Any], clock: Clock) -> dict[str, np.ndarray]:
@@ -143,10 +156,3 @@ def _meta(recipe: Recipe, capture: Capture, facts: dict[str, Any], clock: Clock)
 def _save(path: Path, arrays: dict[str, np.ndarray], compress: bool) -> None:
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         (np.savez_compressed if compress else np.savez)(file, **arrays)
-
-
-def read_scene(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Arrays and metadata of one scene file."""
-    with np.load(path, allow_pickle=False) as file:
-        arrays = {name: file[name] for name in file.files}
-    return arrays, json.loads(str(arrays.pop("meta")))

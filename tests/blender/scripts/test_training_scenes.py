@@ -179,13 +179,13 @@ def test_a_write_that_breaks_leaves_nothing(parts, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("options", "told"), [
+@pytest.mark.parametrize(("options", "message"), [
     (("--spps", "1,x"), "'1,x'"), (("--reference-spp", 7), "is 7"), (("--scale", 3), "scale is 3"),
     (("--textures", "nowhere"), "nowhere"), (("--spps", "4"), "other settings")])
-def test_bad_input_is_told_in_one_sentence(inputs, scenes, options, told):
+def test_bad_input_is_one_sentence(inputs, scenes, options, message):
     code, messages = run(inputs, scenes, "--first", 7, *options)
     assert code == 2 and messages[-1]["stage"] == "error"
-    assert told in messages[-1]["message"] and "\n" not in messages[-1]["message"]
+    assert message in messages[-1]["message"] and "\n" not in messages[-1]["message"]
     assert not (scenes / "scene_000007.npz").exists()
 
 
