@@ -36,7 +36,7 @@ def from_data(cls: type[Record], data: Any, source: str) -> Record:
         return _converter().structure(data, cls)
     except _WrongError as error:
         place = _end("".join(reversed(error.places)).removeprefix("."), MOST_PLACE)
-        rest = f"{place} {error}" if place else f"it {error}"
+        rest = f"{place or 'it'} {error}" if error.of_value else f"{place}: {error}" if place else str(error)
     except LfsrError as error:  # a record's own check
         rest = str(error)
     raise LfsrError(f"{_end(source, MOST_PLACE)}: {rest}"[:MOST_SENTENCE])
@@ -60,15 +60,19 @@ def write_record(path: str | Path, record: Any) -> None:
 
 
 class _WrongError(Exception):
-    """What is wrong, without the place; ``places`` are its parts, the innermost first."""
+    """What is wrong, without the place; ``places`` are its parts, the innermost first.
 
-    def __init__(self, rule: str) -> None:
+    ``of_value``: the sentence goes on from the place, "is 3, but", else it stands alone.
+    """
+
+    def __init__(self, rule: str, of_value: bool = False) -> None:
         super().__init__(rule)
         self.places: list[str] = []
+        self.of_value = of_value
 
 
 def _value_error(value: Any, rule: str) -> _WrongError:
-    return _WrongError(f"is {_start(repr(value), MOST_VALUE)}, but it must be {_start(rule, MOST_RULE)}")
+    return _WrongError(f"is {_start(repr(value), MOST_VALUE)}, but it must be {_start(rule, MOST_RULE)}", of_value=True)
 
 
 @contextmanager
@@ -114,11 +118,11 @@ def _record(data: Any, cls: type) -> Any:
     fields = {field.name: field for field in dataclasses.fields(cls) if field.init}
     for key in data:
         if key not in fields:
-            raise _WrongError(f"has an unknown field {_start(repr(key), MOST_VALUE)}: {did_you_mean(key, fields)}"
+            raise _WrongError(f"unknown field {_start(repr(key), MOST_VALUE)}; {did_you_mean(key, fields)}"
                               f"the fields are {_start(', '.join(fields), MOST_RULE)}")
     for name, field in fields.items():
         if name not in data and field.default is field.default_factory is dataclasses.MISSING:
-            raise _WrongError(f"lacks the field {name!r}, which every {cls.__name__} has")
+            raise _WrongError(f"field {name!r} is missing; every {cls.__name__} needs it")
     hints, values = _hints(cls), {}
     for name, value in data.items():
         with _at(f".{name}"):

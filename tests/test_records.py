@@ -77,8 +77,8 @@ def test_a_file_holds_a_record(tmp_path) -> None:
     ({"points": [*GOOD["points"], {"place": [1, 2, 3]}]}, ("points[2].place is [1, 2, 3]", "a list of 2 entries")),
     ({"points": [{"place": [1, "x"]}]}, ("points[0].place[1] is 'x'", "a finite number")),
     ({"points": [{"place": [1, 2], "kind": "draw"}]}, ("points[0].kind is 'draw'", "one of win, loss")),
-    ({"points": [{"kind": "win"}]}, ("points[0] lacks the field 'place'",)),
-    ({"best": {"place": [1, 2], "colour": 3}}, ("best has an unknown field 'colour'", "place, kind")),
+    ({"points": [{"kind": "win"}]}, ("points[0]: field 'place' is missing; every Point needs it",)),
+    ({"best": {"place": [1, 2], "colour": 3}}, ("best: unknown field 'colour'; the fields are place, kind",)),
     ({"best": [1]}, ("best is [1]", "an object")),
     ({"seconds": {"load": None}}, ("seconds.load is None", "a finite number")),
     ({"seconds": [1]}, ("seconds is [1]", "an object")),
@@ -103,8 +103,13 @@ def test_what_is_no_object_at_all(data: Any) -> None:
 
 
 def test_a_missing_field_is_named() -> None:
-    with pytest.raises(LfsrError, match="sheet: it lacks the field 'flag'"):
+    with pytest.raises(LfsrError, match="sheet: field 'flag' is missing; every Sheet needs it"):
         from_data(Sheet, {key: value for key, value in GOOD.items() if key != "flag"}, "sheet")
+
+
+def test_a_misspelt_field_gets_a_hint() -> None:
+    with pytest.raises(LfsrError, match="sheet: unknown field 'cuont'; did you mean 'count'"):
+        from_data(Sheet, GOOD | {"cuont": 3}, "sheet")
 
 
 def test_what_could_not_be_read_back_is_not_written(tmp_path) -> None:

@@ -21,6 +21,7 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
+from lfsr_core.records import to_data
 
 from . import runtime
 from .worker import Worker
@@ -122,7 +123,7 @@ class Task:
 
 def render_step(job: Job, folder: Path, share: float, stage: str = "Rendering") -> Step:
     """Render ``job`` in a background Blender; its job file goes to ``folder``."""
-    path = _write(folder / "job.json", job.to_dict())
+    path = _write(folder / "job.json", to_data(job))
     return Step(stage, share, lambda: Worker("The render", _render_command(path), runtime.environment()))
 
 

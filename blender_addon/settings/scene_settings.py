@@ -9,9 +9,9 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json
-from lfsr_core.frames.frame import EIA_FILE, REPORT_FILE, Frame, read_frame
+from lfsr_core.frames.frame import EIA_FILE, Frame, read_frame
 from lfsr_core.frames.job import Job
+from lfsr_core.frames.report import read_report
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, MethodName
 
@@ -119,10 +119,10 @@ def is_complete(folder: Path, job: Job, method: str) -> bool:
     if not (folder / EIA_FILE).is_file():
         return False
     try:
-        frame, report = read_frame(folder), read_json(folder / REPORT_FILE, "a report")
+        frame, report = read_frame(folder), read_report(folder)
     except LfsrError:
         return False  # an incomplete or older folder is rendered again
-    return report.get("method") == method and _same(frame, job)
+    return report.method == method and _same(frame, job)
 
 
 def _same(frame: Frame, job: Job) -> bool:

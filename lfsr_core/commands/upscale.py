@@ -60,5 +60,5 @@ def upscale(folder: Path, method: str, arguments: argparse.Namespace) -> None:
         report = upscale_frame(folder, method, options)
     finally:
         progress.close()
-    times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report["seconds"].items())
-    print(f"{folder / EIA_FILE}: {method}, {report['foreground_share']:.0%} of the lenses are foreground ({times})")
+    times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report.seconds.items())
+    print(f"{folder / EIA_FILE}: {method}, {report.foreground_share:.0%} of the lenses are foreground ({times})")

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray, RayLayout
+from lfsr_core.records import from_data, to_data
 
 FORMAT = 1
 FRAME_FILE, REPORT_FILE = "frame.json", "report.json"
@@ -60,8 +60,7 @@ class Frame:
 
 def write_frame(folder: str | Path, frame: Frame) -> None:
     """Write ``frame.json`` into ``folder``."""
-    data = dataclasses.asdict(frame) | {"format": FORMAT, "display": frame.display.to_dict()}
-    write_json(Path(folder) / FRAME_FILE, data)
+    write_json(Path(folder) / FRAME_FILE, to_data(frame) | {"format": FORMAT})
 
 
 def read_frame(folder: str | Path) -> Frame:
@@ -71,17 +70,6 @@ def read_frame(folder: str | Path) -> Frame:
     if not isinstance(data, dict) or data.pop("format", None) != FORMAT:
         raise LfsrError(f"{path} is not of format {FORMAT}, the one this version reads: render the frame again")
     try:
-        return Frame(**_typed(data))
-    except (TypeError, KeyError) as error:
-        raise LfsrError(f"{path} is incomplete or has unknown entries ({error}): render the frame again") from None
-
-
-def _typed(data: dict[str, Any]) -> dict[str, Any]:
-    data["display"] = DisplayProfile.from_dict(data["display"], source="frame.json")
-    data["array"] = CameraArray(**data["array"])
-    data["color"] = ColorSettings(**data["color"])
-    data["matrix_world"] = tuple(tuple(row) for row in data["matrix_world"])
-    data["layers"] = tuple(data["layers"])
-    if data["lens_list"] is not None:
-        data["lens_list"] = tuple((row, column) for row, column in data["lens_list"])
-    return data
+        return from_data(Frame, data, FRAME_FILE)
+    except LfsrError as error:
+        raise LfsrError(f"{path} is incomplete or has wrong entries ({error}): render the frame again") from None

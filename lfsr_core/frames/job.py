@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any
 
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.files import read_json
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CONVENTIONS
+from lfsr_core.records import from_data
 
 KINDS = ("render", "reference")
 LAYERS = ("albedo", "normal", "position", "index")
@@ -57,32 +57,13 @@ class Job:
         _check_numbers(self)
         self.display.low_views(self.scale)
 
-    def to_dict(self) -> dict[str, Any]:
-        """The job file's data; ``from_dict`` reads it back."""
-        lenses = None if self.lens_list is None else [list(lens) for lens in self.lens_list]
-        data = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        return data | {"display": self.display.to_dict(), "layers": list(self.layers), "lens_list": lenses}
-
-    @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> Job:
-        """Validated job from JSON data; LfsrError names an unknown or missing field."""
-        known = {field.name for field in dataclasses.fields(cls)}
-        for key in data:
-            if key not in known:
-                raise LfsrError(f"job: unknown field {key!r}; " + (
-                    did_you_mean(key, known).rstrip() or f"the fields are {', '.join(sorted(known))}"))
-        for key in ("output", "display"):
-            if key not in data:
-                raise LfsrError(f"job: field {key!r} is missing; every job needs it")
-        return cls(**data | _typed(data))
-
 
 def read_job(path: str | Path) -> Job:
     """Job from a JSON file; LfsrError if it is unreadable or wrong."""
     data = read_json(path, "a render job")
     if not isinstance(data, dict):
         raise LfsrError(f"{path} holds a {type(data).__name__}, but a render job must be a JSON object")
-    return Job.from_dict(data)
+    return from_data(Job, data, "job")
 
 
 def check_scene(scene: str | Path) -> str:
@@ -93,12 +74,6 @@ def check_scene(scene: str | Path) -> str:
     if scene.suffix.lower() not in SCENE_SUFFIXES:
         raise LfsrError(f"scene {scene} is of no kind this program opens: give one of {', '.join(SCENE_SUFFIXES)}")
     return str(scene.resolve())
-
-
-def _typed(data: dict[str, Any]) -> dict[str, Any]:
-    lenses = data.get("lens_list")
-    return {"display": DisplayProfile.from_dict(data["display"]), "layers": tuple(data.get("layers", ())),
-            "lens_list": None if lenses is None else tuple((int(row), int(column)) for row, column in lenses)}
 
 
 def _check_choice(field: str, value: str, choices: tuple[str, ...]) -> None:

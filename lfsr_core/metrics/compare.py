@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lfsr_core.files import read_json, write_json
 from lfsr_core.frames.foreground import recall
-from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE, read_frame
+from lfsr_core.frames.frame import MASK_FILE, read_frame
 from lfsr_core.frames.reference import Reference, check_reference
+from lfsr_core.frames.report import read_report, write_report
 from lfsr_core.images.png import read_mask
 from lfsr_core.metrics.eia_metrics import compare
 from lfsr_core.reconstruct.second_stage import UpscaleOptions, finished_linear
@@ -27,9 +28,8 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
     """
     folder, frame = Path(folder), read_frame(folder)
     check_reference(frame, read_frame(reference))
-    report = read_json(folder / REPORT_FILE, "the report of `lfsr render` or `lfsr upscale`")
-    options = UpscaleOptions(dilate=report.get("dilate", 0), weights=report.get("weights"))
-    image = finished_linear(folder, report["method"], options)
+    report = read_report(folder)
+    image = finished_linear(folder, report.method, UpscaleOptions(dilate=report.dilate, weights=report.weights))
     known, mask = Reference.read(reference), read_mask(folder / MASK_FILE)
     metrics = compare(image, known.half_a, known.half_b, frame.display.lenses, known.foreground_mask(mask),
                       lens_list=known.lens_list)
@@ -37,7 +37,7 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
         metrics["recall"] = recall(mask, known.hits)
     else:
         metrics["recall"] = sampled_recall(mask, known.foreground, known.lens_list)
-    write_json(folder / REPORT_FILE, report | {"metrics": metrics})
+    write_report(folder, dataclasses.replace(report, metrics=metrics))
     return metrics
 
 

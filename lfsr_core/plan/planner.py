@@ -22,6 +22,7 @@ from lfsr_core.plan.renders import REFERENCE_PARTS, SampleRenders
 from lfsr_core.plan.score import QuickLook, SampledReference, quick_look
 from lfsr_core.plan.times import TimeModel, path_samples
 from lfsr_core.progress import Progress, silent
+from lfsr_core.records import to_data
 from lfsr_core.render.store import Render
 
 PILOT_LENSES = 64
@@ -124,7 +125,7 @@ def work_folder(folder: Path | None) -> Iterator[Path]:
 def _check_sample(folder: Path, question: Question) -> None:
     """LfsrError if ``folder`` holds the sample of another scene or setting, else its description is there."""
     options = question.options
-    same = {name: value for name, value in question.job.to_dict().items() if name not in ("output", "scale", "spp")}
+    same = {name: value for name, value in to_data(question.job).items() if name not in ("output", "scale", "spp")}
     same |= {"lenses": options.lenses, "share": options.share, "reference_spp": options.reference_spp,
              "metric": options.metric, "renders": sorted({(c.scale, c.spp) for c in question.wanted})}
     same["renders"] = [list(pair) for pair in same["renders"]]

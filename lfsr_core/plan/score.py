@@ -92,7 +92,7 @@ def quick_look(folder: Path) -> QuickLook:
     layers, _ = clean(read_layers(folder / LOW_RES_FILE))
     mask, wide = (foreground_mask(layers, frame.rays.tiles, reach) for reach in (0, 1))
     low = low_resolution(layers, frame)
-    seconds = upscale_frame(folder, FILL_METHOD if frame.scale > 1 else "none")["seconds"]
+    seconds = upscale_frame(folder, FILL_METHOD if frame.scale > 1 else "none").seconds
     shown = low.alpha[shown_part(low.color)].size / low.alpha.size
     return QuickLook(strata_masks(mask, wide), features(low), {name: seconds[name] for name in FINISHING}, shown)
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lfsr_core.files import write_json
 from lfsr_core.frames.foreground import foreground_mask
-from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LOW_RES_FILE, MASK_FILE, REPORT_FILE, Frame, read_frame
+from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LOW_RES_FILE, MASK_FILE, Frame, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
+from lfsr_core.frames.report import Report, write_report
 from lfsr_core.images.exr import HALF_MAX, clean, read_layers, write_layers
 from lfsr_core.images.png import write_mask, write_png
 from lfsr_core.images.view_transform import ViewTransform
@@ -51,7 +50,7 @@ DEFAULT = UpscaleOptions()
 
 
 def upscale_frame(folder: str | Path, method: str | MethodName | Method,
-                  options: UpscaleOptions = DEFAULT) -> dict[str, Any]:
+                  options: UpscaleOptions = DEFAULT) -> Report:
     """Write eia.png, mask.png and report.json (and eia.exr) of a rendered frame folder; return the report.
 
     LfsrError for bad input; then nothing in the folder is half-written.
@@ -62,10 +61,8 @@ def upscale_frame(folder: str | Path, method: str | MethodName | Method,
     pixels, linear = _panel_images(run, show, assembly)
     with run.clock("write"):
         _write(run, pixels, linear, assembly.mask)
-    report = _report(run, assembly) | {
-        "replaced_pixels": replaced, "dilate": options.dilate,
-        "weights": str(options.weights) if options.weights else None}
-    write_json(run.folder / REPORT_FILE, report)
+    report = _report(run, assembly, replaced)
+    write_report(run.folder, report)
     return report
 
 
@@ -189,17 +186,11 @@ def _write(run: _Run, pixels: np.ndarray, linear: np.ndarray | None, mask: np.nd
     run.options.progress("write", 1.0, EIA_FILE)
 
 
-def _report(run: _Run, assembly: Assembly) -> dict[str, Any]:
-    """Entries of report.json, see docs/reference/frame-folder.md."""
-    name = run.method.name
-    return {
-        "method": name.text,
-        "display": run.frame.display.name,
-        "scale": run.frame.scale,
-        "samples": run.frame.samples,
-        "seconds": {stage: round(seconds, 4) for stage, seconds in run.clock.seconds.items()},
-        "peak_bytes": peak_bytes(),
-        "foreground_share": float(assembly.mask.mean()),
-        "notes": [*name.guide_notes(assembly.low.layers), *assembly.upscaler.notes],
-        "metrics": {},
-    }
+def _report(run: _Run, assembly: Assembly, replaced: int) -> Report:
+    frame, name, options = run.frame, run.method.name, run.options
+    return Report(
+        method=name.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
+        seconds={stage: round(seconds, 4) for stage, seconds in run.clock.seconds.items()},
+        peak_bytes=peak_bytes(), foreground_share=float(assembly.mask.mean()),
+        notes=(*name.guide_notes(assembly.low.layers), *assembly.upscaler.notes), replaced_pixels=replaced,
+        dilate=options.dilate, weights=str(options.weights) if options.weights else None)

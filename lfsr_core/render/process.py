@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import write_json
 from lfsr_core.frames import frame
 from lfsr_core.frames.job import Job
+from lfsr_core.records import write_record
 from lfsr_core.render.blender import Blender
 from lfsr_core.render.protocol import ENDS_WITH_INPUT, EXIT_BAD_INPUT, LAST_STAGES, parse_progress
 from lfsr_core.render.staging import staging_folder
@@ -45,7 +45,7 @@ def run_job(job: Job, blender: Blender, progress: Progress | None = None, warn: 
         staged = staging / "frame"
         staged.mkdir()
         job_file, log_file = staging / "job.json", staging / LOG_FILE
-        write_json(job_file, dataclasses.replace(job, output=str(staged.resolve())).to_dict())
+        write_record(job_file, dataclasses.replace(job, output=str(staged.resolve())))
         _run(blender.command(job_file), log_file, folder, _listener(progress, warn))
         _publish(staged, folder)
 

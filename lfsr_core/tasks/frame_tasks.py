@@ -20,7 +20,7 @@ def upscale(folder: str, method: str, linear_exr: bool = False, views: str | Non
     report = upscale_frame(folder, method, UpscaleOptions(linear_exr=linear_exr, progress=emit_progress))
     if views:
         decode(folder, views)
-    return {"method": report["method"], "seconds": report["seconds"]}
+    return {"method": report.method, "seconds": report.seconds}
 
 
 def decode(folder: str, views: str) -> dict[str, Any]:

@@ -43,7 +43,7 @@ def plan(job: dict[str, Any], options: dict[str, Any], command: list[str], work:
 
     wanted = from_data(Options, options, "options of the plan")
     render = rendering(RenderCommand(tuple(command)), _warn)
-    planned = make_plan(Job.from_dict(job), wanted, render, Path(work), emit_progress)
+    planned = make_plan(from_data(Job, job, "job of the plan"), wanted, render, Path(work), emit_progress)
     chosen = planned.choice.chosen
     return {"sentence": sentence(planned.choice, wanted), "chosen": chosen and to_data(chosen.candidate)}
 

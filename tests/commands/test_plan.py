@@ -15,6 +15,7 @@ import pytest
 from lfsr_core.cli import build_parser, main
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import load_display
+from lfsr_core.records import to_data
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED
 from lfsr_core.tasks import runner
 from tests.support.synthetic import fails
@@ -94,7 +95,7 @@ def task(tmp_path: Path, blender: str, **options: object) -> Path:
     job = Job(output=str(tmp_path), display=load_display("mini"), scene="scene.blend")
     options = {"target": 0.5, "scales": [2], "spps": [4], "methods": ["bilinear"], "lenses": 16} | options
     path = tmp_path / "task.json"
-    path.write_text(json.dumps({"task": "plan", "job": job.to_dict(), "options": options, "command": [blender],
+    path.write_text(json.dumps({"task": "plan", "job": to_data(job), "options": options, "command": [blender],
                                 "work": str(tmp_path / "work")}))
     return path
 

@@ -7,9 +7,9 @@ import json
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import write_json
 from lfsr_core.frames.job import Job, check_scene, read_job
 from lfsr_core.optics.display import load_display
+from lfsr_core.records import to_data, write_record
 
 MINI = load_display("mini")
 JOB = Job("out", MINI, scene="s.blend", kind="reference", scale=2, spp=9, layers=("albedo",), layout="view-by-view",
@@ -19,10 +19,10 @@ JOB = Job("out", MINI, scene="s.blend", kind="reference", scale=2, spp=9, layers
 
 def test_json_round_trip_keeps_every_field(tmp_path):
     plain = Job("out", MINI)
-    same = {key for key, value in plain.to_dict().items() if JOB.to_dict()[key] == value}
+    same = {key for key, value in to_data(plain).items() if to_data(JOB)[key] == value}
     assert same == {"output", "display"}, "a field left at its default could be lost unnoticed"
     for job in (JOB, plain):
-        write_json(tmp_path / "job.json", job.to_dict())
+        write_record(tmp_path / "job.json", job)
         assert read_job(tmp_path / "job.json") == job
 
 
@@ -49,7 +49,7 @@ def test_bad_value_is_named(options, told):
     ({"display": None}, "job: field 'display' is missing"),
 ])
 def test_bad_job_file_is_named(tmp_path, change, told):
-    data = {key: value for key, value in (JOB.to_dict() | change).items() if value is not None}
+    data = {key: value for key, value in (to_data(JOB) | change).items() if value is not None}
     (tmp_path / "job.json").write_text(json.dumps(data))
     with pytest.raises(LfsrError, match=told):
         read_job(tmp_path / "job.json")

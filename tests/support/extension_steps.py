@@ -44,7 +44,7 @@ def render(folder: Path) -> dict[str, object]:
     job = importlib.import_module("lfsr_core.frames.job").Job(
         str(folder / "frame"), display, scene=str(folder / "cube.blend"), spp=2, layers=("albedo", "normal"))
     bpy.ops.wm.save_as_mainfile(filepath=job.scene, copy=True)
-    (folder / "job.json").write_text(json.dumps(job.to_dict()), encoding="utf-8")
+    importlib.import_module("lfsr_core.records").write_record(folder / "job.json", job)
     commands = (runtime.render_command(folder / "job.json"),
                 [*runtime.second_stage_command(), "upscale", job.output, "--method", "oidn+bicubic"])
     for command in commands:

@@ -70,7 +70,7 @@ def find(job: Any, options: Options) -> Steps:
     """Plan for a copy of this file; the result is that of lfsr_core.tasks.plan_task.plan."""
     with steps.file_copy() as copy:
         job = dataclasses.replace(job, scene=str(copy), output=str(copy.parent))
-        done = yield steps.rendering_step("Measuring lenses", 1.0, copy.parent, "plan", job=job.to_dict(),
+        done = yield steps.rendering_step("Measuring lenses", 1.0, copy.parent, "plan", job=to_data(job),
                                           options=to_data(options), work=str(Path(copy.parent, "plan")))
     return done
 

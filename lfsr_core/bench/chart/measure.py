@@ -26,6 +26,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import foreground_mask, recall
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
 from lfsr_core.frames.reference import Reference, check_reference
+from lfsr_core.frames.report import Report
 from lfsr_core.images.exr import read_layers
 from lfsr_core.metrics.eia_metrics import compare
 from lfsr_core.metrics.intervals import lens_intervals
@@ -166,11 +167,11 @@ def _times(folder: Path, name: str, repeats: int, warm: bool) -> Times:
         upscale_frame(folder, name)
     load = load_average()
     runs = [_timed(folder, name) for _ in range(repeats)]
-    stages = {stage: statistics.median(report["seconds"][stage] for _, report in runs) for stage in STAGES}
-    return Times(tuple(seconds for seconds, _ in runs), stages, tuple(runs[-1][1]["notes"]), load)
+    stages = {stage: statistics.median(report.seconds[stage] for _, report in runs) for stage in STAGES}
+    return Times(tuple(seconds for seconds, _ in runs), stages, runs[-1][1].notes, load)
 
 
-def _timed(folder: Path, name: str) -> tuple[float, dict[str, Any]]:
+def _timed(folder: Path, name: str) -> tuple[float, Report]:
     started = time.perf_counter()
     report = upscale_frame(folder, name)
     return round(time.perf_counter() - started, 4), report

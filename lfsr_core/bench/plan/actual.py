@@ -95,7 +95,7 @@ def _seconds(folder: Path, method: str) -> float:
     with tempfile.TemporaryDirectory(prefix="lfsr-actual-") as name:
         write_frame(name, timed_frame(folder))
         shutil.copy(folder / LOW_RES_FILE, name)
-        return sum(upscale_frame(name, method)["seconds"].values())
+        return sum(upscale_frame(name, method).seconds.values())
 
 
 def timed_frame(folder: Path) -> Frame:

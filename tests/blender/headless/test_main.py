@@ -16,6 +16,7 @@ from lfsr_core.files import write_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.images import exr
+from lfsr_core.records import to_data
 from tests.support.scenes import MINI, ROOT, add_box, emission
 
 ENTRY = ROOT / "blender_addon" / "headless" / "entry.py"
@@ -29,7 +30,7 @@ def blend(scene, tmp_path):
 
 
 def start(tmp_path, limit=None, **options):
-    data = Job(str(tmp_path / "out"), MINI, **{"scale": 4, "spp": 2} | options).to_dict()
+    data = to_data(Job(str(tmp_path / "out"), MINI, **{"scale": 4, "spp": 2} | options))
     write_json(tmp_path / "job.json", data)
     command = [sys.executable, ENTRY, "--", ROOT, tmp_path / "job.json"]
     smaller = (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))) if limit else None
