@@ -15,6 +15,8 @@ from lfsr_core.metrics.split_ssim import mean_of, split_ssim_map
 from lfsr_core.optics.eia import to_elemental_images
 
 BLOCK = 3  # lenses along each side
+NORMAL_95 = 1.959964  # standard errors around the mean within which 95 % of many samples lie
+NORMAL_ONE_SIDED = 1.644854  # standard errors below which 95 % of many samples lie
 
 
 def lens_intervals(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray, lenses: tuple[int, int],
@@ -62,7 +64,6 @@ def _blocks(values: np.ndarray) -> np.ndarray:
     return padded.reshape(rows, BLOCK, columns, BLOCK).sum((1, 3)).ravel()
 
 
-NORMAL_95 = 1.959964  # standard errors, many samples
 
 
 def _stratum(values: np.ndarray, population: int) -> tuple[float | None, float | None]:
@@ -78,11 +79,15 @@ def _stratum(values: np.ndarray, population: int) -> tuple[float | None, float |
 
 
 def student_95(freedom: int) -> float:
-    """Two-sided 95 % quantile of Student's t, within 1 % from 3 degrees of freedom on.
+    """Two-sided 95 % quantile of Student's t, within 1 % from 3 degrees of freedom on."""
+    return student(NORMAL_95, freedom)
+
+
+def student(z: float, freedom: float) -> float:
+    """Quantile of Student's t where the normal one is ``z``, within 2 % from 2 degrees of freedom on.
 
     Cornish-Fisher expansion (Abramowitz and Stegun 26.7.5).
     """
-    z = NORMAL_95
     terms = ((z**3 + z) / 4, (5 * z**5 + 16 * z**3 + 3 * z) / 96, (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384)
     return z + sum(term / freedom ** (power + 1) for power, term in enumerate(terms))
 

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.metrics.intervals import NORMAL_ONE_SIDED, student
 
-NORMAL_ONE_SIDED = 1.644854  # standard errors below which 5 % of many samples lie
 LEAST_FOR_REGRESSION = 12  # lenses per stratum and beyond its covariates
 
 
@@ -66,12 +66,6 @@ def estimate(strata: Sequence[Stratum], z: float = NORMAL_ONE_SIDED) -> Estimate
     t = student(z, variance**2 / sum(spread**2 / freedom for spread, freedom in spreads))
     shift = _skewness(np.concatenate(residuals)) * (1 + 2 * t * t) / (6 * math.sqrt(lenses))
     return Estimate(mean, mean - error * (t - min(shift, 0.0)), mean + error * (t + max(shift, 0.0)), error, lenses)
-
-
-def student(z: float, freedom: float) -> float:
-    """Quantile of Student's t where the normal one is ``z``; Cornish-Fisher, within 2 % from 2 degrees on."""
-    terms = ((z**3 + z) / 4, (5 * z**5 + 16 * z**3 + 3 * z) / 96, (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384)
-    return z + sum(term / freedom ** (power + 1) for power, term in enumerate(terms))
 
 
 def _check(strata: Sequence[Stratum]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lfsr_core.metrics.intervals import BLOCK, block_interval, lens_intervals
+from lfsr_core.metrics.intervals import BLOCK, NORMAL_ONE_SIDED, block_interval, lens_intervals, student
 from tests.support.synthetic import MINI, light_field
 
 SHAPE = (15, 24)
@@ -54,3 +54,8 @@ def test_an_image_whose_error_varies_has_an_interval_and_one_without_error_has_n
     found = lens_intervals(noisy, truth, truth, MINI.lenses, mask)
     assert all(0 < found[name] < limit for name, limit in (("ssim_eia_fg", 0.2), ("ssim_eia", 0.2), ("psnr_fg", 5)))
     assert lens_intervals(truth, truth, truth, MINI.lenses, mask)["psnr_fg"] is None
+
+
+@pytest.mark.parametrize(("freedom", "expected"), [(2, 2.920), (3, 2.353), (10, 1.812), (30, 1.697), (1e6, 1.645)])
+def test_student_quantiles(freedom, expected):
+    assert student(NORMAL_ONE_SIDED, freedom) == pytest.approx(expected, rel=0.02)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.plan.estimate import NORMAL_ONE_SIDED, Stratum, estimate, student
+from lfsr_core.plan.estimate import Stratum, estimate
 
 DRAWS = 600
 
@@ -87,8 +87,3 @@ def test_what_tells_nothing_is_refused():
         estimate([Stratum(10, np.ones(4), np.zeros(4, bool))])
     with pytest.raises(LfsrError, match="1 lens stands for 10"):
         estimate([Stratum(10, np.ones(1), np.ones(1, bool))])
-
-
-@pytest.mark.parametrize(("freedom", "expected"), [(2, 2.920), (3, 2.353), (10, 1.812), (30, 1.697), (1e6, 1.645)])
-def test_student_quantiles(freedom, expected):
-    assert student(NORMAL_ONE_SIDED, freedom) == pytest.approx(expected, rel=0.02)

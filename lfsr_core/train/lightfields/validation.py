@@ -8,9 +8,9 @@ import torch
 from torch import Tensor, nn
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.reconstruct.networks.pytorch.srgb import srgb_encode
 from lfsr_core.train.lightfields.data import Batch, Scene, from_eis, load_scenes, make_batch
 from lfsr_core.train.lightfields.task import foreground
-from lfsr_core.train.photographs.data import linear_to_srgb
 from lfsr_core.train.ssim import masked_mean, split_ssim_map
 
 PREFERRED_SAMPLES = 16
@@ -40,11 +40,11 @@ class SceneValidation:
 def _score(network: nn.Module, scene: Scene, device: torch.device) -> dict[str, float]:
     samples = PREFERRED_SAMPLES if PREFERRED_SAMPLES in scene.low else max(scene.low)
     batch = make_batch([scene], samples, device)
-    a, b = (linear_to_srgb(half) for half in batch.halves.unbind(1))
+    a, b = (srgb_encode(half) for half in batch.halves.unbind(1))
     mask = foreground(batch, a.shape)
     scores = {}
     for name, layer in (("raw", "color"), ("oidn", "oidn")):
-        image = _whole(network(linear_to_srgb(batch.layers[layer])), batch)
+        image = _whole(network(srgb_encode(batch.layers[layer])), batch)
         error = masked_mean((image - a) * (image - b), mask).clamp_min(1e-9)
         scores[f"ssim_{name}{samples}"] = float(masked_mean(split_ssim_map(image, a, b), mask))
         scores[f"psnr_{name}{samples}"] = float(-10 * error.log10())

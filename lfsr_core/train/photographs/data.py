@@ -15,6 +15,7 @@ from torch import Tensor
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
+from lfsr_core.reconstruct.networks.pytorch.srgb import srgb_decode, srgb_encode
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff"}
 CACHE_FORMAT = "lfsr-photographs-1"
@@ -175,22 +176,10 @@ def downsample(high: Tensor, scale: int, kind: str = "box", linear_light: bool =
 
     In linear light a box is exactly what a low-resolution render averages.
     """
-    values = srgb_to_linear(high) if linear_light else high
+    values = srgb_decode(high) if linear_light else high
     if kind == "box":
         low = F.avg_pool2d(values, scale)
     else:
         size = (high.shape[2] // scale, high.shape[3] // scale)
         low = F.interpolate(values, size, mode="bicubic", antialias=True).clamp(0, 1)
-    return linear_to_srgb(low) if linear_light else low
-
-
-def srgb_to_linear(encoded: Tensor) -> Tensor:
-    """sRGB curve undone, values clipped to [0, 1]."""
-    encoded = encoded.clamp(0, 1)
-    return torch.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-
-
-def linear_to_srgb(linear: Tensor) -> Tensor:
-    """sRGB curve, values clipped to [0, 1]."""
-    linear = linear.clamp(0, 1)
-    return torch.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear.clamp_min(0.0031308) ** (1 / 2.4) - 0.055)
+    return srgb_encode(low) if linear_light else low

@@ -7,14 +7,13 @@ import pytest
 import torch
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.reconstruct.networks.pytorch.srgb import srgb_decode, srgb_encode
 from lfsr_core.train.photographs.data import (
     Crops,
     CropSampler,
     Photographs,
     downsample,
-    linear_to_srgb,
     load_photographs,
-    srgb_to_linear,
     write_cache,
 )
 from tests.support.training_photographs import pictures, write_pictures
@@ -102,8 +101,8 @@ def test_epochs_are_seeded_and_differ():
 def test_box_in_linear_light_is_the_mean_light():
     high = torch.rand(2, 3, 8, 12)
     low = downsample(high, 4, "box", linear_light=True)
-    mean = srgb_to_linear(high).reshape(2, 3, 2, 4, 3, 4).mean((3, 5))
-    torch.testing.assert_close(srgb_to_linear(low), mean, atol=1e-5, rtol=1e-4)
+    mean = srgb_decode(high).reshape(2, 3, 2, 4, 3, 4).mean((3, 5))
+    torch.testing.assert_close(srgb_decode(low), mean, atol=1e-5, rtol=1e-4)
     encoded = downsample(high, 4, "box", linear_light=False)
     torch.testing.assert_close(encoded, high.reshape(2, 3, 2, 4, 3, 4).mean((3, 5)))
 
@@ -117,5 +116,5 @@ def test_bicubic_downsampling_keeps_a_ramp():
 
 def test_srgb_curve_and_back():
     values = torch.linspace(0, 1, 101)
-    torch.testing.assert_close(srgb_to_linear(linear_to_srgb(values)), values, atol=1e-6, rtol=1e-5)
-    assert float(linear_to_srgb(torch.tensor(0.5))) == pytest.approx(0.7354, abs=1e-4)
+    torch.testing.assert_close(srgb_decode(srgb_encode(values)), values, atol=1e-6, rtol=1e-5)
+    assert float(srgb_encode(torch.tensor(0.5))) == pytest.approx(0.7354, abs=1e-4)

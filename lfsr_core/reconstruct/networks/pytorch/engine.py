@@ -13,6 +13,7 @@ from torch import Tensor, nn
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.reconstruct.networks.pytorch.backends import Backend, CudaBackend, CudaGraph, TorchBackend
+from lfsr_core.reconstruct.networks.pytorch.srgb import srgb_decode, srgb_encode
 
 DEVICES = ("auto", "cpu", "cuda")
 # Low-resolution pixels per step, measured best on two CPU cores and on one GPU: 16 and 1296 EIs of 20×20.
@@ -112,17 +113,5 @@ def make_engine(network: nn.Module, *, device: str = "auto", step: int | None = 
 
 
 def _through(backend: Backend, low: Tensor) -> Tensor:
-    high = backend(_encode(low).permute(0, 3, 1, 2)).permute(0, 2, 3, 1)
-    return _decode(high.float())
-
-
-def _encode(linear: Tensor) -> Tensor:
-    """sRGB curve of values clipped to [0, 1]."""
-    linear = linear.clamp(0, 1)
-    return torch.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear.clamp_min(0.0031308) ** (1 / 2.4) - 0.055)
-
-
-def _decode(encoded: Tensor) -> Tensor:
-    """Inverse of the sRGB curve, clipped to [0, 1]."""
-    encoded = encoded.clamp(0, 1)
-    return torch.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    high = backend(srgb_encode(low).permute(0, 3, 1, 2)).permute(0, 2, 3, 1)
+    return srgb_decode(high.float())

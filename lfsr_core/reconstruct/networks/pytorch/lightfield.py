@@ -14,6 +14,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from lfsr_core.reconstruct.networks.numpy_network import LEAST_LIGHT, MAX_GAIN, channels
+from lfsr_core.reconstruct.networks.pytorch.srgb import srgb_encode
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,8 +61,7 @@ def decode(encoded: Tensor) -> Tensor:
 
 def display_values(encoded: Tensor) -> Tensor:
     """Working domain to what metrics see: sRGB values clipped to [0, 1]."""
-    linear = encoded.clamp(0, 1).square()
-    return torch.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear.clamp_min(0.0031308) ** (1 / 2.4) - 0.055)
+    return srgb_encode(encoded.clamp(0, 1).square())
 
 
 def conserve(encoded: Tensor, light: Tensor) -> Tensor:

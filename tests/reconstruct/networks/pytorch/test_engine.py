@@ -12,8 +12,8 @@ from lfsr_core.reconstruct.networks.pytorch import backends, engine, upscalers
 from lfsr_core.reconstruct.networks.pytorch.engine import make_engine
 from lfsr_core.reconstruct.networks.pytorch.espcn import ESPCN
 from lfsr_core.reconstruct.networks.pytorch.paper import PaperGenerator
+from lfsr_core.reconstruct.networks.pytorch.srgb import srgb_decode, srgb_encode
 from lfsr_core.reconstruct.networks.pytorch.upscalers import PhotographUpscaler, WholeEIAUpscaler
-from lfsr_core.train.photographs.data import linear_to_srgb, srgb_to_linear
 
 torch.set_num_threads(2)
 
@@ -31,8 +31,8 @@ def low_images(count=7, h=6, w=5):
 
 
 def expected(network, linear):
-    encoded = linear_to_srgb(torch.from_numpy(linear)).permute(0, 3, 1, 2)
-    return srgb_to_linear(network(encoded).clamp(0, 1)).permute(0, 2, 3, 1).numpy()
+    encoded = srgb_encode(torch.from_numpy(linear)).permute(0, 3, 1, 2)
+    return srgb_decode(network(encoded).clamp(0, 1)).permute(0, 2, 3, 1).numpy()
 
 
 @pytest.mark.parametrize("step", [1, 3, 7, 50, None])
