@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from blender_addon.settings import scene_settings
 from tests.support.scenes import add_box
 
 SKIPPED = {"rna_type", "bl_rna"}
+SECONDS_TO_RENDER = 300
 
 
 @contextmanager
@@ -64,3 +66,13 @@ def snapshot(scene: bpy.types.Scene) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     return tuple(value) if hasattr(value, "__len__") and not isinstance(value, (str, set)) else value
+
+
+def wait_for(condition: Callable[[], bool], look: bool = True) -> None:
+    """Turn the task's timer by hand until ``condition``: without a window nothing else does."""
+    ends = time.monotonic() + SECONDS_TO_RENDER
+    while not condition():
+        assert time.monotonic() < ends
+        if look:
+            session._look()
+        time.sleep(0.02)

@@ -112,3 +112,16 @@ def encoded(scene: bpy.types.Scene, layout: RayLayout, folder: Path, matrix_worl
     settings = cycles.RenderSettings(**{"samples": 1} | settings)
     cycles.render_encoded(scene, cycles.Shot(layout, matrix_world or front()), settings, folder / "image.exr")
     return exr.read_layers(folder / "image.exr")
+
+
+def save_box(path: Path, centre: tuple[float, ...], half: tuple[float, ...]) -> Path:
+    """A file with one box, in the format of its suffix."""
+    add_box(fresh_scene(), centre, half)
+    if path.suffix == ".obj":
+        bpy.ops.wm.obj_export(filepath=str(path))
+    elif path.suffix == ".blend":
+        bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    else:
+        bpy.ops.export_scene.gltf(filepath=str(path),
+                                  export_format="GLB" if path.suffix == ".glb" else "GLTF_SEPARATE")
+    return path

@@ -6,7 +6,7 @@ import bpy
 import pytest
 
 from blender_addon.scene.notices import missing_images, notices
-from tests.support.scenes import add_box, add_camera
+from tests.support.scenes import add_box, add_camera, emission, save_box
 
 
 @pytest.fixture
@@ -76,3 +76,12 @@ def test_python_that_was_not_run_is_said(plain, tmp_path):
     bpy.context.scene.frame_set(2)
     sentences = notices(bpy.context.scene)
     assert any("was not run" in sentence for sentence in sentences)
+
+
+def test_missing_images_are_named(tmp_path):
+    save_box(tmp_path / "scene.blend", (0, 0, 0), (1, 1, 1))
+    material = emission((1, 1, 1))
+    texture = material.node_tree.nodes.new("ShaderNodeTexImage")
+    texture.image = bpy.data.images.new("lost", 4, 4)
+    texture.image.source, texture.image.filepath = "FILE", str(tmp_path / "lost.png")
+    assert missing_images() == [str(tmp_path / "lost.png")]

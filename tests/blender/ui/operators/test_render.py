@@ -1,27 +1,21 @@
-"""The render buttons without a window: results, skipped frames, the comparison, cancel and crash."""
+"""The render buttons without a window: results, skipped frames, the comparison."""
 
 from __future__ import annotations
 
-import os
-import signal
-import time
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-from blender_addon.background import recipes, session
+from blender_addon.background import recipes
 from blender_addon.results import preview
 from blender_addon.settings import scene_settings
 from blender_addon.ui import summary
-from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png
 from tests.support import panel
-
-SECONDS_TO_RENDER = 300
 
 
 @pytest.fixture(scope="module")
@@ -98,21 +92,6 @@ def test_decoded_views_are_not_mirrored(opened, rendered):
     assert np.array_equal(views[0, 0], panel_order[:, 7, :, 7])
 
 
-def test_preview_is_fast_for_an_8k_image(scene):
-    views = np.random.default_rng(0).integers(0, 255, (80, 80, 54, 96, 3), np.uint8)
-    path = recipes.views_file(Path("/8k"))
-    np.save(path, views)
-    preview.load(scene, path)
-    seconds = []
-    for eye in np.linspace(-1, 1, 9):
-        started = time.perf_counter()
-        scene.lfsr.eye_right = eye
-        seconds.append(time.perf_counter() - started)
-    path.unlink()
-    print(f"preview of an 8K image: {np.median(seconds) * 1000:.1f} ms")
-    assert np.median(seconds) < 0.1
-
-
 def test_another_file_does_not_show_the_old_ones_views(opened, rendered):
     bpy.ops.lfsr.preview_view()
     assert preview.is_loaded(opened)
@@ -158,79 +137,3 @@ def test_reference_needs_the_image_of_these_settings(opened):
         bpy.ops.lfsr.render_reference()
     with pytest.raises(RuntimeError, match="to preview: render the EIA first"):
         bpy.ops.lfsr.preview_view()
-
-
-@pytest.mark.parametrize("stage", ["Rendering", "Upscaling"])
-def test_cancel_is_quick_and_leaves_nothing(scene, tmp_path, stage):
-    before = panel.snapshot(scene)
-    steps = recipes.render_frames([recipes.frame_recipe(scene)])
-    task = session.start("Render EIA", steps, lambda _: pytest.fail("it finished"))
-    wait_for(lambda: task.stage.startswith(stage))
-    started = time.perf_counter()
-    assert bpy.ops.lfsr.cancel() == {"FINISHED"}
-    seconds = time.perf_counter() - started
-    print(f"cancel while {stage}: {seconds:.2f} s")
-    assert seconds < 2 and session.current() is None
-    assert panel.snapshot(scene) == before
-    assert list((tmp_path / "lightfield" / "Scene").iterdir()) == []
-    assert not list(Path(bpy.app.tempdir).glob("lfsr-*/*.blend"))
-
-
-def test_a_worker_that_dies_is_reported(scene, tmp_path):
-    before = panel.snapshot(scene)
-    task = session.start("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]), print)
-    os.killpg(task.worker.pid, signal.SIGKILL)
-    wait_for(lambda: session.current() is None)
-    message = bpy.context.window_manager.lfsr.message
-    assert "The render stopped with signal 9" in message and "try again" in message
-    assert panel.snapshot(scene) == before
-    assert list((tmp_path / "lightfield" / "Scene").iterdir()) == []
-
-
-def test_a_worker_that_ignores_the_end_is_killed():
-    from blender_addon.background.worker import Worker
-
-    deaf = Worker("Test", ["/bin/sh", "-c", "trap '' TERM; echo 'LFSR {\"stage\": \"x\"}'; while :; do sleep 9; done"],
-                  dict(os.environ))
-    wait_for(lambda: deaf.records() or not deaf.running(), look=False)
-    started = time.perf_counter()
-    deaf.stop()
-    assert time.perf_counter() - started < 2 and not deaf.running()
-
-
-def test_progress_and_time_left(scene):
-    task = session.start("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]), print)
-    task._take({"stage": "render", "fraction": 0.5})
-    task._started -= 10
-    assert task.fraction == pytest.approx(0.5 * recipes.RENDER_SHARE)
-    assert task.seconds_left == pytest.approx(10 * (1 - task.fraction) / task.fraction, abs=1)
-    assert session.progress_text(task).startswith("42%, 0:13 left")
-    assert task.stage == "Rendering"
-    session.cancel()
-
-
-def test_a_missing_interpreter_is_an_error_before_the_render(scene, monkeypatch):
-    monkeypatch.setenv("LFSR_PYTHON", "/no/such/python")
-    monkeypatch.setattr(recipes, "render_step", lambda *_: pytest.fail("it renders"))
-    with pytest.raises(RuntimeError, match="/no/such/python"):
-        bpy.ops.lfsr.render_eia()
-
-
-def test_no_task_to_cancel(add_on):
-    assert bpy.ops.lfsr.cancel() == {"CANCELLED"}
-
-
-def test_errors_are_lfsr_errors(scene):
-    scene.lfsr.scale = "3"
-    with pytest.raises(LfsrError, match="choose a scale"):
-        recipes.frame_recipe(scene)
-
-
-def wait_for(condition, look: bool = True) -> None:
-    """Turn the timer by hand: without a window nothing else does."""
-    ends = time.monotonic() + SECONDS_TO_RENDER
-    while not condition():
-        assert time.monotonic() < ends
-        if look:
-            session._look()
-        time.sleep(0.02)

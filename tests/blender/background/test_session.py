@@ -1,0 +1,62 @@
+"""The task under way: progress, cancel, a worker that dies."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import bpy
+import pytest
+
+from blender_addon.background import recipes, session
+from tests.support import panel
+
+
+@pytest.fixture
+def scene(tmp_path):
+    with panel.registered():
+        yield panel.artist_scene(tmp_path)
+
+
+@pytest.mark.parametrize("stage", ["Rendering", "Upscaling"])
+def test_cancel_is_quick_and_leaves_nothing(scene, tmp_path, stage):
+    before = panel.snapshot(scene)
+    steps = recipes.render_frames([recipes.frame_recipe(scene)])
+    task = session.start("Render EIA", steps, lambda _: pytest.fail("it finished"))
+    panel.wait_for(lambda: task.stage.startswith(stage))
+    started = time.perf_counter()
+    assert bpy.ops.lfsr.cancel() == {"FINISHED"}
+    seconds = time.perf_counter() - started
+    print(f"cancel while {stage}: {seconds:.2f} s")
+    assert seconds < 2 and session.current() is None
+    assert panel.snapshot(scene) == before
+    assert list((tmp_path / "lightfield" / "Scene").iterdir()) == []
+    assert not list(Path(bpy.app.tempdir).glob("lfsr-*/*.blend"))
+
+
+def test_a_worker_that_dies_is_reported(scene, tmp_path):
+    before = panel.snapshot(scene)
+    task = session.start("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]), print)
+    os.killpg(task.worker.pid, signal.SIGKILL)
+    panel.wait_for(lambda: session.current() is None)
+    message = bpy.context.window_manager.lfsr.message
+    assert "The render stopped with signal 9" in message and "try again" in message
+    assert panel.snapshot(scene) == before
+    assert list((tmp_path / "lightfield" / "Scene").iterdir()) == []
+
+
+def test_progress_and_time_left(scene):
+    task = session.start("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]), print)
+    task._take({"stage": "render", "fraction": 0.5})
+    task._started -= 10
+    assert task.fraction == pytest.approx(0.5 * recipes.RENDER_SHARE)
+    assert task.seconds_left == pytest.approx(10 * (1 - task.fraction) / task.fraction, abs=1)
+    assert session.progress_text(task).startswith("42%, 0:13 left")
+    assert task.stage == "Rendering"
+    session.cancel()
+
+
+def test_no_task_to_cancel(scene):
+    assert bpy.ops.lfsr.cancel() == {"CANCELLED"}

@@ -1,0 +1,31 @@
+"""The passes of a render against Blender's own picture."""
+
+from __future__ import annotations
+
+import bpy
+import pytest
+
+from blender_addon.render import cycles, frame_folder
+from lfsr_core.frames.job import Job
+from lfsr_core.images import exr
+from tests.support.scenes import MINI, add_box
+
+
+def test_color_and_environment_add_up_to_blenders_own_picture(scene, tmp_path):
+    """The environment layer is already weighted by what is left uncovered."""
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    scene.world = bpy.data.worlds.new("world")
+    scene.world.color = (0.3, 0.6, 0.9)
+    job = Job(str(tmp_path), MINI, spp=64)
+    with frame_folder.prepared(scene, job) as frame:
+        assert frame.world_visible, "a world that Blender would show is shown"
+        settings = cycles.RenderSettings(64, world_visible=True)
+        with (cycles.encoded_camera(scene, frame.rays, frame.matrix_world),
+              cycles.cycles_settings(scene, settings, frame.rays.size)):
+            cycles.render_to(scene, tmp_path / "apart.exr")
+            scene.render.film_transparent = False
+            cycles.render_to(scene, tmp_path / "whole.exr")
+    apart, whole = (exr.read_layers(tmp_path / f"{name}.exr") for name in ("apart", "whole"))
+    partly = (apart["color"][..., 3] > 0.1) & (apart["color"][..., 3] < 0.9)
+    assert partly.sum() > 10, "edges are what could go wrong"
+    assert apart["color"][..., :3] + apart["environment"] == pytest.approx(whole["color"][..., :3], abs=2e-3)
