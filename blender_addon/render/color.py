@@ -12,6 +12,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.images.color_settings import ColorSettings
 
 from .. import compat
+from ..scene.subject import GEOMETRY
 
 WORKING_SPACE = "Linear Rec.709"
 
@@ -45,4 +46,6 @@ def _check_view(view: bpy.types.ColorManagedViewSettings) -> None:
 
 
 def _catchers(scene: bpy.types.Scene) -> list[str]:
-    return sorted(item.name for item in scene.objects if item.is_shadow_catcher and not item.hide_render)
+    """Objects that catch shadows in renders; lights carry the same switch in 5.2, where it means something else."""
+    return sorted(item.name for item in scene.objects
+                  if item.type in GEOMETRY and item.is_shadow_catcher and not item.hide_render)

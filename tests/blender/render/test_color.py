@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.render.color import color_settings
 from blender_addon.render.frame_folder import render_job
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
@@ -67,3 +68,12 @@ def test_a_shadow_catcher_before_a_visible_world_is_refused(coloured, tmp_path):
     coloured.objects["item"].is_shadow_catcher = True
     assert "'item' is a shadow catcher" in refused(coloured, tmp_path / "frame", world_visible=True)
     color(coloured, tmp_path / "alone", world_visible=False)
+
+
+def test_the_catchers_switch_of_a_light_is_none(coloured):
+    """New lights have it on in Blender 5.2."""
+    coloured.world = bpy.data.worlds.new("sky")
+    light = bpy.data.objects.new("Light", bpy.data.lights.new("Light", "SUN"))
+    light.is_shadow_catcher = True
+    coloured.collection.objects.link(light)
+    color_settings(coloured, world_visible=True)
