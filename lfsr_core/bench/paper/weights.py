@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import shutil
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json, write_json
+from lfsr_core.files import atomic_path, read_json, write_json
+from lfsr_core.progress import ProgressBar
 from lfsr_core.reconstruct import registry
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.train.config import builtin_configs, from_values, load_config
+
+if TYPE_CHECKING:
+    from torch import nn
+
+    from lfsr_core.train.config import TrainConfig
 
 SHORT_CONFIG = "paper-short"
-PLAN_FILE = "plan.json"
+CONFIG_FILE = "plan.json"  # of a short run, so that it is the same when it is resumed
 ADVERSARIAL = 1e-3
 FEWEST_EPOCHS, MOST_CROPS, TRIAL_STEPS = 10, 16, 3
 # What makes a schedule the paper's own; files and intervals of logging do not.
@@ -32,8 +40,7 @@ def weights(settings: Settings, name: str) -> Path | None:
     granted and no folder was given), else those that ship. Ours ship: photographs
     do not train them.
     """
-    places = ([settings.weights] if settings.weights else []) + [trained_folder(settings)]
-    for folder in places:
+    for folder in filter(None, (settings.weights, trained_folder(settings))):
         path = catalogue.weights_path(name, settings.scale, folder)
         if path.exists():
             return path
@@ -52,24 +59,25 @@ def schedule(path: Path | None) -> str:
     """How weights were trained, in one phrase, from the file beside them."""
     if path is None:
         return "no weights"
-    facts = read_json(path.with_suffix(".json"), "the provenance beside the weights")
-    config, seconds = facts.get("config", {}), facts.get("seconds", 0.0)
+    facts = _provenance(path)
+    config, took = facts.get("config", {}), f"{facts.get('seconds', 0.0):.0f} s on {facts.get('device')}"
     if "steps_per_epoch" in config:
-        return (f"on rendered light fields: {config['epochs']} epochs of {config['steps_per_epoch']} batches, "
-                f"{seconds:.0f} s on {facts.get('device')}")
+        return f"on rendered light fields: {config['epochs']} epochs of {config['steps_per_epoch']} batches, {took}"
     if not {"epochs", "crop", "rate", "schedule"} <= config.keys():
         return "schedule not recorded"
     kind = "the paper's recipe" if _is_full(config) else "short schedule"
     kind += ", begun from the generator trained without it" if config.get("start") else ""
     return (f"{kind}: {config['epochs']} epochs of {config['crops_per_photograph']} {config['crop']}-pixel crops per "
-            f"photograph, rate {config['rate']:g} {config['schedule']}, {seconds:.0f} s on {facts.get('device')}")
+            f"photograph, rate {config['rate']:g} {config['schedule']}, {took}")
+
+
+def _provenance(path: Path) -> dict[str, Any]:
+    return read_json(path.with_suffix(".json"), "the provenance beside the weights")
 
 
 def fingerprint(path: Path | None) -> str | None:
     """The weights' own hash, so that a measurement with others is made again."""
-    if path is None:
-        return None
-    return read_json(path.with_suffix(".json"), "the provenance beside the weights").get("sha256")
+    return _provenance(path).get("sha256") if path else None
 
 
 def fingerprints(settings: Settings, name: str) -> dict[str, str | None]:
@@ -89,7 +97,7 @@ def method(settings: Settings, name: str) -> registry.Method | None:
     return registry.method(parsed, upscaler=catalogue.upscaler(parsed.upscaler, weights=path, **device))
 
 
-def untrained(name: str, scale: int) -> Any:
+def untrained(name: str, scale: int) -> nn.Module:
     """The network as built, with random weights of seed 0: its speed does not depend on them."""
     import torch
 
@@ -116,11 +124,10 @@ def train(settings: Settings, name: str) -> Path:
 
     LfsrError where photographs are missing; KeyboardInterrupt if it is stopped.
     """
-    from lfsr_core.progress import ProgressBar
     from lfsr_core.train import loop, session
 
     folder = trained_folder(settings) / "runs" / f"{name}-x{settings.scale}"
-    config = _planned(settings, name, folder / PLAN_FILE)
+    config = _short_config(settings, name, folder / CONFIG_FILE)
     print(f"train   {name} x{settings.scale}: {config.epochs} epochs", file=sys.stderr, flush=True)
     with contextlib.closing(ProgressBar()) as bar:
         options = loop.RunOptions(resume=(folder / loop.CHECKPOINT).exists(), progress=bar)
@@ -132,31 +139,23 @@ def train(settings: Settings, name: str) -> Path:
 
 def _published(weights_file: Path, folder: Path) -> Path:
     """Provenance first: weights that exist are complete."""
-    import shutil
-
-    from lfsr_core.files import atomic_path
-
     for suffix in (".json", ".safetensors"):
         with atomic_path(folder / f"{weights_file.stem}{suffix}") as temporary:
             shutil.copy(weights_file.with_suffix(suffix), temporary)
     return folder / weights_file.name
 
 
-def _planned(settings: Settings, name: str, plan: Path) -> Any:
-    """Config of a short run that takes about the granted minutes; the same again when it is resumed."""
-    from lfsr_core.train.config import from_values, load_config
-
-    if plan.exists():
-        return from_values(read_json(plan, "the plan of a training run"), str(plan))
-    changes = [f"network={name}", f"scale={settings.scale}",
-               f"adversarial={ADVERSARIAL if name.endswith('-gan') else 0.0}", "validate_every=1000000"]
-    changes += [f"{key}={value}" for key, value in (("photographs", settings.photographs),
-                                                    ("validation", settings.validation),
-                                                    ("start", _start(settings, name))) if value]
-    config = load_config(SHORT_CONFIG, changes)
+def _short_config(settings: Settings, name: str, kept: Path) -> TrainConfig:
+    """Config of a short run that takes about the granted minutes; the one that is kept where it is resumed."""
+    if kept.exists():
+        return from_values(read_json(kept, "the config of a training run"), str(kept))
+    changes = {"network": name, "scale": settings.scale, "adversarial": ADVERSARIAL if name.endswith("-gan") else 0.0,
+               "validate_every": 1000000, "photographs": settings.photographs, "validation": settings.validation,
+               "start": _start(settings, name)}
+    config = load_config(SHORT_CONFIG, [f"{key}={value}" for key, value in changes.items() if value != ""])
     seconds, photographs = _seconds_per_step(settings, config)
     config = fitted(config, 60 * settings.train_minutes / seconds, photographs)
-    write_json(plan, dataclasses.asdict(config))
+    write_json(kept, dataclasses.asdict(config))
     return config
 
 
@@ -166,7 +165,7 @@ def _start(settings: Settings, name: str) -> str:
     return "" if generator == name else str(weights(settings, generator).resolve())
 
 
-def fitted(config: Any, steps: float, photographs: int) -> Any:
+def fitted(config: TrainConfig, steps: float, photographs: int) -> TrainConfig:
     """Config whose epochs take ``steps`` batches in all: fewer crops per photograph rather than under ten epochs."""
     crops = int(steps * config.batch / (FEWEST_EPOCHS * photographs))
     crops = min(max(crops, 1), MOST_CROPS)
@@ -174,7 +173,7 @@ def fitted(config: Any, steps: float, photographs: int) -> Any:
     return dataclasses.replace(config, crops_per_photograph=crops, epochs=max(1, int(steps / per_epoch)))
 
 
-def _seconds_per_step(settings: Settings, config: Any) -> tuple[float, int]:
+def _seconds_per_step(settings: Settings, config: TrainConfig) -> tuple[float, int]:
     """Seconds of one batch on this device, and the number of photographs."""
     from lfsr_core.train.photographs.data import load_photographs
     from lfsr_core.train.photographs.task import ComparatorTask
@@ -195,8 +194,6 @@ def _seconds_per_step(settings: Settings, config: Any) -> tuple[float, int]:
 
 def _is_full(config: dict[str, Any]) -> bool:
     """True if the recipe is that of the network's built-in config."""
-    from lfsr_core.train.config import builtin_configs, load_config
-
     name = config["network"]
     if name not in builtin_configs():
         return False

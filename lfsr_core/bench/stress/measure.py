@@ -56,17 +56,17 @@ class Scene:
         """Every figure of ``method`` here."""
         linear = finished_linear(self.render, method), self.reference.half_a, self.reference.half_b
         mask, images = self.reference.hits, [srgb_encode(values) for values in linear]
-        compared = compare(*linear, self.lenses, mask)
+        compared, of = compare(*linear, self.lenses, mask), metrics.Compared(*images, self.lenses, mask)
         found: Metrics = {name: compared[name] for name in METRIC_NAMES} | {"recall": recall(self.found, mask)}
-        found |= metrics.border_and_centre(*images, self.lenses, mask, width=self.bench.settings.scale)
-        found["neighbour_error"] = metrics.neighbour_view_error(*images, self.lenses, mask)
+        found |= metrics.border_and_centre(of, width=self.bench.settings.scale)
+        found["neighbour_error"] = metrics.neighbour_view_error(of)
         if self.dial.name == EYE:
             found |= self._straightness(*images)
         if self.dial.name == MOTION:
             found |= self._flicker(method)
-        return Cell(self.value, self.dial.scene_name(self.value), self.dial.samples(self.value), method,
-                    {name: _finite(value) for name, value in found.items()},
-                    metrics.worst_lens(*images, self.lenses, mask), **fingerprint(method))
+        finite = {name: value if value is not None and math.isfinite(value) else None for name, value in found.items()}
+        return Cell(self.value, self.dial.scene_name(self.value), self.dial.samples(self.value), method, finite,
+                    metrics.worst_lens(of), **fingerprint(method))
 
     def _straightness(self, x: np.ndarray, a: np.ndarray, b: np.ndarray) -> Metrics:
         step = self.space.scale / self.value
@@ -89,8 +89,3 @@ class Scene:
             found[f"flicker_{name}"] = metrics.flicker(images, self.lenses, path, cards)
         changes = [value for value in found.values() if value is not None]
         return found | {"steadiness": 1 - max(changes) if changes else None}
-
-
-def _finite(value: float | None) -> float | None:
-    """None for what is not a finite number."""
-    return value if value is not None and math.isfinite(value) else None

@@ -1,11 +1,11 @@
 """Figures that only the stability suite needs: borders of elemental images, the moving eye, flicker, worst places.
 
-Images are EIAs (H, W, C) of sRGB values in [0, 1] in view order; ``a`` and ``b``
-are the two halves of a reference, so that its noise cancels (docs/reference/metrics.md).
+Images are EIAs (H, W, C) of sRGB values in [0, 1] in view order.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -18,20 +18,35 @@ from lfsr_core.optics.eia import to_elemental_images, to_views
 Pair = tuple[int, int]
 
 
+@dataclasses.dataclass(frozen=True)
+class Compared:
+    """An EIA beside its reference."""
+
+    x: np.ndarray  # the EIA
+    a: np.ndarray  # one half of the reference
+    b: np.ndarray  # the other, so that its noise cancels (docs/reference/metrics.md)
+    lenses: Pair  # (sx, sy)
+    mask: np.ndarray  # (sy, sx) bool, the foreground
+
+    @property
+    def squares(self) -> np.ndarray:
+        """Squared errors as elemental images (sy, sx, py, px, C)."""
+        return to_elemental_images((self.x - self.a) * (self.x - self.b), self.lenses)
+
+
 def root(squared: float) -> float:
     """Square root of an unbiased squared error, 0 where noise made it negative."""
     return math.sqrt(max(squared, 0.0))
 
 
-def border_and_centre(x: np.ndarray, a: np.ndarray, b: np.ndarray, lenses: Pair, mask: np.ndarray,
-                      width: int) -> dict[str, float | None]:
+def border_and_centre(of: Compared, width: int) -> dict[str, float | None]:
     """RMS error and split SSIM of the outer ``width`` pixels of foreground EIs and of the rest, and the errors' ratio.
 
-    ``mask`` (sy, sx) bool. Values None where there are no such pixels, the ratio
-    also where the centre's error is below what the reference's noise lets one see.
+    Values None where there are no such pixels, the ratio also where the centre's
+    error is below what the reference's noise lets one see.
     """
-    errors = to_elemental_images((x - a) * (x - b), lenses)[mask].mean(-1)
-    local = to_elemental_images(split_ssim_map(x, a, b), lenses)[mask].mean(-1)
+    errors = of.squares[of.mask].mean(-1)
+    local = to_elemental_images(split_ssim_map(of.x, of.a, of.b), of.lenses)[of.mask].mean(-1)
     ring = _ring(errors.shape[1:], width)
     found: dict[str, float | None] = {}
     for name, where in (("border", ring), ("centre", ~ring)):
@@ -48,13 +63,14 @@ def _ring(shape: tuple[int, ...], width: int) -> np.ndarray:
     return ring
 
 
-def neighbour_view_error(x: np.ndarray, a: np.ndarray, b: np.ndarray, lenses: Pair, mask: np.ndarray) -> float | None:
+def neighbour_view_error(of: Compared) -> float | None:
     """RMS error of the difference between views side by side and one above the other, over foreground lenses.
 
     What an eye sees change as it moves by one view, beside what should change;
     invented or lost detail counts, an error that all views share does not.
     """
-    steps = [np.diff(to_views(values, lenses)[:, :, mask], axis=axis) for axis in (0, 1) for values in (x, a, b)]
+    views = [to_views(values, of.lenses)[:, :, of.mask] for values in (of.x, of.a, of.b)]
+    steps = [np.diff(values, axis=axis) for axis in (0, 1) for values in views]
     products = [(steps[i] - steps[i + 1]) * (steps[i] - steps[i + 2]) for i in (0, 3)]
     count = sum(product.size for product in products)
     return root(sum(float(product.sum(dtype=np.float64)) for product in products) / count) if count else None
@@ -64,10 +80,18 @@ def epi_straightness(image: np.ndarray, lenses: Pair, views_per_lens: int,
                      other: np.ndarray | None = None) -> float | None:
     """1 - (variance along the lines of the EPIs) / (variance of the image): 1 where every line is straight and even.
 
-    The scene is a matt board whose points move by one lens in ``views_per_lens``
-    views, so that lens i, view k and lens i + 1, view k + ``views_per_lens``
-    see the same point through the same rays. With ``other``, an independent render
-    of the same, the noise of both cancels. None where no two views lie so far apart.
+    Lens i, view k and lens i + 1, view k + ``views_per_lens`` see the same point through the same rays.
+
+    Parameters
+    ----------
+    image: of a matt board whose points move by one lens in ``views_per_lens`` views.
+    lenses: (sx, sy).
+    views_per_lens: whole number.
+    other: an independent render of the same, so that the noise of both cancels.
+
+    Returns
+    -------
+    None where no two views lie so far apart.
     """
     views = to_views(image, lenses)
     twin = views if other is None else to_views(other, lenses)
@@ -87,9 +111,13 @@ def _step_along(views: np.ndarray, axis: int, step: int) -> np.ndarray:
 
 
 def card_pixels(space: Space, y: float, centre: tuple[float, float], half: tuple[float, float]) -> np.ndarray:
-    """(sy, sx, py, px) bool: pixels all of whose rays meet a card at depth ``y``.
+    """(sy, sx, py, px) bool: pixels all of whose rays meet a card, by exact geometry without a render.
 
-    ``centre`` and ``half`` (x, z) in lens pitches, z upwards: exact geometry, no render.
+    Parameters
+    ----------
+    space: of the display.
+    y: depth of the card.
+    centre, half: its middle and half its size, (x, z) in lens pitches, z upwards.
     """
     columns, rows = (_meets(space, axis, y, centre[axis] * (1, -1)[axis], half[axis]) for axis in (0, 1))
     return rows[:, None, :, None] & columns[None, :, None, :]
@@ -107,8 +135,16 @@ def flicker(frames: Sequence[np.ndarray], lenses: Pair, path: Sequence[Pair],
             cards: Sequence[np.ndarray]) -> float | None:
     """RMS change from frame to frame of a card that moves by whole lenses, after moving it back.
 
-    ``path``: its (column, row) per frame in lenses, downwards; ``cards``: its pixels
-    (sy, sx, py, px) per frame. None where no pixel shows it in two frames in a row.
+    Parameters
+    ----------
+    frames: EIAs.
+    lenses: (sx, sy).
+    path: (column, row) of the card in every frame in lenses, downwards.
+    cards: its pixels (sy, sx, py, px) in every frame.
+
+    Returns
+    -------
+    None where no pixel shows it in two frames in a row.
     """
     total, count = 0.0, 0
     images = (to_elemental_images(frame, lenses) for frame in frames)
@@ -129,10 +165,10 @@ def _overlap(dx: int, dy: int, shape: tuple[int, ...]) -> tuple[tuple[slice, sli
     return (pairs[0][0], pairs[1][0]), (pairs[0][1], pairs[1][1])
 
 
-def worst_lens(x: np.ndarray, a: np.ndarray, b: np.ndarray, lenses: Pair, mask: np.ndarray) -> Pair | None:
+def worst_lens(of: Compared) -> Pair | None:
     """(row, column) of the foreground lens with the largest squared error; None without foreground."""
-    if not mask.any():
+    if not of.mask.any():
         return None
-    errors = to_elemental_images((x - a) * (x - b), lenses).mean((2, 3, 4))
-    row, column = np.unravel_index(np.argmax(np.where(mask, errors, -np.inf)), mask.shape)
+    errors = np.where(of.mask, of.squares.mean((2, 3, 4)), -np.inf)
+    row, column = np.unravel_index(np.argmax(errors), of.mask.shape)
     return int(row), int(column)

@@ -119,6 +119,14 @@ def card_of_motion(space: Space, lenses_per_frame: int,
 
 
 def card_centre(space: Space, y: float, place: tuple[int, int], path: Sequence[tuple[int, int]]) -> tuple[float, float]:
-    """(x, z) of the card at ``place`` of a path that lies in the middle of the display; z upwards."""
+    """(x, z) of the moving card, z upwards.
+
+    Parameters
+    ----------
+    space: of the display.
+    y: depth of the card.
+    place: where on its path it is, (column, row).
+    path: all of it, which lies in the middle of the display.
+    """
     middle = [(min(axis) + max(axis)) / 2 for axis in zip(*path, strict=True)]
     return (place[0] - middle[0]) * space.magnified(y), -(place[1] - middle[1]) * space.magnified(y)

@@ -172,7 +172,7 @@ def _stop_at(call):
     return accuracy
 
 
-def test_training_is_planned_labelled_and_done_once(tmp_path, frames):
+def test_training_is_fitted_labelled_and_done_once(tmp_path, frames):
     photographs = tmp_path / "photographs"
     photographs.mkdir()
     for name, image in zip(pictures().names, pictures(height=100, width=100).images, strict=True):
@@ -209,13 +209,13 @@ def test_a_short_adversary_begins_with_the_generator_of_the_same_run(tmp_path, f
     assert CROPS_SEEN.search(label)
 
 
-def test_planned_steps_fit_the_minutes():
+def test_fitted_steps_fill_the_minutes():
     from lfsr_core.train.config import load_config
 
     config = load_config("paper-short")
     for steps in (20, 300, 5000):
-        planned = weights.fitted(config, steps, 62)
-        done = planned.epochs * max(1, 62 * planned.crops_per_photograph // planned.batch)
+        fitted = weights.fitted(config, steps, 62)
+        done = fitted.epochs * max(1, 62 * fitted.crops_per_photograph // fitted.batch)
         assert 0.5 * steps <= done <= steps
     full = dataclasses.asdict(load_config("paper-gan"))
     assert weights._is_full(full) and not weights._is_full({**full, "epochs": 5})

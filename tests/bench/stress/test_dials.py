@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.bench.stress import space as stress_dials_space
 from lfsr_core.bench.stress.dials import DIALS, breaking_point, choose_dials
 from lfsr_core.bench.stress.folder import DISPLAY_FILE
-from lfsr_core.bench.stress.space import Space, hole, rectangle_path
+from lfsr_core.bench.stress.space import Space, card_centre, card_of_motion, hole, rectangle_path
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray, RayLayout, rays
@@ -180,8 +179,8 @@ def test_a_card_at_rest_stays():
 
 def test_the_moving_card_fits_the_display_and_its_path_is_centred():
     space = Space.of(DISPLAYS[0], 4)
-    y, half, path = stress_dials_space.card_of_motion(space, 1, 24)
-    centres = np.array([stress_dials_space.card_centre(space, y, place, path) for place in path])
+    y, half, path = card_of_motion(space, 1, 24)
+    centres = np.array([card_centre(space, y, place, path) for place in path])
     assert centres.min(0) + centres.max(0) == pytest.approx([0, 0])
     assert (np.abs(centres).max(0) + half <= np.array(space.lenses) / 2 * space.magnified(y)).all()
     # Downwards in lenses is downwards in the scene.

@@ -1,4 +1,4 @@
-"""The stability suite's own figures, on light fields whose truth is known."""
+"""The stability suite's own figures, on light fields that are known exactly."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.bench.stress import metrics
+from lfsr_core.bench.stress.metrics import Compared
 from lfsr_core.bench.stress.space import Space, card_centre, card_of_motion
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images, to_views
@@ -43,16 +44,16 @@ def ring_of(width):
 
 def test_an_error_at_the_borders_is_found_there_and_nowhere_else():
     x = EVEN + 0.1 * ring_of(3)
-    found = metrics.border_and_centre(x, EVEN, EVEN, LENSES, ALL, 3)
+    found = metrics.border_and_centre(Compared(x, EVEN, EVEN, LENSES, ALL), 3)
     assert found["rmse_border"] == pytest.approx(0.1) and found["rmse_centre"] == 0
     assert found["border_ratio"] is None and found["ssim_border"] < 0.99
-    centre = metrics.border_and_centre(EVEN + 0.1 * (1 - ring_of(3)), EVEN, EVEN, LENSES, ALL, 3)
+    centre = metrics.border_and_centre(Compared(EVEN + 0.1 * (1 - ring_of(3)), EVEN, EVEN, LENSES, ALL), 3)
     assert centre["rmse_border"] == 0 and centre["rmse_centre"] == pytest.approx(0.1)
 
 
 def test_the_ratio_of_an_even_error_is_one_and_the_references_noise_cancels():
     x, a, b = EVEN + 0.05, EVEN + noise(0.05, 1), EVEN + noise(0.05, 2)
-    found = metrics.border_and_centre(x, a, b, LENSES, ALL, 3)
+    found = metrics.border_and_centre(Compared(x, a, b, LENSES, ALL), 3)
     assert found["border_ratio"] == pytest.approx(1, abs=0.06)
     assert found["rmse_centre"] == pytest.approx(0.05, abs=0.003)
 
@@ -62,27 +63,28 @@ def test_borders_count_in_the_foreground_only():
     mask[0] = False
     x = EVEN.copy()
     x[:VIEWS[1]] = 1
-    found = metrics.border_and_centre(x, EVEN, EVEN, LENSES, mask, 3)
+    found = metrics.border_and_centre(Compared(x, EVEN, EVEN, LENSES, mask), 3)
     assert found["rmse_border"] == found["rmse_centre"] == 0
-    nothing = metrics.border_and_centre(x, EVEN, EVEN, LENSES, ~ALL, 3)
+    nothing = metrics.border_and_centre(Compared(x, EVEN, EVEN, LENSES, ~ALL), 3)
     assert set(nothing.values()) == {None}
 
 
 def test_neighbouring_views_that_differ_as_they_should_have_no_error():
-    truth = print_at(*places(3.0))
-    assert metrics.neighbour_view_error(truth, truth, truth, LENSES, ALL) == 0
+    known = print_at(*places(3.0))
+    assert metrics.neighbour_view_error(Compared(known, known, known, LENSES, ALL)) == 0
     # All views brighter alike: nothing changes as the eye moves.
-    assert metrics.neighbour_view_error(truth + 0.1, truth, truth, LENSES, ALL) == pytest.approx(0, abs=1e-9)
+    assert metrics.neighbour_view_error(Compared(known + 0.1, known, known, LENSES, ALL)) == pytest.approx(0, abs=1e-9)
 
 
 def test_detail_invented_in_every_view_alone_is_an_error():
-    truth = print_at(*places(3.0))
-    invented = truth + noise(0.02, 3)
-    halves = truth + noise(0.1, 4), truth + noise(0.1, 5)
+    known = print_at(*places(3.0))
+    invented = known + noise(0.02, 3)
+    halves = known + noise(0.1, 4), known + noise(0.1, 5)
     expected = 0.02 * np.sqrt(2)  # of the difference of two
-    assert metrics.neighbour_view_error(invented, truth, truth, LENSES, ALL) == pytest.approx(expected, rel=0.02)
-    assert metrics.neighbour_view_error(invented, *halves, LENSES, ALL) == pytest.approx(expected, rel=0.1)
-    assert metrics.neighbour_view_error(invented, truth, truth, LENSES, ~ALL) is None
+    for images, allowed in (((invented, known, known), 0.02), ((invented, *halves), 0.1)):
+        error = metrics.neighbour_view_error(Compared(*images, LENSES, ALL))
+        assert error == pytest.approx(expected, rel=allowed)
+    assert metrics.neighbour_view_error(Compared(invented, known, known, LENSES, ~ALL)) is None
 
 
 @pytest.mark.parametrize("step", [2, 4, 8])
@@ -169,11 +171,11 @@ def test_the_worst_lens_is_found_inside_the_foreground():
     x = EVEN.copy()
     to_elemental_images(x, LENSES)[2, 5] += 0.1
     to_elemental_images(x, LENSES)[4, 1] += 0.3
-    assert metrics.worst_lens(x, EVEN, EVEN, LENSES, ALL) == (4, 1)
+    assert metrics.worst_lens(Compared(x, EVEN, EVEN, LENSES, ALL)) == (4, 1)
     mask = ALL.copy()
     mask[4, 1] = False
-    assert metrics.worst_lens(x, EVEN, EVEN, LENSES, mask) == (2, 5)
-    assert metrics.worst_lens(x, EVEN, EVEN, LENSES, ~ALL) is None
+    assert metrics.worst_lens(Compared(x, EVEN, EVEN, LENSES, mask)) == (2, 5)
+    assert metrics.worst_lens(Compared(x, EVEN, EVEN, LENSES, ~ALL)) is None
 
 
 def test_views_are_what_the_figures_think_they_are():

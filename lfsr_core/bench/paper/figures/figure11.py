@@ -134,23 +134,23 @@ def _decibels(errors: tuple[float, ...]) -> str:
     return number(-10 * float(np.log10(mean)) if mean > 0 else None, digits=2)
 
 
-def less_error(results: Epis, better: str, worse: str, name: str = "epi") -> dict[str, Difference]:
+def _less_error(results: Epis, better: str, worse: str, name: str = "epi") -> dict[str, Difference]:
     """By how much ``better`` has the smaller error, per lens row, for every scene that has both."""
     return differences(results.rows, worse, better, lambda row: getattr(row.metrics, name))
 
 
 def line(results: Epis) -> str:
     """Each upscaler per EI against itself over the whole array; then the default against the paper's."""
-    found = {per_ei: less_error(results, per_ei, whole) for per_ei, whole in PAIRS}
+    found = {per_ei: _less_error(results, per_ei, whole) for per_ei, whole in PAIRS}
     words = [overall(*found.values())]
     for per_ei, whole in PAIRS:
         statement = f"{per_ei} per elemental image is nearer to the truth than over the whole array"
         words.append(sentence(statement, found[per_ei], UNIT, 1e3))
-        border = less_error(results, per_ei, whole, "epi_border")
+        border = _less_error(results, per_ei, whole, "epi_border")
         words.append(sentence("In the border views", border, UNIT, 1e3) if border else "")
     for better in (ADVERSARIAL, results.default):
         statement = f"{better} is nearer than the generator alone"
-        words.append(sentence(statement, less_error(results, better, "paper"), UNIT, 1e3))
+        words.append(sentence(statement, _less_error(results, better, "paper"), UNIT, 1e3))
     whole = [row for row in results.rows if row.reason is None]
     return " ".join(filter(None, words)) + _left_out(results) + cautions(whole, results.schedules)
 
