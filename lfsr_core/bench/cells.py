@@ -18,18 +18,11 @@ Fingerprint = dict[str, Any]
 
 @dataclasses.dataclass(frozen=True)
 class Cells(Generic[Record]):
-    """A cache of measured records, one JSON file each: the record's fields and a fingerprint of what it depends on.
+    """A cache of measured records, one JSON file each: the record's fields and a fingerprint of what it depends on."""
 
-    Attributes
-    ----------
-    folder : where the files are
-    kind : the records' class, a frozen dataclass
-    key : entry of a file that holds the fingerprint; None: its parts stand beside the record's fields
-    """
-
-    folder: Path
-    kind: type[Record]
-    key: str | None = "fingerprint"
+    folder: Path  # where the files are
+    kind: type[Record]  # the records' class, a frozen dataclass
+    key: str | None = "fingerprint"  # entry that holds the fingerprint; None: its parts stand beside the fields
 
     def path(self, name: str) -> Path:
         """File of one record."""

@@ -19,26 +19,15 @@ REPORT_PACKAGES = ("Jinja2", "matplotlib")  # the extra "bench"
 
 @dataclasses.dataclass(frozen=True)
 class Environment:
-    """What figures were measured with, as every report of a benchmark keeps it.
+    """What figures were measured with, as every report of a benchmark keeps it."""
 
-    Attributes
-    ----------
-    cpu : name of the processor
-    cores : number of its logical cores
-    memory_gib : main memory, None where it is not known
-    system : operating system
-    python : version of Python
-    gpu : name of the graphics card that PyTorch used, None without one
-    versions : version of LFSR and of each package that is installed, by name
-    """
-
-    cpu: str
-    cores: int
-    memory_gib: float | None
-    system: str
-    python: str
-    gpu: str | None
-    versions: dict[str, str]
+    cpu: str  # name of the processor
+    cores: int  # number of its logical cores
+    memory_gib: float | None  # main memory, None where it is not known
+    system: str  # operating system
+    python: str  # version of Python
+    gpu: str | None  # name of the graphics card that PyTorch used, None without one
+    versions: dict[str, str]  # of LFSR and of each package that is installed, by name
 
     @property
     def machine(self) -> str:

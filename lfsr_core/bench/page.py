@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import functools
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,17 +33,11 @@ def write_text(path: Path, text: str) -> Path:
     return path
 
 
-def inline_svg(svg: str) -> Markup:
-    """An SVG document to stand in a page as it is: text of it can be marked, and it scales with the page."""
+def inline_svg(svg: str, title: str) -> Markup:
+    """An SVG document to stand in a page as it is and scale with it; ``title`` is what it shows, for who cannot see."""
     from markupsafe import Markup
 
-    return Markup(svg[svg.index("<svg"):])
-
-
-def image_source(path: Path) -> str:
-    """A PNG or JPEG file as the ``src`` of an image, its bytes included."""
-    kind = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}[path.suffix.lower()]
-    return f"data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
+    return Markup('<svg role="img" aria-label="{}"').format(title) + Markup(svg[svg.index("<svg") + len("<svg"):])
 
 
 @functools.cache

@@ -47,28 +47,17 @@ NOTE_PLACES = [(-8.0, 8.0), (8.0, -9.0), (8.0, 8.0), (-8.0, -9.0), (0.0, 12.0), 
 
 @dataclasses.dataclass(frozen=True)
 class Curve:
-    """One line of a chart.
+    """One line of a chart."""
 
-    Attributes
-    ----------
-    name : written beside its last point
-    color, marker : one of COLORS and one of MARKERS, so that a reader need not tell colours apart
-    x, y : its points, from left to right
-    spans : least and most x of each point, as thin lines; none where empty
-    halves : half-width of the interval of each y, None where it is not known; none where empty
-    notes : a short text at each point; none where empty
-    bold : drawn thicker than the others
-    """
-
-    name: str
-    color: str
-    marker: str
-    x: Sequence[float]
+    name: str  # written beside its last point
+    color: str  # one of COLORS
+    marker: str  # one of MARKERS, for eyes that do not know the colours apart
+    x: Sequence[float]  # of its points, from left to right
     y: Sequence[float]
-    spans: Sequence[tuple[float, float]] = ()
-    halves: Sequence[float | None] = ()
-    notes: Sequence[str] = ()
-    bold: bool = False
+    spans: Sequence[tuple[float, float]] = ()  # least and most x of each point, as thin lines
+    halves: Sequence[float | None] = ()  # half-width of the interval of each y, None where it is not known
+    notes: Sequence[str] = ()  # a short text at each point
+    bold: bool = False  # drawn thicker than the others
 
 
 def sheet(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
@@ -225,19 +214,12 @@ def _figure(width: float, tall: float, **options: Any) -> Figure:
 
 @dataclasses.dataclass
 class _Crowd:
-    """What a text of a panel must keep away from, in pixels.
+    """What a text of a panel must keep away from, in pixels."""
 
-    Attributes
-    ----------
-    room : where texts may be
-    dots, lines : (n, 2) points of curves, and places along their lines
-    boxes : texts that have their place
-    """
-
-    room: Bbox
-    dots: np.ndarray
-    lines: np.ndarray
-    boxes: list[Bbox]
+    room: Bbox  # where texts may be
+    dots: np.ndarray  # (n, 2) points of curves
+    lines: np.ndarray  # (n, 2) places along their lines
+    boxes: list[Bbox]  # texts that have their place
 
     @classmethod
     def of(cls, axes: Axes, curves: Sequence[Curve], boxes: list[Bbox]) -> _Crowd:

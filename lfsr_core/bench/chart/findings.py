@@ -18,21 +18,13 @@ LITTLE_MORE, LEAST_GAIN = 1.15, 0.005  # steps of advice smaller than these are 
 
 @dataclasses.dataclass(frozen=True)
 class GoalRow:
-    """How our method does against the target on one scene.
+    """How our method does against the target on one scene."""
 
-    Attributes
-    ----------
-    scene : its name
-    known : whether direct rendering was measured at the target's samples
-    ratio, opened : worst ratio of our time to its, without and with opening the scene; None where it is never reached
-    best : which other method comes nearest to the target, and its ratio
-    """
-
-    scene: str
-    known: bool
-    ratio: float | None
-    opened: float | None
-    best: str
+    scene: str  # its name
+    known: bool  # whether direct rendering was measured at the target's samples
+    ratio: float | None  # worst ratio of our time to its, None where we never get there
+    opened: float | None  # the same with opening the scene
+    best: str  # which other method comes nearest to the target, and its ratio
 
 
 def advice(chart: Chart) -> list[tuple[str, str, str]]:

@@ -49,19 +49,12 @@ class Times:
 
 @dataclasses.dataclass(frozen=True)
 class KeptCell:
-    """What is measured of a render and a method, as the bench folder keeps it.
+    """What is measured of a render and a method, as the bench folder keeps it."""
 
-    Attributes
-    ----------
-    method : its name
-    metrics, ci95 : how near it comes to the reference, and half-widths of the 95 % intervals
-    times : of the second stage
-    """
-
-    method: str
-    metrics: Metrics
-    ci95: dict[str, float | None]
-    times: Times
+    method: str  # its name
+    metrics: Metrics  # how near it comes to the reference
+    ci95: dict[str, float | None]  # half-widths of the metrics' 95 % intervals
+    times: Times  # of the second stage
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,32 +66,19 @@ class FreshSeconds:
 
 @dataclasses.dataclass(frozen=True)
 class Effort:
-    """What is measured although a kept cell fits.
+    """What is measured although a kept cell fits."""
 
-    Attributes
-    ----------
-    repeats : timed runs of the second stage
-    again : everything is measured afresh
-    retime : the times are taken afresh, the metrics kept
-    """
-
-    repeats: int
-    again: bool = False
-    retime: bool = False
+    repeats: int  # timed runs of the second stage
+    again: bool = False  # everything is measured afresh
+    retime: bool = False  # the times are taken afresh, the metrics kept
 
 
 @dataclasses.dataclass(frozen=True)
 class Target:
-    """What the cells of a scene are measured against.
-
-    Attributes
-    ----------
-    reference : the reference
-    mask : (sy, sx) bool, the foreground that counts
-    """
+    """What the cells of a scene are measured against."""
 
     reference: Reference
-    mask: np.ndarray
+    mask: np.ndarray  # (sy, sx) bool, the foreground that counts
 
     @classmethod
     def read(cls, folder: Path, mask: np.ndarray | None) -> Target:

@@ -19,7 +19,7 @@ def page(chart: Chart) -> str:
     rivals = sorted(chart.settings.direct_methods, key=lambda name: name != RIVAL[1])
     return page_html(
         "chart.html", chart=chart, findings=findings, metrics=METRICS, losses_shown=LOSSES_SHOWN, count=count,
-        pictures=[inline_svg(drawn([panel])) for panel in panels(chart)],
+        pictures=[inline_svg(drawn([panel]), panel.title) for panel in panels(chart)],
         direct=[(label((DIRECT, name), chart.settings.ours), name == RIVAL[1], _direct_rows(chart, name))
                 for name in rivals],
         goals=[_goal_row(row) for row in findings.goals(chart)],

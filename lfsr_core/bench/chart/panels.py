@@ -32,25 +32,15 @@ def label(key: Key, ours: str) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Panel:
-    """What one panel of the chart shows: seconds across, a metric up.
+    """What one panel of the chart shows: seconds across, a metric up."""
 
-    Attributes
-    ----------
-    title, axis : its heading, and what its values are
-    curves : methods with their names, the most important first
-    front : points that no other point beats
-    others : points of methods without a name
-    ceiling : value and words of a line across
-    toward_one : values end at 1, and their axis stretches towards it
-    """
-
-    title: str
-    axis: str
-    curves: Sequence[Curve]
-    front: Sequence[Point]
-    others: Sequence[Point]
-    ceiling: tuple[float, str] | None
-    toward_one: bool
+    title: str  # its heading
+    axis: str  # what its values are
+    curves: Sequence[Curve]  # methods with their names, the most important first
+    front: Sequence[Point]  # points that no other point beats
+    others: Sequence[Point]  # points of methods without a name
+    ceiling: tuple[float, str] | None  # value and words of a line across
+    toward_one: bool  # values end at 1, and their axis stretches towards it
 
 
 def styles(chart: Chart) -> dict[Key, tuple[str, str]]:

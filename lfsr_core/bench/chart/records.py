@@ -21,32 +21,20 @@ Key = tuple[str, str]
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ChartSettings:
-    """The settings that decide a chart's figures.
+    """The settings that decide a chart's figures."""
 
-    Attributes
-    ----------
-    display : name or file of the display
-    scale, spps : of the low-resolution renders: scale, and samples per pixel of each
-    direct_spps : samples per pixel of the renders of every view
-    methods, direct_methods : what finishes the low-resolution renders, and those of every view
-    ours : the method that is held against the others
-    reference_spp, lenses : of the reference: samples per pixel, and number of sampled lenses, None for all
-    ceiling_spp : samples per pixel of the nearly noise-free low-resolution render, 0 for none
-    repeats, render_repeats : timed runs of the second stage, and of every render
-    """
-
-    display: str
-    scale: int
-    spps: tuple[int, ...]
-    direct_spps: tuple[int, ...]
-    methods: tuple[str, ...]
-    direct_methods: tuple[str, ...]
-    ours: str
-    reference_spp: int
-    lenses: int | None
-    ceiling_spp: int
-    repeats: int
-    render_repeats: int
+    display: str  # its name or file
+    scale: int  # of the low-resolution renders
+    spps: tuple[int, ...]  # samples per pixel of each low-resolution render
+    direct_spps: tuple[int, ...]  # samples per pixel of each render of every view
+    methods: tuple[str, ...]  # what finishes the low-resolution renders
+    direct_methods: tuple[str, ...]  # what finishes the renders of every view
+    ours: str  # the method that is held against the others
+    reference_spp: int  # samples per pixel of the reference
+    lenses: int | None  # number of lenses that the reference samples, None for all
+    ceiling_spp: int  # samples per pixel of the nearly noise-free low-resolution render, 0 for none
+    repeats: int  # timed runs of the second stage
+    render_repeats: int  # timed runs of every render
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,37 +63,22 @@ class Spread:
 
 @dataclasses.dataclass(frozen=True)
 class Cell:
-    """One render, finished by one method.
+    """One render, finished by one method."""
 
-    Attributes
-    ----------
-    role : what the render is for, one of LOW, DIRECT, CEILING
-    method : what finished it
-    scale, samples, device : of the render: scale, samples per pixel, and what Cycles ran on
-    render_seconds, open_seconds : of every run of the render, and of opening the scene
-    second_stage_seconds : of every run of the second stage
-    stage_seconds : medians of the second stage's parts; "upscale" is the method itself
-    seconds : end to end
-    metrics : how near it comes to the reference
-    ci95 : half-widths of the metrics' 95 % intervals, as far as they are known
-    notes : sentences of the second stage
-    load_average : how busy the machine was
-    """
-
-    role: Role
-    method: str
-    scale: int
-    samples: int
-    render_seconds: tuple[float, ...]
-    open_seconds: float
-    second_stage_seconds: tuple[float, ...]
-    stage_seconds: dict[str, float]
-    seconds: Spread
-    metrics: Metrics
-    ci95: dict[str, float | None]
-    notes: tuple[str, ...]
-    load_average: float | None
-    device: str
+    role: Role  # what the render is for
+    method: str  # what finished it
+    scale: int  # of the render
+    samples: int  # per pixel of the render
+    render_seconds: tuple[float, ...]  # of every run of the render
+    open_seconds: float  # of opening the scene
+    second_stage_seconds: tuple[float, ...]  # of every run of the second stage
+    stage_seconds: dict[str, float]  # medians of the second stage's parts; "upscale" is the method itself
+    seconds: Spread  # end to end
+    metrics: Metrics  # how near it comes to the reference
+    ci95: dict[str, float | None]  # half-widths of the metrics' 95 % intervals, as far as they are known
+    notes: tuple[str, ...]  # sentences of the second stage
+    load_average: float | None  # how busy the machine was
+    device: str  # what Cycles ran on
 
     @property
     def key(self) -> tuple[str, str, int]:
@@ -129,13 +102,13 @@ class Cell:
 
 @dataclasses.dataclass(frozen=True)
 class Point:
-    """One cell on the chart: ``value`` is higher where better, ``seconds`` > 0 are end to end."""
+    """One cell on the chart."""
 
     role: Role
     method: str
-    samples: int
-    seconds: float
-    value: float
+    samples: int  # per pixel
+    seconds: float  # end to end, more than 0
+    value: float  # higher where better
 
     @property
     def curve(self) -> Key:
@@ -145,38 +118,23 @@ class Point:
 
 @dataclasses.dataclass(frozen=True)
 class Duel(Point):
-    """One measured point, and how long another method needs for its accuracy.
+    """One measured point, and how long another method needs for its accuracy."""
 
-    Attributes
-    ----------
-    needs_seconds : None where the other never gets there
-    bound : the other is better already at its fewest samples, so it needs at most so many seconds
-    ratio : the other's seconds over the point's
-    outcome : ours
-    """
-
-    needs_seconds: float | None
-    bound: bool
-    ratio: float | None
-    outcome: Literal["win", "loss"]
+    needs_seconds: float | None  # None where the other never gets there
+    bound: bool  # the other is better already at its fewest samples, so it needs at most so many seconds
+    ratio: float | None  # the other's seconds over the point's
+    outcome: Literal["win", "loss"]  # ours
 
 
 @dataclasses.dataclass(frozen=True)
 class Goal:
-    """How a method does against direct rendering with OIDN, over every accuracy that reaches at 1 to 4 samples.
+    """How a method does against direct rendering with OIDN, over every accuracy that reaches at 1 to 4 samples."""
 
-    Attributes
-    ----------
-    from_value, to_value : the accuracies
-    worst_ratio : of the method's seconds to the other's; None where it fails to reach one of the accuracies
-    met, stretch_met : the ratio is at most TARGET, at most STRETCH
-    """
-
-    from_value: float
-    to_value: float
-    worst_ratio: float | None
-    met: bool
-    stretch_met: bool
+    from_value: float  # least of the accuracies
+    to_value: float  # greatest of them
+    worst_ratio: float | None  # of the method's seconds to the other's; None where it fails to reach an accuracy
+    met: bool  # the ratio is at most TARGET
+    stretch_met: bool  # the ratio is at most STRETCH
 
 
 @dataclasses.dataclass(frozen=True)
@@ -190,36 +148,25 @@ class Ceiling:
 
 @dataclasses.dataclass(frozen=True)
 class Analysis:
-    """What the cells of a scene say by one metric; values whose less is better have their sign turned.
-
-    Attributes
-    ----------
-    metric : one of METRICS
-    ceiling : None where it was not measured
-    front : the points that no other beats in both time and accuracy
-    target, target_with_opening : of our method, without and with the time that opening the scene takes
-    targets_of_others : the same of every other method
-    versus : every point of every other method against our curve
-    reverse : every point of ours against the curve of the method that is named
-    """
+    """What follows from the cells of a scene by one metric; values whose less is better have their sign turned."""
 
     metric: Literal["ssim_eia_fg", "ssim_views_fg", "ssim_eia", "psnr_fg", "flip"]
-    ceiling: Ceiling | None
-    front: tuple[Point, ...]
-    target: Goal | None
-    target_with_opening: Goal | None
-    targets_of_others: dict[str, Goal | None]
-    versus: tuple[Duel, ...]
-    reverse: tuple[Duel, ...]
+    ceiling: Ceiling | None  # None where it was not measured
+    front: tuple[Point, ...]  # the points that no other beats in both time and accuracy
+    target: Goal | None  # of our method
+    target_with_opening: Goal | None  # with the time that opening the scene takes
+    targets_of_others: dict[str, Goal | None]  # of every other method in our place
+    versus: tuple[Duel, ...]  # every point of every other method against our curve
+    reverse: tuple[Duel, ...]  # every point of ours against the curve of the method that is named
 
 
 @dataclasses.dataclass(frozen=True)
 class UsedReference:
-    """The reference of a scene: samples per pixel, number of sampled lenses (None for all), seconds it took."""
+    """The reference of a scene."""
 
-    samples: int
-    lenses: int | None
-    seconds: float
+    samples: int  # per pixel
+    lenses: int | None  # how many it shows, None for all
+    seconds: float  # it took
 
     @property
     def shown(self) -> str:
@@ -229,11 +176,11 @@ class UsedReference:
 
 @dataclasses.dataclass(frozen=True)
 class SceneRow:
-    """One scene: its name, Blender's version, the share ``p`` of lenses with foreground, and all about it."""
+    """One scene."""
 
-    scene: str
-    blender: str
-    p: float
+    scene: str  # its name
+    blender: str  # version that rendered the reference
+    p: float  # share of lenses with foreground
     reference: UsedReference
     cells: tuple[Cell, ...]
     analysis: tuple[Analysis, ...]
@@ -246,30 +193,23 @@ class SceneRow:
 
 @dataclasses.dataclass(frozen=True)
 class MethodCost:
-    """What a method costs.
+    """What a method costs."""
 
-    Attributes
-    ----------
-    method : its name
-    parameters, multiply_adds_per_low_pixel : of its networks, None where it has none
-    fresh_process_seconds : of `lfsr upscale` from its start
-    """
-
-    method: str
-    parameters: int | None
-    multiply_adds_per_low_pixel: float | None
-    fresh_process_seconds: float | None
+    method: str  # its name
+    parameters: int | None  # of its networks, None where it has none
+    multiply_adds_per_low_pixel: float | None  # of its networks, None where it has none
+    fresh_process_seconds: float | None  # of `lfsr upscale` from its start
 
 
 @dataclasses.dataclass(frozen=True)
 class Chart:
-    """A whole chart; ``skipped`` are sentences on what was left out."""
+    """A whole chart."""
 
     format: int
     settings: ChartSettings
     environment: Environment
     methods: tuple[MethodCost, ...]
-    skipped: tuple[str, ...]
+    skipped: tuple[str, ...]  # sentences on what was left out
     scenes: tuple[SceneRow, ...]
 
 

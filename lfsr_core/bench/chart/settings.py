@@ -20,24 +20,15 @@ REFERENCE_FOLDER, CELL_FOLDER, TIMES_FOLDER, FRESH_FOLDER = "reference", "cells"
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Settings(ChartSettings):
-    """One chart: what decides its figures, and how it is run. LfsrError for numbers that cannot be.
+    """One chart: what decides its figures, and how it is run. LfsrError for numbers that cannot be."""
 
-    Attributes
-    ----------
-    folder : bench folder with a folder per scene
-    only_measure : new renders are refused
-    again, retime : methods whose cells are measured afresh, and those that are only timed afresh
-    retime_renders : renders are made again for their time, as often as ``render_repeats``
-    device, blender : what Cycles renders on, and the Blender that is used instead of the one found
-    """
-
-    folder: Path
-    only_measure: bool = False
-    again: tuple[str, ...] = ()
-    retime: tuple[str, ...] = ()
-    retime_renders: bool = False
-    device: str = "CPU"
-    blender: str | None = None
+    folder: Path  # bench folder with a folder per scene
+    only_measure: bool = False  # new renders are refused
+    again: tuple[str, ...] = ()  # methods whose cells are measured afresh
+    retime: tuple[str, ...] = ()  # methods that are only timed afresh
+    retime_renders: bool = False  # renders are made again for their time, as often as ``render_repeats``
+    device: str = "CPU"  # what Cycles renders on
+    blender: str | None = None  # executable used instead of the one found
 
     def __post_init__(self) -> None:
         for name in ("spps", "direct_spps"):

@@ -135,4 +135,4 @@ def curves(dial: DialReport, methods: Sequence[str]) -> Markup | None:
     axis.set_xticks(range(len(dial.values)), map(label, dial.values))
     axis.set_ylabel(dial.judged)
     axis.grid(axis="y", color="#ddd")
-    return inline_svg(svg(figure))
+    return inline_svg(svg(figure), f"{dial.judged} along {dial.name}")
