@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.commands import arguments as _scene
+from lfsr_core.commands.arguments import add_scene_arguments, make_job, render
 from lfsr_core.frames.frame import LOW_RES_FILE
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.lens_sampling import choose_lenses
@@ -24,18 +24,18 @@ SCALE_FOR_MASK, SAMPLES_FOR_MASK = 4, 4
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
-    _scene.add_scene_arguments(parser, DEFAULT_SAMPLES)
+    add_scene_arguments(parser, DEFAULT_SAMPLES)
     parser.add_argument("--lenses", type=int, metavar="N",
                         help="only N random lenses, spread over the foreground; default: all")
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Choose lenses if asked to, then render them at full resolution, unclamped."""
-    job = _scene.make_job(arguments, kind="reference", scale=1, clamp_indirect=0.0)
+    job = make_job(arguments, kind="reference", scale=1, clamp_indirect=0.0)
     if arguments.lenses is not None:
         lens_list = choose_lenses(_quick_mask(arguments, job), arguments.lenses, arguments.seed)
         job = dataclasses.replace(job, lens_list=lens_list)
-    _scene.render(arguments, job)
+    render(arguments, job)
     count = len(job.lens_list) if job.lens_list else math.prod(job.display.lenses)
     print(f"{arguments.output}: {count} lenses, two halves of {job.spp // 2} samples")
 
@@ -50,6 +50,6 @@ def _quick_mask(arguments: argparse.Namespace, reference: Job) -> np.ndarray:
     scale = min(display.scales(), key=lambda s: abs(s - SCALE_FOR_MASK), default=1)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "mask"
-        _scene.render(arguments, dataclasses.replace(reference, kind="render", output=str(folder), scale=scale,
+        render(arguments, dataclasses.replace(reference, kind="render", output=str(folder), scale=scale,
                                                      spp=SAMPLES_FOR_MASK))
         return foreground_mask(read_layers(folder / LOW_RES_FILE), display.lenses)

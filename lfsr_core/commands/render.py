@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from lfsr_core.commands import arguments as _scene
 from lfsr_core.commands import upscale
+from lfsr_core.commands.arguments import add_scene_arguments, make_job, render
 from lfsr_core.frames.job import LAYERS
 
 NAME = "render"
@@ -15,7 +15,7 @@ DEFAULT_SAMPLES = 16
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
-    _scene.add_scene_arguments(parser, DEFAULT_SAMPLES)
+    add_scene_arguments(parser, DEFAULT_SAMPLES)
     parser.add_argument("--scale", type=int, default=4, metavar="2|3|4|5|8",
                         help="views are divided by it for the render, default: %(default)s; "
                              "1 renders every view (with --method oidn or none)")
@@ -31,8 +31,8 @@ def run(arguments: argparse.Namespace) -> None:
 
     method = upscale.chosen_method(arguments.method, arguments.scale)
     layers = MethodName.parse(method).layers if arguments.layers is None else arguments.layers
-    job = _scene.make_job(arguments, scale=arguments.scale, layers=layers)
-    _scene.render(arguments, job)
+    job = make_job(arguments, scale=arguments.scale, layers=layers)
+    render(arguments, job)
     upscale.upscale(arguments.output, method, arguments)
 
 

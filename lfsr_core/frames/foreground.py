@@ -1,4 +1,4 @@
-"""Which elemental images see the foreground, told by the first hits of the render itself."""
+"""Which elemental images see the foreground, by the first hits of the render itself."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FOREGROUND_INDEX, BACKGROUND_INDEX = 1, 2
 def foreground_mask(layers: Mapping[str, np.ndarray], lenses: tuple[int, int], dilate: int = 0) -> np.ndarray:
     """Boolean (sy, sx): lenses with any hit of a foreground object.
 
-    ``layers`` as ``image_io.read_layers`` gives them, ``lenses`` (sx, sy).
+    ``layers`` as ``images.exr.read_layers`` gives them, ``lenses`` (sx, sy).
     ``dilate`` grows the mask by so many lenses in every direction, for parts so
     thin that they fall between sparse views. LfsrError for a negative ``dilate``.
     """
@@ -37,7 +37,7 @@ def _grown(mask: np.ndarray, reach: int) -> np.ndarray:
 def foreground_pixels(layers: Mapping[str, np.ndarray]) -> np.ndarray:
     """Boolean (H, W): pixels that a foreground object covers in part.
 
-    Where background meshes are in sight, coverage alone cannot tell. Cycles
+    Where background meshes are in sight, coverage alone does not decide it. Cycles
     stores the index of a pixel's first sample only, so a covered pixel whose
     first sample passed everything may be either: it counts as foreground, since
     a lens too many costs time and a lens too few costs the picture.

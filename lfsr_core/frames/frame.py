@@ -25,10 +25,23 @@ REFERENCE_FILES = ("reference_a.exr", "reference_b.exr")
 class Frame:
     """Everything that decides the pixels of one render.
 
-    ``scale`` is 1 for a full-resolution render. ``matrix_world`` takes
-    camera-array space (+X right, +Y up, +Z towards the display) to the world,
-    row by row. ``layers`` names the auxiliary layers in the EXR. ``seconds``
-    holds the render stage's own times.
+    Attributes
+    ----------
+    display : the display it was rendered for
+    scale : by which the views are divided, 1 for a full-resolution render
+    array : placement of the dense camera array
+    matrix_world : from camera-array space (+X right, +Y up, +Z towards the display) to the world, row by row
+    samples : per pixel
+    seed : of Cycles' noise
+    frame : number of the scene's frame
+    convention, view_aperture, layout : how rays are laid out, see optics.rays
+    lens_list : (row, column) of the lenses that were rendered, None for all
+    layers : auxiliary layers in the EXR
+    world_visible : whether the world shows behind the subject
+    color : how Blender would show the scene
+    scene, subject : names of the file and of the foreground's collection
+    blender, device : what rendered it
+    seconds : the render stage's own times
     """
 
     display: DisplayProfile

@@ -21,13 +21,24 @@ SCENE_SUFFIXES = (".blend", ".glb", ".gltf", ".obj")
 class Job:
     """What to render and where to; LfsrError on values that cannot be rendered.
 
-    ``scene`` may be empty when Blender has it open already; ``scene_name`` is the
-    scene in that file, None the one that is open in it. ``spp``: samples per
-    pixel, which a reference splits evenly over its two halves. ``frame`` None
-    renders the scene's current frame, ``subject`` None everything but a
-    collection called Background, ``world_visible`` None what the scene's own film
-    setting says. ``lens_list``: (row, column) pairs, None for all lenses.
-    ``clamp_indirect`` None: Cycles' default; 0: unclamped.
+    Attributes
+    ----------
+    output : folder to write
+    display : the display to render for
+    scene : file to open, empty when Blender has it open already
+    kind : "render" or "reference", which has two halves
+    scale : by which the views are divided
+    spp : samples per pixel, which a reference splits evenly over its halves
+    layers : auxiliary layers to write too
+    layout, convention, view_aperture : how rays are laid out, see optics.rays
+    seed : of Cycles' noise
+    frame : number of the frame, None for the scene's current one
+    subject : collection that is the foreground, None for all but one called Background
+    lens_list : (row, column) of the lenses to render, None for all
+    device : Cycles' device
+    clamp_indirect : None for Cycles' default, 0 for none
+    world_visible : None for the scene's own film setting
+    scene_name : scene in the file, None for the one that is open in it
     """
 
     output: str

@@ -1,7 +1,7 @@
 """Which candidate is the least that will do: candidates, their times, and the choice. Pure functions.
 
-``plan_sample`` says which lenses to look at, ``plan_measure`` renders and
-measures them, ``plan_times`` predicts times; ``docs/guide/plan.md`` explains the rules.
+``sample`` says which lenses to look at, ``measurements`` measures candidates on them,
+``times`` predicts times; ``docs/guide/plan.md`` explains the rules.
 """
 
 from __future__ import annotations
@@ -27,7 +27,13 @@ MOST_KEPT = 0.8  # of a gain may come again with the next step of samples, when 
 
 @dataclasses.dataclass(frozen=True, order=True)
 class Candidate:
-    """One way to make a frame: scale, samples per pixel of the render, method of the second stage."""
+    """One way to make a frame.
+
+    Attributes
+    ----------
+    scale, spp : of the render, spp being samples per pixel
+    method : name of the second stage's method
+    """
 
     scale: int
     spp: int
@@ -51,9 +57,14 @@ class Candidate:
 
 @dataclasses.dataclass(frozen=True)
 class Rated:
-    """What is known of a candidate; ``estimate`` None where it was not measured, then ``note`` says why.
+    """What is known of a candidate.
 
-    The note of one that lies between two measured ones is BETWEEN.
+    Attributes
+    ----------
+    candidate : the candidate
+    seconds : predicted for a whole frame
+    estimate : its accuracy, None where it was not measured
+    note : why it was not; BETWEEN for one that lies between two measured ones
     """
 
     candidate: Candidate
@@ -64,9 +75,13 @@ class Rated:
 
 @dataclasses.dataclass(frozen=True)
 class Choice:
-    """``chosen`` meets the target with 95 % confidence; None if nothing does, then ``limit`` says why.
+    """The outcome of a plan.
 
-    ``best``: the measured candidate with the highest lower bound, None without any.
+    Attributes
+    ----------
+    chosen : the cheapest that meets the target with 95 % confidence, None if nothing does
+    best : the measured candidate with the highest lower bound, None without any
+    limit : why nothing meets the target
     """
 
     chosen: Rated | None
@@ -86,11 +101,18 @@ def samples_of(candidate: Candidate, display: DisplayProfile) -> int:
 
 def candidates(display: DisplayProfile, scales: Sequence[int] | None = None, spps: Sequence[int] = SAMPLES,
                methods: Sequence[str] | None = None) -> list[Candidate]:
-    """Every combination that can be made on ``display``, cheapest render first.
+    """Every combination that can be made on a display, cheapest render first.
 
-    ``scales`` None: those of SCALES that divide the views; ``methods`` None:
-    ``default_methods``. LfsrError for a scale that does not divide the views, samples
-    below 1, or a method that does not exist.
+    Parameters
+    ----------
+    display : the display
+    scales : None for those of SCALES that divide its views
+    spps : samples per pixel
+    methods : None for ``default_methods``
+
+    Raises
+    ------
+    LfsrError : for a scale that does not divide the views, samples below 1, or a method that does not exist
     """
     for name in methods or ():
         method(name)

@@ -132,7 +132,7 @@ class Measurements:
         return sorted(rows, key=lambda row: row.seconds)
 
     def times(self) -> TimeModel:
-        """The costs that all renders so far tell."""
+        """The costs as all renders so far show them."""
         model = dataclasses.replace(self._model, stages=self._stages)
         share = float(self.sample.look.masks["foreground"].mean())
         return model.refined(self.sample.frame, self.renders.of_lenses, share)

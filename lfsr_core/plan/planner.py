@@ -88,7 +88,7 @@ def make_plan(job: Job, options: Options, render: Render, folder: Path, progress
     options : target, candidates, and what the sample may cost
     render : renders one job into its folder, all or nothing
     folder : keeps what was rendered: a second call goes on where one stopped
-    progress : told about every step
+    progress : called with (stage, fraction, message) at every step
 
     Raises
     ------
@@ -152,7 +152,7 @@ def _sample(question: Question, renders: SampleRenders, report: Report) -> tuple
     budget = plan_sample.budget(question.display, question.wanted, options.reference_spp, quick, options.share)
     count = options.lenses or budget.lenses
     strata = plan_sample.sample(look.masks, count, question.job.seed, question.whole)
-    # Fewer lenses would say nothing, and a number that was asked for is taken: then there is no limit.
+    # Fewer lenses would be of no use, and a number that was asked for is taken: then there is no limit.
     limit = math.inf if options.lenses or count <= plan_sample.LEAST_LENSES else budget.allowed
     return LensSample(look, frame, strata, budget, limit), model
 

@@ -106,11 +106,14 @@ def strata_masks(mask: np.ndarray, wide: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def sample(masks: Mapping[str, np.ndarray], count: int, seed: int, whole: bool) -> dict[str, list[Lens]]:
-    """Random (row, column) lenses of each of ``strata_masks``, about ``count`` in all.
+    """Random (row, column) lenses of each stratum, spread over it; none that has LEAST_OF_STRATUM lenses gets fewer.
 
-    Each stratum's are spread over it (optics.lens_sampling). ``whole`` also samples "rest",
-    which cannot count for the foreground. No stratum that has LEAST_OF_STRATUM lenses
-    gets fewer.
+    Parameters
+    ----------
+    masks : of ``strata_masks``
+    count : lenses in all, about
+    seed : of the random numbers
+    whole : True samples "rest" too, which cannot count for the foreground
     """
     random, few = np.random.default_rng(seed), max(LEAST_OF_STRATUM, count // EDGE_SHARE)
     sizes = {"edge": few, "rest": few if whole else 0}
@@ -139,7 +142,13 @@ def with_neighbours(lenses: Sequence[Lens], reach_: int, grid: tuple[int, int]) 
 
 @dataclasses.dataclass(frozen=True)
 class Mosaic:
-    """Blocks side by side: ``index`` (rows, columns) of lenses into a list of rendered ones, ``centres`` (n, 2)."""
+    """Blocks of lenses side by side, as one small EIA.
+
+    Attributes
+    ----------
+    index : (rows, columns) of its lenses, into a list of rendered ones
+    centres : (n, 2) row and column of each block's middle
+    """
 
     index: np.ndarray
     centres: np.ndarray

@@ -32,11 +32,14 @@ FINISHING = ("load", "mask", "assemble", "color", "write")
 
 @dataclasses.dataclass(frozen=True)
 class QuickLook:
-    """What a few samples of every lens tell.
+    """What a few samples of every lens show.
 
-    ``masks``: plan_sample.strata_masks; ``features`` (sy, sx, k): see ``features``;
-    ``finish``: seconds of the second stage's steps that no method changes; ``shown``:
-    share of the frame that a denoiser looks at.
+    Attributes
+    ----------
+    masks : (sy, sx) bool by name of the stratum, see sample.strata_masks
+    features : (sy, sx, k), see the function ``features``
+    finish : seconds of the second stage's steps that no method changes
+    shown : share of the frame that a denoiser looks at
     """
 
     masks: dict[str, np.ndarray]
@@ -54,10 +57,13 @@ class QuickLook:
 
 @dataclasses.dataclass(frozen=True)
 class SampledReference:
-    """The sampled lenses' reference: four independent ``quarters`` (n, py, px, 3) as sRGB values in [0, 1].
+    """The sampled lenses' reference.
 
-    ``hits`` (n,): lenses with any foreground. ``noise``: standard deviation of
-    the mean of two quarters, a half.
+    Attributes
+    ----------
+    quarters : four independent renders (n, py, px, 3), scene-linear
+    hits : (n,) bool, lenses with any foreground
+    noise : standard deviation of the mean of two quarters, a half, in sRGB values
     """
 
     quarters: tuple[np.ndarray, ...]
@@ -80,7 +86,13 @@ class SampledReference:
 
 @dataclasses.dataclass(frozen=True)
 class Scores:
-    """Corrected split SSIM (n,) of each sampled lens; ``gain``: by which twice the reference's samples raised it."""
+    """How near a method comes.
+
+    Attributes
+    ----------
+    values : (n,) split SSIM of each sampled lens, corrected for the reference's noise
+    gain : by which twice the reference's samples raised their mean
+    """
 
     values: np.ndarray
     gain: float
@@ -114,7 +126,15 @@ def features(low: LowResEIA) -> np.ndarray:
 
 
 def score(folder: Path, name: str, mosaic: Mosaic, reference: SampledReference) -> Scores:
-    """Accuracy of method ``name`` on the centres of ``mosaic``, from the sample's render in ``folder``."""
+    """Accuracy of a method on sampled lenses.
+
+    Parameters
+    ----------
+    folder : a render of the sample
+    name : the method
+    mosaic : of the sampled lenses, its centres, and their neighbours
+    reference : of the sampled lenses
+    """
     low, mask = _sampled(folder, mosaic)
     images = srgb_encode(finished_lenses(low, mask, method(name, block=mosaic.side), mosaic.centres))
     return split_scores(images, reference)
@@ -136,7 +156,14 @@ def split_scores(images: np.ndarray, reference: SampledReference) -> Scores:
 
 
 def stage_time(folder: Path, name: str, mosaic: Mosaic, one: Mosaic) -> StageTime:
-    """Seconds of method ``name``: prefilters on the whole ``mosaic`` and on ``one`` block of it, the rest per lens."""
+    """How long a method takes.
+
+    Parameters
+    ----------
+    folder : a render of the sample
+    name : the method
+    mosaic, one : all blocks of the sample and one of them: prefilters are timed on both, the rest per lens
+    """
     chosen = method(name)
     recovering = chosen.upscaler if isinstance(chosen.upscaler, Recovering) else None
     if recovering:

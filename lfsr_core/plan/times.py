@@ -15,7 +15,14 @@ from lfsr_core.plan.candidates import Candidate, low_pixels
 
 @dataclasses.dataclass(frozen=True)
 class StageTime:
-    """Seconds of a second stage: ``fixed``, ``per_pixel`` that is denoised, ``per_lens`` of the foreground."""
+    """Seconds of a second stage.
+
+    Attributes
+    ----------
+    fixed : whatever the frame
+    per_pixel : of each low-resolution pixel that is denoised
+    per_lens : of each lens of the foreground
+    """
 
     fixed: float
     per_pixel: float
@@ -24,13 +31,18 @@ class StageTime:
 
 @dataclasses.dataclass(frozen=True)
 class TimeModel:
-    """Measured costs of one scene on one display; seconds.
+    """Measured costs of one scene on one display, in seconds.
 
-    ``open``: loading the scene. ``setup``: of a render, whatever its size.
-    ``per_sample``: one sample of one pixel, mean over the whole frame. ``load``:
-    reading one low-resolution pixel. ``finish``: mask, assembly, colour and
-    writing of a frame. ``foreground``: lenses the method works on. ``shown``: share
-    of the frame that a denoiser looks at (denoise.shown_part).
+    Attributes
+    ----------
+    open : loading the scene
+    setup : of a render, whatever its size
+    per_sample : one sample of one pixel, mean over the whole frame
+    load : reading one low-resolution pixel
+    finish : mask, assembly, colour and writing of a frame
+    foreground : number of lenses that the method works on
+    shown : share of the frame that a denoiser looks at (denoise.shown_part)
+    stages : second stages by scale and method
     """
 
     open: float
@@ -50,7 +62,7 @@ class TimeModel:
                 + stage.fixed + stage.per_pixel * low * self.shown + stage.per_lens * self.foreground)
 
     def refined(self, quick: Frame, sampled: list[Frame], share: float) -> TimeModel:
-        """The model with the set-up of a render told apart from its samples, by ``sampled`` renders of several sizes.
+        """The model with the set-up of a render kept apart from its samples, by ``sampled`` renders of several sizes.
 
         Those show foreground, whose samples cost more than others; what the mean
         sample costs, ``quick`` says, the render of every lens. Where that took

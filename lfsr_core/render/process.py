@@ -15,6 +15,7 @@ from typing import Any
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames import frame
 from lfsr_core.frames.job import Job
+from lfsr_core.progress import Progress
 from lfsr_core.records import write_record
 from lfsr_core.render.blender import Blender
 from lfsr_core.render.protocol import ENDS_WITH_INPUT, EXIT_BAD_INPUT, LAST_STAGES, parse_progress
@@ -26,18 +27,24 @@ LINES_IN_MESSAGE = 3
 RENDERED_FILES = {"render": (frame.LOW_RES_FILE,), "reference": frame.REFERENCE_FILES}
 # Made from an older render of the same folder, so they would no longer match it.
 DERIVED_FILES = (frame.EIA_FILE, frame.EIA_LINEAR_FILE, frame.MASK_FILE, frame.REPORT_FILE, LOG_FILE)
-Progress = Callable[[str, float, str], None]
 Warn = Callable[[str], None]
 
 
 def run_job(job: Job, blender: Blender, progress: Progress | None = None, warn: Warn | None = None) -> None:
     """Render ``job`` and put what it wrote into its folder, all of it or nothing.
 
-    ``progress(stage, fraction, message)`` while it runs, ``warn(sentence)`` for
-    what the user should know although it does not stop the render.
-    LfsrError with Blender's own sentence after bad input, or with the last lines
-    of its log (kept in that folder) after a crash. On KeyboardInterrupt Blender is
-    stopped before the exception goes on.
+    Parameters
+    ----------
+    job : what to render and where to
+    blender : the Blender to render it with
+    progress : called with (stage, fraction, message) while it runs
+    warn : called with a sentence that the user should know although it does not stop the render
+
+    Raises
+    ------
+    LfsrError : with Blender's own sentence after bad input, or with the last lines of its log (kept in that folder)
+        after a crash
+    KeyboardInterrupt : once Blender is stopped
     """
     folder = Path(job.output)
     check_folder(folder, job.kind)

@@ -14,7 +14,18 @@ from lfsr_core.render.protocol import emit_progress
 
 
 def upscale(folder: str, method: str, linear_exr: bool = False, views: str | None = None) -> dict[str, Any]:
-    """Finish a rendered frame folder; ``views`` names a file for ``decode``. Result: method and seconds per stage."""
+    """Finish a rendered frame folder.
+
+    Parameters
+    ----------
+    folder, method : what to finish, and how
+    linear_exr : whether eia.exr is written too
+    views : file for ``decode``, None for none
+
+    Returns
+    -------
+    "method" and "seconds" per stage
+    """
     from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
 
     report = upscale_frame(folder, method, UpscaleOptions(linear_exr=linear_exr, progress=emit_progress))

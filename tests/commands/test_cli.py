@@ -134,7 +134,7 @@ def test_render_at_scale_1_needs_no_upscaler(scene, blender, tmp_path):
     np.testing.assert_allclose(read_layers(folder / "eia.exr")["color"][..., :3], expected, atol=1e-3)
 
 
-@pytest.mark.parametrize(("options", "told"), [
+@pytest.mark.parametrize(("options", "message"), [
     (["--method", "bicubik"], "unknown method 'bicubik': did you mean 'bicubic'"),
     (["--scale", "3"], r"scale is 3, but display 'mini' has 8×8 views per lens"),
     (["--spp", "0"], "samples per pixel is 0"),
@@ -143,9 +143,9 @@ def test_render_at_scale_1_needs_no_upscaler(scene, blender, tmp_path):
     (["--view-aperture", "2"], "view aperture is 2"),
     (["--blender", "/no/blender"], "'/no/blender' was not found"),
 ])
-def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, capsys, options, told):
+def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, capsys, options, message):
     arguments = ["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender, *options]
-    assert told in fails(arguments, capsys)
+    assert message in fails(arguments, capsys)
     assert not (tmp_path / "frame").exists()
     assert not Path(blender + ".jobs").exists()
 

@@ -50,7 +50,7 @@ def damage(folder, change) -> None:
     (folder / FRAME_FILE).write_text(json.dumps(data))
 
 
-@pytest.mark.parametrize(("change", "told"), [
+@pytest.mark.parametrize(("change", "message"), [
     (lambda data: data.update(format=99), "is not of format 1"),
     (lambda data: data.pop("format"), "is not of format 1"),
     (lambda data: data.pop("scale"), "incomplete.*scale"),
@@ -58,9 +58,9 @@ def damage(folder, change) -> None:
     (lambda data: data.update(surplus=1), "surplus"),
     (lambda data: data["display"].update(lenses=[3, 3]), "frame.json: panel_pixels"),
 ])
-def test_damaged_frame_is_refused(tmp_path, change, told):
+def test_damaged_frame_is_refused(tmp_path, change, message):
     damage(tmp_path, change)
-    with pytest.raises(LfsrError, match=told):
+    with pytest.raises(LfsrError, match=message):
         read_frame(tmp_path)
 
 

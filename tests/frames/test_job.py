@@ -26,7 +26,7 @@ def test_json_round_trip_keeps_every_field(tmp_path):
         assert read_job(tmp_path / "job.json") == job
 
 
-@pytest.mark.parametrize(("options", "told"), [
+@pytest.mark.parametrize(("options", "message"), [
     ({"scale": 3}, "scale is 3"),
     ({"scale": 2.0}, "scale is 2.0, but it must be a whole number"),
     ({"spp": 0}, "samples per pixel is 0, but a render.*at least 1"),
@@ -38,20 +38,20 @@ def test_json_round_trip_keeps_every_field(tmp_path):
     ({"layers": ("albedo", "norma")}, "layer is 'norma': did you mean 'normal'"),
     ({"view_aperture": -0.1}, "view aperture is -0.1"),
 ])
-def test_bad_value_is_named(options, told):
-    with pytest.raises(LfsrError, match=told):
+def test_bad_value_is_named(options, message):
+    with pytest.raises(LfsrError, match=message):
         Job("out", MINI, **options)
 
 
-@pytest.mark.parametrize(("change", "told"), [
+@pytest.mark.parametrize(("change", "message"), [
     ({"sp": 3}, "job: unknown field 'sp'; did you mean 'spp'"),
     ({"zzzz": 3}, "job: unknown field 'zzzz'; the fields are"),
     ({"display": None}, "job: field 'display' is missing"),
 ])
-def test_bad_job_file_is_named(tmp_path, change, told):
+def test_bad_job_file_is_named(tmp_path, change, message):
     data = {key: value for key, value in (to_data(JOB) | change).items() if value is not None}
     (tmp_path / "job.json").write_text(json.dumps(data))
-    with pytest.raises(LfsrError, match=told):
+    with pytest.raises(LfsrError, match=message):
         read_job(tmp_path / "job.json")
 
 

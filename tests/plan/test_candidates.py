@@ -67,16 +67,16 @@ def test_of_equally_cheap_candidates_the_simplest_is_taken():
     assert choose(found[:2], 0.95).chosen.candidate == Candidate(4, 16, "oidn+bilinear")
 
 
-@pytest.mark.parametrize(("found", "told"), [
+@pytest.mark.parametrize(("found", "message"), [
     ([rated(4, 16, "bilinear", 1, 0.90, 0.92), rated(4, 64, "bilinear", 2, 0.93, 0.94)], "noise"),
     ([rated(4, 16, "bilinear", 1, 0.90, 0.920), rated(4, 64, "bilinear", 2, 0.91, 0.921)], "upscaling: at scale 4"),
     ([rated(1, 16, "none", 1, 0.90, 0.920), rated(1, 64, "none", 2, 0.91, 0.921)], "full resolution"),
     ([rated(4, 16, "bilinear", 1, 0.94, 0.96)], "certainty"),
 ])
-def test_what_limits_is_said(found, told):
+def test_what_limits_is_said(found, message):
     choice = choose(found, 0.95)
     assert choice.chosen is None and choice.best is found[-1]
-    assert told in choice.limit
+    assert message in choice.limit
 
 
 def test_a_target_that_is_reached_too_late_is_limited_by_time():
@@ -126,11 +126,11 @@ def test_default_methods_hold_the_simple_one_and_the_default():
     assert found[0] == SIMPLE and DEFAULT_METHOD in found and len(set(found)) == len(found)
 
 
-@pytest.mark.parametrize(("arguments", "told"), [
+@pytest.mark.parametrize(("arguments", "message"), [
     (((3,), (4,), None), "scale is 3"), ((None, (0,), None), "samples per pixel is 0"),
     ((None, (4,), ("bilinar",)), "did you mean 'bilinear'")])
-def test_impossible_candidates_are_refused(arguments, told):
-    with pytest.raises(LfsrError, match=told):
+def test_impossible_candidates_are_refused(arguments, message):
+    with pytest.raises(LfsrError, match=message):
         candidates(MINI, *arguments)
 
 

@@ -87,13 +87,13 @@ def test_executable_asked_for_wins_over_the_wheel(monkeypatch, blender):
     assert find_blender(path) == Blender(path)
 
 
-@pytest.mark.parametrize(("version", "told"), [
+@pytest.mark.parametrize(("version", "message"), [
     ("Blender 4.4.3", r"is Blender 4\.4, but 4\.5 or newer is needed"),
     ("Blender 3.6.0", r"is Blender 3\.6"),
     ("GNU bash 5.2", "does not say that it is Blender"),
 ])
-def test_unsuitable_executable_is_refused(blender, version, told):
-    with pytest.raises(LfsrError, match=told):
+def test_unsuitable_executable_is_refused(blender, version, message):
+    with pytest.raises(LfsrError, match=message):
         find_blender(blender(GOOD, version))
 
 
@@ -167,15 +167,15 @@ def test_bad_input_is_told_in_blenders_sentence_and_leaves_nothing(blender, job)
     assert leftovers(job) == []
 
 
-@pytest.mark.parametrize(("ending", "told"), [
+@pytest.mark.parametrize(("ending", "message"), [
     ("sys.exit(3)", "exit code 3"),
     ("os.abort()", "signal 6"),
     ("sys.exit(2)", "exit code 2"),
     ("sys.exit(0)", "exit code 0"),  # without saying that it is done
 ])
-def test_crash_is_told_with_the_last_lines_and_the_log_is_kept(blender, job, ending, told):
+def test_crash_is_reported_with_the_last_lines_and_the_log_is_kept(blender, job, ending, message):
     body = "Path(job['output'], 'lr_eia.exr').write_text('half')\nprint('out of\\nmemory', flush=True)\n" + ending
-    with pytest.raises(LfsrError, match=rf"stopped with {told} .*'out of / memory'.*blender.log") as caught:
+    with pytest.raises(LfsrError, match=rf"stopped with {message} .*'out of / memory'.*blender.log") as caught:
         run_job(job, Blender(blender(body)))
     assert "\n" not in str(caught.value)
     assert leftovers(job) == ["frame", "frame/blender.log"]

@@ -58,10 +58,19 @@ def renders(scene: Path) -> dict[tuple[int, int], Path]:
 
 
 def actual(scene: Path, candidate: Candidate, metric: str, cache: Path) -> Actual:
-    """Of one candidate; what was measured once is read from the folder ``cache``.
+    """Measure one candidate as a whole frame, unless that was done before.
 
-    LfsrError where it cannot be made, or where the reference is of sampled lenses
-    only: its own uncertainty would be as large as the plan's.
+    Parameters
+    ----------
+    scene : folder of the bench
+    candidate : what to measure
+    metric : accuracy by this metric
+    cache : folder that keeps what was measured
+
+    Raises
+    ------
+    LfsrError : where it cannot be made, or where the reference is of sampled lenses only: its own uncertainty would
+        be as large as the plan's
     """
     def measure() -> Actual:
         folder = renders(scene)[candidate.scale, candidate.spp]

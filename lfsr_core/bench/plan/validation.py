@@ -71,7 +71,15 @@ class Case:
 
 
 def validate(draw: Draw, render: Render, options: Options, targets: Sequence[float]) -> Iterator[Verdict]:
-    """One verdict per target; the sample in ``draw.work`` serves all targets."""
+    """One verdict per target; the sample in ``draw.work`` serves all targets.
+
+    Parameters
+    ----------
+    draw : scene, seed and folders
+    render : makes the sample's renders
+    options : of the plans, apart from their targets
+    targets : accuracies to plan for
+    """
     display = read_frame(draw.folder / REFERENCE).display
     options = dataclasses.replace(options, renders=tuple(renders(draw.folder)))
     job = Job(output=str(draw.work), display=display, scene=draw.scene_file, layers=("albedo", "normal"),
