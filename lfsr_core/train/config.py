@@ -11,43 +11,36 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.reconstruct.networks import catalogue
 
+if TYPE_CHECKING:
+    from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldConfig
+
 CONFIG_FOLDER = Path(__file__).parent / "configs"
 
 
 @dataclasses.dataclass(frozen=True)
 class TrainConfig:
-    """Training of a comparator on photographs.
-
-    ``photographs``, ``validation``: a folder of images or a cache file of
-    ``--prepare-photographs``. ``validation_scenes``: a folder of rendered light
-    fields (*.npz), scored per EI as well. ``crop``: side of a high-resolution crop in pixels.
-    An epoch is ``crops_per_photograph`` random crops of every photograph.
-    ``downsample``: "box" (what a low-resolution render is) or "bicubic", in linear
-    light or on encoded values. ``adversarial``: weight of the adversarial term, 0
-    trains without a discriminator. ``rate``: Adam's; ``schedule``: "constant" or
-    "cosine" to 0. ``validate_every``, ``checkpoint_every``: epochs. ``start``: weights
-    of the same architecture to begin with, as a generator that meets its adversary
-    (SRGAN, arXiv 1609.04802, section 3.2); empty: random ones.
-    """
+    """Training of a comparator on photographs."""
 
     network: str
-    photographs: str
-    validation: str = ""
-    validation_scenes: str = ""
+    photographs: str  # folder of images, or cache file of --prepare-photographs
+    validation: str = ""  # the same, to measure on
+    validation_scenes: str = ""  # folder of rendered light fields (*.npz), scored per EI as well
     scale: int = 4
     seed: int = 0
-    crop: int = 256
-    crops_per_photograph: int = 16
-    downsample: str = "box"
-    linear_light: bool = True
+    crop: int = 256  # side of a high-resolution crop in pixels
+    crops_per_photograph: int = 16  # in an epoch
+    downsample: str = "box"  # what a low-resolution render is; or "bicubic"
+    linear_light: bool = True  # downsample light instead of encoded values
     augment: bool = True
     epochs: int = 100
     batch: int = 8
-    rate: float = 1e-4
-    schedule: str = "constant"
-    adversarial: float = 0.0
-    validate_every: int = 10
-    checkpoint_every: int = 10
+    rate: float = 1e-4  # Adam's
+    schedule: str = "constant"  # or "cosine" to 0
+    adversarial: float = 0.0  # weight of the adversarial term; 0 trains without a discriminator
+    validate_every: int = 10  # epochs
+    checkpoint_every: int = 10  # epochs
+    # Weights of the same architecture to begin with, as a generator that meets its adversary
+    # (SRGAN, arXiv 1609.04802, section 3.2); empty: random ones.
     start: str = ""
 
     def __post_init__(self) -> None:
@@ -66,6 +59,47 @@ class TrainConfig:
         for wrong, what, advice in problems:
             if wrong:
                 raise LfsrError(f"training: {what}: {advice}")
+
+
+@dataclasses.dataclass(frozen=True)
+class LightFieldTrainConfig:
+    """Training of a network of ours on rendered scenes."""
+
+    network: str
+    scenes: str  # folder of *.npz of training_scenes.py
+    scale: int = 4  # of those scenes
+    seed: int = 0
+    epochs: int = 20
+    steps_per_epoch: int = 250
+    batch: int = 1  # whole scenes, at one sample count
+    rate: float = 2e-3
+    view_weight: float = 0.5  # of the loss over decoded views, beside 1 for the EIA
+    pixel_weight: float = 10.0  # of the squared error
+    clean_inputs: bool = False  # the ablation that trains on downsampled references instead of renders
+    without: str = ""  # inputs to leave out, with commas
+    # Another architecture than the registered one: 0 (blocks: -1) leaves it.
+    width: int = 0
+    body_width: int = 0
+    blocks: int = -1
+    validate_every: int = 2
+    checkpoint_every: int = 1
+
+    @property
+    def architecture(self) -> LightFieldConfig:
+        """Size and inputs of the network to train."""
+        from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldConfig
+
+        return LightFieldConfig(**self.options())
+
+    def options(self) -> dict[str, Any]:
+        """The same as plain values, for the header of the weights."""
+        options = dict(catalogue.spec(self.network).options)
+        options["inputs"] = tuple(name for name in options["inputs"] if name not in self.without.split(","))
+        if options.get("second_base") not in options["inputs"]:
+            options.pop("second_base", None)
+        own = {"width": self.width or None, "body_width": self.body_width or None,
+               "blocks": None if self.blocks < 0 else self.blocks}
+        return options | {name: value for name, value in own.items() if value is not None}
 
 
 def load_config(name: str, settings: Sequence[str] = ()) -> TrainConfig | LightFieldTrainConfig:
@@ -123,55 +157,3 @@ def _parse(text: str) -> Any:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text
-
-
-if TYPE_CHECKING:
-    from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldConfig
-
-
-@dataclasses.dataclass(frozen=True)
-class LightFieldTrainConfig:
-    """Training of a network of ours on a folder of rendered ``scenes`` (*.npz).
-
-    ``scale``: of those scenes. An epoch is ``steps_per_epoch`` batches of
-    ``batch`` whole scenes at one sample count each. ``view_weight``,
-    ``pixel_weight``: of the loss over decoded views and of the squared error, beside 1
-    for the EIA. ``clean_inputs``: the ablation that trains on
-    downsampled references instead of renders. ``without``: inputs to leave out;
-    ``width``, ``body_width``, ``blocks``: another architecture than the registered one.
-    """
-
-    network: str
-    scenes: str
-    scale: int = 4
-    seed: int = 0
-    epochs: int = 20
-    steps_per_epoch: int = 250
-    batch: int = 1
-    rate: float = 2e-3
-    view_weight: float = 0.5
-    pixel_weight: float = 10.0
-    clean_inputs: bool = False
-    without: str = ""
-    width: int = 0
-    body_width: int = 0
-    blocks: int = -1
-    validate_every: int = 2
-    checkpoint_every: int = 1
-
-    @property
-    def architecture(self) -> LightFieldConfig:
-        """Size and inputs of the network to train."""
-        from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldConfig
-
-        return LightFieldConfig(**self.options())
-
-    def options(self) -> dict[str, Any]:
-        """The same as plain values, for the header of the weights."""
-        options = dict(catalogue.spec(self.network).options)
-        options["inputs"] = tuple(name for name in options["inputs"] if name not in self.without.split(","))
-        if options.get("second_base") not in options["inputs"]:
-            options.pop("second_base", None)
-        own = {"width": self.width or None, "body_width": self.body_width or None,
-               "blocks": None if self.blocks < 0 else self.blocks}
-        return options | {name: value for name, value in own.items() if value is not None}

@@ -32,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         results = train_all(arguments)
     except LfsrError as error:
-        print(f"paper_suite: {error}", file=sys.stderr)
+        print(f"suite: {error}", file=sys.stderr)
         return 2
     print(*(f"{name}: {line}" for name, line in sorted(results.items())), sep="\n")
     return 0 if all("error" not in line for line in results.values()) else 1
@@ -85,7 +85,7 @@ def _train_one(name: str, scale: int, settings: dict) -> dict:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="paper_suite", description="Train every comparator at once.")
+    parser = argparse.ArgumentParser(prog="suite", description="Train every comparator at once.")
     parser.add_argument("--cache", required=True, help="training photographs: cache file or folder")
     parser.add_argument("--validation", default="", help="validation photographs: cache file or folder")
     parser.add_argument("--output", required=True, help="folder for weights, provenance and logs")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from einops import rearrange
 from torch import Tensor
 
 from lfsr_core.errors import LfsrError
@@ -20,29 +21,22 @@ LAYER_CHANNELS = {"color": slice(0, 3), "alpha": slice(3, 4), "albedo": slice(4,
 
 @dataclasses.dataclass
 class Scene:
-    """One rendered scene, half floats.
-
-    ``low``: {spp: (10, H/s, W/s)} RGBA, albedo, normal; ``denoised``: {spp: (6, ...)}
-    without and with guides; ``halves``: (2, 3, H, W), composited over black.
-    """
+    """One rendered scene, half floats."""
 
     name: str
     lenses: tuple[int, int]
-    low: dict[int, Tensor]
-    denoised: dict[int, Tensor]
-    halves: Tensor
+    low: dict[int, Tensor]  # by samples: (10, H/s, W/s) RGBA, albedo, normal
+    denoised: dict[int, Tensor]  # by samples: (6, H/s, W/s) without and with guides
+    halves: Tensor  # (2, 3, H, W), composited over black
 
 
 @dataclasses.dataclass
 class Batch:
-    """Per-EI inputs of B scenes (N = B·sy·sx) and the images they should become.
+    """Inputs of B scenes as N = B·sy·sx elemental images, and the pictures they should become."""
 
-    ``layers``: those a network sees, and "guide", the colour of the render with most samples, denoised.
-    """
-
-    layers: dict[str, Tensor]
+    layers: dict[str, Tensor]  # (N, C, h, w) each; "guide" is the colour of the render with most samples, denoised
     samples: int
-    halves: Tensor
+    halves: Tensor  # (B, 2, 3, H, W)
     lenses: tuple[int, int]
 
 
@@ -78,7 +72,19 @@ def _planes(array: np.ndarray) -> Tensor:
 
 def make_batch(scenes: list[Scene], samples: int, device: torch.device | str = "cpu",
                rng: np.random.Generator | None = None) -> Batch:
-    """Layers and halves of equal-shaped ``scenes`` on ``device``; with ``rng``, augmented as one."""
+    """Batch of equal-shaped scenes.
+
+    Parameters
+    ----------
+    scenes : of one shape and one set of sample counts
+    samples : per pixel, of the renders to take
+    device : where the batch lies
+    rng : augments all of them alike; None leaves them as they are
+
+    Returns
+    -------
+    The layers by lens and both halves of the reference.
+    """
     low, denoised, guide, halves = (torch.stack(planes).to(device).float() for planes in (
         [scene.low[samples] for scene in scenes], [scene.denoised[samples] for scene in scenes],
         [scene.denoised[max(scene.denoised)][:3] for scene in scenes], [scene.halves for scene in scenes]))
@@ -115,18 +121,14 @@ def _augment(low: Tensor, clean: Tensor, halves: Tensor, lenses: tuple[int, int]
 
 def to_eis(image: Tensor, lenses: tuple[int, int]) -> Tensor:
     """(B, C, H, W) -> (B·sy·sx, C, h, w)."""
-    b, c, height, width = image.shape
     sx, sy = lenses
-    x = image.reshape(b, c, sy, height // sy, sx, width // sx).permute(0, 2, 4, 1, 3, 5)
-    return x.reshape(-1, c, height // sy, width // sx)
+    return rearrange(image, "b c (sy h) (sx w) -> (b sy sx) c h w", sx=sx, sy=sy)
 
 
 def from_eis(eis: Tensor, lenses: tuple[int, int]) -> Tensor:
     """(B·sy·sx, C, h, w) -> (B, C, H, W)."""
-    n, c, h, w = eis.shape
     sx, sy = lenses
-    x = eis.view(n // (sx * sy), sy, sx, c, h, w).permute(0, 3, 1, 4, 2, 5)
-    return x.reshape(-1, c, sy * h, sx * w)
+    return rearrange(eis, "(b sy sx) c h w -> b c (sy h) (sx w)", sx=sx, sy=sy)
 
 
 def network_inputs(layers: dict[str, Tensor], samples: int, config: LightFieldConfig) -> tuple[Tensor, Tensor]:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from einops import rearrange
 from torch import Tensor
 
 from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldNet, conserve, display_values, encode, upscale
@@ -75,8 +76,8 @@ def _views_error(images: tuple[Tensor, ...], mask: Tensor, lenses: tuple[int, in
     columns = torch.arange(torch.randint(stride, ()).item(), px, stride)
 
     def views(x: Tensor) -> Tensor:
-        x = x.view(x.shape[0], x.shape[1], lenses[1], py, lenses[0], px)[:, :, :, rows][..., columns]
-        return x.permute(0, 3, 5, 1, 2, 4).reshape(-1, x.shape[1], lenses[1], lenses[0])
+        x = rearrange(x, "b c (sy py) (sx px) -> b c sy py sx px", py=py, px=px)[:, :, :, rows][..., columns]
+        return rearrange(x, "b c sy py sx px -> (b py px) c sy sx")
 
     return masked_mean(split_error_map(*map(views, images)), views(mask))
 
