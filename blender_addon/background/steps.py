@@ -122,20 +122,37 @@ class Task:
 
 
 def render_step(job: Job, folder: Path, share: float, stage: str = "Rendering") -> Step:
-    """Render ``job`` in a background Blender; its job file goes to ``folder``."""
+    """Render a job in a background Blender.
+
+    Parameters
+    ----------
+    job : what to render
+    folder : where the job file goes
+    share : share of the task's time, 0 to 1
+    stage : what the panel shows meanwhile
+    """
     path = _write(folder / "job.json", to_data(job))
     return Step(stage, share, lambda: Worker("The render", _render_command(path), runtime.environment()))
 
 
 def second_stage_step(stage: str, share: float, work: Path, task: str, /, **arguments: Any) -> Step:
-    """Run one of ``lfsr_core.tasks.runner``; its task file goes to the folder ``work``."""
+    """Run one task of ``lfsr_core.tasks.runner``; its result is sent into the generator of steps.
+
+    Parameters
+    ----------
+    stage : what the panel shows meanwhile
+    share : share of the whole task's time, 0 to 1
+    work : folder for the task file
+    task : name of the task
+    arguments : its arguments, JSON-ready
+    """
     path = _write(work / f"{task}.json", {"task": task, **arguments})
     command = [*runtime.second_stage_command(PANEL_TASKS), str(path)]
     return Step(stage, share, lambda: Worker("The second stage", command, runtime.environment()))
 
 
 def rendering_step(stage: str, share: float, work: Path, task: str, /, **arguments: Any) -> Step:
-    """A task that starts renders itself: its file also holds the ``command`` for them."""
+    """A task that starts renders itself: parameters as of ``second_stage_step``, and the ``command`` for renders."""
     return second_stage_step(stage, share, work, task, **arguments, command=_render_command(Path())[:-1])
 
 

@@ -74,7 +74,15 @@ class Extent:
 
 def find(scene: bpy.types.Scene, display: DisplayProfile, placed: Placement,
          subject: set[bpy.types.Object]) -> Iterator[Found]:
-    """Problems of every visible object of ``subject``, by name, for an array that is ``placed`` in the scene."""
+    """Problems of every visible object, by name.
+
+    Parameters
+    ----------
+    scene : the scene, with its scale among its settings
+    display : the display it is for
+    placed : the camera array and its world matrix
+    subject : objects to look at
+    """
     array, matrix = placed
     view = View(scene, display, array, int(scene.lfsr.scale))
     corners = world_corners(subject)

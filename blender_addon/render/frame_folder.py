@@ -28,16 +28,24 @@ HALF_SEED = 1 << 20
 
 def render_job(scene: bpy.types.Scene, job: Job, opened: float = 0.0, progress: Progress | None = None,
                warn: Callable[[str], None] = print) -> Path:
-    """Render ``job`` of ``scene`` into its frame folder and return that folder.
+    """Render ``job`` into its frame folder; the scene is as before afterwards, also after an error.
 
-    ``opened``: seconds it took to open the scene, kept in ``frame.json``. The
-    scene is as before afterwards, also after an error.
+    Parameters
+    ----------
+    scene : the scene to render
+    job : what to render of it, and into which folder
+    opened : seconds it took to open the scene, kept in ``frame.json``
+    progress : called with how far it is; an exception it raises cancels
+    warn : called with what the user should know
+
+    Returns
+    -------
+    The frame folder.
     """
     if _layout(job) != job.layout:
         warn(f"this Blender cannot run the OSL camera on {job.device}: rendering view by view instead")
     with prepared(scene, job) as frame:
-        render = _render_reference if job.kind == "reference" else _render_low
-        seconds = {"open": opened, "render": render(scene, job, frame, progress)}
+        seconds = {"open": opened, "render": _render(scene, job, frame, progress)}
     seconds = {name: round(value, 3) for name, value in seconds.items()}
     write_frame(job.output, dataclasses.replace(frame, seconds=seconds))
     return Path(job.output)
@@ -53,7 +61,19 @@ def prepared(scene: bpy.types.Scene, job: Job) -> Iterator[Frame]:
 
 
 def describe(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], own_light: bool = True) -> Frame:
-    """The frame that ``job`` asks for, with the array placed in ``scene``."""
+    """The frame that ``job`` asks for.
+
+    Parameters
+    ----------
+    scene : where the array is placed, at the frame's time
+    job : what to render
+    subject : objects of the foreground
+    own_light : False where the scene's light was added for this render
+
+    Raises
+    ------
+    LfsrError where the array cannot be placed or the scene's colours cannot be shown.
+    """
     array, matrix_world = placement.place_array(scene, job.display, subject)
     reference, layers = job.kind == "reference", job.layers
     world_visible = _world_visible(scene, job, own_light)
@@ -91,25 +111,22 @@ def _world_visible(scene: bpy.types.Scene, job: Job, own_light: bool) -> bool:
     return own_light and scene.world is not None and not scene.render.film_transparent
 
 
-def _render_low(scene: bpy.types.Scene, job: Job, frame: Frame, progress: Progress | None) -> float:
+def _images(job: Job, frame: Frame) -> list[tuple[str, RenderSettings]]:
+    """File and settings of every image to render: one, or a reference's two halves."""
     settings = RenderSettings(job.spp, job.seed, frame.layers, job.device, job.clamp_indirect, frame.world_visible)
-    return _render(scene, frame, settings, Path(job.output, LOW_RES_FILE), progress)
+    if job.kind != "reference":
+        return [(LOW_RES_FILE, settings)]
+    # Unclamped unless the job clamps: a reference must not be biased.
+    settings = dataclasses.replace(settings, clamp_indirect=job.clamp_indirect or 0.0,
+                                   half="position" not in frame.layers)
+    return [(name, dataclasses.replace(settings, samples=(job.spp + 1 - half) // 2,
+                                       seed=(job.seed + HALF_SEED * (half + 1)) % 2**31))
+            for half, name in enumerate(REFERENCE_FILES)]
 
 
-def _render_reference(scene: bpy.types.Scene, job: Job, frame: Frame, progress: Progress | None) -> float:
-    """Two halves with random numbers of their own; unclamped unless the job clamps."""
-    clamp = 0.0 if job.clamp_indirect is None else job.clamp_indirect
-    seconds = 0.0
-    for half, name in enumerate(REFERENCE_FILES):
-        samples = (job.spp + 1 - half) // 2
-        seed = (job.seed + HALF_SEED * (half + 1)) % 2**31
-        settings = RenderSettings(samples, seed, frame.layers, job.device, clamp, frame.world_visible,
-                                  half="position" not in frame.layers)
-        seconds += _render(scene, frame, settings, Path(job.output, name), part(progress, half, len(REFERENCE_FILES)))
-    return seconds
-
-
-def _render(scene: bpy.types.Scene, frame: Frame, settings: RenderSettings, path: Path,
-            progress: Progress | None) -> float:
+def _render(scene: bpy.types.Scene, job: Job, frame: Frame, progress: Progress | None) -> float:
+    """Render every image of the job; seconds."""
     render = render_views if frame.layout == "view-by-view" else render_encoded
-    return render(scene, Shot(frame.rays, frame.matrix_world), settings, path, progress)
+    shot, images = Shot(frame.rays, frame.matrix_world), _images(job, frame)
+    return sum(render(scene, shot, settings, Path(job.output, name), part(progress, number, len(images)))
+               for number, (name, settings) in enumerate(images))

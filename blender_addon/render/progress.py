@@ -55,6 +55,6 @@ def sample_fraction(statistics: str) -> float | None:
 
 def part(progress: Progress | None, index: int, count: int) -> Progress | None:
     """Progress of part ``index`` of ``count`` equal parts, as progress of the whole."""
-    if progress is None:
-        return None
+    if progress is None or count == 1:
+        return progress
     return lambda fraction, message: progress((index + fraction) / count, f"{index + 1}/{count}: {message}")

@@ -45,7 +45,7 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
         views: dict[str, list[np.ndarray]] = {}
         count = layout.views[0] * layout.views[1]
         for number in range(count):
-            aim(camera, shot, number % layout.views[0], number // layout.views[0])
+            aim(camera, shot, (number % layout.views[0], number // layout.views[0]))
             scene.cycles.seed = _seed(settings.seed, number)
             render_to(scene, folder / "view.exr", part(progress, number, count))
             for name, pixels in exr.read_layers(folder / "view.exr").items():
@@ -66,8 +66,9 @@ def _folder(parent: Path) -> Iterator[Path]:
             UNFINISHED.discard(Path(name))
 
 
-def aim(camera: bpy.types.Object, shot: Shot, column: int, row: int) -> None:
-    """Make ``camera`` the view in ``column`` and ``row`` of the shot's layout, seeing the display rectangle."""
+def aim(camera: bpy.types.Object, shot: Shot, view: tuple[int, int]) -> None:
+    """Make ``camera`` the ``view`` (column, row) of the shot's layout, seeing the display rectangle."""
+    column, row = view
     layout, array, lens = shot.layout, shot.layout.array, camera.data
     right = float(view_offset(column, layout.views[0], layout.spacing, layout.convention))
     down = float(view_offset(row, layout.views[1], layout.spacing, layout.convention))

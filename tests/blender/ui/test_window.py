@@ -129,14 +129,16 @@ def test_render_keeps_the_window_alive_and_the_scene_as_it_was(window):
     started = time.monotonic()
     assert window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))") == ["FINISHED"]
     returned = time.monotonic() - started
-    window.until("addon.background.session.current().fraction > 0", SECONDS_TO_RENDER)
+    task, message = "addon.background.session.current()", "bpy.context.window_manager.lfsr.message"
+    window.until(f"{task} is None or {task}.fraction > 0", SECONDS_TO_RENDER)
+    assert window.get(message) == ""
     window.screenshot("7-rendering")
     # A person works on meanwhile: the answer comes at once.
     asked = time.monotonic()
     window.get("bpy.context.scene.frame_current")
     answered = time.monotonic() - asked
     window.until("addon.background.session.current() is None", SECONDS_TO_RENDER)
-    assert window.get("bpy.context.window_manager.lfsr.message") == ""
+    assert window.get(message) == ""
     assert scene_value(window, UNTOUCHED) == before
     assert returned < SECONDS_TO_ANSWER and answered < SECONDS_TO_ANSWER
     folder = window.folder / "lightfield" / "Scene" / "0001"
