@@ -11,6 +11,7 @@ import io
 import itertools
 import math
 import re
+import textwrap
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,6 +33,7 @@ INK, QUIET, FAINT, GRID = "#222222", "#555555", "#b8b8b8", "#e6e6e6"
 DPI = 90  # of PNG files
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 540, 430, 52, 116, 44, 46  # a panel and its margins in points; names go right
 STYLE = {"svg.fonttype": "none", "svg.hashsalt": "lfsr"}
+FOOTER_CHARACTER = 8  # points that a character of the footer takes, margins included
 NAME_LENGTH = 14  # of a line; longer names break before a plus or at a blank
 LEAST_X_TICKS, MOST_X_TICKS, MOST_Y_TICKS = 3, 7, 12
 TICKS_TOWARD_ONE = (-1.0, 0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.92, 0.94, 0.95, 0.96, 0.97, 0.98,
@@ -75,9 +77,10 @@ def sheet(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple
 def panel_sheet(count: int, columns: int = 2, footer: str = "") -> tuple[Figure, list[Axes]]:
     """A figure of so many panels of WIDTH × HEIGHT points in rows of ``columns``, and their axes; ``footer`` below."""
     across, down = min(columns, count), -(-count // columns)
-    width, tall = across * WIDTH, down * HEIGHT + (28 if footer else 0)
+    lines = textwrap.wrap(footer, across * WIDTH // FOOTER_CHARACTER)
+    width, tall = across * WIDTH, down * HEIGHT + (12 + 16 * len(lines) if lines else 0)
     figure = _figure(width / 72, tall / 72)
-    figure.text(LEFT / width, 12 / tall, footer, fontsize=12, color=QUIET)
+    figure.text(LEFT / width, 12 / tall, "\n".join(lines), fontsize=12, color=QUIET)
     corners = [(index % columns * WIDTH + LEFT, tall - (index // columns + 1) * HEIGHT + BOTTOM)
                for index in range(count)]
     grid = [figure.add_axes((x / width, y / tall, (WIDTH - LEFT - RIGHT) / width, (HEIGHT - TOP - BOTTOM) / tall))

@@ -54,6 +54,14 @@ def test_names_of_curves_that_end_together_do_not_lie_on_each_other():
     assert all(name.x0 >= 0 and name.x1 <= axes.figure.bbox.x1 for name in names)
 
 
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_long_footer_is_broken_and_lies_below_the_panels(count):
+    figure, grid = plots.panel_sheet(count, footer="Words of a footer " * 20)
+    box = figure.texts[0].get_window_extent()
+    assert box.x0 >= 0 and box.x1 <= figure.bbox.x1 and box.y0 >= 0
+    assert box.y1 < min(axes.bbox.y0 for axes in grid) - 30 * figure.dpi / 72, "an axis has its words there"
+
+
 def test_points_wear_what_is_known_of_them():
     figure, axes = plots.sheet(3, 2)
     axes = axes[0, 0]
