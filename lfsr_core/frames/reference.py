@@ -36,10 +36,13 @@ class Reference:
 
     @classmethod
     def read(cls, folder: str | Path) -> Reference:
-        """The reference in ``folder``; LfsrError where a file is missing or of another size than frame.json says."""
+        """The reference in ``folder``; LfsrError where a file is missing or of another size, or both are the same."""
         folder = Path(folder)
         frame = read_frame(folder)
         (half_a, hits_a), (half_b, hits_b) = (read_half(folder / name, frame) for name in REFERENCE_FILES)
+        if half_a.any() and np.array_equal(half_a, half_b):
+            raise LfsrError(f"both halves in {folder} are the same picture, so that neither shows the other's noise: "
+                            "render the reference again with this version")
         return cls(folder, frame, half_a, half_b, hits_a | hits_b)
 
     @property

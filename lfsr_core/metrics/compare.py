@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import recall
 from lfsr_core.frames.frame import MASK_FILE, read_frame
 from lfsr_core.frames.reference import Reference, check_reference
@@ -37,6 +38,9 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
         metrics["recall"] = recall(mask, known.hits)
     else:
         metrics["recall"] = sampled_recall(mask, known.foreground, known.lens_list)
+    if read_report(folder) != report:
+        raise LfsrError(f"{folder} was finished anew while it was compared, so the metrics are of what it was before: "
+                        "compare it again")
     write_report(folder, dataclasses.replace(report, metrics=metrics))
     return metrics
 

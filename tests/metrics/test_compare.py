@@ -1,10 +1,13 @@
-"""Recall of the foreground mask, whole and estimated from sampled lenses."""
+"""Comparing folders: recall of the foreground mask, and frames that change meanwhile."""
 
 import numpy as np
 import pytest
 
-from lfsr_core.frames.frame import MASK_FILE
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json
+from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE
 from lfsr_core.images.png import read_mask, write_mask
+from lfsr_core.metrics import compare as compare_module
 from lfsr_core.metrics.compare import compare_folders, sampled_recall
 from lfsr_core.reconstruct.second_stage import upscale_frame
 from tests.support.synthetic import write_reference, write_render
@@ -22,6 +25,21 @@ def test_a_lens_lost_by_the_mask_lowers_recall_and_still_counts_as_foreground(tm
     assert whole["recall"] == 1
     assert after["recall"] == pytest.approx(1 - len(lost) / (mask.sum() + len(lost)))
     assert after["ssim_eia_fg"] == pytest.approx(whole["ssim_eia_fg"])
+
+
+def test_a_frame_that_is_finished_anew_meanwhile_keeps_its_own_report(tmp_path, monkeypatch):
+    folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
+    upscale_frame(folder, "bicubic")
+    real = compare_module.compare
+
+    def slow(*arguments, **options):
+        upscale_frame(folder, "nearest")
+        return real(*arguments, **options)
+    monkeypatch.setattr(compare_module, "compare", slow)
+    with pytest.raises(LfsrError, match="was finished anew while it was compared"):
+        compare_folders(folder, reference)
+    report = read_json(folder / REPORT_FILE, "a report")
+    assert (report["method"], report["metrics"]) == ("nearest", {})
 
 
 def test_sampled_recall_is_unbiased_under_unequal_sampling():
