@@ -31,7 +31,7 @@ def add_method_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Upscale the folder and say where the picture is."""
+    """Upscale the folder and print where the picture is."""
     frame = read_frame(arguments.folder)
     upscale(arguments.folder, chosen_method(arguments.method, frame.scale), arguments)
 

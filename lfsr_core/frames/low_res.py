@@ -21,14 +21,15 @@ class LowResEIA:
 
     Low view k' covers high views s·k' … s·k' + s - 1.
 
-    Attributes:
-        color: scene-linear RGB over the background, finite, >= 0.
-        alpha: coverage in [0, 1], C = 1.
-        samples: per pixel, the noise level.
-        scale: s, high-resolution views per low-resolution view along each axis.
-        albedo, normal, position: where rendered, C = 3.
-        noisy: colour as rendered, where a denoiser has changed ``color``.
-        guided: colour denoised by the guides, beside ``color`` denoised without.
+    Attributes
+    ----------
+    color : scene-linear RGB over the background, finite, >= 0
+    alpha : coverage in [0, 1], C = 1
+    samples : per pixel, the noise level
+    scale : s, high-resolution views per low-resolution view along each axis
+    albedo, normal, position : where rendered, C = 3
+    noisy : colour as rendered, where a denoiser has changed ``color``
+    guided : colour denoised by the guides, beside ``color`` denoised without
     """
 
     color: np.ndarray

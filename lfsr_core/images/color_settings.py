@@ -9,8 +9,14 @@ import dataclasses
 class ColorSettings:
     """How Blender would show the scene: names of its OpenColorIO configuration.
 
-    ``exposure`` is in stops; ``config`` is the path of the configuration of the
-    Blender that rendered, a hint only.
+    Attributes
+    ----------
+    display_device : the screen that the values are for
+    view_transform : how scene-linear light becomes values of that screen
+    look : an artistic change on the way; "None" or "" for none
+    exposure : in stops
+    gamma : exponent of the values is 1 / gamma
+    config : path of the configuration of the Blender that rendered, a hint only
     """
 
     display_device: str = "sRGB"

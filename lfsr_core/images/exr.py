@@ -1,8 +1,4 @@
-"""Images in and out: EXR layers through OpenImageIO, PNG.
-
-Arrays are (H, W, C), rows from the top. EXR pixels are scene-linear float32;
-PNG pixels are display-referred uint8.
-"""
+"""EXR files as layers: scene-linear float32 arrays (H, W, C), rows from the top."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Scene-linear light to display values.
-
-``ViewTransform`` shows a scene as Blender does, through Blender's own
-OpenColorIO configuration; ``srgb_encode`` is the plain curve that metrics use.
-"""
+"""The sRGB curve, which metrics see images through whatever the scene's view transform."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Scene-linear light to display values.
-
-``ViewTransform`` shows a scene as Blender does, through Blender's own
-OpenColorIO configuration; ``srgb_encode`` is the plain curve that metrics use.
-"""
+"""Scene-linear light to display values as Blender shows them, through Blender's own OpenColorIO configuration."""
 
 from __future__ import annotations
 

@@ -29,15 +29,27 @@ LensList = tuple[tuple[int, int], ...]
 
 def compare(image: np.ndarray, reference_a: np.ndarray, reference_b: np.ndarray, lenses: tuple[int, int],
             mask: np.ndarray, lens_list: LensList | None = None) -> dict[str, Any]:
-    """Every metric of an EIA by name; None stands for what cannot be told.
+    """Every metric of an EIA by name; None stands for what cannot be known.
 
-    ``image`` (H, W, 3), scene-linear, in view order, of ``lenses`` (sx, sy);
-    ``mask`` (sy, sx) bool, the foreground. The references, scene-linear, show the
-    whole EIA, (H, W, 3), or with ``lens_list`` tiles of those (row, column)
-    lenses as ``RayLayout`` places them. Then the numbers estimate the whole EIA
-    from lenses drawn at random inside and outside the mask, and "ci95" holds the
-    half-widths of their 95 % confidence intervals. Without the package
-    flip-evaluator "flip" is None and "notes" says so. LfsrError where shapes differ.
+    With ``lens_list`` the numbers estimate the whole EIA from lenses drawn at random
+    inside and outside the mask, and "ci95" holds the half-widths of their 95 %
+    confidence intervals.
+
+    Parameters
+    ----------
+    image : (H, W, 3), scene-linear, in view order
+    reference_a, reference_b : its independent halves, scene-linear: (H, W, 3), or tiles of the listed lenses
+    lenses : (sx, sy)
+    mask : (sy, sx) bool, the foreground
+    lens_list : (row, column) of the reference's lenses, in tiles as ``RayLayout`` places them; None for all
+
+    Returns
+    -------
+    By METRIC_NAMES; without the package flip-evaluator "flip" is None and "notes" reports it
+
+    Raises
+    ------
+    LfsrError : where shapes differ
     """
     views_per_lens(image, lenses)
     if mask.shape != lenses[::-1]:

@@ -1,7 +1,8 @@
-"""95 % intervals over lenses where the reference shows every lens.
+"""95 % intervals of means over lenses, and the quantiles they need.
 
-Nothing is sampled then; the interval says how far the number would move with another subject of the same kind, if its
-lenses were drawn like these. Neighbouring lenses see nearly the same, so they are drawn in blocks.
+Where a reference shows every lens nothing is sampled; the interval then says how far the number would move with
+another subject of the same kind, if its lenses were drawn like these. Neighbouring lenses see nearly the same, so
+they are drawn in blocks.
 """
 
 from __future__ import annotations
@@ -21,10 +22,17 @@ NORMAL_ONE_SIDED = 1.644854  # standard errors below which 95 % of many samples 
 
 def lens_intervals(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray, lenses: tuple[int, int],
                    mask: np.ndarray) -> dict[str, float | None]:
-    """Half-widths of the 95 % intervals of ssim_eia, ssim_eia_fg and psnr_fg (in dB, first order).
+    """Half-widths of the 95 % intervals of ssim_eia, ssim_eia_fg and psnr_fg (in dB, first order), from whole images.
 
-    Images (H, W, 3) scene-linear in view order of ``lenses`` (sx, sy); ``mask`` (sy, sx) bool, the foreground.
-    None where fewer than two blocks of lenses take part.
+    Parameters
+    ----------
+    image, half_a, half_b : (H, W, 3), scene-linear, in view order
+    lenses : (sx, sy)
+    mask : (sy, sx) bool, the foreground
+
+    Returns
+    -------
+    By name; None where fewer than two blocks of lenses take part
     """
     x, a, b = (srgb_encode(values) for values in (image, half_a, half_b))
     similarity = _per_lens(split_ssim_map(x, a, b), lenses)

@@ -20,9 +20,19 @@ MAX_PIXEL_ASPECT_ERROR = 0.01
 class DisplayProfile:
     """One integral-imaging display; pairs are (horizontal, vertical).
 
-    ``ei_order`` is "flipped" where the pixel left of a lens centre is seen from
-    the right (a physical lens array), "direct" where the display driver flips.
-    ``background`` is scene-linear RGB in [0, 1].
+    Attributes
+    ----------
+    name : what it is called on the command line
+    panel_pixels : lenses × views
+    panel_mm : size of the panel
+    lenses : of the array
+    views : pixels behind each lens
+    viewing_distance_mm : from the lens array to where all views meet
+    viewing_angle_deg : width of the zone in which an eye sees the views of one lens
+    ei_order : "flipped" where the pixel left of a lens centre is seen from the right (a physical lens array),
+        "direct" where the display driver flips
+    background : scene-linear RGB in [0, 1], where a lens shows nothing
+    description : one line for menus
     """
 
     name: str

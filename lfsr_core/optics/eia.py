@@ -35,12 +35,12 @@ def from_views(views: np.ndarray) -> np.ndarray:
 
 
 def horizontal_epi(eia: np.ndarray, lenses: tuple[int, int], lens_row: int, view_row: int) -> np.ndarray:
-    """Epipolar-plane image (px, sx, C) of one row of lenses and one row of views."""
+    """Epipolar-plane image (px, sx, C) of one row of lenses and one row of views of an EIA (H, W, C)."""
     return to_views(eia, lenses)[view_row, :, lens_row]
 
 
 def vertical_epi(eia: np.ndarray, lenses: tuple[int, int], lens_column: int, view_column: int) -> np.ndarray:
-    """Epipolar-plane image (py, sy, C) of one column of lenses and one column of views."""
+    """Epipolar-plane image (py, sy, C) of one column of lenses and one column of views of an EIA (H, W, C)."""
     return to_views(eia, lenses)[:, view_column, :, lens_column]
 
 

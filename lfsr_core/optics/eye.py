@@ -26,13 +26,25 @@ def gap_mm(profile: DisplayProfile) -> float:
 
 def see(eia: np.ndarray, profile: DisplayProfile, eye_mm: tuple[float, float, float],
         width: int = DEFAULT_WIDTH) -> np.ndarray:
-    """What an eye at ``eye_mm`` (x, y, z) sees of a finished EIA (H, W, C): one sample per lens.
+    """What an eye sees of a finished EIA: one sample per lens.
 
-    ``eia`` is in panel order, as eia.png. Outside the viewing zone an eye sees
-    the neighbouring lens's elemental image, as on a real array, and black beyond the
-    panel. The result (sy·n, sx·n, C) repeats each sample n times, the largest n that
-    keeps it within ``width`` pixels, or 1. LfsrError for an eye behind the lenses or
-    an image that is not the profile's.
+    Outside the viewing zone an eye sees the neighbouring lens's elemental image, as
+    on a real array, and black beyond the panel.
+
+    Parameters
+    ----------
+    eia : (H, W, C) in panel order, as eia.png
+    profile : the display
+    eye_mm : (x, y, z) of the eye
+    width : most pixels across of the result
+
+    Returns
+    -------
+    (sy·n, sx·n, C) with each sample n times, the largest n that fits ``width``, or 1
+
+    Raises
+    ------
+    LfsrError : for an eye behind the lenses or an image that is not the profile's
     """
     columns, rows = profile.panel_pixels
     if eia.shape[:2] != (rows, columns):

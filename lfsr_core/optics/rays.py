@@ -23,8 +23,11 @@ CONVENTIONS = ("centred", "paper")
 class CameraArray:
     """Placement of the dense camera array in scene units.
 
-    ``distance``: camera plane to display plane. ``half_width``, ``half_height``:
-    half the display rectangle. ``spacing``: between neighbouring dense views.
+    Attributes
+    ----------
+    distance : from the camera plane to the display plane
+    half_width, half_height : half the display rectangle
+    spacing : between neighbouring dense views
     """
 
     distance: float
@@ -50,10 +53,14 @@ class CameraArray:
 class RayLayout:
     """Which ray each pixel of one render sends (paper Eqs. (4)-(8)).
 
-    ``lenses`` and ``views`` are (horizontal, vertical) counts of this render;
-    ``spacing`` is between its views, s × the dense spacing. ``view_aperture`` is
-    the share of a view's cell its rays cover (0: a point). ``lens_list`` places
-    only those lenses, as (row, column) pairs in tiles of the image, row by row.
+    Attributes
+    ----------
+    lenses, views : (horizontal, vertical) counts of this render
+    array : placement of the dense camera array
+    spacing : between the views of this render, s × the dense spacing
+    convention : one of CONVENTIONS, "centred" unless the paper is reproduced
+    view_aperture : share of a view's cell that its rays cover, in [0, 1] (0: a point)
+    lens_list : only these lenses, as (row, column) pairs in tiles of the image, row by row; None for all
     """
 
     lenses: tuple[int, int]
@@ -102,9 +109,20 @@ def _check_lens_list(layout: RayLayout) -> None:
 
 
 def view_offset(index: np.ndarray, count: int, spacing: float, convention: str = "centred") -> np.ndarray:
-    """Offset of view ``index`` of ``count`` on the camera plane, rightwards positive.
+    """Offset of a view on the camera plane, rightwards positive.
 
     Centred: (k + 1/2 - count/2) · spacing. Paper Eqs. (5), (7): (k - ⌊count/2⌋) · spacing.
+
+    Parameters
+    ----------
+    index : k, from 0
+    count : of views along this axis
+    spacing : between neighbouring views
+    convention : one of CONVENTIONS
+
+    Returns
+    -------
+    In the unit of ``spacing``
     """
     if convention == "paper":
         return (index - count // 2) * spacing
@@ -113,11 +131,17 @@ def view_offset(index: np.ndarray, count: int, spacing: float, convention: str =
 
 def rays(layout: RayLayout, raster_x: np.ndarray, raster_y: np.ndarray,
          random_x: np.ndarray | float = 0.5, random_y: np.ndarray | float = 0.5) -> tuple[np.ndarray, np.ndarray]:
-    """Ray origins and unit directions, each (..., 3), in camera-array space.
+    """Rays of points of the image, in camera-array space.
 
-    ``raster_x``, ``raster_y`` in [0, 1), y up, hold pixel and place inside it:
-    the place chooses the point on the lens, the random numbers in [0, 1) the
-    point in the view's cell.
+    Parameters
+    ----------
+    layout : which ray each pixel sends
+    raster_x, raster_y : in [0, 1), y up: the pixel, and the place inside it chooses the point on the lens
+    random_x, random_y : in [0, 1), choose the point in the view's cell
+
+    Returns
+    -------
+    Origins and unit directions, (..., 3) each
     """
     width, height = layout.size
     tile_x, view_x, place_x = _split(raster_x, width, layout.views[0])

@@ -29,7 +29,16 @@ Finish = Callable[[np.ndarray, np.ndarray], None]
 
 @dataclasses.dataclass(frozen=True)
 class Assembly:
-    """Which lenses get what: ``mask`` (sy, sx) bool the ``upscaler``, ``fill`` the cheap ``filler``."""
+    """Which lenses of a frame are finished by what.
+
+    Attributes
+    ----------
+    low : the low-resolution EIA after every prefilter
+    mask : (sy, sx) bool, lenses for the upscaler
+    fill : (sy, sx) bool, lenses for the filler
+    upscaler : the method's
+    filler : a cheap one
+    """
 
     low: LowResEIA
     mask: np.ndarray
@@ -60,10 +69,17 @@ class Assembly:
 
 
 def upscale_all(assembly: Assembly, step: int | None, finish: Finish, clock: StageClock, progress: Progress) -> None:
-    """Call ``finish(lenses (n, 2), elemental images (n, py, px, 3) scene-linear)`` for every lens of the assembly.
+    """Finish every lens of the assembly, in several threads and in any order.
 
-    From several threads and in any order. Upscalers that are not thread-safe run
-    one call at a time.
+    Upscalers that are not thread-safe run one call at a time.
+
+    Parameters
+    ----------
+    assembly : which lenses get what
+    step : elemental images per call, None for as many as suit the upscaler
+    finish : called with lenses (n, 2) and their elemental images (n, py, px, 3), scene-linear
+    clock : times the stage "upscale"
+    progress : called after every part
     """
     parts = assembly.parts(step)
     workers = max(1, min(os.cpu_count() or 1, MAX_WORKERS, len(parts)))
@@ -95,10 +111,15 @@ def filled(size: tuple[int, int], color: np.ndarray) -> np.ndarray:
 
 
 def place(buffer: np.ndarray, grid: tuple[int, int], lenses: np.ndarray, images: np.ndarray, flipped: bool) -> None:
-    """Put EIs (n, py, px, C) of ``lenses`` (n, 2) into an EIA (H, W, C) of ``grid`` (sx, sy) lenses.
+    """Put elemental images where they belong.
 
-    ``flipped`` reverses the pixels inside each EI in both axes, the order of a
-    panel behind lenses.
+    Parameters
+    ----------
+    buffer : the EIA (H, W, C), changed
+    grid : its lenses (sx, sy)
+    lenses : (n, 2) rows and columns
+    images : of those lenses, (n, py, px, C)
+    flipped : reverses the pixels inside each in both axes, the order of a panel behind lenses
     """
     slots = to_elemental_images(buffer, grid)
     for (row, column), image in zip(lenses, _reversed(images) if flipped else images, strict=True):

@@ -1,4 +1,4 @@
-"""What the report says about a run: seconds per stage and peak memory."""
+"""Seconds per stage and peak memory of a run, for its report."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class StageClock:
 
 
 def peak_bytes() -> int | None:
-    """Most memory this process has held so far, in bytes; None where the system does not tell (Windows)."""
+    """Most memory this process has held so far, in bytes; None where the system does not report it (Windows)."""
     if resource is None:
         return None
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -1,7 +1,5 @@
-"""The one contract that every upscaling method obeys, and the classical methods.
+"""The one contract that every upscaling method obeys.
 
-A method name is prefilters and one upscaler joined by "+", as ``oidn+bicubic``; "epi" after
-them brings back detail that they lost, as in ``oidn+bicubic+epi``.
 Low view k' covers high views s·k' … s·k' + s - 1, so pixels are sampled at
 half-pixel centres.
 """
@@ -21,7 +19,7 @@ class Upscaler(Protocol):
 
     The result is scene-linear RGB >= 0 (float16 allowed). Whatever padding a
     method needs it makes itself. ``thread_safe``: may run on several lens rows at
-    once. ``notes``: what the report should say about the run so far.
+    once. ``notes``: sentences for the report on the run so far.
     """
 
     name: str

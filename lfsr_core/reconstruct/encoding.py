@@ -1,10 +1,4 @@
-"""The one contract that every upscaling method obeys, and the classical methods.
-
-A method name is prefilters and one upscaler joined by "+", as ``oidn+bicubic``; "epi" after
-them brings back detail that they lost, as in ``oidn+bicubic+epi``.
-Low view k' covers high views s·k' … s·k' + s - 1, so pixels are sampled at
-half-pixel centres.
-"""
+"""The working domain of methods: scene-linear light encoded near the eye's response, and back."""
 
 from __future__ import annotations
 

@@ -45,11 +45,12 @@ STEPS_OF_A_NETWORK = 3
 class MethodName:
     """The name of a method and what follows from it; ``MethodName.parse`` makes one.
 
-    Attributes:
-        text: the name as written, as in "oidn+bicubic+epi".
-        prefilters: what is done to the whole low-resolution EIA first, in order.
-        upscaler: name of the one upscaler; "none" where every view was rendered.
-        recovers: whether "epi" brings back lost detail.
+    Attributes
+    ----------
+    text : the name as written, as in "oidn+bicubic+epi"
+    prefilters : what is done to the whole low-resolution EIA first, in order
+    upscaler : name of the one upscaler; "none" where every view was rendered
+    recovers : whether "epi" brings back lost detail
     """
 
     text: str

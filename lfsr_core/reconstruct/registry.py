@@ -34,7 +34,14 @@ PREFILTERS: dict[str, Callable[[LowResEIA], LowResEIA]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Method:
-    """What is done to the whole low-resolution EIA, in order, then one upscaler."""
+    """One way to finish a frame.
+
+    Attributes
+    ----------
+    name : what it is called
+    prefilters : what is done to the whole low-resolution EIA, in order
+    upscaler : what makes each elemental image of the result
+    """
 
     name: MethodName
     prefilters: tuple[Callable[[LowResEIA], LowResEIA], ...]
@@ -51,17 +58,20 @@ def method(name: str | MethodName, weights: str | Path | None = None, *, upscale
            block: int | None = None) -> Method:
     """Method of a name such as "bicubic" or "oidn+bicubic"; "oidn" alone upscales nothing.
 
-    Parameters:
-        name: as of ``MethodName.parse``.
-        weights: file for its network instead of the shipped one.
-        upscaler: in place of the one that the name says.
-        block: side of the squares of lenses that are strangers to their neighbours, None where there are none.
+    Parameters
+    ----------
+    name : as of ``MethodName.parse``
+    weights : file for its network instead of the shipped one
+    upscaler : in place of the one that the name says
+    block : side of the squares of lenses that are strangers to their neighbours, None where there are none
 
-    Returns:
-        The method, ready to run.
+    Returns
+    -------
+    The method, ready to run
 
-    Raises:
-        LfsrError: for a wrong name, weights without a network, or "epi" after what does more than interpolate.
+    Raises
+    ------
+    LfsrError : for a wrong name, weights without a network, or "epi" after what does more than interpolate
     """
     name = MethodName.parse(name)
     prefilters = tuple(PREFILTERS[part] for part in name.prefilters)

@@ -29,13 +29,14 @@ FILL_METHOD = PLAIN_METHOD
 class UpscaleOptions:
     """How a frame is finished, besides the method.
 
-    Attributes:
-        step: elemental images per call of the method, None for as many as suit it.
-        dilate: lenses by which the foreground mask grows.
-        selection: False treats every lens as foreground.
-        weights: file for the method's network instead of the shipped one; for a method given by name.
-        linear_exr: whether the scene-linear eia.exr is written too.
-        progress: called with (stage, fraction, message).
+    Attributes
+    ----------
+    step : elemental images per call of the method, None for as many as suit it
+    dilate : lenses by which the foreground mask grows
+    selection : False treats every lens as foreground
+    weights : file for the method's network instead of the shipped one; for a method given by name
+    linear_exr : whether the scene-linear eia.exr is written too
+    progress : called with (stage, fraction, message)
     """
 
     step: int | None = None
@@ -97,14 +98,16 @@ def linear_and_mask(folder: str | Path, method: str | MethodName | Method,
 def finished_lenses(low: LowResEIA, mask: np.ndarray, method: Method, lenses: np.ndarray) -> np.ndarray:
     """Elemental images of a few lenses, made as those of a whole frame are.
 
-    Parameters:
-        low: what was rendered, before any prefilter.
-        mask: (n,) bool, which of ``lenses`` are foreground; the others are filled in.
-        method: what finishes them.
-        lenses: (n, 2) rows and columns.
+    Parameters
+    ----------
+    low : what was rendered, before any prefilter
+    mask : (n,) bool, which of ``lenses`` are foreground; the others are filled in
+    method : what finishes them
+    lenses : (n, 2) rows and columns
 
-    Returns:
-        (n, py, px, 3) float32, scene-linear.
+    Returns
+    -------
+    (n, py, px, 3) float32, scene-linear
     """
     prepared = method.prepare(low)
     _, _, height, width, channels = low.color.shape

@@ -32,12 +32,22 @@ VERSION = 3  # of what comes out: figures measured with another one are out of d
 
 def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.ndarray | None = None, *,
                 fast: bool = False) -> np.ndarray:
-    """Denoised scene-linear colour, (H, W, 3) float32 >= 0.
+    """One denoised image.
 
-    ``color`` (H, W, 3) scene-linear >= 0, any range; ``albedo`` (H, W, 3) in
-    [0, 1] and ``normal`` (H, W, 3) in [-1, 1], noise-free, guide where present; a
-    normal counts only together with an albedo, as the library asks. ``fast``: half
-    the time, a little less accurate. LfsrError where the library is missing or fails.
+    Parameters
+    ----------
+    color : (H, W, 3), scene-linear >= 0, any range
+    albedo : (H, W, 3) in [0, 1], noise-free, guides where present
+    normal : (H, W, 3) in [-1, 1], noise-free, counts only together with an albedo, as the library asks
+    fast : half the time, a little less accurate
+
+    Returns
+    -------
+    (H, W, 3) float32, scene-linear >= 0
+
+    Raises
+    ------
+    LfsrError : where the library is missing or fails
     """
     guides = {"albedo": albedo, "normal": normal} if albedo is not None else {}
     guides = {name: np.asarray(image, np.float32) for name, image in guides.items() if image is not None}

@@ -47,11 +47,12 @@ VERSION = 3  # of what comes out: figures measured with another one are out of d
 class LostDetail:
     """What a method lacks of a low-resolution EIA; nothing of it is known where the foreground does not show.
 
-    Attributes:
-        cleaned: what the method interpolates, (sy, sx, h, w, 3) encoded.
-        lost: what that lacks, (sy, sx, h, w, 3) encoded.
-        line: along which of LINES a lens lost most, (sy, sx) int.
-        covered: lenses where the foreground shows, (sy, sx) bool.
+    Attributes
+    ----------
+    cleaned : what the method interpolates, (sy, sx, h, w, 3) encoded
+    lost : what that lacks, (sy, sx, h, w, 3) encoded
+    line : along which of LINES a lens lost most, (sy, sx) int
+    covered : lenses where the foreground shows, (sy, sx) bool
     """
 
     cleaned: np.ndarray
@@ -144,9 +145,19 @@ class Recovering:
 
 def lost_detail(rendered: np.ndarray, cleaned: np.ndarray, covered: np.ndarray, kernel: str,
                 scale: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What interpolating ``cleaned`` by ``kernel`` will lack, (sy, sx, h, w, 3) encoded, and ``lost_share`` of it.
+    """What interpolating ``cleaned`` will lack.
 
-    ``rendered`` scene-linear and ``cleaned`` encoded, (sy, sx, h, w, 3); ``covered`` (sy, sx) bool: lenses that count.
+    Parameters
+    ----------
+    rendered : (sy, sx, h, w, 3), scene-linear
+    cleaned : the same without noise, encoded
+    covered : (sy, sx) bool, lenses that count
+    kernel : of interpolation.KERNELS
+    scale : s
+
+    Returns
+    -------
+    The lost detail (sy, sx, h, w, 3), encoded, and ``lost_share`` of it
     """
     shown = averaged(cleaned, kernel, scale)
     # Linear for the test, which must not take the mean of noisy roots, too low as it is, for detail.

@@ -1,4 +1,4 @@
-"""Weights of classical interpolation kernels, as matrices that act on one axis.
+"""Classical upscalers: interpolation inside each elemental image, as matrices that act on one axis.
 
 The kernels are those of OpenCV's ``resize``, which the tests compare with.
 """
@@ -49,9 +49,18 @@ KERNELS: dict[str, tuple[int, Callable[[np.ndarray], np.ndarray]]] = {
 
 @functools.lru_cache(maxsize=64)
 def kernel_matrix(kernel: str, size: int, scale: int, margin: int = 0) -> np.ndarray:
-    """Weights (size·scale, size + 2·margin) float32 that upscale ``size`` samples with ``margin`` more on either side.
+    """Matrix that upscales a row of samples at half-pixel centres; beyond the last one it repeats.
 
-    Samples sit at half-pixel centres; beyond the last one it repeats.
+    Parameters
+    ----------
+    kernel : of KERNELS
+    size : samples to upscale
+    scale : values per sample
+    margin : more samples on either side
+
+    Returns
+    -------
+    Weights (size·scale, size + 2·margin), float32
     """
     reach, weight = KERNELS[kernel]
     places = (np.arange(size * scale) + 0.5) / scale - 0.5 + margin
@@ -69,11 +78,13 @@ CROSSTALK_REACH = 4  # half the widest kernel
 
 @dataclasses.dataclass(frozen=True)
 class Interpolation:
-    """A classical upscaler: ``kernel`` of kernels.KERNELS in both directions of each EI.
+    """A classical upscaler: one kernel in both directions of each EI. The other fields are those of ``Upscaler``.
 
-    Samples beyond an EI repeat its border, or with ``crosstalk`` come from the
-    ``CROSSTALK_REACH`` nearest pixels of the neighbouring EIs, as if the EIA were
-    one photograph.
+    Attributes
+    ----------
+    kernel : of KERNELS
+    crosstalk : samples beyond an EI are the CROSSTALK_REACH nearest pixels of its neighbours, as if the EIA were one
+        photograph, and do not repeat its border
     """
 
     name: str
@@ -97,7 +108,16 @@ class Interpolation:
 
 
 def interpolate(encoded: np.ndarray, kernel: str, scale: int, out: np.ndarray, margin: int = 0) -> None:
-    """Upscale encoded EIs (n, h + 2·margin, w + 2·margin, C) into scene-linear ``out`` (n, h·s, w·s, C)."""
+    """Upscale elemental images.
+
+    Parameters
+    ----------
+    encoded : (n, h + 2·margin, w + 2·margin, C)
+    kernel : of KERNELS
+    scale : s
+    out : (n, h·s, w·s, C), filled with scene-linear values
+    margin : pixels around each that are only looked at
+    """
     count, rows, columns, channels = encoded.shape
     down = kernel_matrix(kernel, rows - 2 * margin, scale, margin)
     across = _interleaved(kernel, columns - 2 * margin, scale, margin, channels)

@@ -40,9 +40,23 @@ SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
 
 def denoise(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.ndarray | None = None, *,
             hdr: bool = False, clean_aux: bool = False, quality: str = "high") -> np.ndarray:
-    """Denoised colour, (H, W, 3) float32, on the CPU: the function of the same name in the package pyoidn.
+    """The function of the same name in the package pyoidn, with its parameters, on the CPU.
 
-    ImportError where Blender's library is not there or does not load, RuntimeError where it fails.
+    Parameters
+    ----------
+    color, albedo, normal : (H, W, 3)
+    hdr : whether colour may exceed 1
+    clean_aux : whether albedo and normal have no noise
+    quality : one of QUALITIES
+
+    Returns
+    -------
+    Denoised colour, (H, W, 3) float32
+
+    Raises
+    ------
+    ImportError : where Blender's library is not there or does not load
+    RuntimeError : where it fails
     """
     library = _load()
     images = {"color": color, "albedo": albedo, "normal": normal, "output": np.empty(color.shape, np.float32)}

@@ -34,10 +34,19 @@ def _blur(kernel: str, size: int, scale: int) -> np.ndarray:
 
 
 def sheared(images: np.ndarray, covered: np.ndarray, lenses: np.ndarray, scale: int, steep: float) -> np.ndarray:
-    """EIs of ``lenses`` (N, 2) at every view, (N, h·scale, w·scale, 3), along lines of ``steep`` lenses per view.
+    """Elemental images at every view, along epipolar lines: between two rendered views a point stands in other lenses.
 
-    Between two rendered views a point stands in other lenses: those of ``images``
-    (sy, sx, h, w, 3) are asked, as far as they are ``covered`` (sy, sx).
+    Parameters
+    ----------
+    images : (sy, sx, h, w, 3), in whatever domain they are
+    covered : (sy, sx) bool, lenses that may be asked
+    lenses : (N, 2), those that are wanted
+    scale : views per rendered view
+    steep : lenses per view of the line
+
+    Returns
+    -------
+    (N, h·scale, w·scale, 3)
     """
     (sy, sx, h, w, _), reach, covered = images.shape, _lens_reach(steep), covered.astype(np.float32)
     around = np.arange(-reach, reach + 1)

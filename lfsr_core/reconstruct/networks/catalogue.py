@@ -21,16 +21,17 @@ EVERY_SCALE = (2, 3, 4, 5, 8, 10)
 class NetworkSpec:
     """One network that can be named on the command line.
 
-    Attributes:
-        description: one line for menus.
-        architecture: its class, by name of ``pytorch.networks.ARCHITECTURES``.
-        options: what that class takes beside the scale.
-        scales: those it comes in.
-        layers: auxiliary layers that it needs.
-        upscaler: "module:class" that takes (name, **settings) and obeys ``contract.Upscaler``.
-        weights: stem of its files, if that is not its name.
-        trained_at: the one scale it was trained at, if its weights serve all.
-        after: prefilter that must come before it.
+    Attributes
+    ----------
+    description : one line for menus
+    architecture : its class, by name of ``pytorch.networks.ARCHITECTURES``
+    options : what that class takes beside the scale
+    scales : those it comes in
+    layers : auxiliary layers that it needs
+    upscaler : "module:class" that takes (name, **settings) and obeys ``contract.Upscaler``
+    weights : stem of its files, if that is not its name
+    trained_at : the one scale it was trained at, if its weights serve all
+    after : prefilter that must come before it
     """
 
     description: str

@@ -1,8 +1,7 @@
 """Our networks as upscalers, in NumPy: no engine to install, in Blender neither.
 
-Every step is one matrix product over a few elemental images that stay in a
-core's cache; several threads work on different lenses (see assembly.py). The
-same arithmetic as ``lightfield.LightFieldNet`` followed by linear upscaling.
+Elemental images that have little to restore are only upscaled; several threads
+work on different lenses (see assembly.py).
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Reading weights with NumPy alone: Blender's Python has neither torch nor the safetensors package.
+"""Reading weights with NumPy alone: Blender's Python has neither PyTorch nor the safetensors package.
 
-The file format: eight bytes that say how long the JSON header is, the header,
-then the tensors one after another (https://github.com/huggingface/safetensors).
+The file format: eight bytes with the length of the JSON header, the header, then
+the tensors one after another (https://github.com/huggingface/safetensors). That
+package is compiled for each platform, which would make the extension one zip each.
 """
 
 from __future__ import annotations

@@ -24,9 +24,19 @@ from lfsr_core.reconstruct.networks.weights_file import FORMAT, MAX_BYTES, VERSI
 
 def save(path: str | Path, network: nn.Module, scale: int, provenance: Mapping[str, Any],
          options: Mapping[str, Any] | None = None) -> None:
-    """Write weights and, beside them, ``provenance`` plus the file's own facts as JSON.
+    """Write weights and, beside them, how they were made.
 
-    LfsrError if the file would reach 1 MB or a value is not finite.
+    Parameters
+    ----------
+    path : of the weights; the JSON file has the same stem
+    network : whose tensors are written
+    scale : that it was trained at
+    provenance : how it was trained, for the JSON file beside the file's own facts
+    options : its hyper-parameters, for the header
+
+    Raises
+    ------
+    LfsrError : if the file would reach 1 MB or a value is not finite
     """
     path = Path(path)
     tensors = {name: value.detach().cpu().contiguous().numpy() for name, value in network.state_dict().items()}

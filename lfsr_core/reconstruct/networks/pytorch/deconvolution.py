@@ -1,4 +1,4 @@
-"""Layers that several networks share."""
+"""Deconvolutions that fit an EI's footprint, and the same as a convolution and a pixel shuffle."""
 
 from __future__ import annotations
 
@@ -7,7 +7,14 @@ from torch import Tensor, nn
 
 
 def aligned_deconvolution(inputs: int, outputs: int, kernel: int, scale: int) -> nn.ConvTranspose2d:
-    """Deconvolution that maps (h, w) to exactly (scale·h, scale·w), its kernel centred on the pixel's footprint."""
+    """Deconvolution that maps (h, w) to exactly (scale·h, scale·w), its kernel centred on the pixel's footprint.
+
+    Parameters
+    ----------
+    inputs, outputs : channels
+    kernel : its side in output pixels
+    scale : stride
+    """
     padding = (kernel - scale + 1) // 2
     return nn.ConvTranspose2d(inputs, outputs, kernel, scale, padding, output_padding=2 * padding - kernel + scale)
 

@@ -21,13 +21,14 @@ from lfsr_core.reconstruct.networks.pytorch.srgb import srgb_encode
 class LightFieldConfig:
     """Size and inputs of one network.
 
-    Attributes:
-        inputs: layers of the low-resolution EIA, in the order that the first convolution sees them.
-        base: the layer that the network corrects.
-        second_base: another picture of the same, which it mixes in pixel by pixel; "" for none.
-        width: channels at full angular resolution.
-        body_width: channels at half of it.
-        blocks: residual pairs of convolutions.
+    Attributes
+    ----------
+    inputs : layers of the low-resolution EIA, in the order that the first convolution sees them
+    base : the layer that the network corrects
+    second_base : another picture of the same, which it mixes in pixel by pixel; "" for none
+    width : channels at full angular resolution
+    body_width : channels at half of it
+    blocks : residual pairs of convolutions
     """
 
     inputs: tuple[str, ...] = ("color", "alpha", "albedo", "normal")

@@ -4,7 +4,7 @@
 a 9×9 deconvolution of stride ``scale`` from 16 to 3. ReLU after each
 convolution. Input and output are sRGB-encoded RGB in [0, 1]; the output is not
 clipped. Padding is zero as published; "replicate" repeats the border, which
-matters for an EI of 10-20 pixels (DESIGN §6).
+matters for an EI of 10-20 pixels.
 """
 
 from __future__ import annotations

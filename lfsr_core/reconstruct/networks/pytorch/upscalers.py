@@ -25,6 +25,8 @@ ROWS_AT_ONCE = 8
 
 
 class _Upscaler(Protocol):
+    """What can collect notes."""
+
     name: str
     notes: list[str]
 
@@ -34,7 +36,7 @@ class _Upscaler(Protocol):
 class PhotographUpscaler:
     """A network trained on photographs, applied to each EI on its own.
 
-    ``notes`` collects what a report should say: replaced values, a smaller step,
+    ``notes`` collects sentences for the report: replaced values, a smaller step,
     a fall-back to the CPU. ``thread_safe`` is False: the engine uses every core itself.
     """
 
