@@ -5,29 +5,29 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 out=${1:-out/demo}
 started=$SECONDS
 
-say() { printf '\n\033[1m[%3d s] %s\033[0m\n' $((SECONDS - started)) "$*"; }
+report() { printf '\n\033[1m[%3d s] %s\033[0m\n' $((SECONDS - started)) "$*"; }
 
-say "Environment"
+report "Environment"
 venv=$(./scripts/setup.sh blender)
 lfsr=$venv/bin/lfsr
 mkdir -p "$out"
 
-say "A scene from Blender's own shapes -> $out/scene.blend"
+report "A scene from Blender's own shapes -> $out/scene.blend"
 "$venv/bin/python" -W ignore scripts/scenes/demo_scene.py "$out/scene.blend" >"$out/scene.log" 2>&1 || { cat "$out/scene.log"; exit 1; }
 
-say "20×20 views for each of 96×54 lenses at 16 samples, denoised and upscaled to 80×80 views"
+report "20×20 views for each of 96×54 lenses at 16 samples, denoised and upscaled to 80×80 views"
 "$lfsr" render "$out/scene.blend" -o "$out/frame" --display bupt-32in-8k --scale 4 --spp 16
 
-say "Decoded views, epipolar images, and what an eye 15 cm to the left and 10 cm up sees"
+report "Decoded views, epipolar images, and what an eye 15 cm to the left and 10 cm up sees"
 "$lfsr" views "$out/frame" --eye=-150,100,1000
 
-say "The truth for 12 random lenses: every view, 1024 samples, in two independent halves"
+report "The reference for 12 random lenses: every view, 1024 samples, in two independent halves"
 "$lfsr" reference "$out/scene.blend" -o "$out/reference" --display bupt-32in-8k --spp 1024 --lenses 12
 
-say "How close it is"
+report "How close it is"
 "$lfsr" compare "$out/frame" "$out/reference"
 
-say "Done. The pictures are in $out/frame:"
+report "Done. The pictures are in $out/frame:"
 cat <<END
   eia.png      the 7680×4320 elemental image array, in the order a physical lens array needs
   views.png    5×5 of the 80×80 decoded views, topmost and leftmost camera first
@@ -37,8 +37,8 @@ cat <<END
   mask.png     which lenses see the foreground
   report.json  the numbers above with the seconds of every stage
 
-The numbers compare $out/frame with a path-traced truth that nothing was upscaled or denoised in.
-SSIM is 1 and FLIP 0 for a perfect picture. "split" means that the truth's own noise cancels;
+The numbers compare $out/frame with a path-traced reference that nothing was upscaled or denoised in.
+SSIM is 1 and FLIP 0 for a perfect picture. "split" means that the reference's own noise cancels;
 ssim_eia_plain does not have that, so even a perfect picture would score little more than
 ssim_ceiling there. The ± is the 95 % confidence interval that comes from looking at 12 lenses only.
 END

@@ -58,7 +58,7 @@ def train_all(arguments: argparse.Namespace) -> dict[str, dict]:
 
 
 def _result(future) -> dict:
-    # One failed run must not take the others' results with it; the exit code still tells.
+    # One failed run must not take the others' results with it; the exit code still shows it.
     error = future.exception()
     return {"error": f"{type(error).__name__}: {error}"} if error else future.result()
 

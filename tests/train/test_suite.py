@@ -9,7 +9,7 @@ from tests.support.training_photographs import write_pictures
 
 
 @pytest.mark.slow
-def test_suite_trains_what_it_is_told_in_processes(tmp_path, capsys):
+def test_suite_trains_the_chosen_runs_in_processes(tmp_path, capsys):
     folder = write_pictures(tmp_path / "photographs")
     command = ["--cache", str(folder), "--validation", str(folder), "--output", str(tmp_path), "--device", "cpu",
                "--jobs", "2", "--threads", "1", "--only", "paper-x2,espcn-x2", "--set", "epochs=1", "--set", "crop=16",

@@ -39,7 +39,7 @@ def random_shape(stage: Stage, kind: str | None = None, material: bpy.types.Mate
 
 def put(stage: Stage, thing: bpy.types.Object, at: np.ndarray, size: float | np.ndarray,
         turned: np.ndarray | None = None) -> bpy.types.Object:
-    """Place an object and note where; turned at random unless told."""
+    """Place an object and note where; turned at random unless given."""
     settle(thing, at, size, turn(stage) if turned is None else turned)
     stage.note("put", name=thing.name.split(".")[0], at=np.asarray(at, float), size=float(np.max(size)))
     return thing

@@ -245,7 +245,7 @@ def test_the_script_writes_files_that_hold_all_they_need(tmp_path):
     assert all(image.packed_file for image in bpy.data.images if image.source == "FILE")
 
 
-def test_an_impossible_depth_is_told_and_leaves_no_file(tmp_path):
+def test_an_impossible_depth_is_reported_and_leaves_no_file(tmp_path):
     path = tmp_path / "eye" / "scene.blend"
     code, message = run_script(tmp_path, [{"dial": "eye", "value": 50, "path": str(path)}])
     assert (code, message["stage"]) == (2, "error") and "slope of 50" in message["message"]
