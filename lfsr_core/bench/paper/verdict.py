@@ -81,8 +81,6 @@ def sentence(statement: str, differences: Mapping[str, Difference], unit: str = 
 
 def holds(differences: Mapping[str, Difference]) -> str:
     """Whether "above zero" holds: in all cases, in none, or in which; ``differences`` by the case's name."""
-    if not differences:
-        return "was not measured"
     groups = {sign: [name for name, difference in differences.items() if difference.sign == sign]
               for sign in (1, -1, 0)}
     words = {1: "holds", -1: "the other way round", 0: "cannot be told from these numbers"}

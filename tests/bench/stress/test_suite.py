@@ -10,14 +10,13 @@ import re
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from lfsr_core.bench.stress import folder as bench_folder
 from lfsr_core.bench.stress import page, suite
-from lfsr_core.bench.stress.dials import Break, choose_dials
+from lfsr_core.bench.stress.dials import choose_dials
 from lfsr_core.bench.stress.folder import Bench
-from lfsr_core.bench.stress.records import Cell, DialReport, Report, Settings
+from lfsr_core.bench.stress.records import Report, Settings
 from lfsr_core.bench.stress.report import write_report
 from lfsr_core.cli import main
 from lfsr_core.errors import LfsrError
@@ -208,26 +207,3 @@ def test_a_missing_cell_is_no_report(tmp_path):
     with pytest.raises(LfsrError, match="wire 2 of bicubic is not measured"):
         write_report(Bench(tmp_path, Settings(MINI, 2, 8, 2)), {dial: (2,)}, ["bicubic"])
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("lens", [(0, 0), (5, 7), (11, 15)])
-def test_crops_hold_their_lens_and_stay_inside(lens):
-    image = np.zeros((96, 128, 3))
-    row, column = lens
-    image[row * 8:row * 8 + 8, column * 8:column * 8 + 8] = 1
-    crop = page.crop_around(image, (16, 12), lens)
-    assert crop.shape == (24, 24, 3) and crop.sum() == 8 * 8 * 3
-
-
-def test_a_curve_with_gaps_is_drawn_where_it_is_known():
-    cells = tuple(Cell(value, "scene", 16, "m", {"q": quality}, None)
-                  for value, quality in ((1, 0.9), (2, None), (3, 0.7)))
-    dial = DialReport("d", "meaning", "unit", "q", (1, 2, 3), cells, {"m": Break(3, 0.7, "below its start")})
-    drawn = page.curves(dial, ["m"])
-    line = re.search(r'id="m">\s*<path d="([^"]+)"', drawn)[1].split("\n")[:-1]
-    ring = re.search(r'id="m, breaks">.*?<use [^>]*x="([\d.]+)" y="([\d.]+)"', drawn, re.S)
-    assert [command[0] for command in line] == ["M", "L"]
-    assert line[1].split()[1:] == [ring[1], ring[2]]
-    assert dial.break_text("m") == "3 s"
-    unknown = DialReport("d", "meaning", "unit", "other", (1, 2, 3), cells, {"m": None})
-    assert page.curves(unknown, ["m"]) is None and unknown.break_text("m") == "?"
