@@ -1,8 +1,6 @@
-"""The choice of the least that will do, and its time model: properties of pure functions."""
+"""The choice of the least that will do: properties of pure functions."""
 
 from __future__ import annotations
-
-import dataclasses
 
 import pytest
 from hypothesis import given
@@ -12,10 +10,8 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.plan import candidates as plan
 from lfsr_core.plan.candidates import Candidate, Rated, asymptote, candidates, chain, choose
 from lfsr_core.plan.estimate import Estimate
-from lfsr_core.plan.options import Options
-from lfsr_core.plan.times import StageTime, TimeModel, path_samples
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_METHOD
-from tests.support.synthetic import MINI, frame_of
+from tests.support.synthetic import MINI
 
 SIMPLE = PLAIN_METHOD
 METHODS = ("bilinear", "oidn+bilinear", "bicubic")
@@ -132,36 +128,3 @@ def test_default_methods_hold_the_simple_one_and_the_default():
 def test_impossible_candidates_are_refused(arguments, message):
     with pytest.raises(LfsrError, match=message):
         candidates(MINI, *arguments)
-
-
-@pytest.mark.parametrize("wrong", [{"target": 1.0}, {"target": 0.0}, {"metric": "psnr"}, {"share": 0.0}, {"lenses": 3},
-                                   {"reference_spp": 3}, {"between": -1}, {"most_seconds": 0.0}])
-def test_impossible_options_are_refused(wrong):
-    with pytest.raises(LfsrError, match="but"):
-        Options(**wrong)
-
-
-def timed(frame, setup: float, per_sample: float):
-    return dataclasses.replace(frame, seconds={"render": setup + per_sample * path_samples(frame)})
-
-
-def sampled_renders(setup: float, per_sample: float) -> list:
-    lens_list = tuple((row, 3) for row in range(12))
-    return [timed(frame_of(2, samples=samples, lens_list=lens_list), setup, per_sample) for samples in (4, 16, 64)]
-
-
-def test_time_model_finds_setup_and_samples():
-    quick = timed(frame_of(4, samples=4), 0.3, 2e-3)
-    start = TimeModel(1.0, 0.0, 0.0, 1e-3, 0.5, 80, 0.5, {(2, "bilinear"): StageTime(0.1, 1e-4, 1e-2)})
-    model = start.refined(quick, sampled_renders(0.3, 5e-3), 0.2)
-    assert model.setup == pytest.approx(0.3) and model.per_sample == pytest.approx(2e-3)
-    pixels = 64 * 48
-    expected = 1.0 + 0.3 + 2e-3 * pixels * 16 + 1e-3 * pixels + 0.5 + 0.1 + 1e-4 * pixels * 0.5 + 1e-2 * 80
-    assert model.seconds(Candidate(2, 16, "bilinear"), MINI) == pytest.approx(expected)
-
-
-@pytest.mark.parametrize(("quick_setup", "expected"), [(0.2, 0.2 * 5e-3), (900.0, 5e-3)])
-def test_a_quick_render_that_was_all_setup_does_not_mislead(quick_setup, expected):
-    quick = timed(frame_of(4, samples=4), quick_setup, 0.0)
-    model = TimeModel(1.0, 0.0, 9.0, 0.0, 0.0, 80).refined(quick, sampled_renders(0.3, 5e-3), 0.2)
-    assert model.per_sample == pytest.approx(expected)

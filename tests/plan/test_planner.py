@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, write_frame
+from lfsr_core.frames.frame import LOW_RES_FILE
 from lfsr_core.frames.job import Job
-from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.images.exr import write_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
@@ -21,44 +19,14 @@ from lfsr_core.plan import planner, score
 from lfsr_core.plan.candidates import BETWEEN, Candidate
 from lfsr_core.plan.options import Options
 from lfsr_core.plan.planner import make_plan
-from lfsr_core.plan.report import PlanReport, plan_report, sentence, table
-from lfsr_core.plan.score import SampledReference, split_scores
+from lfsr_core.plan.report import sentence, table
 from lfsr_core.reconstruct.second_stage import finished_linear
-from lfsr_core.records import read_record, write_record
-from tests.support.synthetic import MINI, frame_of, light_field, tiles
+from tests.support import noisy_renders
+from tests.support.noisy_renders import JOB, render
+from tests.support.synthetic import MINI, frame_of, light_field
 
-NOISE = 0.3  # of one sample
-SECONDS_PER_SAMPLE = 1e-5
-JOB = Job(output=".", display=MINI, scene="scene.blend", seed=5)
 OPTIONS = Options(target=0.9, scales=(2, 4), spps=(4, 16, 64), methods=("nearest", "bilinear"), lenses=40,
                   reference_spp=1024, between=0)
-
-
-def noisy(image: np.ndarray, spp: int, seed: int) -> np.ndarray:
-    noise = np.random.default_rng(seed).normal(0, NOISE / spp**0.5, image[..., :3].shape) * (image[..., 3:] > 0)
-    return np.concatenate([np.maximum(image[..., :3] + noise, 0), image[..., 3:]], -1).astype(np.float32)
-
-
-def render(job: Job) -> None:
-    """What Blender would write for ``job`` of that light field."""
-    frame = frame_of(1 if job.kind == "reference" else job.scale, samples=job.spp, lens_list=job.lens_list,
-                     seed=job.seed)
-    folder, image = Path(job.output), light_field()
-    if job.lens_list is not None:
-        image = tiles(image, dataclasses.replace(frame, scale=1))
-    height, width, _ = image.shape
-    scale = frame.scale
-    image = image.reshape(height // scale, scale, width // scale, scale, 4).mean((1, 3))
-    pairs = [(LOW_RES_FILE, job.spp)] if job.kind == "render" else [(name, job.spp // 2) for name in REFERENCE_FILES]
-    for number, (name, spp) in enumerate(pairs):
-        write_layers(folder / name, {"color": noisy(image, spp, job.seed + 10**6 * number)})
-    seconds = 0.01 + SECONDS_PER_SAMPLE * image[..., 0].size * job.spp
-    write_frame(folder, dataclasses.replace(frame, seconds={"open": 1.0, "render": seconds}))
-
-
-def this_module():
-    """This module, whose names ``render`` looks up."""
-    return sys.modules[__name__]
 
 
 @pytest.fixture(autouse=True)
@@ -191,31 +159,12 @@ def test_accuracy_of_the_whole_array_counts_every_lens(tmp_path):
 
 
 def test_a_flat_scene_gets_the_simplest_method_and_the_fewest_samples(tmp_path, monkeypatch):
-    monkeypatch.setattr(this_module(), "NOISE", 0.002)
-    monkeypatch.setattr(this_module(), "light_field", lambda: np.full((96, 128, 4), (0.4, 0.3, 0.2, 1), np.float32))
+    monkeypatch.setattr(noisy_renders, "NOISE", 0.002)
+    monkeypatch.setattr(noisy_renders, "light_field", lambda: np.full((96, 128, 4), (0.4, 0.3, 0.2, 1), np.float32))
     options = dataclasses.replace(OPTIONS, target=0.95, scales=(4,), spps=(4, 16),
                                   methods=("oidn+bilinear", "bilinear"))
     chosen = make_plan(JOB, options, render, tmp_path / "sample").choice.chosen
     assert chosen.candidate == Candidate(4, 4, "bilinear")
-
-
-@pytest.mark.parametrize("denoiser", [False, True])
-def test_features_tell_noisy_and_detailed_lenses_apart(monkeypatch, denoiser):
-    monkeypatch.setattr(score, "is_available", lambda: denoiser)
-    random = np.random.default_rng(0)
-    color = np.full((6, 6, 10, 10, 3), 0.5, np.float32)
-    color[2:4] += random.normal(0, 0.15, color[2:4].shape)
-    color[4:, ..., ::5, :, :] = 0.1
-    alpha = np.ones((6, 6, 10, 10, 1), np.float32)
-    alpha[:, 3:, 5:] = 0
-    found = score.features(LowResEIA(np.maximum(color, 0), alpha, 4, 4))
-    coverage, noise, detail = found[..., 0], found[..., 1], found[..., -1]
-    assert np.allclose(coverage[:, :3], 1) and np.allclose(coverage[:, 3:], 0.5)
-    if denoiser:
-        assert noise[2:4].mean() < noise[:2].mean() - 0.05
-        assert detail[4:].mean() > 3 * detail[:2].mean()
-    else:
-        assert noise[2:4].mean() > noise[:2].mean() + 0.05
 
 
 def test_view_by_view_is_refused(tmp_path):
@@ -232,40 +181,6 @@ def test_an_empty_scene_is_refused(tmp_path):
         make_plan(JOB, OPTIONS, empty, tmp_path)
 
 
-def test_correction_takes_some_of_the_references_noise_out():
-    random, noise = np.random.default_rng(0), 0.08
-    exact = np.full((600, 24, 24, 1), 0.5)
-    exact[:, :, 12:] += 0.2 * np.sin(np.arange(12) / 1.7)[:, None]
-    image = exact + random.normal(0, 0.015, exact.shape)
-    true = float(stacked_ssim(image, exact, exact).mean())
-
-    class Shown(SampledReference):
-        """Noise that is normal in display values, so that nothing but the metric is tested."""
-
-        def pair(self, first, second):
-            return tuple(np.mean([self.quarters[n] for n in names], 0) for names in (first, second))
-    quarters = tuple(exact + random.normal(0, noise, exact.shape) for _ in range(4))
-    scores = split_scores(image, Shown(quarters, np.ones(600, bool), noise))
-    plain = float(scores.values.mean()) - score.CORRECTED * scores.gain
-    assert plain < true - 0.003 and scores.gain > 0
-    assert abs(scores.values.mean() - true) < abs(plain - true)
-
-
-def test_report_says_everything(tmp_path):
-    options = dataclasses.replace(OPTIONS, target=0.6)
-    planned = make_plan(JOB, options, render, tmp_path / "sample")
-    text = table(planned, options)
-    chosen = planned.choice.chosen
-    assert any(line.startswith("→") and chosen.candidate.method in line for line in text.splitlines())
-    assert "path samples of s2-spp64" in text and "with 95 % confidence" in text
-    report = plan_report(planned, options, JOB)
-    write_record(tmp_path / "plan.json", report)
-    assert read_record(tmp_path / "plan.json", PlanReport, "a plan") == report
-    assert report.chosen.method == chosen.candidate.method and len(report.candidates) == 12
-    assert report.sample.lenses["foreground"] + report.sample.lenses["edge"] == 40
-    assert report.sample.cost_ratio >= 1 and report.sample.costliest.startswith("s2-spp64")
-
-
 def test_recovery_is_judged_and_timed_like_any_method(tmp_path):
     options = dataclasses.replace(OPTIONS, scales=(4,), spps=(4,), methods=("bilinear", "bilinear+epi"))
     planned = make_plan(JOB, options, render, tmp_path / "sample")
@@ -278,4 +193,3 @@ def test_recovery_is_judged_and_timed_like_any_method(tmp_path):
 def test_stage_time_grows_with_the_frame(tmp_path):
     planned = make_plan(JOB, dataclasses.replace(OPTIONS, scales=(4,), spps=(4,)), render, tmp_path / "sample")
     assert all(row.seconds > 1.0 for row in planned.rated), "the scene takes a second to open"
-    assert score.FINISHING

@@ -23,7 +23,7 @@ from lfsr_core.plan.estimate import Estimate
 from lfsr_core.plan.planner import Planned, SampleFacts
 from lfsr_core.plan.times import path_samples
 from lfsr_core.records import read_record
-from tests.plan.test_planner import JOB, render
+from tests.support.noisy_renders import JOB, render
 from tests.support.synthetic import MINI, frame_of
 
 RENDERS = [(2, 4), (2, 16), (2, 64), (4, 4), (4, 16)]

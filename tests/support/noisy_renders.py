@@ -1,0 +1,39 @@
+"""What Blender would write for a job of a synthetic light field: its light with noise that shrinks with the samples."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, write_frame
+from lfsr_core.frames.job import Job
+from lfsr_core.images.exr import write_layers
+from tests.support.synthetic import MINI, frame_of, light_field, tiles
+
+NOISE = 0.3  # of one sample
+SECONDS_PER_SAMPLE = 1e-5
+JOB = Job(output=".", display=MINI, scene="scene.blend", seed=5)
+
+
+def noisy(image: np.ndarray, spp: int, seed: int) -> np.ndarray:
+    noise = np.random.default_rng(seed).normal(0, NOISE / spp**0.5, image[..., :3].shape) * (image[..., 3:] > 0)
+    return np.concatenate([np.maximum(image[..., :3] + noise, 0), image[..., 3:]], -1).astype(np.float32)
+
+
+def render(job: Job) -> None:
+    """What Blender would write for ``job`` of that light field."""
+    frame = frame_of(1 if job.kind == "reference" else job.scale, samples=job.spp, lens_list=job.lens_list,
+                     seed=job.seed)
+    folder, image = Path(job.output), light_field()
+    if job.lens_list is not None:
+        image = tiles(image, dataclasses.replace(frame, scale=1))
+    height, width, _ = image.shape
+    scale = frame.scale
+    image = image.reshape(height // scale, scale, width // scale, scale, 4).mean((1, 3))
+    pairs = [(LOW_RES_FILE, job.spp)] if job.kind == "render" else [(name, job.spp // 2) for name in REFERENCE_FILES]
+    for number, (name, spp) in enumerate(pairs):
+        write_layers(folder / name, {"color": noisy(image, spp, job.seed + 10**6 * number)})
+    seconds = 0.01 + SECONDS_PER_SAMPLE * image[..., 0].size * job.spp
+    write_frame(folder, dataclasses.replace(frame, seconds={"open": 1.0, "render": seconds}))

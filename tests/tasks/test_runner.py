@@ -1,0 +1,84 @@
+"""Tasks of the add-on in a process of their own: results, errors, and how they end."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from lfsr_core.frames.job import Job
+from lfsr_core.optics.display import load_display
+from lfsr_core.records import to_data
+from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED
+from lfsr_core.tasks import runner
+from tests.support.played_blender import ROOT, played_blender
+
+
+@pytest.fixture
+def blender(tmp_path):
+    return played_blender(tmp_path / "blender")
+
+
+def task(tmp_path: Path, blender: str, **options: object) -> Path:
+    job = Job(output=str(tmp_path), display=load_display("mini"), scene="scene.blend")
+    options = {"target": 0.5, "scales": [2], "spps": [4], "methods": ["bilinear"], "lenses": 16} | options
+    path = tmp_path / "task.json"
+    path.write_text(json.dumps({"task": "plan", "job": to_data(job), "options": options, "command": [blender],
+                                "work": str(tmp_path / "work")}))
+    return path
+
+
+def run_task(path: Path) -> subprocess.Popen:
+    return subprocess.Popen([sys.executable, "-m", runner.__name__, str(path)], cwd=ROOT, stdin=subprocess.PIPE,
+                            stdout=subprocess.PIPE, text=True)
+
+
+def test_task_of_the_add_on_ends_with_its_result(tmp_path, blender):
+    with run_task(task(tmp_path, blender)) as process:
+        # Read, not communicated with: its end of input would end it.
+        lines = [json.loads(line.removeprefix("LFSR ")) for line in process.stdout]
+    *progress, done = lines
+    assert process.returncode == 0 and done["stage"] == "done"
+    assert done["chosen"] == {"scale": 2, "spp": 4, "method": "bilinear"} and "s2-spp4 bilinear" in done["sentence"]
+    fractions = [record["fraction"] for record in progress]
+    assert fractions == sorted(fractions) and fractions[0] == 0 < fractions[-1] <= 1
+
+
+def test_task_with_bad_options_ends_with_one_sentence(tmp_path, blender):
+    with run_task(task(tmp_path, blender, target=2.0)) as process:
+        record = json.loads(process.stdout.read().removeprefix("LFSR "))
+    assert process.returncode == EXIT_BAD_INPUT
+    assert record["stage"] == "error" and "target is 2.0" in record["message"]
+
+
+@pytest.mark.parametrize("how", ["signal", "end of input"])
+def test_task_takes_its_render_along_when_it_ends(tmp_path, how):
+    sleeper = tmp_path / "blender"
+    sleeper.write_text(f"#!/bin/sh\necho $$ > {tmp_path}/pid\nexec sleep 60\n")
+    sleeper.chmod(0o755)
+    with run_task(task(tmp_path, str(sleeper))) as process:
+        while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text().strip():
+            assert process.poll() is None
+        time.sleep(0.2)  # until it listens to what it started
+        process.send_signal(signal.SIGTERM) if how == "signal" else process.stdin.close()
+        assert process.wait(10) == EXIT_CANCELLED
+    pid = int((tmp_path / "pid").read_text())
+    assert not Path(f"/proc/{pid}").exists()
+    assert not (tmp_path / "work" / "quick").exists()
+
+
+@pytest.mark.parametrize(("method", "code", "record"), [
+    ("bicubic", 0, {"stage": "done", "method": "bicubic"}),
+    ("bicubik", EXIT_BAD_INPUT, {"stage": "error"})])
+def test_a_task_that_starts_nothing_runs_too(tmp_path, method, code, record):
+    path = tmp_path / "task.json"
+    path.write_text(json.dumps({"task": "check", "method": method}))
+    with run_task(path) as process:
+        found = json.loads(process.stdout.read().removeprefix("LFSR "))
+    assert process.returncode == code and found.items() >= record.items()
+    assert code == 0 or "did you mean 'bicubic'" in found["message"]
