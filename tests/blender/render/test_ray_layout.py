@@ -100,7 +100,7 @@ def test_low_view_is_the_centre_of_the_high_views_it_replaces(scene, tmp_path, s
 @pytest.mark.parametrize("scale", [2, 4])
 def test_papers_low_views_are_shifted_by_half_of_what_they_replace(scene, tmp_path, scale):
     difference = low_minus_mean_of_high(scene, tmp_path, "paper", scale)
-    # DESIGN 2: (s - 1)/2 views, mirrored at twice the display distance, on both axes (Y up, rows down).
+    # (s - 1)/2 views, mirrored at twice the display distance, on both axes (Y up, rows down).
     shift = (scale - 1) / 2 * ARRAY.spacing
     # A low pixel is wider here, and with it the half step of CENTRE.
     assert np.abs(difference - [shift, -shift, 0]).max() <= 1e-4 * ARRAY.distance

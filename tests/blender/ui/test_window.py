@@ -9,10 +9,7 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
-import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +19,6 @@ from tests.support.window.desktop import VARIABLE, Window, blender_window
 
 pytestmark = [pytest.mark.window, pytest.mark.skipif(
     VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
-BUILDER = Path(__file__).resolve().parents[3] / "scripts" / "build_extension.py"
 SECONDS_TO_RENDER = 240
 SECONDS_TO_ANSWER = 15   # also on a busy machine without a graphics card
 SCENE = """
@@ -51,9 +47,7 @@ UNTOUCHED = ("(scene.render.resolution_x, scene.cycles.samples, scene.cycles.pix
 def window(tmp_path_factory):
     """One Blender for all steps, which build on each other as an artist's do."""
     folder = tmp_path_factory.mktemp("gui")
-    subprocess.run([sys.executable, BUILDER, "--output", folder / "built"], check=True)
-    [archive] = (folder / "built").glob("*.zip")
-    with blender_window(folder, archive) as window:
+    with blender_window(folder) as window:
         window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
         window.run("def scene_(): return bpy.context.scene")
         yield window
@@ -69,20 +63,11 @@ def scene_value(window: Window, expression: str):
 
 def test_sidebar_tab_opens(window):
     window.run("bpy.context.space_data.show_region_ui = True")
-    window.settle()
     closed = read_png(window.screenshot("1-closed"))
-    x, y, width, height = window.get("[(r.x, r.y, r.width, r.height) for r in bpy.context.area.regions "
-                                     "if r.type == 'UI'][0]")
-    screen = window.get("bpy.context.window.height")
-    tab = "[r.active_panel_category for r in bpy.context.area.regions if r.type == 'UI'][0]"
-    for below in range(100, 500, 20):   # down the column of tabs
-        window.click(x + width - 12, screen - (y + height) + below)
-        if window.get(tab) == "Light Field":
-            break
-    assert window.get(tab) == "Light Field"
+    x, top, width, height = window.open_tab()
     window.xdotool("mousemove", x - 200, 600)
     opened = read_png(window.screenshot("2-opened"))
-    sidebar = np.s_[screen - y - height:screen - y, x:x + width]
+    sidebar = np.s_[top:top + height, x:x + width]
     assert (closed[sidebar] != opened[sidebar]).mean() > 0.05
 
 

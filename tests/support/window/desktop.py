@@ -11,6 +11,7 @@ import os
 import shutil
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,7 +20,9 @@ from typing import Any
 
 SIZE = (1280, 1000)   # software OpenGL pays for every pixel
 AGENT = Path(__file__).with_name("agent.py")
-SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "window_blender.sh"
+SCRIPTS = Path(__file__).resolve().parents[3] / "scripts"
+SCRIPT = SCRIPTS / "window_blender.sh"
+TAB = "[region.active_panel_category for region in bpy.context.area.regions if region.type == 'UI'][0]"
 VARIABLE = "LFSR_WINDOW_BLENDER"
 SECONDS_TO_START = 120
 SECONDS_TO_INSTALL = 120
@@ -78,6 +81,20 @@ class Window:
         self.xdotool("mousemove", x, y)
         self.xdotool("click", 1)
 
+    def open_tab(self) -> tuple[int, int, int, int]:
+        """Open the sidebar at the tab Light Field; its place on the screen: left, top, width, height."""
+        self.run("bpy.context.space_data.show_region_ui = True")
+        self.settle()
+        x, y, width, height = self.get("[(r.x, r.y, r.width, r.height) for r in bpy.context.area.regions "
+                                       "if r.type == 'UI'][0]")
+        top = self.get("bpy.context.window.height") - y - height
+        for below in range(100, 500, 20):   # down the column of tabs
+            self.click(x + width - 12, top + below)
+            if self.get(TAB) == "Light Field":
+                break
+        assert self.get(TAB) == "Light Field"
+        return x, top, width, height
+
     def screenshot(self, name: str) -> Path:
         """Picture of the whole screen."""
         self.settle()
@@ -87,14 +104,16 @@ class Window:
 
 
 @contextmanager
-def blender_window(folder: Path, archive: Path) -> Iterator[Window]:
-    """A fresh Blender in a window that fills the screen, with the extension ``archive`` installed and enabled."""
+def blender_window(folder: Path) -> Iterator[Window]:
+    """A fresh Blender in a window that fills the screen, with the extension built, installed and enabled."""
+    subprocess.run([sys.executable, SCRIPTS / "build_extension.py", "--output", folder / "built"], check=True)
+    [archive] = (folder / "built").glob("*.zip")
     with _screen() as display, socket.create_server(("127.0.0.1", 0)) as server:
         environment = os.environ | {"DISPLAY": display, "HOME": str(folder),
                                     "BLENDER_USER_RESOURCES": str(folder / "blender")}
         shutil.copy(AGENT, folder)
         install = inside("blender", "--command", "extension", "install-file", "--repo", "user_default", "--enable",
-                         shutil.copy(archive, folder))
+                         archive)
         start = inside("blender", "--gpu-backend", "opengl", "--window-geometry", 0, 0, *SIZE,
                        "--python", folder / AGENT.name, "--", server.getsockname()[1])
         with (folder / "blender.log").open("w") as log:

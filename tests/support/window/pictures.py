@@ -1,7 +1,11 @@
-"""Pictures of docs/guide/artist-guide.md, taken in a real window: python tests/blender/gui/pictures.py docs/images"""
+"""Pictures of docs/guide/artist-guide.md, taken in a real window (see desktop.py):
+
+    python tests/support/window/pictures.py docs/images
+"""
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -9,7 +13,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
-from tests.support.window.desktop import Window, blender_window
+from tests.support.window.desktop import Window, blender_window, inside
 
 SECONDS_TO_RENDER = 1200
 COLORS = 200   # keeps a picture below 300 kB
@@ -60,10 +64,7 @@ def take(window: Window, folder: Path) -> None:
     """Every picture, in the order of the guide."""
     window.run(f"FILE = {str(window.folder / 'monkey.blend')!r}" + SCENE)
     window.settle()
-    x, y, width, height = window.get("[(r.x, r.y, r.width, r.height) for r in bpy.context.area.regions "
-                                     "if r.type == 'UI'][0]")
-    top = window.get("bpy.context.window.height") - y - height
-    window.click(x + width - 12, top + 175)
+    x, top, width, _ = window.open_tab()
     window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True)" + LOOK)
     window.run("for item in bpy.context.selected_objects: item.select_set(False)")
     keep(window, folder, "panel-array")
@@ -72,6 +73,7 @@ def take(window: Window, folder: Path) -> None:
     window.run("bpy.ops.lfsr.check_fix('INVOKE_DEFAULT', True, code='background', target='Floor')")
     window.run("bpy.context.window_manager.lfsr.checked_scene = ''" + IMAGE_EDITOR)
     window.run("lfsr = bpy.context.scene.lfsr; lfsr.display, lfsr.scale, lfsr.samples = 'fhd', '4', 16")
+    window.run("lfsr.method = 'light'")   # this Blender has no Open Image Denoise
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
     window.until("addon.background.session.current().fraction > 0.3", SECONDS_TO_RENDER)
     keep(window, folder, "panel-rendering")
@@ -86,10 +88,11 @@ def keep(window: Window, folder: Path, name: str, crop: tuple[int, int, int, int
     window.xdotool("mousemove", 400, 700)
     part = ["-crop", f"{crop[2]}x{crop[3]}+{crop[0]}+{crop[1]}", "+repage"] if crop else []
     taken = window.screenshot(name)
-    smaller = [*part, "+dither", "-colors", str(COLORS), f"PNG8:{folder / name}.png"]
-    subprocess.run(["convert", str(taken), *smaller], check=True)
+    small = taken.with_suffix(".small.png")
+    subprocess.run(inside("convert", taken, *part, "+dither", "-colors", COLORS, f"PNG8:{small}"), check=True)
+    shutil.copy(small, folder / f"{name}.png")
 
 
 if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as scratch, blender_window(Path(scratch), {"LFSR_PYTHON": sys.executable}) as it:
+    with tempfile.TemporaryDirectory() as scratch, blender_window(Path(scratch)) as it:
         take(it, Path(sys.argv[1]).resolve())
