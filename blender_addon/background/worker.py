@@ -67,7 +67,7 @@ class Worker:
         return self._process.poll() is None or self._reader.is_alive()
 
     def check(self) -> dict[str, Any]:
-        """Its last record after it ended well; LfsrError with its own sentence, or the end of its output."""
+        """Its result after it ended well; LfsrError with its own sentence, or the end of its output."""
         code = self._process.wait()
         if code == BAD_INPUT and self.result.get("stage") == "error":
             raise LfsrError(str(self.result.get("message")))
@@ -76,7 +76,7 @@ class Worker:
             lines = " / ".join(self._last_lines) or "nothing"
             raise LfsrError(f"{self.name} stopped with {reason} before it was done, last printing {lines!r}: "
                             "try again, or save and report it")
-        return self.result
+        return {name: value for name, value in self.result.items() if name != "stage"}
 
     def stop(self) -> None:
         """End it and its children now, politely first."""

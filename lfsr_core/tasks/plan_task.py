@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+from lfsr_core.plan.candidates import Candidate
 from lfsr_core.render.protocol import emit, emit_progress
 
 
@@ -20,6 +21,15 @@ class RenderCommand:
         return [*self.words, str(job_file)]
 
 
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """What a plan found, for the panel."""
+
+    sentence: str
+    # The cheapest that meets the target; None where nothing does.
+    chosen: Candidate | None
+
+
 def plan(job: dict[str, Any], options: dict[str, Any], command: list[str], work: str) -> dict[str, Any]:
     """Plan for the scene of a job.
 
@@ -32,7 +42,7 @@ def plan(job: dict[str, Any], options: dict[str, Any], command: list[str], work:
 
     Returns
     -------
-    "sentence", and "chosen" with scale, spp and method, None where nothing meets the target
+    Data of a ``Found``.
     """
     from lfsr_core.frames.job import Job
     from lfsr_core.plan.options import Options
@@ -45,7 +55,7 @@ def plan(job: dict[str, Any], options: dict[str, Any], command: list[str], work:
     render = rendering(RenderCommand(tuple(command)), _warn)
     planned = make_plan(from_data(Job, job, "job of the plan"), wanted, render, Path(work), emit_progress)
     chosen = planned.choice.chosen
-    return {"sentence": sentence(planned.choice, wanted), "chosen": chosen and to_data(chosen.candidate)}
+    return to_data(Found(sentence(planned.choice, wanted), chosen and chosen.candidate))
 
 
 def _warn(message: str) -> None:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import dataclasses
 import functools
 from pathlib import Path
-from typing import Any
 
 import bpy
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.frames.job import Job
 from lfsr_core.plan import candidates
 from lfsr_core.plan.options import Options
 from lfsr_core.reconstruct.method_name import layers_of
-from lfsr_core.records import to_data
+from lfsr_core.records import from_data, to_data
+from lfsr_core.tasks.plan_task import Found
 
 from ...background import recipes, session, steps
 from ...background.steps import Steps
@@ -66,22 +67,22 @@ def methods() -> tuple[str, ...]:
     return tuple(name for name in candidates.default_methods() if name in listed)
 
 
-def find(job: Any, options: Options) -> Steps:
-    """Plan for a copy of this file; the result is that of lfsr_core.tasks.plan_task.plan."""
+def find(job: Job, options: Options) -> Steps:
+    """Plan for a copy of this file; the result is a ``Found``."""
     with steps.file_copy() as copy:
         job = dataclasses.replace(job, scene=str(copy), output=str(copy.parent))
         done = yield steps.rendering_step("Measuring lenses", 1.0, copy.parent, "plan", job=to_data(job),
                                           options=to_data(options), work=str(Path(copy.parent, "plan")))
-    return done
+    return from_data(Found, done, "the plan's result")
 
 
-def show(scene_name: str, done: dict[str, Any]) -> None:
+def show(scene_name: str, found: Found) -> None:
     """Keep the result for the panel."""
-    state, chosen = bpy.context.window_manager.lfsr, done["chosen"]
-    state.plan_scene, state.plan_text = scene_name, done["sentence"]
-    if chosen:
-        state.plan_scale, state.plan_samples, state.plan_method = chosen["scale"], chosen["spp"], chosen["method"]
-    print(f"Light Field: {done['sentence']}")
+    state, chosen = bpy.context.window_manager.lfsr, found.chosen
+    state.plan_scene, state.plan_text = scene_name, found.sentence
+    if chosen is not None:
+        state.plan_scale, state.plan_samples, state.plan_method = chosen.scale, chosen.spp, chosen.method
+    print(f"Light Field: {found.sentence}")
     session.redraw()
 
 

@@ -14,7 +14,9 @@ from blender_addon.settings import methods
 from blender_addon.ui import panels
 from blender_addon.ui.operators import plan
 from lfsr_core.plan import options
+from lfsr_core.plan.candidates import Candidate
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.tasks.plan_task import Found
 from tests.blender.ui.test_panels import draw, labels, operators, properties
 from tests.support import panel
 
@@ -48,8 +50,7 @@ def test_plan_is_found_shown_and_used(scene):
 
 
 def test_a_plan_that_finds_nothing_has_nothing_to_use(scene):
-    done = {"sentence": "nothing reaches ssim_eia_fg 0.95", "chosen": None}
-    plan.show(scene.name, done)
+    plan.show(scene.name, Found("nothing reaches ssim_eia_fg 0.95", None))
     drawn = draw(panels.LFSR_PT_plan)
     assert "nothing reaches" in labels(drawn) and operators(drawn) == {"lfsr.plan"}
     with pytest.raises(RuntimeError, match="nothing was found"):
@@ -57,8 +58,7 @@ def test_a_plan_that_finds_nothing_has_nothing_to_use(scene):
 
 
 def test_a_plan_of_another_scene_is_not_shown(scene):
-    chosen = {"scale": 2, "spp": 4, "method": DEFAULT_METHOD}
-    plan.show("Other", {"sentence": "found", "chosen": chosen})
+    plan.show("Other", Found("found", Candidate(2, 4, DEFAULT_METHOD)))
     drawn = draw(panels.LFSR_PT_plan)
     assert properties(drawn) == {"plan_target"} and not labels(drawn)
     with pytest.raises(RuntimeError, match="nothing was found for scene 'Scene'"):
