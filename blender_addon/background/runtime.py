@@ -7,6 +7,7 @@ PyTorch and a GPU.
 
 from __future__ import annotations
 
+import fnmatch
 import importlib.util
 import os
 import sys
@@ -43,6 +44,23 @@ def render_command(job_file: str | Path) -> list[str]:
         return [sys.executable, str(ENTRY), "--", paths, str(job_file)]
     return [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1",
             "--python", str(ENTRY), "--", paths, str(job_file)]
+
+
+def may_run_scripts(file: str) -> bool:
+    """True if this session runs the Python in ``file`` when it opens it: only then may a background Blender.
+
+    That it ran nothing is no leave: text that was appended meanwhile has not been asked about yet.
+    """
+    preferences = bpy.context.preferences
+    excluded = any(_covers(entry, file) for entry in preferences.autoexec_paths)
+    return preferences.filepaths.use_scripts_auto_execute and not bpy.app.autoexec_fail and not excluded
+
+
+def _covers(entry: bpy.types.PathCompare, file: str) -> bool:
+    """True if ``file`` lies where the preferences say that no Python is run."""
+    if entry.use_glob:
+        return fnmatch.fnmatch(file, entry.path)
+    return bool(entry.path) and Path(file).is_relative_to(bpy.path.abspath(entry.path))
 
 
 def environment() -> dict[str, str]:

@@ -194,8 +194,8 @@ def file_copy() -> Iterator[Path]:
 
 def _render_command(job_file: Path) -> list[str]:
     command = runtime.render_command(job_file)
-    if bpy.app.binary_path and not bpy.app.autoexec_fail:
-        command.insert(1, "--enable-autoexec")   # what this session may run, the copy may
+    if bpy.app.binary_path and runtime.may_run_scripts(bpy.data.filepath):
+        command.insert(1, "--enable-autoexec")
     return command
 
 

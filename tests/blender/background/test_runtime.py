@@ -62,3 +62,27 @@ def test_library_that_is_not_installed_is_reported(addon, monkeypatch):
     monkeypatch.setattr(runtime.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(LfsrError, match="install the add-on from its zip again"):
         runtime.second_stage_command()
+
+
+@pytest.fixture
+def auto_run():
+    """The preference that lets files run their Python, off again afterwards."""
+    preferences = bpy.context.preferences
+    yield preferences
+    preferences.filepaths.use_scripts_auto_execute = False
+    for entry in list(preferences.autoexec_paths):
+        preferences.autoexec_paths.remove(entry)
+
+
+def test_a_background_blender_runs_no_python_that_this_session_would_not(auto_run, tmp_path):
+    file = str(tmp_path / "shots" / "scene.blend")
+    assert not bpy.app.autoexec_fail, "nothing was blocked yet, which is no leave"
+    assert not runtime.may_run_scripts(file)
+    auto_run.filepaths.use_scripts_auto_execute = True
+    assert runtime.may_run_scripts(file)
+    excluded = auto_run.autoexec_paths.new()
+    excluded.path = str(tmp_path / "shots")
+    assert not runtime.may_run_scripts(file)
+    assert runtime.may_run_scripts(str(tmp_path / "own.blend"))
+    excluded.path, excluded.use_glob = "*/shots/*.blend", True
+    assert not runtime.may_run_scripts(file)
