@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from lfsr_core.bench.page import inline_svg, write_page
-from lfsr_core.bench.plots import sheet, svg
+from lfsr_core.bench.plots import COLORS, sheet, svg
 from lfsr_core.bench.stress.dials import choose_dials, label
 from lfsr_core.bench.stress.folder import BASELINE, Bench
 from lfsr_core.bench.stress.records import Cell, DialReport, Report
@@ -23,7 +23,6 @@ from lfsr_core.reconstruct.second_stage import finished_linear
 
 PAGE_FILE, PICTURES = "index.html", "pictures"
 LENSES_IN_CROP, LEAST_CROP, GAP = 3, 240, 6
-COLORS = ("#222222", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
 DASHES = ("solid", "dashed", "dotted")  # after each round of colours
 WIDTH, HEIGHT = 6.4, 3.0  # of a drawing of curves, in inches
 

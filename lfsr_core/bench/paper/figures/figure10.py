@@ -7,6 +7,8 @@ import statistics
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from lfsr_core.bench import plots
 from lfsr_core.bench.paper import quality, timing, weights
 from lfsr_core.bench.paper.cells import Cells, highest
@@ -70,19 +72,18 @@ def draw_step(results: Steps, _output: Path) -> plots.Figure:
     """Milliseconds over the step, quartiles as bars."""
     sheet, grid = plots.sheet(5, 3)
     steps = sorted(results.seconds, key=int)
-    middle = [timing.median_ms(results.seconds[step]) for step in steps]
-    quartiles = [_quartiles(results.seconds[step]) for step in steps]
-    reach = [[m - low for m, (low, _) in zip(middle, quartiles, strict=True)],
-             [high - m for m, (_, high) in zip(middle, quartiles, strict=True)]]
-    grid[0, 0].errorbar([int(step) for step in steps], middle, color=plots.COLORS[0], marker="o", capsize=3, yerr=reach)
+    low, middle, high = np.transpose([_quartiles(results.seconds[step]) for step in steps])
+    grid[0, 0].errorbar([*map(int, steps)], middle, (middle - low, high - middle), color=plots.COLORS[0], marker="o",
+                        capsize=3)
     grid[0, 0].set(xlabel="elemental images per call", ylabel=_workload(results), ylim=(0, None))
     return sheet
 
 
 def table_step(results: Steps) -> list[str]:
     """Median and quartiles of each step."""
-    rows = [[step, *(number(ms, digits=1) for ms in (timing.median_ms(times), *_quartiles(times)))]
-            for step, times in sorted(results.seconds.items(), key=lambda item: int(item[0]))]
+    found = {step: _quartiles(results.seconds[step]) for step in sorted(results.seconds, key=int)}
+    rows = [[step, *(number(ms, digits=1) for ms in (middle, low, high))]
+            for step, (low, middle, high) in found.items()]
     return markdown_table(["step", "ms", "quartile 1", "quartile 3"], rows)
 
 
@@ -97,9 +98,9 @@ def line_step(results: Steps) -> str:
     return f"{overall(found)} {sentence(statement, found, 's')} Engine {results.engine}, {results.device}."
 
 
-def _quartiles(times: Sequence[float]) -> tuple[float, float]:
-    low, _, high = statistics.quantiles(times, n=4)
-    return 1e3 * low, 1e3 * high
+def _quartiles(times: Sequence[float]) -> list[float]:
+    """First quartile, median and third quartile in milliseconds."""
+    return [1e3 * seconds for seconds in statistics.quantiles(times, n=4)]
 
 
 def _workload(results: Steps | Networks) -> str:
