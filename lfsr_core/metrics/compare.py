@@ -32,8 +32,8 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
     report = read_report(folder)
     image = finished_linear(folder, report.method, UpscaleOptions(dilate=report.dilate, weights=report.weights))
     known, mask = Reference.read(reference), read_mask(folder / MASK_FILE)
-    metrics = compare(image, known.half_a, known.half_b, frame.display.lenses, known.foreground_mask(mask),
-                      lens_list=known.lens_list)
+    metrics = compare(image, (known.half_a, known.half_b), frame.display.lenses, known.foreground_mask(mask),
+                      known.lens_list)
     if known.lens_list is None:
         metrics["recall"] = recall(mask, known.hits)
     else:

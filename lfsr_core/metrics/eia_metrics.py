@@ -27,8 +27,8 @@ NO_FLIP = "FLIP was not computed: the Python that compared has no package flip-e
 LensList = tuple[tuple[int, int], ...]
 
 
-def compare(image: np.ndarray, reference_a: np.ndarray, reference_b: np.ndarray, lenses: tuple[int, int],
-            mask: np.ndarray, lens_list: LensList | None = None) -> dict[str, Any]:
+def compare(image: np.ndarray, halves: tuple[np.ndarray, np.ndarray], lenses: tuple[int, int], mask: np.ndarray,
+            lens_list: LensList | None = None) -> dict[str, Any]:
     """Every metric of an EIA by name; None stands for what cannot be known.
 
     With ``lens_list`` the numbers estimate the whole EIA from lenses drawn at random
@@ -38,7 +38,7 @@ def compare(image: np.ndarray, reference_a: np.ndarray, reference_b: np.ndarray,
     Parameters
     ----------
     image : (H, W, 3), scene-linear, in view order
-    reference_a, reference_b : its independent halves, scene-linear: (H, W, 3), or tiles of the listed lenses
+    halves : of its reference, independent of each other, scene-linear: (H, W, 3), or tiles of the listed lenses
     lenses : (sx, sy)
     mask : (sy, sx) bool, the foreground
     lens_list : (row, column) of the reference's lenses, in tiles as ``RayLayout`` places them; None for all
@@ -57,11 +57,11 @@ def compare(image: np.ndarray, reference_a: np.ndarray, reference_b: np.ndarray,
                         "upscale the frame again")
     notes = {} if flip_evaluator else {"notes": [NO_FLIP]}
     if lens_list is not None:
-        return _compare_sampled(image, reference_a, reference_b, lenses, mask, lens_list) | notes
-    for half in (reference_a, reference_b):
+        return _compare_sampled(image, halves, lenses, mask, lens_list) | notes
+    for half in halves:
         if half.shape != image.shape:
             raise _shape_error(half.shape, image.shape)
-    return _compare_whole(*(srgb_encode(values) for values in (image, reference_a, reference_b)), lenses, mask) | notes
+    return _compare_whole(*(srgb_encode(values) for values in (image, *halves)), lenses, mask) | notes
 
 
 def mean_flip(image: np.ndarray, reference: np.ndarray) -> float | None:
@@ -110,11 +110,11 @@ def _views_ssim(x: np.ndarray, a: np.ndarray, b: np.ndarray, lenses: tuple[int, 
     return mean_of(stacked_ssim(*stacks)[:, mask])
 
 
-def _compare_sampled(image: np.ndarray, reference_a: np.ndarray, reference_b: np.ndarray, lenses: tuple[int, int],
+def _compare_sampled(image: np.ndarray, halves: tuple[np.ndarray, np.ndarray], lenses: tuple[int, int],
                      mask: np.ndarray, lens_list: LensList) -> dict[str, Any]:
     rows, columns = np.asarray(lens_list).T
     chosen = to_elemental_images(image, lenses)[rows, columns]
-    stacks = [srgb_encode(chosen), *(srgb_encode(_tiles(half, chosen.shape)) for half in (reference_a, reference_b))]
+    stacks = [srgb_encode(chosen), *(srgb_encode(_tiles(half, chosen.shape)) for half in halves)]
     values = _per_lens(*stacks)
     in_foreground = mask[rows, columns]
     whole = {name: _stratified(values[name], in_foreground, mask) if name in values else (None, None)

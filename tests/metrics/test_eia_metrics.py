@@ -127,9 +127,13 @@ def eia_case(noise=0.02):
             for x in (blurred(image), noisy(image, noise, 7), noisy(image, noise, 8))]
 
 
+def compared(x, a, b, *rest, **more):
+    return eia_metrics.compare(x, (a, b), *rest, **more)
+
+
 def test_whole_comparison_reports_every_metric_from_its_own_pixels():
     x, a, b = eia_case()
-    found = eia_metrics.compare(x, a, b, LENSES, MASK)
+    found = compared(x, a, b, LENSES, MASK)
     assert tuple(found) == eia_metrics.METRIC_NAMES
     X, A, B = (srgb_encode(values) for values in (x, a, b))
     inside = np.repeat(np.repeat(MASK, 8, 0), 8, 1)
@@ -149,10 +153,10 @@ def test_whole_comparison_reports_every_metric_from_its_own_pixels():
 
 def test_foreground_metrics_ignore_the_background_and_the_other_way_round():
     x, a, b = eia_case()
-    before = eia_metrics.compare(x, a, b, LENSES, MASK)
+    before = compared(x, a, b, LENSES, MASK)
     worse = x.copy()
     worse[:8] = 1.0  # a row of background lenses, further than a window from the foreground
-    after = eia_metrics.compare(worse, a, b, LENSES, MASK)
+    after = compared(worse, a, b, LENSES, MASK)
     for name in ("ssim_eia_fg", "psnr_fg"):
         assert after[name] == pytest.approx(before[name], abs=1e-9)
     assert after["ssim_eia"] < before["ssim_eia"] - 0.02
@@ -164,23 +168,23 @@ def test_values_above_display_white_do_not_count():
     for values, level in zip(bright, (3, 5, 7), strict=True):
         values[40:60, 60:80] = level
     clipped = [np.clip(values, 0, 1) for values in bright]
-    assert eia_metrics.compare(*bright, LENSES, MASK) == eia_metrics.compare(*clipped, LENSES, MASK)
+    assert compared(*bright, LENSES, MASK) == compared(*clipped, LENSES, MASK)
 
 
 def test_no_foreground_is_told_as_none():
-    found = eia_metrics.compare(*eia_case(), LENSES, np.zeros_like(MASK))
+    found = compared(*eia_case(), LENSES, np.zeros_like(MASK))
     assert [found[name] for name in ("p", "ssim_eia_fg", "psnr_fg", "ssim_views_fg")] == [0, None, None, None]
 
 
 def sampled(chosen, x, a, b, mask=MASK):
     frame = frame_of(1, lens_list=tuple(map(tuple, chosen)))
-    return eia_metrics.compare(x, tiles(a, frame), tiles(b, frame), LENSES, mask, lens_list=frame.lens_list)
+    return compared(x, tiles(a, frame), tiles(b, frame), LENSES, mask, lens_list=frame.lens_list)
 
 
 def test_all_lenses_sampled_leave_no_interval():
     everything = [(row, column) for row in range(12) for column in range(16)]
     x, a, b = eia_case()
-    found, whole = sampled(everything, x, a, b), eia_metrics.compare(x, a, b, LENSES, MASK)
+    found, whole = sampled(everything, x, a, b), compared(x, a, b, LENSES, MASK)
     assert found["psnr_fg"] == pytest.approx(whole["psnr_fg"], abs=1e-5)
     assert found["p"] == whole["p"]
     assert all(width in (None, 0) for width in found["ci95"].values())
@@ -228,13 +232,13 @@ def test_each_tile_is_compared_with_its_own_lens():
 def test_shapes_that_do_not_fit_are_errors():
     x, a, b = eia_case()
     with pytest.raises(LfsrError, match=r"reference has shape \(96, 120, 3\)"):
-        eia_metrics.compare(x, a[:, :120], b, LENSES, MASK)
+        compared(x, a[:, :120], b, LENSES, MASK)
     with pytest.raises(LfsrError, match="foreground mask has shape"):
-        eia_metrics.compare(x, a, b, LENSES, MASK[:, :8])
+        compared(x, a, b, LENSES, MASK[:, :8])
     with pytest.raises(LfsrError, match="equal elemental images"):
-        eia_metrics.compare(x, a, b, (15, 12), MASK)
+        compared(x, a, b, (15, 12), MASK)
     with pytest.raises(LfsrError, match="3 tiles of"):
-        eia_metrics.compare(x, a[:8, :16], b[:8, :16], LENSES, MASK, lens_list=((0, 0), (1, 1), (2, 2)))
+        compared(x, a[:8, :16], b[:8, :16], LENSES, MASK, lens_list=((0, 0), (1, 1), (2, 2)))
 
 
 @pytest.mark.parametrize("freedom", [3, 5, 11, 40, 1000])

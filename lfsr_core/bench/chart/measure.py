@@ -131,7 +131,7 @@ def _metrics(folder: Path, name: str, target: Target) -> tuple[Metrics, dict[str
     image, reference, mask = finished_linear(folder, name), target.reference, target.mask
     halves, frame = (reference.half_a, reference.half_b), read_frame(folder)
     lenses = frame.display.lenses
-    found: dict[str, Any] = compare(image, *halves, lenses, mask, lens_list=reference.lens_list)
+    found: dict[str, Any] = compare(image, halves, lenses, mask, lens_list=reference.lens_list)
     if reference.lens_list is None:
         found["ci95"] = lens_intervals(image, *halves, lenses, mask)
         found["recall"] = recall(foreground_mask(read_layers(folder / LOW_RES_FILE), frame.rays.tiles), mask)

@@ -72,7 +72,7 @@ def accuracy(seen: Picture, _file: Path | None = None) -> Row:
     """Metrics of a picture, where its error lies, and its split SSIM per foreground lens."""
     frame, reference = seen.frame, seen.reference
     check_reference(frame, reference.frame)
-    metrics = compare(seen.image, reference.half_a, reference.half_b, frame.display.lenses,
+    metrics = compare(seen.image, (reference.half_a, reference.half_b), frame.display.lenses,
                       reference.foreground_mask(seen.mask), reference.lens_list)
     return Row(metrics={name: metrics.get(name) for name in METRIC_NAMES}, ci95=metrics.get("ci95", {}),
                error=_errors(reference, seen.image, frame.scale),

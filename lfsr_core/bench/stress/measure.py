@@ -54,9 +54,9 @@ class Scene:
 
     def measure(self, method: str) -> Cell:
         """Every figure of ``method`` here."""
-        linear = finished_linear(self.render, method), self.reference.half_a, self.reference.half_b
-        mask, images = self.reference.hits, [srgb_encode(values) for values in linear]
-        compared, of = compare(*linear, self.lenses, mask), metrics.Compared(*images, self.lenses, mask)
+        image, halves = finished_linear(self.render, method), (self.reference.half_a, self.reference.half_b)
+        mask, images = self.reference.hits, [srgb_encode(values) for values in (image, *halves)]
+        compared, of = compare(image, halves, self.lenses, mask), metrics.Compared(*images, self.lenses, mask)
         found: Metrics = {name: compared[name] for name in METRIC_NAMES} | {"recall": recall(self.found, mask)}
         found |= metrics.border_and_centre(of, width=self.bench.settings.scale)
         found["neighbour_error"] = metrics.neighbour_view_error(of)

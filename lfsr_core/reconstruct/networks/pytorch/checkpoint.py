@@ -65,11 +65,6 @@ def load_into(network: nn.Module, path: str | Path, scale: int) -> nn.Module:
     return network
 
 
-def options_of(path: str | Path) -> dict[str, Any]:
-    """Hyper-parameters in the header of a weights file."""
-    return json.loads(read(path)[0]["options"])
-
-
 def _check_before_saving(path: Path, tensors: Mapping[str, np.ndarray]) -> None:
     broken = [name for name, value in tensors.items() if not np.isfinite(value).all()]
     if broken:

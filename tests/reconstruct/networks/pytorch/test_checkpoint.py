@@ -48,7 +48,7 @@ def test_provenance_lies_beside_and_agrees(saved):
     header, tensors = checkpoint.read(path)
     assert facts["sha256"] == header["sha256"] == checkpoint.digest(tensors)
     assert (facts["seconds"], facts["scale"], facts["bytes"]) == (1.5, 4, path.stat().st_size)
-    assert checkpoint.options_of(path) == {"convolutions": 2}
+    assert json.loads(checkpoint.read(path)[0]["options"]) == {"convolutions": 2}
 
 
 def test_another_version(saved):
