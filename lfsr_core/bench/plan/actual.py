@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from einops import rearrange
 
 from lfsr_core.bench.cells import Cells
 from lfsr_core.bench.chart.renders import known_seconds
@@ -169,5 +170,4 @@ def _cut(pixels: np.ndarray, whole: Frame, tiled: Frame) -> np.ndarray:
     across, down = tiled.rays.tiles
     rows, columns = np.asarray(tiled.lens_list)[np.minimum(np.arange(across * down), len(tiled.lens_list) - 1)].T
     images = to_elemental_images(pixels, whole.rays.tiles)[rows, columns]
-    images = images.reshape(down, across, *images.shape[1:]).swapaxes(1, 2)
-    return images.reshape(images.shape[0] * images.shape[1], -1, images.shape[-1])
+    return rearrange(images, "(down across) y x c -> (down y) (across x) c", down=down)
