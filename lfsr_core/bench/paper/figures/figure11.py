@@ -144,7 +144,7 @@ def line(results: Epis) -> str:
     found = {per_ei: _less_error(results, per_ei, whole) for per_ei, whole in PAIRS}
     words = [overall(*found.values())]
     for per_ei, whole in PAIRS:
-        statement = f"{per_ei} per elemental image is nearer to the truth than over the whole array"
+        statement = f"{per_ei} per elemental image is nearer to the reference than over the whole array"
         words.append(sentence(statement, found[per_ei], UNIT, 1e3))
         border = _less_error(results, per_ei, whole, "epi_border")
         words.append(sentence("In the border views", border, UNIT, 1e3) if border else "")

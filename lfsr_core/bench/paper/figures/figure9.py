@@ -28,7 +28,7 @@ LENSES_SHOWN, ACROSS, AMPLIFIED = 12, 4, 4
 PADDING = "borders, where zeros are padded, are a part of the reason"
 NOTABLE = 1.5  # times the others' error per pixel that border views must have to be a reason
 PARTS = (("paper", "bicubic"), ("paper-gan", "paper"))
-CLAIM = "Generator with adversary is closer to the truth than the generator alone, and that closer than bicubic."
+CLAIM = "Generator with adversary is closer to the reference than the generator alone, and that closer than bicubic."
 COLUMNS = ("ssim_eia", "ssim_eia_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain", "ssim_ceiling")
 
 
