@@ -9,8 +9,8 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json
 from lfsr_core.frames.frame import REPORT_FILE
+from lfsr_core.frames.report import read_report
 from lfsr_core.optics.display import DisplayProfile
 
 from ..array import rig
@@ -48,15 +48,15 @@ def metric_facts(scene: bpy.types.Scene) -> Facts:
     """Metrics in the report of the current frame; empty where there are none."""
     try:
         report = scene_settings.frame_folder(scene) / REPORT_FILE
-        return list(_metrics(str(report), report.stat().st_mtime_ns))
+        return list(_metrics(report.parent, report.stat().st_mtime_ns))
     except (LfsrError, OSError):
         return []  # nothing rendered yet
 
 
 @functools.lru_cache(maxsize=4)
-def _metrics(path: str, _changed: int) -> tuple[tuple[str, str], ...]:
+def _metrics(folder: Path, _changed: int) -> tuple[tuple[str, str], ...]:
     """Panels ask on every redraw; the file is read once per change."""
-    metrics = read_json(Path(path), "a report").get("metrics", {})
+    metrics = read_report(folder).metrics
     facts = [(title, f"{metrics[name]:.1f} dB" if name in IN_DECIBEL else f"{metrics[name]:.4f}")
              for name, title in METRICS.items() if isinstance(metrics.get(name), (int, float))]
     without_flip = "flip" in metrics and metrics["flip"] is None

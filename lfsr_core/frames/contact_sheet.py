@@ -8,8 +8,10 @@ import numpy as np
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, read_frame
+from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics import eia
 from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.eye import see
 
 VIEWS_ACROSS = 5
 GAP_PIXELS = 4
@@ -56,16 +58,12 @@ def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = 
     ``eye_mm``: millimetres from the display's centre, rightwards, upwards, towards
     the viewer. Returns the written files; LfsrError where the EIA is missing.
     """
-    from lfsr_core.images.png import read_png, write_png
-
     folder, profile = Path(folder), read_frame(folder).display
     panel = read_png(folder / EIA_FILE)
     image = view_order(panel, profile)
     pictures = dict(zip((HORIZONTAL_EPI_FILE, VERTICAL_EPI_FILE), epi_pair(image, profile.lenses), strict=True))
     pictures[SHEET_FILE] = contact_sheet(image, profile.lenses)
     if eye_mm is not None:
-        from lfsr_core.optics.eye import see
-
         pictures[EYE_FILE] = see(panel, profile, eye_mm)
     for name, picture in pictures.items():
         write_png(folder / name, picture)
