@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from lfsr_core.bench.environment import environment
+from lfsr_core.bench.environment import check_packages, environment
 from lfsr_core.bench.page import write_text
 from lfsr_core.bench.paper import page, renders, settings
 from lfsr_core.bench.paper.figure import Figure
@@ -53,6 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def reproduce(arguments: argparse.Namespace, command: str) -> dict[str, Results]:
     """Measure, draw and write figure by figure; returns all results by id, earlier ones included."""
+    check_packages()
     figures, chosen = page.chosen(arguments.only), make_settings(arguments)
     run = page.Run(chosen, environment(), command)
     file, facts = chosen.output / RESULTS_FILE, chosen.facts()

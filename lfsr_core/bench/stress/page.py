@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from markupsafe import Markup
 
 from lfsr_core.bench.page import inline_svg, write_page
 from lfsr_core.bench.plots import COLORS, sheet, svg
@@ -20,6 +20,9 @@ from lfsr_core.frames.reference import Reference
 from lfsr_core.images.png import write_png
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.reconstruct.second_stage import finished_linear
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
 
 PAGE_FILE, PICTURES = "index.html", "pictures"
 LENSES_IN_CROP, LEAST_CROP, GAP = 3, 240, 6

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from einops import rearrange
 
 from lfsr_core.bench import plots
 from lfsr_core.bench.paper import quality
@@ -66,6 +65,8 @@ def _measure_one(picture: quality.Picture, file: Path) -> Row:
 
 def mosaic(images: np.ndarray, across: int = ACROSS) -> np.ndarray:
     """(n, h, w, C) images side by side, the last row filled with zeros."""
+    from einops import rearrange
+
     missing = -len(images) % across
     return rearrange(np.pad(images, ((0, missing), (0, 0), (0, 0), (0, 0))),
                      "(down across) h w c -> (down h) (across w) c", across=across)
