@@ -1,7 +1,6 @@
 import dataclasses
 import json
 import time
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from lfsr_core.images.png import read_mask, read_png
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics import eia
 from lfsr_core.reconstruct import second_stage
-from lfsr_core.reconstruct.clock import STAGES, StageClock
+from lfsr_core.reconstruct.clock import STAGES
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.registry import Method, method
 from lfsr_core.reconstruct.second_stage import UpscaleOptions
@@ -23,7 +22,6 @@ from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import MINI, light_field, write_render
 
 pytestmark = needs_bpy  # for Blender's colour configuration
-
 
 
 def expected_linear(folder, name):
@@ -274,16 +272,6 @@ def test_single_lenses_are_finished_as_in_the_whole_frame(tmp_path):
     images = second_stage.finished_lenses(low, mask[tuple(lenses.T)], method("bicubic"), lenses)
     expected = eia.to_elemental_images(linear, MINI.lenses)[tuple(lenses.T)]
     np.testing.assert_allclose(images, expected, atol=1e-6)
-
-
-def test_threads_share_the_clock():
-    clock = StageClock()
-    with clock.shared_by(2), ThreadPoolExecutor(2) as pool:
-        def work(_):
-            with clock("upscale"):
-                time.sleep(0.2)
-        list(pool.map(work, range(2)))
-    assert clock.seconds["upscale"] == pytest.approx(0.2, abs=0.1)
 
 
 def test_missing_guides_are_told(tmp_path):

@@ -1,16 +1,24 @@
-"""Interpolation matrices and the Gaussian blur against OpenCV's."""
+"""Classical upscalers against OpenCV and PyTorch: each elemental image on its own, in the order asked for."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 import pytest
+import torch
 
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.metrics.split_ssim import blur
+from lfsr_core.optics import eia
+from lfsr_core.reconstruct.encoding import decode, encode
 from lfsr_core.reconstruct.methods.interpolation import kernel_matrix
+from lfsr_core.reconstruct.registry import method
 
 FLAGS = {"nearest": cv2.INTER_NEAREST, "linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC,
          "lanczos": cv2.INTER_LANCZOS4}
+RANDOM = np.random.default_rng(0)
+PER_EI = ("nearest", "bilinear", "bicubic", "lanczos")
 
 
 @pytest.mark.parametrize("kernel", FLAGS)
@@ -37,3 +45,105 @@ def test_blur_keeps_single_precision() -> None:
     blurred = blur(image, 1.5, 11)
     assert blurred.dtype == np.float32
     np.testing.assert_allclose(blurred, blur(image.astype(np.float64), 1.5, 11), atol=1e-6)
+
+
+def low_eia(sy=3, sx=4, h=5, w=6, scale=4, color=None):
+    color = RANDOM.random((sy, sx, h, w, 3)).astype(np.float32) if color is None else color.astype(np.float32)
+    return LowResEIA(color, np.ones((*color.shape[:-1], 1), np.float32), 16, scale)
+
+
+def all_lenses(low):
+    return np.argwhere(np.ones(low.color.shape[:2], bool))
+
+
+def upscaled(name, low):
+    return method(name).upscaler(low, all_lenses(low))
+
+
+@pytest.mark.parametrize("name", [*PER_EI, "bicubic-eia"])
+@pytest.mark.parametrize("scale", [2, 3, 4, 5, 8])
+def test_shape_type_and_range(name, scale):
+    low = low_eia(scale=scale)
+    high = upscaled(name, low)
+    assert high.shape == (12, 5 * scale, 6 * scale, 3)
+    assert high.dtype == np.float32
+    assert high.min() >= 0
+
+
+@pytest.mark.parametrize(("name", "mode"), [("bilinear", "bilinear"), ("bicubic", "bicubic"), ("nearest", "nearest")])
+def test_same_as_torch_on_each_elemental_image(name, mode):
+    low = low_eia()
+    images = torch.from_numpy(encode(low.color).reshape(-1, 5, 6, 3)).permute(0, 3, 1, 2)
+    options = {} if mode == "nearest" else {"align_corners": False}
+    expected = torch.nn.functional.interpolate(images, scale_factor=4, mode=mode, **options).permute(0, 2, 3, 1).numpy()
+    np.testing.assert_allclose(upscaled(name, low), decode(expected), atol=2e-5)
+
+
+def test_lanczos_same_as_opencv_on_each_elemental_image():
+    low = low_eia()
+    for (row, column), image in zip(all_lenses(low), upscaled("lanczos", low), strict=True):
+        expected = cv2.resize(encode(low.color[row, column]), None, fx=4, fy=4, interpolation=cv2.INTER_LANCZOS4)
+        np.testing.assert_allclose(image, decode(expected), atol=2e-5)
+
+
+@pytest.mark.parametrize("name", PER_EI)
+def test_an_elemental_image_ignores_its_neighbours(name):
+    low = low_eia()
+    changed = low.color.copy()
+    changed[:, 1] = 5.0
+    before, after = upscaled(name, low), upscaled(name, low_eia(color=changed))
+    untouched = all_lenses(low)[:, 1] != 1
+    np.testing.assert_array_equal(before[untouched], after[untouched])
+
+
+def test_whole_array_bicubic_is_one_photograph():
+    low = low_eia()
+    photograph = encode(eia.from_elemental_images(low.color))
+    expected = decode(cv2.resize(photograph, None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC))
+    images = upscaled("bicubic-eia", low).reshape(3, 4, 20, 24, 3)
+    np.testing.assert_allclose(eia.from_elemental_images(images), expected, atol=2e-5)
+
+
+def test_low_pixel_covers_high_pixels_s_k_to_s_k_plus_s_minus_1():
+    """A ramp sampled by boxes must come back as the ramp itself: no shift by half a pixel."""
+    scale, count = 4, 8
+    fine = encode(np.float32(0.2)) + np.arange(count * scale) * 0.01
+    boxes = fine.reshape(count, scale).mean(1)
+    color = np.broadcast_to(decode(boxes)[None, None, None, :, None], (1, 1, 3, count, 3))
+    high = encode(upscaled("bilinear", low_eia(color=color, scale=scale)))[0, 0, :, 0]
+    np.testing.assert_allclose(high[scale:-scale], fine[scale:-scale], atol=1e-5)
+
+
+@pytest.mark.parametrize("name", [*PER_EI, "bicubic-eia"])
+def test_lenses_come_back_in_the_order_asked_for(name):
+    low = low_eia()
+    wanted = np.array([[2, 3], [0, 1], [2, 0]])
+    everything = upscaled(name, low).reshape(3, 4, 20, 24, 3)
+    np.testing.assert_allclose(method(name).upscaler(low, wanted), everything[wanted[:, 0], wanted[:, 1]], atol=1e-6)
+
+
+def test_none_of_the_lenses_is_no_error():
+    assert method("bicubic").upscaler(low_eia(), np.zeros((0, 2), int)).shape == (0, 20, 24, 3)
+
+
+@pytest.mark.parametrize("name", PER_EI)
+def test_the_brightest_floats_stay_finite(name):
+    color = np.zeros((1, 1, 5, 5, 3))
+    color[0, 0, :, 2:] = 3e38
+    assert np.isfinite(upscaled(name, low_eia(color=color))).all()
+
+
+def test_highlight_leaves_no_dark_ring_in_its_neighbourhood():
+    """Interpolated linearly, a lamp 1000 times as bright as its surroundings blackens them."""
+    color = np.full((1, 1, 9, 9, 3), 0.2)
+    color[0, 0, 4, 4] = 200.0
+    linear = cv2.resize(color[0, 0].astype(np.float32), None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC)
+    assert (linear < 0.01).mean() > 0.05
+    assert (upscaled("bicubic", low_eia(color=color))[0] < 0.01).mean() < (linear < 0.01).mean() / 2
+
+
+def test_none_refuses_to_upscale_and_passes_full_resolution():
+    with pytest.raises(LfsrError, match="rendered at scale 4"):
+        upscaled("none", low_eia())
+    low = low_eia(scale=1)
+    np.testing.assert_array_equal(upscaled("none", low).reshape(low.color.shape), low.color)
