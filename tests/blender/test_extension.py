@@ -127,8 +127,11 @@ def test_from_installation_to_removal(archive, blender):
 
     assert blender("render") == {"enabled": ON}
     check_cube(blender.folder / "frame")
-    assert blender("press") == {"enabled": ON, "render": ["FINISHED"]}
-    check_cube(next((blender.folder / "images").rglob("eia.png")).parent)
+    assert blender("press") == {"enabled": ON, "render": ["FINISHED"], "reference": ["FINISHED"]}
+    frame = next((blender.folder / "images").rglob("eia.png")).parent
+    check_cube(frame)
+    metrics = json.loads((frame / "report.json").read_text())["metrics"]
+    assert metrics["flip"] is None and "flip-evaluator" in metrics["notes"][0] and 0 < metrics["ssim_eia_fg"] <= 1
 
     found = blender("uninstall")
     assert found == {"enabled": ON, "uninstall": ["FINISHED"], "after": OFF}

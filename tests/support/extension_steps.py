@@ -17,8 +17,7 @@ import bpy
 
 REPOSITORY, NAME = "user_default", "lfsr"
 MODULE = f"bl_ext.{REPOSITORY}.{NAME}"
-FOREIGN = ("cv2", "torch", "pyoidn", "onnxruntime", "lfsr_core", "flip_evaluator", "threadpoolctl", "cattrs",
-           "einops")
+FOREIGN = ("cv2", "torch", "pyoidn", "onnxruntime", "lfsr_core", "flip_evaluator", "threadpoolctl", "cattrs")
 
 
 def install(folder: Path, archive: str) -> dict[str, object]:
@@ -56,12 +55,14 @@ def render(folder: Path) -> dict[str, object]:
 
 
 def press(folder: Path) -> dict[str, object]:
-    """In a new session: render the default cube from the panel's operator."""
+    """In a new session: render the default cube and its reference from the panel's operators."""
     settings = bpy.context.scene.lfsr
     settings.display, settings.samples, settings.method = "mini", 2, "oidn+bicubic"
     settings.output = str(folder / "images")
     bpy.ops.lfsr.array_add()
-    return {"enabled": state(), "render": sorted(bpy.ops.lfsr.render_eia())}
+    settings.reference_samples = 2
+    return {"enabled": state(), "render": sorted(bpy.ops.lfsr.render_eia()),
+            "reference": sorted(bpy.ops.lfsr.render_reference())}
 
 
 def uninstall(folder: Path) -> dict[str, object]:

@@ -1,0 +1,28 @@
+"""Numbers that the panel shows."""
+
+from __future__ import annotations
+
+import pytest
+
+from blender_addon.settings import scene_settings
+from blender_addon.ui import summary
+from lfsr_core.files import write_json
+from tests.support import panel
+
+
+@pytest.fixture
+def scene(tmp_path):
+    with panel.registered():
+        yield panel.artist_scene(tmp_path)
+
+
+@pytest.mark.parametrize(("flip", "shown"), [(0.01234, "0.0123"), (None, "not computed")])
+def test_metrics_of_the_frame_are_shown(scene, flip, shown):
+    folder = scene_settings.frame_folder(scene)
+    folder.mkdir(parents=True)
+    write_json(folder / "report.json", {"metrics": {"ssim_eia_fg": 0.91234, "psnr_fg": 31.26, "flip": flip}})
+    assert summary.metric_facts(scene) == [("SSIM, foreground", "0.9123"), ("PSNR", "31.3 dB"), ("FLIP", shown)]
+
+
+def test_without_a_frame_there_are_no_metrics(scene):
+    assert summary.metric_facts(scene) == []
