@@ -16,7 +16,15 @@ LEAST_FOR_REGRESSION = 12  # lenses per stratum and beyond its covariates
 
 @dataclasses.dataclass(frozen=True)
 class Estimate:
-    """Mean accuracy, its one-sided 95 % bounds, its standard ``error``, and the number of ``lenses`` looked at."""
+    """Accuracy of a whole frame, from a sample of its lenses.
+
+    Attributes
+    ----------
+    mean : over all lenses that count
+    low, high : one-sided 95 % bounds of it
+    error : its standard error
+    lenses : how many were looked at
+    """
 
     mean: float
     low: float
@@ -29,10 +37,13 @@ class Estimate:
 class Stratum:
     """Random lenses of one part of the display.
 
-    ``population``: lenses of the part. ``values`` (n,): their accuracy.
-    ``inside`` (n,) bool: which of them count for the metric at all.
-    ``covariates`` (n, k) with ``population_means`` (k,): what is known of every
-    lens of the part and may explain the values.
+    Attributes
+    ----------
+    population : lenses of the part
+    values : (n,) accuracy of the sampled ones
+    inside : (n,) bool, which of them count for the metric at all
+    covariates : (n, k), what is known of every lens of the part and may explain the values
+    population_means : (k,) means of the covariates over the part
     """
 
     population: int
@@ -79,7 +90,14 @@ def _check(strata: Sequence[Stratum]) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class _Part:
-    """A stratum's ``mean`` over inside and outside lenses, which count as 0, and each lens's deviation (n,) from it."""
+    """What a stratum's sample says.
+
+    Attributes
+    ----------
+    mean : over inside and outside lenses, which count as 0
+    deviations : (n,) of each lens from it
+    covariates : how many were of use
+    """
 
     mean: float
     deviations: np.ndarray

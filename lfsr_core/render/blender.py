@@ -18,7 +18,12 @@ OLDEST_BLENDER = (4, 5)
 
 @dataclasses.dataclass(frozen=True)
 class Blender:
-    """How to start Blender; ``executable`` None means the bpy wheel of this Python."""
+    """How to start Blender.
+
+    Attributes
+    ----------
+    executable : path of Blender, None for the bpy wheel of this Python
+    """
 
     executable: str | None = None
 
