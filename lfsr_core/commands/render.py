@@ -27,10 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Render, then upscale; a bad method is refused before any time is spent on rendering."""
-    from lfsr_core.reconstruct.method_name import MethodName
-
     method = upscale.chosen_method(arguments.method, arguments.scale)
-    layers = MethodName.parse(method).layers if arguments.layers is None else arguments.layers
+    layers = method.layers if arguments.layers is None else arguments.layers
     job = make_job(arguments, scale=arguments.scale, layers=layers)
     render(arguments, job)
     upscale.upscale(arguments.output, method, arguments)

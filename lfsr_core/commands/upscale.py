@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lfsr_core.frames.frame import EIA_FILE, read_frame
 from lfsr_core.progress import ProgressBar
+
+if TYPE_CHECKING:  # its modules are slow to import, and `lfsr --help` is to be quick
+    from lfsr_core.reconstruct.method_name import MethodName
 
 NAME = "upscale"
 HELP = "redo only the second stage of a rendered frame folder"
@@ -36,8 +40,8 @@ def run(arguments: argparse.Namespace) -> None:
     upscale(arguments.folder, chosen_method(arguments.method, frame.scale), arguments)
 
 
-def chosen_method(name: str | None, scale: int) -> str:
-    """``name``, or the default for ``scale``; LfsrError if no such method exists."""
+def chosen_method(name: str | None, scale: int) -> MethodName:
+    """The method of this name, or the default for ``scale``; LfsrError if no such method exists."""
     from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
     from lfsr_core.reconstruct.methods import denoise
     from lfsr_core.reconstruct.registry import method as load_method
@@ -45,11 +49,10 @@ def chosen_method(name: str | None, scale: int) -> str:
     if name is None:
         name = DEFAULT_METHOD if denoise.is_available() else METHOD_WITHOUT_DENOISER
         name = name if scale > 1 else METHOD_AT_FULL_RESOLUTION
-    load_method(name)
-    return name
+    return load_method(name).name
 
 
-def upscale(folder: Path, method: str, arguments: argparse.Namespace) -> None:
+def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> None:
     """Run the second stage with a progress bar and print its times."""
     from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
 
