@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import io
+import os
+import select
 import signal
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from lfsr_core import __version__
 from lfsr_core.commands import chart, compare, displays, fit, plan, reference, render, stress, train, upscale, views
 from lfsr_core.errors import LfsrError
+from lfsr_core.files import check_name, system_errors
 
 # A verb is a module with NAME, HELP, add_arguments(parser) and run(args); it imports what is slow inside run.
 VERBS = (displays, render, upscale, plan, reference, compare, chart, views, stress, train, fit)
@@ -20,14 +25,20 @@ ENDINGS = ("SIGTERM", "SIGHUP", "SIGQUIT")  # as Ctrl-C: a closed terminal too
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; returns the exit code: 0, 2 after bad input, 130 after Ctrl-C."""
+    sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115, to the end
     arguments = build_parser().parse_args(argv)
     try:
         for name in ENDINGS:
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), _interrupt)
-        arguments.run(arguments)
+        with system_errors():
+            _check_output()
+            _check_paths(arguments)
+            arguments.run(arguments)
+            sys.stdout.flush()
     except LfsrError as error:
         print(f"lfsr {arguments.verb}: {error}", file=sys.stderr)
+        _drop_output()
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
         print(f"\nlfsr {arguments.verb}: interrupted, nothing half-written is left", file=sys.stderr)
@@ -45,6 +56,39 @@ def build_parser() -> argparse.ArgumentParser:
         verb.add_arguments(child)
         child.set_defaults(run=verb.run)
     return parser
+
+
+def _check_output() -> None:
+    """LfsrError or OSError where nothing could be printed, as far as that shows without printing."""
+    if sys.stdout is None:
+        raise LfsrError("standard output is closed: send it to a file or a terminal")
+    try:
+        output = sys.stdout.fileno()
+    except io.UnsupportedOperation:  # a program that calls this one listens
+        return
+    os.write(output, b"")
+    if hasattr(select, "poll"):
+        poll = select.poll()
+        poll.register(output, 0)
+        if any(event & select.POLLERR for _, event in poll.poll(0)):
+            raise LfsrError("whoever read standard output has ended: send it to a file or a terminal")
+
+
+def _drop_output() -> None:
+    """What cannot be printed is not tried again when Python ends."""
+    try:
+        if sys.stdout:
+            sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _check_paths(arguments: argparse.Namespace) -> None:
+    """LfsrError for a path that cannot be, before any time is spent on it."""
+    for value in vars(arguments).values():
+        for path in value if isinstance(value, list) else [value]:
+            if isinstance(path, Path):
+                check_name(path)
 
 
 def _interrupt(_signal: int, _stack: object) -> None:

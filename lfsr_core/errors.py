@@ -3,13 +3,22 @@
 import difflib
 from collections.abc import Iterable
 
+MOST_CHARACTERS = 300
+
 
 class LfsrError(ValueError):
     """Bad input or a missing prerequisite, reported in one sentence.
 
     The message names the value, what was expected and what to do; command-line
-    entry points print it and exit with code 2.
+    entry points print it and exit with code 2. A longer one than MOST_CHARACTERS
+    lacks its middle: it begins with what is wrong and ends with what to do.
     """
+
+    def __init__(self, message: str) -> None:
+        message = " ".join(message.splitlines())
+        if len(message) > MOST_CHARACTERS:
+            message = f"{message[:MOST_CHARACTERS // 2]}…{message[1 - MOST_CHARACTERS // 2:]}"
+        super().__init__(message)
 
 
 def did_you_mean(value: str, choices: Iterable[str], cutoff: float = 0.6) -> str:

@@ -1,17 +1,25 @@
-"""Files appear whole or not at all."""
+"""Files appear whole or not at all, and are read only up to a size."""
 
 from __future__ import annotations
 
 import errno
 import json
+import math
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from lfsr_core.errors import LfsrError
+
+LONGEST_NAME, LONGEST_PATH = 240, 4000  # bytes; 255 and 4096 of the system, less what hidden names beside it add
+MOST_JSON_BYTES = 16_000_000
+MOST_BRACKETS = 50  # one inside the other
+ADVICE = {errno.EPIPE: "send it to a file or a terminal",
+          **dict.fromkeys((errno.EACCES, errno.EROFS), "choose a folder you may write to"),
+          **dict.fromkeys((errno.ENOSPC, errno.EFBIG, errno.EDQUOT), "free some space or choose another folder")}
 
 
 @contextmanager
@@ -22,28 +30,61 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     write leaves neither file and becomes an LfsrError that names the cause.
     """
     path = Path(path)
-    try:
+    temporary = path.with_name(f".{path.stem[:40]}-{secrets.token_hex(4)}{path.suffix}")
+    with system_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-        os.close(handle)
-    except OSError as error:
-        raise _cannot_write(path, error) from None
-    temporary = Path(name)
+        try:
+            # Made here, so that its permissions are those of any new file of this user.
+            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+            yield temporary
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def system_errors(path: str | Path | None = None) -> Iterator[None]:
+    """What the system refuses inside the block, as a full disk, becomes an LfsrError.
+
+    ``path`` is what is written there, None for what the system names itself.
+    """
     try:
-        yield temporary
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
+        yield
+    except MemoryError:
+        raise LfsrError("there is too little memory on this machine: choose a smaller display") from None
     except OSError as error:
-        raise _cannot_write(path, error) from None
-    finally:
-        temporary.unlink(missing_ok=True)
+        name = path or error.filename or "the output"
+        raise LfsrError(f"{name} cannot be {'written' if path or error.errno in ADVICE else 'used'} "
+                        f"({error.strerror or error}): {ADVICE.get(error.errno, 'check the folder')}") from None
 
 
-def _cannot_write(path: Path, error: OSError) -> LfsrError:
-    advice = {errno.ENOSPC: "free some space or choose another folder",
-              errno.EACCES: "choose a folder you may write to",
-              errno.EROFS: "choose a folder you may write to"}.get(error.errno, "check the folder")
-    return LfsrError(f"{path} cannot be written ({error.strerror or error}): {advice}")
+def check_name(path: Path) -> None:
+    """LfsrError for a path that no file or folder can have: too long, no text, or a link to nothing."""
+    try:
+        names = [name.encode() for name in path.parts]
+    except UnicodeEncodeError:
+        raise LfsrError(f"{str(path)!r} is no UTF-8 text: choose another name") from None
+    if max(map(len, names), default=0) > LONGEST_NAME or sum(map(len, names)) > LONGEST_PATH:
+        raise LfsrError(f"{path} is too long, expected names of at most {LONGEST_NAME} bytes: choose a shorter one")
+    if path.is_symlink() and not path.exists():
+        raise LfsrError(f"{path} is a link to {os.readlink(path)}, which does not exist: remove it or choose another")
+
+
+def read_bytes(path: str | Path, what: str, most: int) -> bytes:
+    """Content of a regular file of at most ``most`` bytes; LfsrError names ``what`` it should have been."""
+    path = Path(path)
+    try:
+        if path.exists() and not path.is_file():
+            raise LfsrError(f"{path} cannot be read as {what} (it is no regular file): check the path")
+        with path.open("rb") as file:
+            content = file.read(most + 1)
+    except FileNotFoundError:
+        raise LfsrError(f"{path} does not exist, expected {what}: check the folder or render it first") from None
+    except OSError as error:
+        raise LfsrError(f"{path} cannot be read as {what} ({error.strerror or error}): check the path") from None
+    if len(content) > most:
+        raise LfsrError(f"{path} cannot be read as {what} (it has more than {most} bytes): check the path")
+    return content
 
 
 def write_json(path: str | Path, data: Any) -> None:
@@ -54,9 +95,33 @@ def write_json(path: str | Path, data: Any) -> None:
 
 def read_json(path: str | Path, what: str) -> Any:
     """Data of a JSON file; LfsrError names ``what`` it should have been."""
+    content = read_bytes(path, what, MOST_JSON_BYTES)
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise LfsrError(f"{path} does not exist, expected {what}: check the folder or render it first") from None
-    except (OSError, json.JSONDecodeError, UnicodeDecodeError) as error:
+        return parse_json(content)
+    except ValueError as error:
         raise LfsrError(f"{path} cannot be read as {what} ({error}): render it again") from None
+
+
+def parse_json(content: bytes) -> Any:
+    """Data of JSON text; ValueError where it is none, nested too deeply, or has a number that is not finite."""
+    try:
+        data = json.loads(content.decode("utf-8"), parse_constant=_finite, parse_float=_finite)
+    except RecursionError:
+        raise ValueError(f"more than {MOST_BRACKETS} brackets inside each other") from None
+    _check_depth(data, MOST_BRACKETS)
+    return data
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"{text[:20]} is no finite number")
+    return number
+
+
+def _check_depth(data: Any, left: int) -> None:
+    if not left:
+        raise ValueError(f"more than {MOST_BRACKETS} brackets inside each other")
+    for value in data.values() if isinstance(data, dict) else data if isinstance(data, list) else ():
+        if isinstance(value, (dict, list)):
+            _check_depth(value, left - 1)

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     import cattrs
 
 Record = TypeVar("Record")
-MOST_VALUE, MOST_PLACE, MOST_RULE, MOST_SENTENCE = 50, 70, 90, 300  # characters
+MOST_VALUE, MOST_PLACE, MOST_RULE = 50, 70, 90  # characters in a sentence
+MOST_TEXT, MOST_WHOLE = 4096, 2**63
 PLAIN = {str: (str, "text"), bool: (bool, "true or false"), int: (int, "a whole number"),
          float: ((int, float), "a finite number")}
 
@@ -39,7 +40,7 @@ def from_data(cls: type[Record], data: Any, source: str) -> Record:
         rest = f"{place or 'it'} {error}" if error.of_value else f"{place}: {error}" if place else str(error)
     except LfsrError as error:  # a record's own check
         rest = str(error)
-    raise LfsrError(f"{_end(source, MOST_PLACE)}: {rest}"[:MOST_SENTENCE])
+    raise LfsrError(f"{_end(source, MOST_PLACE)}: {rest}")
 
 
 def to_data(record: Any) -> Any:
@@ -109,7 +110,19 @@ def _plain(value: Any, cls: type) -> Any:
     fits = isinstance(value, kinds) and isinstance(value, bool) <= (cls is bool)
     if not fits or (cls is float and not abs(value) <= sys.float_info.max):
         raise _value_error(value, rule)
+    if cls is str and not (len(value) <= MOST_TEXT and _encodes(value)):
+        raise _value_error(value, f"text that UTF-8 can say, of at most {MOST_TEXT} characters")
+    if cls is int and abs(value) >= MOST_WHOLE:
+        raise _value_error(value, "a whole number below 2⁶³")
     return value
+
+
+def _encodes(text: str) -> bool:
+    """False for half a surrogate pair, which JSON can hold and no file name or terminal can."""
+    try:
+        return bool(text.encode()) or not text
+    except UnicodeEncodeError:
+        return False
 
 
 def _record(data: Any, cls: type) -> Any:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path, read_json, write_json
+from lfsr_core.files import atomic_path, read_bytes, read_json, write_json
 
 AS_ROOT = os.geteuid() == 0
 
@@ -85,7 +85,7 @@ def test_file_size_limit_is_told_and_keeps_the_old_file(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 
     answer = run_overwrite(tmp_path / "data.json", preexec_fn=limit)
-    assert "data.json cannot be written (File too large): check the folder" in answer.stdout
+    assert "data.json cannot be written (File too large): free some space" in answer.stdout
     assert answer.stdout.endswith("""['data.json'] "old"\n"""), answer
 
 
@@ -122,3 +122,31 @@ def test_unreadable_json_says_what_was_expected(tmp_path, content, told):
         (tmp_path / "data.json").write_bytes(content)
     with pytest.raises(LfsrError, match=told):
         read_json(tmp_path / "data.json", "the report")
+
+
+def test_new_file_has_the_permissions_of_the_users_umask(tmp_path):
+    before = os.umask(0o077)
+    try:
+        write_json(tmp_path / "data.json", {})
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "data.json").stat().st_mode) == 0o600
+
+
+@pytest.mark.parametrize("content", [
+    b"[" * 1000, b"[" * 60 + b"]" * 60, b"NaN", b"[-Infinity]", b"1e999", b"9" * 5000, b"\xef\xbb\xbf{}", b""])
+def test_json_that_is_refused_whole(tmp_path, content):
+    (tmp_path / "data.json").write_bytes(content)
+    with pytest.raises(LfsrError, match="cannot be read as a test"):
+        read_json(tmp_path / "data.json", "a test")
+
+
+def test_only_regular_files_up_to_a_size_are_read(tmp_path):
+    os.mkfifo(tmp_path / "fifo")
+    (tmp_path / "large").write_bytes(bytes(101))
+    for path in (tmp_path, tmp_path / "fifo", Path("/dev/zero")):
+        with pytest.raises(LfsrError, match="is no regular file"):
+            read_bytes(path, "a test", 100)
+    with pytest.raises(LfsrError, match="more than 100 bytes"):
+        read_bytes(tmp_path / "large", "a test", 100)
+    assert read_bytes(tmp_path / "large", "a test", 101) == bytes(101)

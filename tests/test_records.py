@@ -40,7 +40,7 @@ class Sheet:
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 POINTS = st.builds(Point, st.tuples(NUMBERS, NUMBERS), st.sampled_from(("win", "loss")))
 WHOLE = st.integers(-10**9, 10**9)
-SHEETS = st.builds(Sheet, st.text(), st.integers(0), NUMBERS | WHOLE, st.booleans(),
+SHEETS = st.builds(Sheet, st.text(), st.integers(0, 2**63 - 1), NUMBERS | WHOLE, st.booleans(),
                    st.lists(POINTS, max_size=3).map(tuple), st.dictionaries(st.text(), NUMBERS, max_size=3),
                    st.none() | POINTS,
                    st.none() | st.lists(st.tuples(WHOLE, WHOLE), max_size=3).map(tuple))
@@ -86,6 +86,9 @@ def test_a_file_holds_a_record(tmp_path) -> None:
     ({"count": -1}, ("count is -1, but it must be 0 or more",)),
     ({"name": 7, "share": 1}, ("name is 7", "text")),
     ({"points": [0] * 10000}, ("points[0] is 0", "an object")),
+    ({"count": 10**400}, ("count is 1000", "below 2⁶³")),
+    ({"name": "\ud800"}, ("name is '\\ud800'", "UTF-8")),
+    ({"name": "long " * 1000}, ("name is 'long", "at most 4096 characters")),
     ({"flag": "long " * 1000}, ("flag is 'long", "true or false")),
 ])
 def test_what_is_wrong_is_one_sentence_with_its_place(change: dict[str, Any], parts: tuple[str, ...]) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.files import system_errors
 from lfsr_core.frames.job import Job, read_job
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit
 
@@ -26,7 +27,8 @@ def main(arguments: Sequence[str]) -> int:
     try:
         if len(arguments) != 1:
             raise LfsrError(f"expected one argument, the job file, and got {len(arguments)}")
-        folder = run(read_job(arguments[0]))
+        with system_errors():
+            folder = run(read_job(arguments[0]))
     except LfsrError as error:
         emit(stage="error", message=str(error))
         return EXIT_BAD_INPUT

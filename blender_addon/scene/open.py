@@ -10,6 +10,8 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import check_scene
 
+MOST_REASON = 100  # characters
+
 
 def open_scene(path: str | Path) -> bpy.types.Scene:
     """Open a .blend, or import .glb, .gltf or .obj into an empty file; LfsrError if that fails."""
@@ -17,9 +19,15 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
     try:
         _readers()[Path(path).suffix.lower()](path)
     except (RuntimeError, ValueError, KeyError, OSError) as error:
-        reason = str(error).strip().splitlines()[-1] if str(error).strip() else type(error).__name__
+        reason = _reason(error)
         raise LfsrError(f"scene {path} cannot be read ({reason}): check that the file is whole") from None
     return bpy.context.scene
+
+
+def _reason(error: Exception) -> str:
+    """The line that says why: of an importer's traceback the last before where Blender called it."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip() and not line.startswith("Location: ")]
+    return lines[-1][:MOST_REASON] if lines else type(error).__name__
 
 
 def choose_scene(name: str) -> bpy.types.Scene:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.files import atomic_path, check_name, system_errors
 from lfsr_core.frames import frame
 from lfsr_core.frames.job import Job
 from lfsr_core.progress import Progress
@@ -23,7 +24,7 @@ from lfsr_core.render.staging import staging_folder
 
 LOG_FILE = "blender.log"
 SECONDS_TO_STOP = 5
-LINES_IN_MESSAGE = 3
+LINES_IN_MESSAGE, MOST_LAST_WORDS = 3, 120
 RENDERED_FILES = {"render": (frame.LOW_RES_FILE,), "reference": frame.REFERENCE_FILES}
 # Made from an older render of the same folder, so they would no longer match it.
 DERIVED_FILES = (frame.EIA_FILE, frame.EIA_LINEAR_FILE, frame.MASK_FILE, frame.REPORT_FILE, LOG_FILE)
@@ -48,7 +49,7 @@ def run_job(job: Job, blender: Blender, progress: Progress | None = None, warn: 
     """
     folder = Path(job.output)
     check_folder(folder, job.kind)
-    with staging_folder(folder) as staging:
+    with staging_folder(folder) as staging, system_errors():
         staged = staging / "frame"
         staged.mkdir()
         job_file, log_file = staging / "job.json", staging / LOG_FILE
@@ -59,6 +60,7 @@ def run_job(job: Job, blender: Blender, progress: Progress | None = None, warn: 
 
 def check_folder(folder: Path, kind: str) -> None:
     """LfsrError if ``folder`` is a file or holds another kind of render, which must not be lost."""
+    check_name(folder)
     if folder.exists() and not folder.is_dir():
         raise LfsrError(f"{folder} is a file, but the output must be a folder: choose another name")
     for other, files in RENDERED_FILES.items():
@@ -122,13 +124,14 @@ def _stop(child: subprocess.Popen[str]) -> None:
 
 def _crash(code: int, log_file: Path, folder: Path) -> LfsrError:
     kept = folder / LOG_FILE
-    folder.mkdir(exist_ok=True)
-    shutil.copy(log_file, kept)
-    with kept.open(encoding="utf-8") as log:
+    with atomic_path(kept) as temporary:
+        shutil.copyfile(log_file, temporary)
+    with kept.open(encoding="utf-8", errors="replace") as log:
         lines = collections.deque((line.strip() for line in log if line.strip()), maxlen=LINES_IN_MESSAGE)
     reason = f"signal {-code}" if code < 0 else f"exit code {code}"
-    return LfsrError(f"Blender stopped with {reason} before the render was done, last saying "
-                     f"{' / '.join(lines) or 'nothing'!r}: the whole log is {kept}")
+    last = (" / ".join(lines) or "nothing")[-MOST_LAST_WORDS:]
+    return LfsrError(f"Blender stopped with {reason} before the render was done, last saying {last!r}: "
+                     f"the whole log is {kept}")
 
 
 def _publish(staged: Path, folder: Path) -> None:

@@ -29,11 +29,15 @@ def emit_progress(stage: str, fraction: float, message: str) -> None:
 
 
 def parse_progress(line: str) -> dict[str, Any] | None:
-    """The record of one line, None for any other line of Blender's output."""
-    if not line.startswith(PROGRESS_PREFIX):
+    """The record of one line, None for any other line of Blender's output.
+
+    Blender cuts its own long messages, and the line end with them, so that a record may stand behind one.
+    """
+    start = line.find(PROGRESS_PREFIX + "{")
+    if start < 0:
         return None
     try:
-        record = json.loads(line[len(PROGRESS_PREFIX):])
-    except json.JSONDecodeError:
+        record, _ = json.JSONDecoder().raw_decode(line, start + len(PROGRESS_PREFIX))
+    except (ValueError, RecursionError):
         return None
     return record if isinstance(record, dict) and "stage" in record else None

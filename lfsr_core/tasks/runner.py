@@ -15,7 +15,7 @@ import sys
 import threading
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json
+from lfsr_core.files import read_json, system_errors
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit
 from lfsr_core.tasks import frame_tasks, plan_task
 from lfsr_core.tasks.task import Task
@@ -31,7 +31,8 @@ def main(arguments: list[str]) -> int:
         data = read_json(arguments[0], "a task of the add-on")
         task = TASKS[data.pop("task")]
         _end_on_request(task)
-        result = task.run(**data)
+        with system_errors():
+            result = task.run(**data)
     except LfsrError as error:
         emit(stage="error", message=str(error))
         return EXIT_BAD_INPUT

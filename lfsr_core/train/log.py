@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path
+from lfsr_core.files import atomic_path, system_errors
 
 LOG_NAME, PICTURE_NAME = "log.jsonl", "loss.png"
 NO_CURVE = {"epoch", "seconds"}
@@ -27,7 +27,7 @@ class TrainLog:
     def add(self, line: dict[str, Any]) -> None:
         """Append one epoch."""
         self.lines.append(line)
-        with self._path.open("a", encoding="utf-8") as file:
+        with system_errors(self._path), self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(line) + "\n")
 
     def last_validation(self) -> dict[str, float]:

@@ -7,6 +7,7 @@ until an epoch ends, so a GPU never waits for Python.
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import pickle
 import signal
@@ -178,8 +179,10 @@ def save_checkpoint(task: Task, output: Path, position: Position) -> None:
     """Write checkpoint.pt, whole or not at all."""
     content = {"version": CHECKPOINT_VERSION, "run": _fingerprint(task), "position": vars(position),
                "state": task.state()}
+    buffer = io.BytesIO()  # of a full disk PyTorch's own writer says nothing that a user could read
+    torch.save(content, buffer)
     with atomic_path(output / CHECKPOINT) as temporary:
-        torch.save(content, temporary)
+        temporary.write_bytes(buffer.getvalue())
 
 
 def load_checkpoint(path: Path) -> dict[str, Any]:

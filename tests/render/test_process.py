@@ -115,7 +115,9 @@ def test_missing_blender_says_how_to_get_one(monkeypatch, tmp_path):
 @pytest.mark.parametrize(("line", "record"), [
     ('LFSR {"stage": "render", "fraction": 0.25}', {"stage": "render", "fraction": 0.25}),
     ("LFSR {half", None), ("LFSR [1]", None), ('LFSR {"fraction": 1}', None),
-    ('x LFSR {"stage": "render"}', None), ("Fra:1 Mem:20M", None), ("", None),
+    ('Error: ... truncatedLFSR {"stage": "error"}\n', {"stage": "error"}),
+    ('LFSR {"stage": "render"} x', {"stage": "render"}),
+    ("x LFSR " + '{"stage": ' * 9999, None), ("Fra:1 Mem:20M", None), ("", None),
 ])
 def test_progress_lines(line, record):
     assert parse_progress(line) == record
@@ -179,6 +181,41 @@ def test_crash_is_reported_with_the_last_lines_and_the_log_is_kept(blender, job,
         run_job(job, Blender(blender(body)))
     assert "\n" not in str(caught.value)
     assert leftovers(job) == ["frame", "frame/blender.log"]
+
+
+def test_log_of_a_crash_is_not_written_through_a_link(blender, job, tmp_path):
+    (tmp_path / "precious").write_text("mine")
+    Path(job.output).mkdir(parents=True)
+    Path(job.output, process.LOG_FILE).symlink_to(tmp_path / "precious")
+    with pytest.raises(LfsrError, match="exit code 3"):
+        run_job(job, find_blender(blender("sys.exit(3)")))
+    assert (tmp_path / "precious").read_text() == "mine"
+    assert not Path(job.output, process.LOG_FILE).is_symlink()
+
+
+LOG_FILLS_THE_DISK = """
+import resource, sys
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.job import Job
+from lfsr_core.optics.display import load_display
+from lfsr_core.render.blender import find_blender
+from lfsr_core.render.process import run_job
+found = find_blender(sys.argv[1])
+resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
+try:
+    run_job(Job(sys.argv[2], load_display("mini")), found)
+except LfsrError as error:
+    print("one sentence:", error)
+"""
+
+
+def test_log_that_fills_the_disk_is_one_sentence_and_leaves_nothing(blender, job):
+    executable = blender("print('x' * 100_000, flush=True)\n" + GOOD)
+    answer = subprocess.run([sys.executable, "-c", LOG_FILLS_THE_DISK, executable, job.output], capture_output=True,
+                            text=True, check=False)
+    assert answer.stdout.startswith("one sentence: "), answer
+    assert "free some space" in answer.stdout
+    assert leftovers(job) == []
 
 
 def test_crash_keeps_the_older_render(blender, job):

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from safetensors.numpy import save_file
+from safetensors.numpy import save as to_bytes
 from torch import nn
 
 from lfsr_core.errors import LfsrError
@@ -44,7 +44,7 @@ def save(path: str | Path, network: nn.Module, scale: int, provenance: Mapping[s
     header = {"format": FORMAT, "version": str(VERSION), "architecture": type(network).__name__, "scale": str(scale),
               "options": json.dumps(dict(options or {}), sort_keys=True, default=list), "sha256": digest(tensors)}
     with atomic_path(path) as temporary:
-        save_file(tensors, temporary, metadata=header)
+        temporary.write_bytes(to_bytes(tensors, header))
     facts = {**header, "version": VERSION, "scale": scale, "options": dict(options or {}),
              "bytes": path.stat().st_size}
     write_json(path.with_suffix(".json"), {**facts, **provenance})
