@@ -37,7 +37,7 @@ METHODS = {**UPSCALERS, **PREFILTERS, RECOVERY: "last: detail that was taken for
 PLAIN_METHOD = "bilinear"  # after OIDN more accurate than bicubic, see docs/results/measurements.md
 # What our networks must beat.
 PLAIN_CHAINS = (*(f"{name}+{PLAIN_METHOD}" for name in DENOISERS), f"{DENOISERS[0]}+{PLAIN_METHOD}+{RECOVERY}")
-DEFAULT_METHOD = "oidn-both+refine+epi"  # see docs/reference/networks.md
+DEFAULT_METHOD = "oidn-both+refine+epi"  # see docs/results/networks.md
 STEPS_OF_A_NETWORK = 3
 
 
