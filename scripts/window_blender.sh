@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # A Blender 5.2 with a window, of Debian's unstable suite, in a folder of its own: scripts/window_blender.sh DIR [COMMAND...]
-# Makes DIR if it is not there (as root, with mmdebstrap; 1.4 GB, about five minutes), then runs COMMAND inside it, which
+# Makes DIR if it is not there (as root, with mmdebstrap; 1.2 GB, two to five minutes), then runs COMMAND inside it, which
 # sees this machine's temporary folder. Software OpenGL, Python 3.14, no Open Shading Language, no Open Image Denoise.
 set -euo pipefail
 [ $# -ge 1 ] || { echo "usage: $0 DIR [COMMAND...]" >&2; exit 2; }
