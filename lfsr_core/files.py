@@ -10,7 +10,7 @@ import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from lfsr_core.errors import LfsrError
 
@@ -70,18 +70,25 @@ def check_name(path: Path) -> None:
         raise LfsrError(f"{path} is a link to {os.readlink(path)}, which does not exist: remove it or choose another")
 
 
-def read_bytes(path: str | Path, what: str, most: int) -> bytes:
-    """Content of a regular file of at most ``most`` bytes; LfsrError names ``what`` it should have been."""
+@contextmanager
+def reading(path: str | Path, what: str) -> Iterator[IO[bytes]]:
+    """A regular file, open; LfsrError names ``what`` it should have been: a pipe or a device might never end."""
     path = Path(path)
     try:
         if path.exists() and not path.is_file():
             raise LfsrError(f"{path} cannot be read as {what} (it is no regular file): check the path")
         with path.open("rb") as file:
-            content = file.read(most + 1)
+            yield file
     except FileNotFoundError:
         raise LfsrError(f"{path} does not exist, expected {what}: check the folder or render it first") from None
     except OSError as error:
         raise LfsrError(f"{path} cannot be read as {what} ({error.strerror or error}): check the path") from None
+
+
+def read_bytes(path: str | Path, what: str, most: int) -> bytes:
+    """Content of a regular file of at most ``most`` bytes; LfsrError names ``what`` it should have been."""
+    with reading(path, what) as file:
+        content = file.read(most + 1)
     if len(content) > most:
         raise LfsrError(f"{path} cannot be read as {what} (it has more than {most} bytes): check the path")
     return content

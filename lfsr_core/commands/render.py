@@ -6,6 +6,7 @@ import argparse
 
 from lfsr_core.commands import upscale
 from lfsr_core.commands.arguments import add_scene_arguments, make_job, render
+from lfsr_core.frames.foreground import check_dilate
 from lfsr_core.frames.job import LAYERS
 
 NAME = "render"
@@ -27,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Render, then upscale; a bad method is refused before any time is spent on rendering."""
+    check_dilate(arguments.dilate)
     method = upscale.chosen_method(arguments.method, arguments.scale)
     layers = method.layers if arguments.layers is None else arguments.layers
     job = make_job(arguments, scale=arguments.scale, layers=layers)

@@ -9,6 +9,7 @@ import numpy as np
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.eia import to_elemental_images
 
+MOST_DILATE = 65536
 FOREGROUND_INDEX, BACKGROUND_INDEX = 1, 2
 
 
@@ -19,8 +20,7 @@ def foreground_mask(layers: Mapping[str, np.ndarray], lenses: tuple[int, int], d
     ``dilate`` grows the mask by so many lenses in every direction, for parts so
     thin that they fall between sparse views. LfsrError for a negative ``dilate``.
     """
-    if dilate < 0:
-        raise LfsrError(f"dilation of the foreground mask is {dilate}, but it must be 0 or more lenses")
+    check_dilate(dilate)
     hit = foreground_pixels(layers)
     mask = to_elemental_images(hit[..., None], lenses).any(axis=(2, 3, 4))
     if dilate:
@@ -28,8 +28,16 @@ def foreground_mask(layers: Mapping[str, np.ndarray], lenses: tuple[int, int], d
     return mask
 
 
+def check_dilate(dilate: int) -> None:
+    """LfsrError unless a mask can be grown by that many lenses."""
+    if not 0 <= dilate <= MOST_DILATE:
+        raise LfsrError(f"dilation of the foreground mask is {str(dilate)[:20]}, but it must be 0 to {MOST_DILATE} "
+                        "lenses")
+
+
 def _grown(mask: np.ndarray, reach: int) -> np.ndarray:
     """The mask grown by ``reach`` up and down."""
+    reach = min(reach, len(mask))
     padded = np.pad(mask, ((reach, reach), (0, 0)))
     return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=0).any(-1)
 

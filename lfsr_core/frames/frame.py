@@ -16,6 +16,8 @@ from lfsr_core.optics.rays import CameraArray, RayLayout
 from lfsr_core.records import from_data, to_data
 
 FORMAT = 1
+LAYOUTS = ("one-pass", "view-by-view")
+LEAST_LENGTH = 1e-30  # scene units; its inverse is the most
 FRAME_FILE, REPORT_FILE = "frame.json", "report.json"
 LOW_RES_FILE, MASK_FILE, EIA_FILE, EIA_LINEAR_FILE = "lr_eia.exr", "mask.png", "eia.png", "eia.exr"
 REFERENCE_FILES = ("reference_a.exr", "reference_b.exr")
@@ -64,11 +66,28 @@ class Frame:
     device: str = "CPU"
     seconds: dict[str, float] = dataclasses.field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        if len(self.matrix_world) != 4 or any(len(row) != 4 for row in self.matrix_world):
+            raise LfsrError("matrix_world must have four rows of four numbers")
+        if self.samples < 1 or self.layout not in LAYOUTS:
+            raise LfsrError(f"samples are {self.samples} and layout is {self.layout[:20]!r}, but it must be 1 or more "
+                            f"samples and one of {', '.join(LAYOUTS)}")
+        _check_array(self.array)
+        lenses = self.display.lenses[0] * self.display.lenses[1]
+        if len(self.rays.lens_list or ()) > lenses:
+            raise LfsrError(f"lens_list names {len(self.lens_list)} lenses, but the display has {lenses}")
+
     @property
     def rays(self) -> RayLayout:
         """Ray layout of this render."""
         return RayLayout.for_display(self.display, self.array, self.scale, convention=self.convention,
                                      view_aperture=self.view_aperture, lens_list=self.lens_list)
+
+
+def _check_array(array: CameraArray) -> None:
+    for name, value in vars(array).items():
+        if not LEAST_LENGTH <= value <= 1 / LEAST_LENGTH:
+            raise LfsrError(f"array.{name} is {value!r}, but it must be a length above 0")
 
 
 def write_frame(folder: str | Path, frame: Frame) -> None:

@@ -7,13 +7,16 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.files import read_json
+from lfsr_core.frames.frame import LAYOUTS
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CONVENTIONS
 from lfsr_core.records import from_data
 
 KINDS = ("render", "reference")
 LAYERS = ("albedo", "normal", "position", "index")
-LAYOUTS = ("one-pass", "view-by-view")
+# Of Blender: more it would clip without a word.
+MOST_SAMPLES, MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**24, 2**31 - 1, 1_048_574, 10**8
+MOST_DIGITS = 30
 SCENE_SUFFIXES = (".blend", ".glb", ".gltf", ".obj")
 
 
@@ -95,9 +98,18 @@ def _check_choice(field: str, value: str, choices: tuple[str, ...]) -> None:
 
 def _check_numbers(job: Job) -> None:
     least = 2 if job.kind == "reference" else 1
-    if type(job.spp) is not int or job.spp < least:
-        raise LfsrError(f"samples per pixel is {job.spp!r}, but a {job.kind} needs a whole number of at least {least}")
+    if type(job.spp) is not int or not least <= job.spp <= MOST_SAMPLES:
+        raise LfsrError(f"samples per pixel is {_shown(job.spp)}, but a {job.kind} needs a whole number of at least "
+                        f"{least} and at most {MOST_SAMPLES}")
     if type(job.scale) is not int:
         raise LfsrError(f"scale is {job.scale!r}, but it must be a whole number")
-    if not 0 <= job.view_aperture <= 1:
-        raise LfsrError(f"view aperture is {job.view_aperture!r}, but it must be between 0 and 1")
+    for name, most in (("view_aperture", 1), ("seed", MOST_SEED), ("clamp_indirect", MOST_CLAMP)):
+        value = getattr(job, name)
+        if value is not None and not 0 <= value <= most:
+            raise LfsrError(f"{name.replace('_', ' ')} is {_shown(value)}, but it must be between 0 and {most}")
+    if job.frame is not None and abs(job.frame) > MOST_FRAME:
+        raise LfsrError(f"frame is {_shown(job.frame)}, but it must be between -{MOST_FRAME} and {MOST_FRAME}")
+
+
+def _shown(value: object) -> str:
+    return repr(value)[:MOST_DIGITS]

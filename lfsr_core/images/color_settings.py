@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 
+from lfsr_core.errors import LfsrError
+
+MOST_STOPS, MOST_GAMMA = 100, 100
+
 
 @dataclasses.dataclass(frozen=True)
 class ColorSettings:
@@ -25,3 +29,8 @@ class ColorSettings:
     exposure: float = 0.0
     gamma: float = 1.0
     config: str = ""
+
+    def __post_init__(self) -> None:
+        if not (abs(self.exposure) <= MOST_STOPS and 0 <= self.gamma <= MOST_GAMMA):
+            raise LfsrError(f"exposure is {self.exposure!r} and gamma {self.gamma!r}, but they must be between "
+                            f"-{MOST_STOPS} and {MOST_STOPS} stops, and 0 and {MOST_GAMMA}")

@@ -9,7 +9,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path
+from lfsr_core.files import atomic_path, reading
 
 # Names that Blender 4.5 and 5.x and this program give the same pass, in lower case.
 PASS_LAYERS = {
@@ -23,6 +23,10 @@ PASS_LAYERS = {
 LAYER_CHANNELS = {"color": "RGBA", "albedo": "RGB", "normal": "XYZ", "position": "XYZ", "index": "X",
                   "environment": "RGB"}
 HALF_MAX = 65504.0
+MAGIC = b"\x76\x2f\x31\x01"
+# A header that lies must not cost memory. Deflate shrinks at most 1032 times, and 16-bit floats become 32-bit ones.
+MOST_COMPRESSION = 2200
+MOST_BYTES, MOST_SIDE, MOST_PARTS = 2**35, 65536, 1024
 
 
 def read_layers(path: str | Path) -> dict[str, np.ndarray]:
@@ -36,10 +40,15 @@ def read_layers(path: str | Path) -> dict[str, np.ndarray]:
     LfsrError where the file is missing, truncated or has no colour.
     """
     path = Path(path)
-    if not path.is_file():
-        raise LfsrError(f"{path} does not exist, expected an EXR image: render the frame first")
+    with reading(path, "an EXR image") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise _unreadable(path, "it does not begin as one")
     layers: dict[str, np.ndarray] = {}
-    for names, pixels in _read_parts(path):
+    try:
+        parts = _read_parts(path)
+    except (UnicodeDecodeError, MemoryError) as error:
+        raise _unreadable(path, "too little memory" if isinstance(error, MemoryError) else str(error)) from None
+    for names, pixels in parts:
         for layer, columns in _layer_columns(names).items():
             layers.setdefault(layer, _columns_of(pixels, columns))
     if "color" not in layers:
@@ -108,8 +117,11 @@ def _read_parts(path: Path) -> list[tuple[tuple[str, ...], np.ndarray]]:
     source = oiio.ImageInput.open(str(path))
     if source is None:
         raise _unreadable(path, oiio.geterror())
-    parts, index = [], 0
+    parts, index, left = [], 0, min(MOST_BYTES, path.stat().st_size * MOST_COMPRESSION)
     while source.seek_subimage(index, 0):
+        left -= _memory(source.spec())
+        if left < 0 or index >= MOST_PARTS:
+            raise _unreadable(path, "its header asks for more than the file can hold")
         names = source.spec().channelnames
         pixels = source.read_image(index, 0, 0, len(names), "float") if _layer_columns(names) else None
         if source.has_error:
@@ -119,6 +131,15 @@ def _read_parts(path: Path) -> list[tuple[tuple[str, ...], np.ndarray]]:
         index += 1
     source.close()
     return parts
+
+
+def _memory(spec: oiio.ImageSpec) -> int:
+    """Bytes that the pixels of a part take as float32; without limit where Blender renders nothing of that size."""
+    width, height = max(spec.width, spec.tile_width), max(spec.height, spec.tile_height)
+    depth = max(spec.depth, spec.tile_depth, 1)
+    if spec.deep or max(width, height) > MOST_SIDE or min(spec.width, spec.height) < 1:
+        return MOST_BYTES + 1
+    return width * height * depth * spec.nchannels * 4
 
 
 def _unreadable(path: Path, reason: str) -> LfsrError:

@@ -17,9 +17,12 @@ import numpy as np
 import OpenImageIO as oiio
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path
+from lfsr_core.files import atomic_path, reading
 
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
 BAND_ROWS = 64
+MOST_SIDE, MOST_COMPRESSION = 65536, 1032  # of deflate
+CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # by colour type; a palette's index is one
 COLOR_TYPES = {1: 0, 3: 2}
 ADLER_PRIME = 65521
 
@@ -38,7 +41,7 @@ def encode_png(pixels: np.ndarray) -> list[bytes]:
     # An empty final block ends the stream; 78 01: zlib, 32 KiB window, fastest.
     tail = b"\x03\x00" + struct.pack(">I", checksum)
     data = [_chunk(b"IDAT", band) for band, _, _ in bands]
-    return [b"\x89PNG\r\n\x1a\n", _chunk(b"IHDR", header), _chunk(b"IDAT", b"\x78\x01"), *data,
+    return [SIGNATURE, _chunk(b"IHDR", header), _chunk(b"IDAT", b"\x78\x01"), *data,
             _chunk(b"IDAT", tail), _chunk(b"IEND", b"")]
 
 
@@ -89,12 +92,19 @@ def read_mask(path: str | Path) -> np.ndarray:
     return _decode(path, grey=True) >= 128
 
 
+def _sizes_fit(head: bytes, size: int) -> bool:
+    """False where a file of ``size`` bytes cannot hold what its ``head`` says: that must not cost memory."""
+    if len(head) < 26 or not head.startswith(SIGNATURE):
+        return False
+    width, height, depth, color_type = struct.unpack(">IIBB", head[16:])
+    bits = width * height * depth * CHANNELS.get(color_type, 4)
+    return max(width, height) <= MOST_SIDE and bits <= size * 8 * MOST_COMPRESSION
+
+
 def _decode(path: str | Path, grey: bool) -> np.ndarray:
-    try:
-        Path(path).open("rb").close()
-    except OSError as error:
-        raise LfsrError(f"{path} cannot be read ({error.strerror}): check the path") from None
-    source = oiio.ImageInput.open(str(path))
+    with reading(path, "a PNG image") as file:
+        sizes_fit = _sizes_fit(file.read(26), file.seek(0, os.SEEK_END))
+    source = oiio.ImageInput.open(str(path)) if sizes_fit else None
     pixels = source.read_image("uint8") if source else None
     if pixels is None:
         oiio.geterror()  # fetched, or the library prints it when the process ends

@@ -27,8 +27,13 @@ class ViewTransform:
     """
 
     def __init__(self, settings: ColorSettings) -> None:
-        config = ocio.Config.CreateFromFile(str(find_config(settings)))
-        processor = config.getProcessor(_display_chain(config, settings))
+        path = find_config(settings)
+        try:
+            config = ocio.Config.CreateFromFile(str(path))
+            processor = config.getProcessor(_display_chain(config, settings))
+        except ocio.Exception as error:
+            raise LfsrError(f"{path} cannot be used as a colour configuration ({str(error)[:100]}): "
+                            "set OCIO to another") from None
         flags = ocio.OPTIMIZATION_DEFAULT
         self._to_float = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_F32, flags)
         self._to_bytes = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, flags)

@@ -10,10 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.files import read_bytes
 
 PROFILE_FOLDER = Path(__file__).parent / "displays"
 EI_ORDERS = ("flipped", "direct")
 MAX_PIXEL_ASPECT_ERROR = 0.01
+MOST_PIXELS = 65536  # a side: no Blender renders more
+LONGEST_MM = 1e9
+MOST_NAME, MOST_DESCRIPTION = 100, 1000  # characters
+MOST_BYTES = 100_000  # of a profile's file
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,30 +119,42 @@ class DisplayProfile:
 
 
 def _fail(field: str, value: Any, rule: str) -> None:
-    raise LfsrError(f"{field} is {value!r}, but {rule}")
+    raise LfsrError(f"{field} is {repr(value)[:MOST_NAME]}, but {rule}")
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+def _is_number(value: Any, least: float, most: float) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and least <= value <= most
+
+
+def _is_length(value: Any) -> bool:
+    return _is_number(value, 1 / LONGEST_MM, LONGEST_MM)
+
+
+def _is_text(value: Any, most: int) -> bool:
+    return isinstance(value, str) and len(value) <= most and value.isprintable()
 
 
 def _check_counts(profile: DisplayProfile) -> None:
-    if not isinstance(profile.name, str) or not profile.name:
-        _fail("name", profile.name, "it must be a non-empty text")
+    if not profile.name or not _is_text(profile.name, MOST_NAME):
+        _fail("name", profile.name, f"it must be a non-empty text of at most {MOST_NAME} characters")
+    if not _is_text(profile.description, MOST_DESCRIPTION):
+        _fail("description", profile.description, f"it must be a text of at most {MOST_DESCRIPTION} characters")
     for field in ("panel_pixels", "lenses", "views"):
         value = getattr(profile, field)
         whole = isinstance(value, tuple) and len(value) == 2 and all(type(n) is int and n >= 1 for n in value)
         if not whole:
             _fail(field, value, "it must be two whole numbers of at least 1, [horizontal, vertical]")
+        if max(value) > MOST_PIXELS:
+            _fail(field, value, f"Blender renders no more than {MOST_PIXELS} pixels a side")
 
 
 def _check_lengths(profile: DisplayProfile) -> None:
     size = profile.panel_mm
-    if not (isinstance(size, tuple) and len(size) == 2 and all(_is_number(n) and n > 0 for n in size)):
+    if not (isinstance(size, tuple) and len(size) == 2 and all(map(_is_length, size))):
         _fail("panel_mm", size, "it must be two lengths above 0 in millimetres, [width, height]")
-    if not (_is_number(profile.viewing_distance_mm) and profile.viewing_distance_mm > 0):
+    if not _is_length(profile.viewing_distance_mm):
         _fail("viewing_distance_mm", profile.viewing_distance_mm, "it must be a length above 0 in millimetres")
-    if not (_is_number(profile.viewing_angle_deg) and 1 <= profile.viewing_angle_deg <= 120):
+    if not _is_number(profile.viewing_angle_deg, 1, 120):
         _fail("viewing_angle_deg", profile.viewing_angle_deg, "it must be between 1 and 120 degrees")
 
 
@@ -157,7 +174,7 @@ def _check_look(profile: DisplayProfile) -> None:
     if profile.ei_order not in EI_ORDERS:
         _fail("ei_order", profile.ei_order, f"it must be one of {', '.join(EI_ORDERS)}")
     color = profile.background
-    if not (isinstance(color, tuple) and len(color) == 3 and all(_is_number(c) and 0 <= c <= 1 for c in color)):
+    if not (isinstance(color, tuple) and len(color) == 3 and all(_is_number(c, 0, 1) for c in color)):
         _fail("background", color, "it must be three scene-linear values from 0 to 1, [red, green, blue]")
 
 
@@ -179,10 +196,9 @@ def load_display(name_or_file: str | Path) -> DisplayProfile:
 
 
 def _read_profile(path: Path) -> DisplayProfile:
+    content = read_bytes(path, "a display profile", MOST_BYTES)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise LfsrError(f"display profile {path} cannot be read ({error.strerror}): check the path") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        data = tomllib.loads(content.decode("utf-8"))
+    except (ValueError, RecursionError) as error:
         raise LfsrError(f"display profile {path} is not valid TOML ({error}): correct that line") from None
     return DisplayProfile.from_dict(data, source=str(path.name))

@@ -232,7 +232,7 @@ def test_views_writes_its_pictures(tmp_path, capsys):
 
 
 def test_views_before_upscale_is_refused(tmp_path, capsys):
-    assert "eia.png cannot be read" in fails(["views", str(write_render(tmp_path / "frame"))], capsys)
+    assert "eia.png does not exist" in fails(["views", str(write_render(tmp_path / "frame"))], capsys)
 
 
 def test_synthetic_frame_is_the_one_the_tests_think_it_is():

@@ -29,6 +29,11 @@ def test_json_round_trip_keeps_every_field(tmp_path):
 @pytest.mark.parametrize(("options", "message"), [
     ({"scale": 3}, "scale is 3"),
     ({"scale": 2.0}, "scale is 2.0, but it must be a whole number"),
+    ({"spp": 2**24 + 1}, "samples per pixel is 16777217.*at most 16777216"),
+    ({"seed": 2**31}, "seed is 2147483648.*between 0 and 2147483647"),
+    ({"seed": -(10**400)}, "seed is -1000"),
+    ({"frame": 10**9}, "frame is 1000000000.*1048574"),
+    ({"clamp_indirect": -1.0}, "clamp indirect is -1.0"),
     ({"spp": 0}, "samples per pixel is 0, but a render.*at least 1"),
     ({"spp": 1.5}, "samples per pixel is 1.5"),
     ({"spp": 1, "kind": "reference", "scale": 1}, "samples per pixel is 1, but a reference.*at least 2"),

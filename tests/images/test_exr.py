@@ -1,5 +1,8 @@
+import os
+import struct
 import subprocess
 import sys
+import zlib
 
 import numpy as np
 import OpenImageIO as oiio
@@ -130,7 +133,6 @@ def test_png_is_lossless_and_readable_by_another_library(tmp_path, shape):
 
 
 def test_png_stream_has_the_right_adler_checksum():
-    import zlib
     pixels = RANDOM.integers(0, 256, (300, 21, 3), dtype=np.uint8)
     parts = png.encode_png(pixels)
     stream = b"".join(part[8:-4] for part in parts if part[4:8] == b"IDAT")
@@ -152,8 +154,49 @@ def test_unreadable_png(tmp_path):
     (tmp_path / "a.png").write_bytes(b"no picture")
     with pytest.raises(LfsrError, match="not a readable"):
         png.read_png(tmp_path / "a.png")
-    with pytest.raises(LfsrError, match="cannot be read"):
+    with pytest.raises(LfsrError, match="does not exist, expected a PNG image"):
         png.read_mask(tmp_path / "b.png")
+
+
+def lie(data: bytes, width: int, height: int) -> bytes:
+    """An EXR whose header says another size."""
+    for name in (b"dataWindow", b"displayWindow"):
+        at = data.index(name + b"\0box2i\0") + len(name) + 7 + 4
+        data = data[:at] + struct.pack("<4i", 0, 0, width - 1, height - 1) + data[at + 16:]
+    return data
+
+
+@pytest.mark.parametrize(("width", "height"), [(60_000, 60_000), (2**31 - 1, 1), (70_000, 6), (9, 2**30)])
+def test_sizes_that_lie_cost_no_memory(tmp_path, width, height):
+    exr.write_layers(tmp_path / "a.exr", some_layers())
+    (tmp_path / "a.exr").write_bytes(lie((tmp_path / "a.exr").read_bytes(), width, height))
+    with pytest.raises(LfsrError, match="cannot be read"):
+        exr.read_layers(tmp_path / "a.exr")
+
+
+def test_channel_names_that_are_no_text(tmp_path):
+    exr.write_layers(tmp_path / "a.exr", some_layers())
+    (tmp_path / "a.exr").write_bytes((tmp_path / "a.exr").read_bytes().replace(b"albedo", b"alb\xff\xfeo"))
+    with pytest.raises(LfsrError, match="cannot be read"):
+        exr.read_layers(tmp_path / "a.exr")
+
+
+def test_black_pictures_shrink_a_lot_and_are_no_lie(tmp_path):
+    exr.write_layers(tmp_path / "a.exr", {"color": np.zeros((3000, 4000, 4), np.float32)}, half=True)
+    assert not exr.read_layers(tmp_path / "a.exr")["color"].any()
+
+
+def test_png_whose_size_lies_and_a_pipe(tmp_path):
+    png.write_mask(tmp_path / "m.png", np.zeros((8, 8), bool))
+    data = (tmp_path / "m.png").read_bytes()
+    header = data[:16] + struct.pack(">II", 60_000, 60_000) + data[24:29]
+    (tmp_path / "m.png").write_bytes(header + struct.pack(">I", zlib.crc32(header[12:])) + data[33:])
+    with pytest.raises(LfsrError, match="not a readable"):
+        png.read_mask(tmp_path / "m.png")
+    os.mkfifo(tmp_path / "pipe")
+    for read in (png.read_mask, exr.read_layers):
+        with pytest.raises(LfsrError, match="no regular file"):
+            read(tmp_path / "pipe")
 
 
 FULL_DISK = """

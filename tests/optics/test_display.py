@@ -89,6 +89,14 @@ def test_dict_round_trip():
     ({"background": [0.0, 2.0, 0.0]}, "background.*0 to 1"),
     ({"background": [0.0, 0.0]}, "background.*three"),
     ({"name": ""}, "name is ''"),
+    ({"name": "n" * 101}, "name is 'nnn.*at most 100 characters"),
+    ({"description": 3}, "description is 3"),
+    ({"panel_pixels": [65540, 20], "lenses": [16385, 5]}, "panel_pixels.*no more than 65536 pixels a side"),
+    ({"panel_pixels": [4 * 10**8, 4 * 10**8], "lenses": [10**8, 10**8]}, "no more than 65536"),
+    ({"lenses": [10**400, 5]}, "lenses is .*no more than 65536"),
+    ({"viewing_distance_mm": 10**400}, "viewing_distance_mm is 1000"),
+    ({"panel_mm": [80e300, 40e300]}, "panel_mm"),
+    ({"ei_order": ["flipped"]}, "ei_order"),
     ({"viewing_distanse_mm": 3.0}, "unknown field 'viewing_distanse_mm'; did you mean 'viewing_distance_mm'"),
     ({"zzz": 3.0}, "unknown field 'zzz'; the fields are name"),
 ])
@@ -115,7 +123,7 @@ def test_own_file(tmp_path):
     assert load_display(file) == DisplayProfile.from_dict(GOOD)
 
 
-@pytest.mark.parametrize("content", [b"name = ", b"\xff\xfe"])
+@pytest.mark.parametrize("content", [b"name = ", b"\xff\xfe", b"a = " + b"[" * 5000, b"a = " + b"9" * 5000])
 def test_broken_file_names_itself(tmp_path, content):
     file = tmp_path / "broken.toml"
     file.write_bytes(content)
@@ -124,5 +132,5 @@ def test_broken_file_names_itself(tmp_path, content):
 
 
 def test_absent_file_names_itself(tmp_path):
-    with pytest.raises(LfsrError, match=r"absent.toml cannot be read"):
+    with pytest.raises(LfsrError, match=r"absent.toml does not exist, expected a display profile"):
         load_display(tmp_path / "absent.toml")

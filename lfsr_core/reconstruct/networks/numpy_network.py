@@ -6,8 +6,8 @@ cache. ONNX Runtime would cost the extension 15 to 24 MB per platform and Python
 
 from __future__ import annotations
 
+import dataclasses
 import functools
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,15 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.files import parse_json
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.encoding import decode, encode
 from lfsr_core.reconstruct.networks import weights_file
+from lfsr_core.records import from_data
 
 MAX_LOG2_SAMPLES = 12.0
 LEAST_LIGHT, MAX_GAIN = 1e-4, 2.0
+MOST_BLOCKS = 64
 ENCODED = ("oidn", "guided", "color")
 
 
@@ -62,6 +65,32 @@ def network_inputs(network: ElementalNetwork, low: LowResEIA, lenses: np.ndarray
     return features, base
 
 
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """Hyper-parameters of a network of ours, as ``lightfield.LightFieldNet`` takes them.
+
+    Attributes
+    ----------
+    inputs : layers that the features are made of, in their order
+    base, second_base : layers that the correction is added to; no second where empty
+    width, body_width : channels at full and at half resolution
+    blocks : of the body
+    spatial : blocks across lenses, which only training knows
+    """
+
+    inputs: tuple[str, ...]
+    base: str
+    width: int
+    body_width: int
+    blocks: int
+    second_base: str = ""
+    spatial: bool = False
+
+    def __post_init__(self) -> None:
+        if not {self.base, self.second_base or self.base} <= {*self.inputs} or not 0 <= self.blocks <= MOST_BLOCKS:
+            raise LfsrError(f"bases must be among the inputs, and blocks, {self.blocks}, at most {MOST_BLOCKS}")
+
+
 class ElementalNetwork:
     """The arithmetic of ``lightfield.LightFieldNet`` on channels-last arrays, from its tensors and options."""
 
@@ -69,14 +98,13 @@ class ElementalNetwork:
         if options.get("spatial"):
             raise LfsrError(f"{origin} holds a network with convolutions across lenses, which nothing runs: "
                             "train it again")
-        self.inputs, self.base = tuple(options["inputs"]), options["base"]
-        self._blocks = int(options["blocks"])
-        second = options.get("second_base")
-        self._second = channels(self.inputs[:self.inputs.index(second)]) if second else None
+        known = from_data(Options, dict(options), f"options of {origin}")
+        self.inputs, self.base, self._blocks = known.inputs, known.base, known.blocks
+        self._second = channels(self.inputs[:self.inputs.index(known.second_base)]) if known.second_base else None
+        _check(self, tensors, known, origin)
         # Convolutions as (rows of a patch, outputs) matrices.
-        self._matrix = {name: _matrix(value) for name, value in tensors.items() if name.endswith("weight")}
+        self._matrix = {name: _matrix(value) for name, value in tensors.items() if value.ndim == 4}
         self._bias = {name: value for name, value in tensors.items() if name.endswith("bias")}
-        _check(self, tensors, options, origin)
 
     @property
     def input_channels(self) -> int:
@@ -130,17 +158,21 @@ def _load(path: Path, _written: int) -> ElementalNetwork:
     if header.get("architecture") != "LightFieldNet":
         raise LfsrError(f"{path} holds weights for architecture {header.get('architecture')!r}, expected "
                         "'LightFieldNet': choose the file that fits or train it again")
-    return ElementalNetwork(tensors, json.loads(header["options"]), path)
+    try:
+        options = from_data(dict[str, Any], parse_json(header.get("options", "").encode()), "options")
+        return ElementalNetwork(tensors, options, path)
+    except ValueError as error:
+        raise LfsrError(f"{path} holds no network ({error}): get it again or train it again") from None
 
 
-def _check(network: ElementalNetwork, tensors: Mapping[str, np.ndarray], options: Mapping[str, Any],
+def _check(network: ElementalNetwork, tensors: Mapping[str, np.ndarray], options: Options,
            origin: object) -> None:
     """LfsrError unless every tensor has the shape that the options ask for."""
-    width, body = options["width"], options["body_width"]
+    width, body = options.width, options.body_width
     shapes = {"stem": (width, network.input_channels, 3, 3), "down": (body, width, 2, 2), "up": (width * 4, body, 1, 1),
               "out": (network.outputs, width, 3, 3)}
     shapes |= {f"body.{block}.{layer}": (body, body, 3, 3)
-               for block in range(options["blocks"]) for layer in ("angular", "spatial")}
+               for block in range(options.blocks) for layer in ("angular", "spatial")}
     for name, shape in shapes.items():
         found = tensors.get(f"{name}.weight", np.empty(0)).shape
         if found != shape or tensors.get(f"{name}.bias", np.empty(0)).shape != shape[:1]:

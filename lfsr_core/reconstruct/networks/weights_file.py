@@ -7,30 +7,31 @@ package is compiled for each platform, which would make the extension one zip ea
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.files import parse_json, read_bytes
+from lfsr_core.records import from_data
 
 FORMAT, VERSION = "lfsr-weights", 1
-MAX_BYTES = 1_000_000
+MAX_BYTES, MOST_AXES = 1_000_000, 8
 TYPES = {"F32": np.dtype("<f4"), "F16": np.dtype("<f2"), "I64": np.dtype("<i8")}
 
 
 def read(path: str | Path) -> tuple[dict[str, str], dict[str, np.ndarray]]:
     """Header and tensors; LfsrError for a damaged file, another format or version, or a wrong hash."""
     path = Path(path)
+    content = read_bytes(path, "weights, as 'lfsr train' makes", 2 * MAX_BYTES)
     try:
-        header, tensors = _parse(path.read_bytes())
-    except FileNotFoundError:
-        raise LfsrError(f"{path} does not exist, expected weights: train them with 'lfsr train'") from None
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        header, tensors = _parse(content)
+    except ValueError as error:
         raise LfsrError(f"{path} cannot be read as safetensors weights ({error}): "
                         f"get it again or train it again") from None
     if header.get("format") != FORMAT:
@@ -53,19 +54,30 @@ def digest(tensors: Mapping[str, np.ndarray]) -> str:
     return state.hexdigest()
 
 
+@dataclasses.dataclass(frozen=True)
+class _Entry:
+    """A tensor in the header: ``data_offsets`` are where its bytes begin and end in the body."""
+
+    dtype: Literal["F32", "F16", "I64"]
+    shape: tuple[int, ...]
+    data_offsets: tuple[int, int]
+
+
 def _parse(content: bytes) -> tuple[dict[str, str], dict[str, np.ndarray]]:
-    """Header and tensors of a file's bytes; ValueError, KeyError or TypeError where they are damaged."""
+    """Header and tensors of a file's bytes; ValueError where they are damaged."""
     length = int.from_bytes(content[:8], "little")
     if len(content) < 8 or length > len(content) - 8:
         raise ValueError(f"{len(content)} bytes are too few for its header")
-    entries: dict[str, Any] = json.loads(content[8:8 + length])
-    metadata = entries.pop("__metadata__", {})
+    entries = from_data(dict[str, Any], parse_json(content[8:8 + length]), "header")
+    metadata = from_data(dict[str, str], entries.pop("__metadata__", {}), "header")
     body = content[8 + length:]
-    return dict(metadata), {name: _tensor(entry, body) for name, entry in entries.items()}
+    known = from_data(dict[str, _Entry], entries, "header")
+    return metadata, {name: _tensor(entry, body) for name, entry in known.items()}
 
 
-def _tensor(entry: dict[str, Any], body: bytes) -> np.ndarray:
-    kind, shape, (start, end) = TYPES[entry["dtype"]], tuple(entry["shape"]), entry["data_offsets"]
-    if not 0 <= start <= end <= len(body) or end - start != kind.itemsize * math.prod(shape):
-        raise ValueError(f"a tensor of shape {shape} does not fit bytes {start} to {end}")
+def _tensor(entry: _Entry, body: bytes) -> np.ndarray:
+    kind, shape, (start, end) = TYPES[entry.dtype], entry.shape, entry.data_offsets
+    fits = len(shape) <= MOST_AXES and all(0 <= count <= MAX_BYTES for count in shape)
+    if not (fits and 0 <= start <= end <= len(body) and end - start == kind.itemsize * math.prod(shape)):
+        raise ValueError(f"a tensor of shape {shape[:MOST_AXES]} does not fit bytes {start} to {end}")
     return np.frombuffer(body[start:end], kind).reshape(shape).copy()

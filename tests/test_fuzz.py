@@ -1,0 +1,170 @@
+"""Damaged data from outside: every outcome is success or one sentence, in bounded memory.
+
+200 cases of every kind; the 5000 of each marked ``long`` run with ``pytest -m long``.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from lfsr_core.errors import MOST_CHARACTERS, LfsrError
+from lfsr_core.frames.frame import FRAME_FILE, REPORT_FILE, read_frame
+from lfsr_core.frames.job import Job, read_job
+from lfsr_core.frames.report import Report, read_report, write_report
+from lfsr_core.images.exr import read_layers
+from lfsr_core.images.png import read_mask, read_png, write_mask
+from lfsr_core.optics.display import load_display
+from lfsr_core.reconstruct.networks import catalogue, numpy_network
+from lfsr_core.records import to_data
+from tests.support.synthetic import MINI, write_render
+
+MOST_MEMORY = 2**30  # bytes beyond what the tests hold already
+CASES, MANY_CASES = 200, 5000
+SPECIAL = ["", "\ud800", "x" * 5000, "../" * 50, -1, 0, 2**32, 10**400, 1e308, -0.0, None, True, [], {}, [[]] * 100]
+ODD = st.sampled_from(SPECIAL) | st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3), max_leaves=5)
+ODD_TEXT = st.sampled_from(["NaN", "Infinity", "-Infinity", "1e999", "[" * 1000, "{" * 1000, "9" * 400, "9" * 5000,
+                            '"' + "x" * 5000 + '"', '"\\ud800"', "0x1", ""])
+
+
+def places(data: Any) -> list[tuple[Any, Any]]:
+    """Every (container, key) inside JSON ``data``."""
+    entries = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    return [place for key, value in entries for place in ((data, key), *places(value))]
+
+
+@st.composite
+def damaged_json(draw: st.DrawFn, good: str) -> bytes:
+    """JSON text with one to three values replaced, removed or joined by others, or a token no JSON has."""
+    data = json.loads(good)
+    for _ in range(draw(st.integers(1, 3))):
+        container, key = draw(st.sampled_from(places(data) or [({"": 0}, "")]))
+        change = draw(st.sampled_from(["replace", "replace", "token", "remove", "add"]))
+        if change == "remove":
+            container.pop(key)
+        elif change == "add" and isinstance(container, dict):
+            container[draw(st.text())] = draw(ODD)
+        else:
+            container[key] = "TOKEN" if change == "token" else draw(ODD)
+    return json.dumps(data).replace('"TOKEN"', draw(ODD_TEXT)).encode()
+
+
+@st.composite
+def damaged_bytes(draw: st.DrawFn, good: bytes) -> bytes:
+    """A file with some bytes changed, mostly in its header, cut out, doubled, or cut off."""
+    data = bytearray(good)
+    for _ in range(draw(st.integers(1, 4))):
+        at = draw(st.integers(0, min(len(data), 700)) | st.integers(0, len(data)))
+        change = draw(st.sampled_from(["set", "set", "cut", "double", "end"]))
+        piece = draw(st.binary(min_size=1, max_size=8) | st.sampled_from([b"\xff" * 4, b"\0" * 4, b"\x7f\xff\xff\xff"]))
+        if change == "set":
+            data[at:at + len(piece)] = piece
+        elif change == "cut":
+            del data[at:at + len(piece)]
+        elif change == "double":
+            data[at:at] = data[at:at + 50]
+        else:
+            del data[max(at, 1):]
+    return bytes(data)
+
+
+def render_files(folder: Path) -> dict[str, bytes]:
+    """What a rendered and finished folder holds, by name."""
+    write_render(folder)
+    write_report(folder, Report("light", "mini", 2, 16, {"render": 1.0}, None, 0.3, ("a",), {"ssim_eia": 0.5}))
+    write_mask(folder / "mask.png", read_layers(folder / "lr_eia.exr")["color"][..., 3] > 0)
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def toml(data: dict[str, Any]) -> bytes:
+    """A profile as TOML, in which JSON's values are nearly always valid."""
+    return "\n".join(f"{key} = {json.dumps(value)}" for key, value in data.items()).encode()
+
+
+def profile_text(data: bytes) -> bytes:
+    try:
+        return toml(json.loads(data))
+    except (ValueError, RecursionError, AttributeError):
+        return data
+
+
+def read_weights(path: Path) -> None:
+    numpy_network._load.__wrapped__(path, 0)
+
+
+def use_frame(path: Path) -> None:
+    frame = read_frame(path.parent)
+    assert frame.rays.size and frame.rays.tiles
+
+
+def read_pictures(path: Path) -> None:
+    read_mask(path)
+    read_png(path)
+
+
+KINDS: dict[str, tuple[str, Callable[[Path], Any]]] = {
+    "frame": (FRAME_FILE, use_frame), "report": (REPORT_FILE, lambda path: read_report(path.parent)),
+    "job": ("job.json", read_job), "profile": ("profile.toml", load_display), "exr": ("lr_eia.exr", read_layers),
+    "png": ("mask.png", read_pictures), "weights": ("weights.safetensors", read_weights)}
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory) -> dict[str, bytes]:
+    files = render_files(tmp_path_factory.mktemp("good"))
+    job = Job("out", MINI, "scene.blend", layers=("albedo",), lens_list=((0, 0), (1, 1)), scale=2)
+    return files | {"job.json": json.dumps(to_data(job)).encode(), "profile.toml": json.dumps(MINI.to_dict()).encode(),
+                    "weights.safetensors": catalogue.weights_path("light", 4).read_bytes()}
+
+
+@pytest.fixture
+def bounded():
+    """Little memory beyond what the process has taken already."""
+    taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (taken + MOST_MEMORY, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+def attempt(folder: Path, kind: str, data: bytes) -> None:
+    name, read = KINDS[kind]
+    path = folder / name
+    path.write_bytes(profile_text(data) if kind == "profile" else data)
+    try:
+        read(path)
+    except LfsrError as error:
+        message = str(error)
+        assert 0 < len(message) <= MOST_CHARACTERS and "\n" not in message
+
+
+def fuzz(folder: Path, kind: str, content: bytes, cases: int) -> None:
+    binary = kind in ("exr", "png", "weights")
+    strategy = damaged_bytes(content) if binary else damaged_json(content.decode()) | damaged_bytes(content)
+
+    @settings(max_examples=cases, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @given(strategy)
+    def every_outcome_is_success_or_a_sentence(data: bytes) -> None:
+        attempt(folder, kind, data)
+
+    every_outcome_is_success_or_a_sentence()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_damaged_data_is_read_or_refused_in_a_sentence(tmp_path, good, bounded, kind):
+    attempt(tmp_path, kind, good[KINDS[kind][0]])
+    fuzz(tmp_path, kind, good[KINDS[kind][0]], CASES)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", KINDS)
+def test_much_damaged_data_is_read_or_refused_in_a_sentence(tmp_path, good, bounded, kind):
+    fuzz(tmp_path, kind, good[KINDS[kind][0]], MANY_CASES)
