@@ -25,46 +25,31 @@ REFERENCE_FILES = ("reference_a.exr", "reference_b.exr")
 
 @dataclasses.dataclass(frozen=True)
 class Frame:
-    """Everything that decides the pixels of one render.
+    """Everything that decides the pixels of one render."""
 
-    Attributes
-    ----------
-    display : the display it was rendered for
-    scale : by which the views are divided, 1 for a full-resolution render
-    array : placement of the dense camera array
-    matrix_world : from camera-array space (+X right, +Y up, +Z towards the display) to the world, row by row
-    samples : per pixel
-    seed : of Cycles' noise
-    frame : number of the scene's frame
-    convention, view_aperture, layout : how rays are laid out, see optics.rays
-    lens_list : (row, column) of the lenses that were rendered, None for all
-    layers : auxiliary layers in the EXR
-    world_visible : whether the world shows behind the subject
-    color : how Blender would show the scene
-    scene, subject : names of the file and of the foreground's collection
-    blender, device : what rendered it
-    seconds : the render stage's own times
-    """
-
-    display: DisplayProfile
-    scale: int
-    array: CameraArray
+    display: DisplayProfile  # the display it was rendered for
+    scale: int  # by which the views are divided, 1 for a full-resolution render
+    array: CameraArray  # placement of the dense camera array
+    # from camera-array space (+X right, +Y up, +Z towards the display) to the world, row by row
     matrix_world: tuple[tuple[float, ...], ...]
-    samples: int
-    seed: int = 0
-    frame: int = 1
+    samples: int  # per pixel
+    seed: int = 0  # of Cycles' noise
+    frame: int = 1  # number of the scene's frame
+    # convention, view_aperture, layout: how rays are laid out, see optics.rays
     convention: str = "centred"
     view_aperture: float = 1.0
-    lens_list: tuple[tuple[int, int], ...] | None = None
+    lens_list: tuple[tuple[int, int], ...] | None = None  # (row, column) of the lenses that were rendered, None for all
     layout: str = "one-pass"
-    layers: tuple[str, ...] = ()
-    world_visible: bool = False
-    color: ColorSettings = dataclasses.field(default_factory=ColorSettings)
+    layers: tuple[str, ...] = ()  # auxiliary layers in the EXR
+    world_visible: bool = False  # whether the world shows behind the subject
+    color: ColorSettings = dataclasses.field(default_factory=ColorSettings)  # how Blender would show the scene
+    # scene, subject: names of the file and of the foreground's collection
     scene: str = ""
     subject: str = ""
+    # blender, device: what rendered it
     blender: str = ""
     device: str = "CPU"
-    seconds: dict[str, float] = dataclasses.field(default_factory=dict)
+    seconds: dict[str, float] = dataclasses.field(default_factory=dict)  # the render stage's own times
 
     def __post_init__(self) -> None:
         if len(self.matrix_world) != 4 or any(len(row) != 4 for row in self.matrix_world):

@@ -22,46 +22,27 @@ SCENE_SUFFIXES = (".blend", ".glb", ".gltf", ".obj")
 
 @dataclasses.dataclass(frozen=True)
 class Job:
-    """What to render and where to; LfsrError on values that cannot be rendered.
+    """What to render and where to; LfsrError on values that cannot be rendered."""
 
-    Attributes
-    ----------
-    output : folder to write
-    display : the display to render for
-    scene : file to open, empty when Blender has it open already
-    kind : "render" or "reference", which has two halves
-    scale : by which the views are divided
-    spp : samples per pixel, which a reference splits evenly over its halves
-    layers : auxiliary layers to write too
-    layout, convention, view_aperture : how rays are laid out, see optics.rays
-    seed : of Cycles' noise
-    frame : number of the frame, None for the scene's current one
-    subject : collection that is the foreground, None for all but one called Background
-    lens_list : (row, column) of the lenses to render, None for all
-    device : Cycles' device
-    clamp_indirect : None for Cycles' default, 0 for none
-    world_visible : None for the scene's own film setting
-    scene_name : scene in the file, None for the one that is open in it
-    """
-
-    output: str
-    display: DisplayProfile
-    scene: str = ""
-    kind: str = "render"
-    scale: int = 4
-    spp: int = 16
-    layers: tuple[str, ...] = ()
+    output: str  # folder to write
+    display: DisplayProfile  # the display to render for
+    scene: str = ""  # file to open, empty when Blender has it open already
+    kind: str = "render"  # "render" or "reference", which has two halves
+    scale: int = 4  # by which the views are divided
+    spp: int = 16  # samples per pixel, which a reference splits evenly over its halves
+    layers: tuple[str, ...] = ()  # auxiliary layers to write too
+    # layout, convention, view_aperture: how rays are laid out, see optics.rays
     layout: str = "one-pass"
     convention: str = "centred"
     view_aperture: float = 1.0
-    seed: int = 0
-    frame: int | None = None
-    subject: str | None = None
-    lens_list: tuple[tuple[int, int], ...] | None = None
-    device: str = "CPU"
-    clamp_indirect: float | None = None
-    world_visible: bool | None = None
-    scene_name: str | None = None
+    seed: int = 0  # of Cycles' noise
+    frame: int | None = None  # number of the frame, None for the scene's current one
+    subject: str | None = None  # collection that is the foreground, None for all but one called Background
+    lens_list: tuple[tuple[int, int], ...] | None = None  # (row, column) of the lenses to render, None for all
+    device: str = "CPU"  # Cycles' device
+    clamp_indirect: float | None = None  # None for Cycles' default, 0 for none
+    world_visible: bool | None = None  # None for the scene's own film setting
+    scene_name: str | None = None  # scene in the file, None for the one that is open in it
 
     def __post_init__(self) -> None:
         for field, choices in (("kind", KINDS), ("layout", LAYOUTS), ("convention", CONVENTIONS)):

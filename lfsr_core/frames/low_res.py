@@ -20,27 +20,18 @@ class LowResEIA:
     """What a method sees of a low-resolution frame; (sy, sx, h, w, C) float32 arrays.
 
     Low view k' covers high views s·k' … s·k' + s - 1.
-
-    Attributes
-    ----------
-    color : scene-linear RGB over the background, finite, >= 0
-    alpha : coverage in [0, 1], C = 1
-    samples : per pixel, the noise level
-    scale : s, high-resolution views per low-resolution view along each axis
-    albedo, normal, position : where rendered, C = 3
-    noisy : colour as rendered, where a denoiser has changed ``color``
-    guided : colour denoised by the guides, beside ``color`` denoised without
     """
 
-    color: np.ndarray
-    alpha: np.ndarray
-    samples: int
-    scale: int
+    color: np.ndarray  # scene-linear RGB over the background, finite, >= 0
+    alpha: np.ndarray  # coverage in [0, 1], C = 1
+    samples: int  # per pixel, the noise level
+    scale: int  # s, high-resolution views per low-resolution view along each axis
+    # albedo, normal, position: where rendered, C = 3
     albedo: np.ndarray | None = None
     normal: np.ndarray | None = None
     position: np.ndarray | None = None
-    noisy: np.ndarray | None = None
-    guided: np.ndarray | None = None
+    noisy: np.ndarray | None = None  # colour as rendered, where a denoiser has changed ``color``
+    guided: np.ndarray | None = None  # colour denoised by the guides, beside ``color`` denoised without
 
     @property
     def layers(self) -> dict[str, np.ndarray]:

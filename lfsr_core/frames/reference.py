@@ -18,21 +18,14 @@ from lfsr_core.optics.eia import to_elemental_images
 
 @dataclasses.dataclass(frozen=True)
 class Reference:
-    """A reference folder in memory.
+    """A reference folder in memory."""
 
-    Attributes
-    ----------
-    folder : where it came from
-    frame : how it was rendered
-    half_a, half_b : (H, W, 3) scene-linear over the background; all lenses, or side by side those of the list
-    hits : (rows, columns) bool, the tiles where either half shows foreground
-    """
-
-    folder: Path
-    frame: Frame
+    folder: Path  # where it came from
+    frame: Frame  # how it was rendered
+    # half_a, half_b: (H, W, 3) scene-linear over the background; all lenses, or side by side those of the list
     half_a: np.ndarray
     half_b: np.ndarray
-    hits: np.ndarray
+    hits: np.ndarray  # (rows, columns) bool, the tiles where either half shows foreground
 
     @classmethod
     def read(cls, folder: str | Path) -> Reference:

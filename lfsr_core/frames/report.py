@@ -12,35 +12,22 @@ from lfsr_core.records import read_record, write_record
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """How a frame was finished, see docs/reference/frame-folder.md.
+    """How a frame was finished, see docs/reference/frame-folder.md."""
 
-    Attributes
-    ----------
-    method : name of the method
-    display : name of the display
-    scale, samples : of the render
-    seconds : of each stage
-    peak_bytes : most memory that the process held, None where the system does not say
-    foreground_share : of the lenses, in [0, 1]
-    notes : what the user should know
-    metrics : against a reference, empty until it was compared
-    replaced_pixels : pixels of the render that were not finite
-    dilate : lenses by which the foreground mask was grown
-    weights : file that replaced the weights of the method's network, None for the shipped ones
-    """
-
-    method: str
-    display: str
+    method: str  # name of the method
+    display: str  # name of the display
+    # scale, samples: of the render
     scale: int
     samples: int
-    seconds: dict[str, float]
-    peak_bytes: int | None
-    foreground_share: float
-    notes: tuple[str, ...] = ()
+    seconds: dict[str, float]  # of each stage
+    peak_bytes: int | None  # most memory that the process held, None where the system does not say
+    foreground_share: float  # of the lenses, in [0, 1]
+    notes: tuple[str, ...] = ()  # what the user should know
+    # against a reference, empty until it was compared
     metrics: dict[str, Any] = dataclasses.field(default_factory=dict)
-    replaced_pixels: int = 0
-    dilate: int = 0
-    weights: str | None = None
+    replaced_pixels: int = 0  # pixels of the render that were not finite
+    dilate: int = 0  # lenses by which the foreground mask was grown
+    weights: str | None = None  # file that replaced the weights of the method's network, None for the shipped ones
 
 
 def write_report(folder: str | Path, report: Report) -> None:

@@ -11,24 +11,14 @@ MOST_STOPS, MOST_GAMMA = 100, 100
 
 @dataclasses.dataclass(frozen=True)
 class ColorSettings:
-    """How Blender would show the scene: names of its OpenColorIO configuration.
+    """How Blender would show the scene: names of its OpenColorIO configuration."""
 
-    Attributes
-    ----------
-    display_device : the screen that the values are for
-    view_transform : how scene-linear light becomes values of that screen
-    look : an artistic change on the way; "None" or "" for none
-    exposure : in stops
-    gamma : exponent of the values is 1 / gamma
-    config : path of the configuration of the Blender that rendered, a hint only
-    """
-
-    display_device: str = "sRGB"
-    view_transform: str = "Standard"
-    look: str = "None"
-    exposure: float = 0.0
-    gamma: float = 1.0
-    config: str = ""
+    display_device: str = "sRGB"  # the screen that the values are for
+    view_transform: str = "Standard"  # how scene-linear light becomes values of that screen
+    look: str = "None"  # an artistic change on the way; "None" or "" for none
+    exposure: float = 0.0  # in stops
+    gamma: float = 1.0  # exponent of the values is 1 / gamma
+    config: str = ""  # path of the configuration of the Blender that rendered, a hint only
 
     def __post_init__(self) -> None:
         if not (abs(self.exposure) <= MOST_STOPS and 0 <= self.gamma <= MOST_GAMMA):

@@ -23,33 +23,20 @@ MOST_BYTES = 100_000  # of a profile's file
 
 @dataclasses.dataclass(frozen=True)
 class DisplayProfile:
-    """One integral-imaging display; pairs are (horizontal, vertical).
+    """One integral-imaging display; pairs are (horizontal, vertical)."""
 
-    Attributes
-    ----------
-    name : what it is called on the command line
-    panel_pixels : lenses × views
-    panel_mm : size of the panel
-    lenses : of the array
-    views : pixels behind each lens
-    viewing_distance_mm : from the lens array to where all views meet
-    viewing_angle_deg : width of the zone in which an eye sees the views of one lens
-    ei_order : "flipped" where the pixel left of a lens centre is seen from the right (a physical lens array),
-        "direct" where the display driver flips
-    background : scene-linear RGB in [0, 1], where a lens shows nothing
-    description : one line for menus
-    """
-
-    name: str
-    panel_pixels: tuple[int, int]
-    panel_mm: tuple[float, float]
-    lenses: tuple[int, int]
-    views: tuple[int, int]
-    viewing_distance_mm: float
-    viewing_angle_deg: float
+    name: str  # what it is called on the command line
+    panel_pixels: tuple[int, int]  # lenses × views
+    panel_mm: tuple[float, float]  # size of the panel
+    lenses: tuple[int, int]  # of the array
+    views: tuple[int, int]  # pixels behind each lens
+    viewing_distance_mm: float  # from the lens array to where all views meet
+    viewing_angle_deg: float  # width of the zone in which an eye sees the views of one lens
+    # "flipped" where the pixel left of a lens centre is seen from the right (a physical lens array), "direct" where the
+    # display driver flips
     ei_order: str = "flipped"
-    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    description: str = ""
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # scene-linear RGB in [0, 1], where a lens shows nothing
+    description: str = ""  # one line for menus
 
     def __post_init__(self) -> None:
         for check in (_check_counts, _check_lengths, _check_pixels, _check_look):

@@ -21,19 +21,13 @@ CONVENTIONS = ("centred", "paper")
 
 @dataclasses.dataclass(frozen=True)
 class CameraArray:
-    """Placement of the dense camera array in scene units.
+    """Placement of the dense camera array in scene units."""
 
-    Attributes
-    ----------
-    distance : from the camera plane to the display plane
-    half_width, half_height : half the display rectangle
-    spacing : between neighbouring dense views
-    """
-
-    distance: float
+    distance: float  # from the camera plane to the display plane
+    # half_width, half_height: half the display rectangle
     half_width: float
     half_height: float
-    spacing: float
+    spacing: float  # between neighbouring dense views
 
     @classmethod
     def for_display(cls, profile: DisplayProfile, width: float, distance: float | None = None) -> CameraArray:
@@ -51,24 +45,16 @@ class CameraArray:
 
 @dataclasses.dataclass(frozen=True)
 class RayLayout:
-    """Which ray each pixel of one render sends (paper Eqs. (4)-(8)).
+    """Which ray each pixel of one render sends (paper Eqs. (4)-(8))."""
 
-    Attributes
-    ----------
-    lenses, views : (horizontal, vertical) counts of this render
-    array : placement of the dense camera array
-    spacing : between the views of this render, s × the dense spacing
-    convention : one of CONVENTIONS, "centred" unless the paper is reproduced
-    view_aperture : share of a view's cell that its rays cover, in [0, 1] (0: a point)
-    lens_list : only these lenses, as (row, column) pairs in tiles of the image, row by row; None for all
-    """
-
+    # lenses, views: (horizontal, vertical) counts of this render
     lenses: tuple[int, int]
     views: tuple[int, int]
-    array: CameraArray
-    spacing: float
-    convention: str = "centred"
-    view_aperture: float = 1.0
+    array: CameraArray  # placement of the dense camera array
+    spacing: float  # between the views of this render, s × the dense spacing
+    convention: str = "centred"  # one of CONVENTIONS, "centred" unless the paper is reproduced
+    view_aperture: float = 1.0  # share of a view's cell that its rays cover, in [0, 1] (0: a point)
+    # only these lenses, as (row, column) pairs in tiles of the image, row by row; None for all
     lens_list: tuple[tuple[int, int], ...] | None = None
 
     def __post_init__(self) -> None:

@@ -27,17 +27,12 @@ MOST_KEPT = 0.8  # of a gain may come again with the next step of samples, when 
 
 @dataclasses.dataclass(frozen=True, order=True)
 class Candidate:
-    """One way to make a frame.
+    """One way to make a frame."""
 
-    Attributes
-    ----------
-    scale, spp : of the render, spp being samples per pixel
-    method : name of the second stage's method
-    """
-
+    # scale, spp: of the render, spp being samples per pixel
     scale: int
     spp: int
-    method: str
+    method: str  # name of the second stage's method
 
     @property
     def name(self) -> str:
@@ -57,36 +52,21 @@ class Candidate:
 
 @dataclasses.dataclass(frozen=True)
 class Rated:
-    """What is known of a candidate.
+    """What is known of a candidate."""
 
-    Attributes
-    ----------
-    candidate : the candidate
-    seconds : predicted for a whole frame
-    estimate : its accuracy, None where it was not measured
-    note : why it was not; BETWEEN for one that lies between two measured ones
-    """
-
-    candidate: Candidate
-    seconds: float
-    estimate: Estimate | None = None
-    note: str = ""
+    candidate: Candidate  # the candidate
+    seconds: float  # predicted for a whole frame
+    estimate: Estimate | None = None  # its accuracy, None where it was not measured
+    note: str = ""  # why it was not; BETWEEN for one that lies between two measured ones
 
 
 @dataclasses.dataclass(frozen=True)
 class Choice:
-    """The outcome of a plan.
+    """The outcome of a plan."""
 
-    Attributes
-    ----------
-    chosen : the cheapest that meets the target with 95 % confidence, None if nothing does
-    best : the measured candidate with the highest lower bound, None without any
-    limit : why nothing meets the target
-    """
-
-    chosen: Rated | None
-    best: Rated | None
-    limit: str = ""
+    chosen: Rated | None  # the cheapest that meets the target with 95 % confidence, None if nothing does
+    best: Rated | None  # the measured candidate with the highest lower bound, None without any
+    limit: str = ""  # why nothing meets the target
 
 
 def low_pixels(display: DisplayProfile, scale: int) -> int:

@@ -16,41 +16,25 @@ LEAST_FOR_REGRESSION = 12  # lenses per stratum and beyond its covariates
 
 @dataclasses.dataclass(frozen=True)
 class Estimate:
-    """Accuracy of a whole frame, from a sample of its lenses.
+    """Accuracy of a whole frame, from a sample of its lenses."""
 
-    Attributes
-    ----------
-    mean : over all lenses that count
-    low, high : one-sided 95 % bounds of it
-    error : its standard error
-    lenses : how many were looked at
-    """
-
-    mean: float
+    mean: float  # over all lenses that count
+    # low, high: one-sided 95 % bounds of it
     low: float
     high: float
-    error: float
-    lenses: int
+    error: float  # its standard error
+    lenses: int  # how many were looked at
 
 
 @dataclasses.dataclass(frozen=True)
 class Stratum:
-    """Random lenses of one part of the display.
+    """Random lenses of one part of the display."""
 
-    Attributes
-    ----------
-    population : lenses of the part
-    values : (n,) accuracy of the sampled ones
-    inside : (n,) bool, which of them count for the metric at all
-    covariates : (n, k), what is known of every lens of the part and may explain the values
-    population_means : (k,) means of the covariates over the part
-    """
-
-    population: int
-    values: np.ndarray
-    inside: np.ndarray
-    covariates: np.ndarray | None = None
-    population_means: np.ndarray | None = None
+    population: int  # lenses of the part
+    values: np.ndarray  # (n,) accuracy of the sampled ones
+    inside: np.ndarray  # (n,) bool, which of them count for the metric at all
+    covariates: np.ndarray | None = None  # (n, k), what is known of every lens of the part and may explain the values
+    population_means: np.ndarray | None = None  # (k,) means of the covariates over the part
 
 
 def estimate(strata: Sequence[Stratum], z: float = NORMAL_ONE_SIDED) -> Estimate:
@@ -90,18 +74,11 @@ def _check(strata: Sequence[Stratum]) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class _Part:
-    """What a stratum's sample says.
+    """What a stratum's sample says."""
 
-    Attributes
-    ----------
-    mean : over inside and outside lenses, which count as 0
-    deviations : (n,) of each lens from it
-    covariates : how many were of use
-    """
-
-    mean: float
-    deviations: np.ndarray
-    covariates: int
+    mean: float  # over inside and outside lenses, which count as 0
+    deviations: np.ndarray  # (n,) of each lens from it
+    covariates: int  # how many were of use
 
 
 def _part(stratum: Stratum) -> _Part:

@@ -26,18 +26,11 @@ Report = Callable[[str, float], None]
 
 @dataclasses.dataclass(frozen=True)
 class Question:
-    """What is to be planned.
+    """What is to be planned."""
 
-    Attributes
-    ----------
-    job : scene, display and frame; its scale, samples and output do not matter
-    options : target, metric and what the sample may cost
-    wanted : the candidates, cheapest render first
-    """
-
-    job: Job
-    options: Options
-    wanted: tuple[Candidate, ...]
+    job: Job  # scene, display and frame; its scale, samples and output do not matter
+    options: Options  # target, metric and what the sample may cost
+    wanted: tuple[Candidate, ...]  # the candidates, cheapest render first
 
     @property
     def display(self) -> DisplayProfile:
@@ -57,22 +50,13 @@ class Question:
 
 @dataclasses.dataclass(frozen=True)
 class LensSample:
-    """The lenses that stand for the display.
+    """The lenses that stand for the display."""
 
-    Attributes
-    ----------
-    look : what the quick look knows of every lens
-    frame : how the quick look was rendered
-    strata : sampled lenses by name of STRATA
-    budget : what the sample costs
-    limit : path samples that it may cost, infinite where the number of lenses was asked for
-    """
-
-    look: QuickLook
-    frame: Frame
-    strata: dict[str, list[Lens]]
-    budget: Budget
-    limit: float
+    look: QuickLook  # what the quick look knows of every lens
+    frame: Frame  # how the quick look was rendered
+    strata: dict[str, list[Lens]]  # sampled lenses by name of STRATA
+    budget: Budget  # what the sample costs
+    limit: float  # path samples that it may cost, infinite where the number of lenses was asked for
 
     @property
     def lenses(self) -> list[Lens]:

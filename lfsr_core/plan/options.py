@@ -12,32 +12,21 @@ from lfsr_core.plan.candidates import METRICS, SAMPLES, Candidate, candidates
 
 @dataclasses.dataclass(frozen=True)
 class Options:
-    """Target, candidates, and what the sample may cost; LfsrError for what cannot be.
+    """Target, candidates, and what the sample may cost; LfsrError for what cannot be."""
 
-    Attributes
-    ----------
-    target : accuracy to reach, in (0, 1)
-    metric : one of METRICS
-    scales, spps, methods : as for ``candidates``
-    renders : of those candidates only these pairs of scale and samples, None for all
-    between : sample counts judged between each two that are measured
-    most_seconds : longest time of a frame, None for any
-    share : of the costliest candidate's path samples that the sample may take
-    lenses : sample just so many instead
-    reference_spp : samples per pixel of the sampled lenses' reference
-    """
-
-    target: float = 0.95
-    metric: str = METRICS[0]
+    target: float = 0.95  # accuracy to reach, in (0, 1)
+    metric: str = METRICS[0]  # one of METRICS
+    # scales, spps, methods: as for ``candidates``
     scales: tuple[int, ...] | None = None
     spps: tuple[int, ...] = SAMPLES
     methods: tuple[str, ...] | None = None
+    # of those candidates only these pairs of scale and samples, None for all
     renders: tuple[tuple[int, int], ...] | None = None
-    between: int = 3
-    most_seconds: float | None = None
-    share: float = 0.05
-    lenses: int | None = None
-    reference_spp: int = 256
+    between: int = 3  # sample counts judged between each two that are measured
+    most_seconds: float | None = None  # longest time of a frame, None for any
+    share: float = 0.05  # of the costliest candidate's path samples that the sample may take
+    lenses: int | None = None  # sample just so many instead
+    reference_spp: int = 256  # samples per pixel of the sampled lenses' reference
 
     def __post_init__(self) -> None:
         if not 0 < self.target < 1:

@@ -31,52 +31,29 @@ SAMPLE_FILE = "sample.json"
 
 @dataclasses.dataclass(frozen=True)
 class SampleFacts:
-    """What was looked at for a plan, and what that cost.
+    """What was looked at for a plan, and what that cost."""
 
-    Attributes
-    ----------
-    lenses : sampled, by the part of the display they stand for
-    foreground : lenses that show foreground
-    costliest : name of the candidate whose frame takes most path samples
-    costliest_seconds : predicted for that frame
-    seconds : of all renders of the sample
-    measuring_seconds : of all second stages on it
-    share : path samples of the sample, as a share of the costliest candidate's frame
-    share_of_seconds : the same in seconds of rendering
-    cost_ratio : of a sample in a foreground lens to one in the mean lens
-    within_budget : False where the number of lenses was asked for or is the least possible
-    reference_noise : standard deviation of a half of the reference, sRGB values
-    largest_gain : accuracy that a candidate gained with twice the reference's samples
-    """
-
-    lenses: dict[str, int]
-    foreground: int
-    costliest: str
-    costliest_seconds: float
-    seconds: float
-    measuring_seconds: float
-    share: float
-    share_of_seconds: float
-    cost_ratio: float
-    within_budget: bool
-    reference_noise: float
-    largest_gain: float
+    lenses: dict[str, int]  # sampled, by the part of the display they stand for
+    foreground: int  # lenses that show foreground
+    costliest: str  # name of the candidate whose frame takes most path samples
+    costliest_seconds: float  # predicted for that frame
+    seconds: float  # of all renders of the sample
+    measuring_seconds: float  # of all second stages on it
+    share: float  # path samples of the sample, as a share of the costliest candidate's frame
+    share_of_seconds: float  # the same in seconds of rendering
+    cost_ratio: float  # of a sample in a foreground lens to one in the mean lens
+    within_budget: bool  # False where the number of lenses was asked for or is the least possible
+    reference_noise: float  # standard deviation of a half of the reference, sRGB values
+    largest_gain: float  # accuracy that a candidate gained with twice the reference's samples
 
 
 @dataclasses.dataclass(frozen=True)
 class Planned:
-    """A finished plan.
+    """A finished plan."""
 
-    Attributes
-    ----------
-    rated : what is known of every candidate, cheapest first
-    choice : the cheapest that will do, or why there is none
-    sample : what was looked at
-    """
-
-    rated: tuple[Rated, ...]
-    choice: Choice
-    sample: SampleFacts
+    rated: tuple[Rated, ...]  # what is known of every candidate, cheapest first
+    choice: Choice  # the cheapest that will do, or why there is none
+    sample: SampleFacts  # what was looked at
 
 
 def make_plan(job: Job, options: Options, render: Render, folder: Path, progress: Progress = silent) -> Planned:

@@ -46,22 +46,15 @@ def sentence(choice: Choice, options: Options) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class CandidateReport:
-    """What a plan says of one candidate.
+    """What a plan says of one candidate."""
 
-    Attributes
-    ----------
-    scale, spp, method : the candidate
-    seconds : predicted for a whole frame
-    estimate : accuracy, None where it was not measured
-    note : why it was not, or BETWEEN
-    """
-
+    # scale, spp, method: the candidate
     scale: int
     spp: int
     method: str
-    seconds: float
-    estimate: Estimate | None
-    note: str
+    seconds: float  # predicted for a whole frame
+    estimate: Estimate | None  # accuracy, None where it was not measured
+    note: str  # why it was not, or BETWEEN
 
     @classmethod
     def of(cls, row: Rated) -> CandidateReport:
@@ -71,30 +64,19 @@ class CandidateReport:
 
 @dataclasses.dataclass(frozen=True)
 class PlanReport:
-    """Everything that was measured, as `lfsr plan --json` writes it, see docs/guide/plan.md.
+    """Everything that was measured, as `lfsr plan --json` writes it, see docs/guide/plan.md."""
 
-    Attributes
-    ----------
-    scene, display, seed : what was planned for
-    options : of the plan
-    sample : what was looked at, and what that cost
-    candidates : all of them, cheapest first
-    chosen : the cheapest that meets the target, None where none does
-    best : the measured candidate with the highest lower bound, None without any
-    limit : why nothing meets the target, else empty
-    sentence : the outcome for a person
-    """
-
+    # scene, display, seed: what was planned for
     scene: str
     display: str
     seed: int
-    options: Options
-    sample: SampleFacts
-    candidates: tuple[CandidateReport, ...]
-    chosen: CandidateReport | None
-    best: CandidateReport | None
-    limit: str
-    sentence: str
+    options: Options  # of the plan
+    sample: SampleFacts  # what was looked at, and what that cost
+    candidates: tuple[CandidateReport, ...]  # all of them, cheapest first
+    chosen: CandidateReport | None  # the cheapest that meets the target, None where none does
+    best: CandidateReport | None  # the measured candidate with the highest lower bound, None without any
+    limit: str  # why nothing meets the target, else empty
+    sentence: str  # the outcome for a person
 
 
 def plan_report(planned: Planned, options: Options, job: Job) -> PlanReport:

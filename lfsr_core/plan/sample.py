@@ -31,34 +31,20 @@ Lens = tuple[int, int]
 
 @dataclasses.dataclass(frozen=True)
 class QuickCost:
-    """What the quick look cost, and what it says of costs.
+    """What the quick look cost, and what it says of costs."""
 
-    Attributes
-    ----------
-    samples : path samples that were spent on every lens
-    cost_ratio : of a sample in a sampled lens, which shows more, to one in the mean lens
-    """
-
-    samples: float
-    cost_ratio: float
+    samples: float  # path samples that were spent on every lens
+    cost_ratio: float  # of a sample in a sampled lens, which shows more, to one in the mean lens
 
 
 @dataclasses.dataclass(frozen=True)
 class Budget:
-    """What the sample may cost, in mean path samples of a whole frame.
+    """What the sample may cost, in mean path samples of a whole frame."""
 
-    Attributes
-    ----------
-    allowed : in all
-    quick : of the quick look
-    reference : path samples that one sampled lens of the reference takes
-    renders : the same of the renders, by (scale, spp)
-    """
-
-    allowed: float
-    quick: QuickCost
-    reference: float
-    renders: Mapping[tuple[int, int], float]
+    allowed: float  # in all
+    quick: QuickCost  # of the quick look
+    reference: float  # path samples that one sampled lens of the reference takes
+    renders: Mapping[tuple[int, int], float]  # the same of the renders, by (scale, spp)
 
     @property
     def lenses(self) -> int:
@@ -142,16 +128,10 @@ def with_neighbours(lenses: Sequence[Lens], reach_: int, grid: tuple[int, int]) 
 
 @dataclasses.dataclass(frozen=True)
 class Mosaic:
-    """Blocks of lenses side by side, as one small EIA.
+    """Blocks of lenses side by side, as one small EIA."""
 
-    Attributes
-    ----------
-    index : (rows, columns) of its lenses, into a list of rendered ones
-    centres : (n, 2) row and column of each block's middle
-    """
-
-    index: np.ndarray
-    centres: np.ndarray
+    index: np.ndarray  # (rows, columns) of its lenses, into a list of rendered ones
+    centres: np.ndarray  # (n, 2) row and column of each block's middle
 
     @classmethod
     def of(cls, blocks: np.ndarray) -> Mosaic:

@@ -32,20 +32,12 @@ FINISHING = ("load", "mask", "assemble", "color", "write")
 
 @dataclasses.dataclass(frozen=True)
 class QuickLook:
-    """What a few samples of every lens show.
+    """What a few samples of every lens show."""
 
-    Attributes
-    ----------
-    masks : (sy, sx) bool by name of the stratum, see sample.strata_masks
-    features : (sy, sx, k), see the function ``features``
-    finish : seconds of the second stage's steps that no method changes
-    shown : share of the frame that a denoiser looks at
-    """
-
-    masks: dict[str, np.ndarray]
-    features: np.ndarray
-    finish: dict[str, float]
-    shown: float
+    masks: dict[str, np.ndarray]  # (sy, sx) bool by name of the stratum, see sample.strata_masks
+    features: np.ndarray  # (sy, sx, k), see the function ``features``
+    finish: dict[str, float]  # seconds of the second stage's steps that no method changes
+    shown: float  # share of the frame that a denoiser looks at
 
     def covariates(self, name: str, lenses: Sequence[Lens]) -> tuple[np.ndarray | None, np.ndarray | None]:
         """Covariates (n, k) of sampled foreground lenses and their means over all of them; None for other strata."""
@@ -57,18 +49,11 @@ class QuickLook:
 
 @dataclasses.dataclass(frozen=True)
 class SampledReference:
-    """The sampled lenses' reference.
+    """The sampled lenses' reference."""
 
-    Attributes
-    ----------
-    quarters : four independent renders (n, py, px, 3), scene-linear
-    hits : (n,) bool, lenses with any foreground
-    noise : standard deviation of the mean of two quarters, a half, in sRGB values
-    """
-
-    quarters: tuple[np.ndarray, ...]
-    hits: np.ndarray
-    noise: float
+    quarters: tuple[np.ndarray, ...]  # four independent renders (n, py, px, 3), scene-linear
+    hits: np.ndarray  # (n,) bool, lenses with any foreground
+    noise: float  # standard deviation of the mean of two quarters, a half, in sRGB values
 
     @classmethod
     def read(cls, paths: Sequence[Path], frame: Frame, count: int) -> SampledReference:
@@ -86,16 +71,10 @@ class SampledReference:
 
 @dataclasses.dataclass(frozen=True)
 class Scores:
-    """How near a method comes.
+    """How near a method comes."""
 
-    Attributes
-    ----------
-    values : (n,) split SSIM of each sampled lens, corrected for the reference's noise
-    gain : by which twice the reference's samples raised their mean
-    """
-
-    values: np.ndarray
-    gain: float
+    values: np.ndarray  # (n,) split SSIM of each sampled lens, corrected for the reference's noise
+    gain: float  # by which twice the reference's samples raised their mean
 
 
 def quick_look(folder: Path) -> QuickLook:

@@ -15,43 +15,25 @@ from lfsr_core.plan.candidates import Candidate, low_pixels
 
 @dataclasses.dataclass(frozen=True)
 class StageTime:
-    """Seconds of a second stage.
+    """Seconds of a second stage."""
 
-    Attributes
-    ----------
-    fixed : whatever the frame
-    per_pixel : of each low-resolution pixel that is denoised
-    per_lens : of each lens of the foreground
-    """
-
-    fixed: float
-    per_pixel: float
-    per_lens: float
+    fixed: float  # whatever the frame
+    per_pixel: float  # of each low-resolution pixel that is denoised
+    per_lens: float  # of each lens of the foreground
 
 
 @dataclasses.dataclass(frozen=True)
 class TimeModel:
-    """Measured costs of one scene on one display, in seconds.
+    """Measured costs of one scene on one display, in seconds."""
 
-    Attributes
-    ----------
-    open : loading the scene
-    setup : of a render, whatever its size
-    per_sample : one sample of one pixel, mean over the whole frame
-    load : reading one low-resolution pixel
-    finish : mask, assembly, colour and writing of a frame
-    foreground : number of lenses that the method works on
-    shown : share of the frame that a denoiser looks at (denoise.shown_part)
-    stages : second stages by scale and method
-    """
-
-    open: float
-    setup: float
-    per_sample: float
-    load: float
-    finish: float
-    foreground: int
-    shown: float = 1.0
+    open: float  # loading the scene
+    setup: float  # of a render, whatever its size
+    per_sample: float  # one sample of one pixel, mean over the whole frame
+    load: float  # reading one low-resolution pixel
+    finish: float  # mask, assembly, colour and writing of a frame
+    foreground: int  # number of lenses that the method works on
+    shown: float = 1.0  # share of the frame that a denoiser looks at (denoise.shown_part)
+    # second stages by scale and method
     stages: Mapping[tuple[int, str], StageTime] = dataclasses.field(default_factory=dict)
 
     def seconds(self, candidate: Candidate, display: DisplayProfile) -> float:

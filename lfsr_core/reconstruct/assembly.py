@@ -29,22 +29,13 @@ Finish = Callable[[np.ndarray, np.ndarray], None]
 
 @dataclasses.dataclass(frozen=True)
 class Assembly:
-    """Which lenses of a frame are finished by what.
+    """Which lenses of a frame are finished by what."""
 
-    Attributes
-    ----------
-    low : the low-resolution EIA after every prefilter
-    mask : (sy, sx) bool, lenses for the upscaler
-    fill : (sy, sx) bool, lenses for the filler
-    upscaler : the method's
-    filler : a cheap one
-    """
-
-    low: LowResEIA
-    mask: np.ndarray
-    fill: np.ndarray
-    upscaler: Upscaler
-    filler: Upscaler
+    low: LowResEIA  # the low-resolution EIA after every prefilter
+    mask: np.ndarray  # (sy, sx) bool, lenses for the upscaler
+    fill: np.ndarray  # (sy, sx) bool, lenses for the filler
+    upscaler: Upscaler  # the method's
+    filler: Upscaler  # a cheap one
 
     @property
     def size(self) -> tuple[int, int]:

@@ -43,20 +43,12 @@ STEPS_OF_A_NETWORK = 3
 
 @dataclasses.dataclass(frozen=True, order=True)
 class MethodName:
-    """The name of a method and what follows from it; ``MethodName.parse`` makes one.
+    """The name of a method and what follows from it; ``MethodName.parse`` makes one."""
 
-    Attributes
-    ----------
-    text : the name as written, as in "oidn+bicubic+epi"
-    prefilters : what is done to the whole low-resolution EIA first, in order
-    upscaler : name of the one upscaler; "none" where every view was rendered
-    recovers : whether "epi" brings back lost detail
-    """
-
-    text: str
-    prefilters: tuple[str, ...]
-    upscaler: str
-    recovers: bool
+    text: str  # the name as written, as in "oidn+bicubic+epi"
+    prefilters: tuple[str, ...]  # what is done to the whole low-resolution EIA first, in order
+    upscaler: str  # name of the one upscaler; "none" where every view was rendered
+    recovers: bool  # whether "epi" brings back lost detail
 
     @classmethod
     def parse(cls, text: str | MethodName) -> MethodName:

@@ -34,18 +34,11 @@ PREFILTERS: dict[str, Callable[[LowResEIA], LowResEIA]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Method:
-    """One way to finish a frame.
+    """One way to finish a frame."""
 
-    Attributes
-    ----------
-    name : what it is called
-    prefilters : what is done to the whole low-resolution EIA, in order
-    upscaler : what makes each elemental image of the result
-    """
-
-    name: MethodName
-    prefilters: tuple[Callable[[LowResEIA], LowResEIA], ...]
-    upscaler: Upscaler
+    name: MethodName  # what it is called
+    prefilters: tuple[Callable[[LowResEIA], LowResEIA], ...]  # what is done to the whole low-resolution EIA, in order
+    upscaler: Upscaler  # what makes each elemental image of the result
 
     def prepare(self, low: LowResEIA) -> LowResEIA:
         """The low-resolution EIA after every prefilter."""

@@ -27,24 +27,15 @@ FILL_METHOD = PLAIN_METHOD
 
 @dataclasses.dataclass(frozen=True)
 class UpscaleOptions:
-    """How a frame is finished, besides the method.
+    """How a frame is finished, besides the method."""
 
-    Attributes
-    ----------
-    step : elemental images per call of the method, None for as many as suit it
-    dilate : lenses by which the foreground mask grows
-    selection : False treats every lens as foreground
-    weights : file for the method's network instead of the shipped one; for a method given by name
-    linear_exr : whether the scene-linear eia.exr is written too
-    progress : called with (stage, fraction, message)
-    """
-
-    step: int | None = None
-    dilate: int = 0
-    selection: bool = True
+    step: int | None = None  # elemental images per call of the method, None for as many as suit it
+    dilate: int = 0  # lenses by which the foreground mask grows
+    selection: bool = True  # False treats every lens as foreground
+    # file for the method's network instead of the shipped one; for a method given by name
     weights: str | Path | None = None
-    linear_exr: bool = False
-    progress: Progress = silent
+    linear_exr: bool = False  # whether the scene-linear eia.exr is written too
+    progress: Progress = silent  # called with (stage, fraction, message)
 
 
 DEFAULT = UpscaleOptions()

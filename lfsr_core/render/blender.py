@@ -18,14 +18,9 @@ OLDEST_BLENDER = (4, 5)
 
 @dataclasses.dataclass(frozen=True)
 class Blender:
-    """How to start Blender.
+    """How to start Blender."""
 
-    Attributes
-    ----------
-    executable : path of Blender, None for the bpy wheel of this Python
-    """
-
-    executable: str | None = None
+    executable: str | None = None  # path of Blender, None for the bpy wheel of this Python
 
     def command(self, job_file: Path) -> list[str]:
         """Command line that runs the render job in ``job_file``."""

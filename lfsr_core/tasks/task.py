@@ -9,13 +9,9 @@ from typing import Any
 
 @dataclasses.dataclass(frozen=True)
 class Task:
-    """One task of the add-on.
+    """One task of the add-on."""
 
-    Attributes
-    ----------
-    run : called with the entries of the task file; returns the result as JSON-ready data
-    starts_processes : then a request to stop is an exception, so that they are stopped too; else it ends on the spot
-    """
-
+    # called with the entries of the task file; returns the result as JSON-ready data
     run: Callable[..., dict[str, Any]]
+    # then a request to stop is an exception, so that they are stopped too; else it ends on the spot
     starts_processes: bool = False

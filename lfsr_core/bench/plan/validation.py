@@ -42,22 +42,13 @@ Actuals = dict[Candidate, Actual]
 
 @dataclasses.dataclass(frozen=True)
 class Draw:
-    """One draw of lenses on one scene of the bench.
+    """One draw of lenses on one scene of the bench."""
 
-    Attributes
-    ----------
-    folder : the scene's folder in the bench
-    scene_file : what Blender opens, empty where renders are replayed
-    seed : of the lenses
-    work : keeps the sample
-    cache : keeps measured candidates
-    """
-
-    folder: Path
-    scene_file: str
-    seed: int
-    work: Path
-    cache: Path
+    folder: Path  # the scene's folder in the bench
+    scene_file: str  # what Blender opens, empty where renders are replayed
+    seed: int  # of the lenses
+    work: Path  # keeps the sample
+    cache: Path  # keeps measured candidates
 
 
 @dataclasses.dataclass(frozen=True)

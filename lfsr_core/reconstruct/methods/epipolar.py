@@ -45,20 +45,12 @@ VERSION = 3  # of what comes out: figures measured with another one are out of d
 
 @dataclasses.dataclass(frozen=True)
 class LostDetail:
-    """What a method lacks of a low-resolution EIA; nothing of it is known where the foreground does not show.
+    """What a method lacks of a low-resolution EIA; nothing of it is known where the foreground does not show."""
 
-    Attributes
-    ----------
-    cleaned : what the method interpolates, (sy, sx, h, w, 3) encoded
-    lost : what that lacks, (sy, sx, h, w, 3) encoded
-    line : along which of LINES a lens lost most, (sy, sx) int
-    covered : lenses where the foreground shows, (sy, sx) bool
-    """
-
-    cleaned: np.ndarray
-    lost: np.ndarray
-    line: np.ndarray
-    covered: np.ndarray
+    cleaned: np.ndarray  # what the method interpolates, (sy, sx, h, w, 3) encoded
+    lost: np.ndarray  # what that lacks, (sy, sx, h, w, 3) encoded
+    line: np.ndarray  # along which of LINES a lens lost most, (sy, sx) int
+    covered: np.ndarray  # lenses where the foreground shows, (sy, sx) bool
 
 
 @dataclasses.dataclass(frozen=True)

@@ -78,17 +78,12 @@ CROSSTALK_REACH = 4  # half the widest kernel
 
 @dataclasses.dataclass(frozen=True)
 class Interpolation:
-    """A classical upscaler: one kernel in both directions of each EI. The other fields are those of ``Upscaler``.
-
-    Attributes
-    ----------
-    kernel : of KERNELS
-    crosstalk : samples beyond an EI are the CROSSTALK_REACH nearest pixels of its neighbours, as if the EIA were one
-        photograph, and do not repeat its border
-    """
+    """A classical upscaler: one kernel in both directions of each EI. The other fields are those of ``Upscaler``."""
 
     name: str
-    kernel: str
+    kernel: str  # of KERNELS
+    # samples beyond an EI are the CROSSTALK_REACH nearest pixels of its neighbours, as if the EIA were one photograph,
+    # and do not repeat its border
     crosstalk: bool = False
     thread_safe: bool = True
     notes: tuple[str, ...] = ()

@@ -19,30 +19,17 @@ EVERY_SCALE = (2, 3, 4, 5, 8, 10)
 
 @dataclass(frozen=True)
 class NetworkSpec:
-    """One network that can be named on the command line.
+    """One network that can be named on the command line."""
 
-    Attributes
-    ----------
-    description : one line for menus
-    architecture : its class, by name of ``pytorch.networks.ARCHITECTURES``
-    options : what that class takes beside the scale
-    scales : those it comes in
-    layers : auxiliary layers that it needs
-    upscaler : "module:class" that takes (name, **settings) and obeys ``contract.Upscaler``
-    weights : stem of its files, if that is not its name
-    trained_at : the one scale it was trained at, if its weights serve all
-    after : prefilter that must come before it
-    """
-
-    description: str
-    architecture: str
-    options: Mapping[str, Any] = field(default_factory=dict)
-    scales: tuple[int, ...] = (2, 3, 4, 8)
-    layers: tuple[str, ...] = ()
-    upscaler: str = PHOTOGRAPH_UPSCALER
-    weights: str | None = None
-    trained_at: int | None = None
-    after: str | None = None
+    description: str  # one line for menus
+    architecture: str  # its class, by name of ``pytorch.networks.ARCHITECTURES``
+    options: Mapping[str, Any] = field(default_factory=dict)  # what that class takes beside the scale
+    scales: tuple[int, ...] = (2, 3, 4, 8)  # those it comes in
+    layers: tuple[str, ...] = ()  # auxiliary layers that it needs
+    upscaler: str = PHOTOGRAPH_UPSCALER  # "module:class" that takes (name, **settings) and obeys ``contract.Upscaler``
+    weights: str | None = None  # stem of its files, if that is not its name
+    trained_at: int | None = None  # the one scale it was trained at, if its weights serve all
+    after: str | None = None  # prefilter that must come before it
 
     @property
     def light_field(self) -> bool:

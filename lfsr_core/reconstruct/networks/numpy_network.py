@@ -67,24 +67,17 @@ def network_inputs(network: ElementalNetwork, low: LowResEIA, lenses: np.ndarray
 
 @dataclasses.dataclass(frozen=True)
 class Options:
-    """Hyper-parameters of a network of ours, as ``lightfield.LightFieldNet`` takes them.
+    """Hyper-parameters of a network of ours, as ``lightfield.LightFieldNet`` takes them."""
 
-    Attributes
-    ----------
-    inputs : layers that the features are made of, in their order
-    base, second_base : layers that the correction is added to; no second where empty
-    width, body_width : channels at full and at half resolution
-    blocks : of the body
-    spatial : blocks across lenses, which only training knows
-    """
-
-    inputs: tuple[str, ...]
+    inputs: tuple[str, ...]  # layers that the features are made of, in their order
+    # base, second_base: layers that the correction is added to; no second where empty
     base: str
+    # width, body_width: channels at full and at half resolution
     width: int
     body_width: int
-    blocks: int
+    blocks: int  # of the body
     second_base: str = ""
-    spatial: bool = False
+    spatial: bool = False  # blocks across lenses, which only training knows
 
     def __post_init__(self) -> None:
         if not {self.base, self.second_base or self.base} <= {*self.inputs} or not 0 <= self.blocks <= MOST_BLOCKS:

@@ -19,24 +19,15 @@ from lfsr_core.reconstruct.networks.pytorch.srgb import srgb_encode
 
 @dataclasses.dataclass(frozen=True)
 class LightFieldConfig:
-    """Size and inputs of one network.
+    """Size and inputs of one network."""
 
-    Attributes
-    ----------
-    inputs : layers of the low-resolution EIA, in the order that the first convolution sees them
-    base : the layer that the network corrects
-    second_base : another picture of the same, which it mixes in pixel by pixel; "" for none
-    width : channels at full angular resolution
-    body_width : channels at half of it
-    blocks : residual pairs of convolutions
-    """
-
+    # layers of the low-resolution EIA, in the order that the first convolution sees them
     inputs: tuple[str, ...] = ("color", "alpha", "albedo", "normal")
-    base: str = "color"
-    second_base: str = ""
-    width: int = 16
-    body_width: int = 32
-    blocks: int = 2
+    base: str = "color"  # the layer that the network corrects
+    second_base: str = ""  # another picture of the same, which it mixes in pixel by pixel; "" for none
+    width: int = 16  # channels at full angular resolution
+    body_width: int = 32  # channels at half of it
+    blocks: int = 2  # residual pairs of convolutions
 
     @property
     def input_channels(self) -> int:
