@@ -80,7 +80,7 @@ def reading(path: str | Path, what: str) -> Iterator[IO[bytes]]:
         with path.open("rb") as file:
             yield file
     except FileNotFoundError:
-        raise LfsrError(f"{path} does not exist, expected {what}: check the folder or render it first") from None
+        raise LfsrError(f"{path} does not exist, expected {what}: check the path, or make it first") from None
     except OSError as error:
         raise LfsrError(f"{path} cannot be read as {what} ({error.strerror or error}): check the path") from None
 

@@ -14,7 +14,7 @@ import numpy as np
 from lfsr_core.commands.arguments import add_scene_arguments, make_job, render
 from lfsr_core.frames.frame import LOW_RES_FILE
 from lfsr_core.frames.job import Job
-from lfsr_core.optics.lens_sampling import choose_lenses
+from lfsr_core.optics.lens_sampling import check_count, choose_lenses
 
 NAME = "reference"
 HELP = "render the high-resolution reference as two independent halves"
@@ -33,6 +33,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Choose lenses if asked to, then render them at full resolution, unclamped."""
     job = make_job(arguments, kind="reference", scale=1, clamp_indirect=0.0)
     if arguments.lenses is not None:
+        check_count(arguments.lenses, math.prod(job.display.lenses))
         lens_list = choose_lenses(_quick_mask(arguments, job), arguments.lenses, arguments.seed)
         job = dataclasses.replace(job, lens_list=lens_list)
     render(arguments, job)

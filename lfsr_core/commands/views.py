@@ -8,6 +8,7 @@ from pathlib import Path
 from lfsr_core.frames.contact_sheet import write_views
 
 NAME = "views"
+FARTHEST_MM = 1e6
 HELP = "write a contact sheet of decoded views, an EPI pair and what an eye would see"
 
 
@@ -29,6 +30,9 @@ def _position(text: str) -> tuple[float, float, float]:
     parts = text.split(",")
     try:
         x, y, z = (float(part) for part in parts)
+        if not all(abs(value) <= FARTHEST_MM for value in (x, y, z)):
+            raise ValueError
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not three numbers X,Y,Z in millimetres") from None
+        raise argparse.ArgumentTypeError(f"{text!r} is not three numbers X,Y,Z in millimetres, "
+                                         f"each below {FARTHEST_MM:g}") from None
     return x, y, z

@@ -20,14 +20,19 @@ def choose_lenses(mask: np.ndarray, count: int, seed: int = 0) -> tuple[tuple[in
     along a curve that visits neighbours together (systematic sampling, Z-order).
     LfsrError if fewer than ``count`` lenses exist.
     """
-    if not 1 <= count <= mask.size:
-        raise LfsrError(f"number of lenses is {count}, but it must be from 1 to the display's {mask.size}")
+    check_count(count, mask.size)
     foreground, background = np.argwhere(mask), np.argwhere(~mask)
     share = max(2, count // BACKGROUND_SHARE) if count >= BACKGROUND_SHARE else 0
     wanted = min(count - min(len(background), share), len(foreground))
     random = np.random.default_rng(seed)
     chosen = np.concatenate([spread(foreground, wanted, random), spread(background, count - wanted, random)])
     return tuple(sorted((int(row), int(column)) for row, column in chosen))
+
+
+def check_count(count: int, lenses: int) -> None:
+    """LfsrError unless so many of a display's ``lenses`` can be chosen."""
+    if not 1 <= count <= lenses:
+        raise LfsrError(f"number of lenses is {str(count)[:20]}, but it must be from 1 to the display's {lenses}")
 
 
 def spread(lenses: np.ndarray, count: int, random: np.random.Generator) -> np.ndarray:

@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.files import read_bytes
 from lfsr_core.reconstruct.networks import catalogue
 
 if TYPE_CHECKING:
     from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldConfig
 
 CONFIG_FOLDER = Path(__file__).parent / "configs"
+MOST_BYTES = 100_000  # of a config's file
 
 
 @dataclasses.dataclass(frozen=True)
@@ -142,12 +144,13 @@ def builtin_configs() -> list[str]:
 def _read_toml(name: str) -> dict[str, Any]:
     path = CONFIG_FOLDER / f"{name}.toml"
     path = path if path.exists() else Path(name)
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
+    if not path.exists():
         raise LfsrError(f"there is no training config {name!r}: give a TOML file or one of "
-                        f"{', '.join(builtin_configs())}") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+                        f"{', '.join(builtin_configs())}")
+    content = read_bytes(path, "a training config", MOST_BYTES)
+    try:
+        return tomllib.loads(content.decode("utf-8"))
+    except (ValueError, RecursionError) as error:
         raise LfsrError(f"training config {path} cannot be read ({error}): correct it") from None
 
 
@@ -155,5 +158,5 @@ def _parse(text: str) -> Any:
     """Value of a command-line setting: TOML where it is TOML, a plain word otherwise."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text

@@ -41,6 +41,12 @@ class FitOptions:
     seconds: float = 60.0
     seed: int = 0
 
+    def __post_init__(self) -> None:
+        if not (self.lenses >= LEAST_LENSES and self.seconds >= 0 and 0 <= self.seed < 2**32):
+            raise LfsrError(f"fitting {str(self.lenses)[:20]} lenses for {self.seconds} s from seed "
+                            f"{str(self.seed)[:20]} cannot be: give at least {LEAST_LENSES} lenses, no less than 0 "
+                            "seconds, and a seed from 0 to 4294967295")
+
 
 @dataclasses.dataclass(frozen=True)
 class Fitted:

@@ -39,6 +39,15 @@ else:
 print('LFSR {{"stage": "done", "folder": "."}}')
 """
 
+WIDE = """name = "wide"
+panel_pixels = [800_000_000, 800_000_000]
+panel_mm = [1000, 1000]
+lenses = [100_000_000, 100_000_000]
+views = [8, 8]
+viewing_distance_mm = 1000
+viewing_angle_deg = 30
+"""
+
 
 @pytest.fixture
 def scene(tmp_path):
@@ -141,10 +150,18 @@ def test_render_at_scale_1_needs_no_upscaler(scene, blender, tmp_path):
     (["--layers", "albdo"], "layer is 'albdo': did you mean 'albedo'"),
     (["--display", "mimi"], "unknown display 'mimi': did you mean 'mini'"),
     (["--view-aperture", "2"], "view aperture is 2"),
+    (["--view-aperture", "nan"], "view aperture is nan"),
+    (["--dilate", str(2**32)], "dilation of the foreground mask is 4294967296"),
+    (["--seed", str(10**400)], "seed is 1000"),
+    (["--spp", str(2**32)], "samples per pixel is 4294967296"),
+    (["--frame", str(2**32)], "frame is 4294967296"),
+    (["--display", "wide.toml"], "no more than 65536 pixels a side"),
     (["--blender", "/no/blender"], "'/no/blender' was not found"),
 ])
-def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, capsys, options, message):
+def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, monkeypatch, capsys, options, message):
     arguments = ["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender, *options]
+    monkeypatch.chdir(tmp_path)
+    Path("wide.toml").write_text(WIDE)
     assert message in fails(arguments, capsys)
     assert not (tmp_path / "frame").exists()
     assert not Path(blender + ".jobs").exists()
@@ -218,6 +235,7 @@ def test_reference_of_too_many_lenses_is_refused(scene, blender, tmp_path, capsy
     assert main(["reference", scene, "-o", str(tmp_path / "reference"), "--display", "mini", "--lenses", "193",
                  "--blender", blender]) == 2
     assert "number of lenses is 193, but it must be from 1 to the display's 192" in capsys.readouterr().err
+    assert not Path(blender + ".jobs").exists()
     assert not (tmp_path / "reference").exists()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import json
 import os
@@ -181,6 +182,16 @@ def test_crash_is_reported_with_the_last_lines_and_the_log_is_kept(blender, job,
         run_job(job, Blender(blender(body)))
     assert "\n" not in str(caught.value)
     assert leftovers(job) == ["frame", "frame/blender.log"]
+
+
+def test_an_importers_error_reaches_the_user_as_one_sentence(job, tmp_path):
+    """The bpy wheel's own importer, whose message Blender cuts without ending the line."""
+    scene = tmp_path / "scene.gltf"
+    scene.write_text('{"asset": {"version": "2.0"}, "meshes": [{"primitives": [{"attributes": {"POSITION": 99}}]}], '
+                     '"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}], "scene": 0}')
+    with pytest.raises(LfsrError, match=r"scene\.gltf cannot be read \(TypeError"):
+        run_job(dataclasses.replace(job, scene=str(scene)), Blender())
+    assert leftovers(job) == []
 
 
 def test_log_of_a_crash_is_not_written_through_a_link(blender, job, tmp_path):

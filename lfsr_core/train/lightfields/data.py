@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +57,7 @@ def load_scene(path: Path) -> Scene:
             low = {spp: _planes(_bounded_albedo(data[f"lr_{spp}"])) for spp in meta["spps"]}
             denoised = {spp: torch.cat([_planes(data[f"{kind}_{spp}"]) for kind in DENOISED]) for spp in meta["spps"]}
             halves = torch.stack([_planes(data[key])[:3] for key in ("ref_a", "ref_b")])
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise LfsrError(f"{path} cannot be read as a training scene ({error}): render it again") from None
     return Scene(path.stem, tuple(meta["lenses"]), low, denoised, halves)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,7 +81,7 @@ def _read_cache(path: Path) -> Photographs:
             names = tuple(str(name) for name in data["names"])
             images = tuple(_to_rgb(cv2.imdecode(data[f"image{index:04d}"], cv2.IMREAD_COLOR), path)
                            for index in range(len(names)))
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         if isinstance(error, LfsrError):
             raise
         raise LfsrError(f"{path} cannot be read as a cache of photographs ({error}): make it with "

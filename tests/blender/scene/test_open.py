@@ -14,6 +14,10 @@ from tests.support.scenes import save_box
 # Box of the test files: not centred, not a cube, deeper than wide in no axis.
 CENTRE, HALF = np.array((1.0, 2.0, 3.0)), np.array((0.5, 0.3, 0.4))
 
+# A mesh of points that are nowhere.
+BAD_ACCESSOR = """{"asset": {"version": "2.0"}, "meshes": [{"primitives": [{"attributes": {"POSITION": 99}}]}],
+    "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}], "scene": 0}"""
+
 
 @pytest.mark.parametrize("suffix", [".blend", ".glb", ".gltf", ".obj"])
 def test_every_format_puts_the_box_where_it_was(tmp_path, suffix):
@@ -41,3 +45,12 @@ def test_file_of_nonsense_is_refused(tmp_path, suffix):
     path.write_bytes(b"\x00nonsense" * 100)
     with pytest.raises(LfsrError, match="cannot be read|nothing of the subject"):
         find_subject(open_scene(path))
+
+
+def test_an_importers_long_traceback_is_one_short_sentence(tmp_path):
+    """Blender cuts what its importer says, and then adds where it called it from."""
+    path = tmp_path / "scene.gltf"
+    path.write_text(BAD_ACCESSOR)
+    with pytest.raises(LfsrError, match=r"scene\.gltf cannot be read \(TypeError: .*the file is whole") as caught:
+        open_scene(path)
+    assert len(str(caught.value)) <= 300
