@@ -66,8 +66,10 @@ def check_name(path: Path) -> None:
         raise LfsrError(f"{str(path)!r} is no UTF-8 text: choose another name") from None
     if max(map(len, names), default=0) > LONGEST_NAME or sum(map(len, names)) > LONGEST_PATH:
         raise LfsrError(f"{path} is too long, expected names of at most {LONGEST_NAME} bytes: choose a shorter one")
-    if path.is_symlink() and not path.exists():
-        raise LfsrError(f"{path} is a link to {os.readlink(path)}, which does not exist: remove it or choose another")
+    for place in (path, *path.parents):
+        if place.is_symlink() and not place.exists():
+            raise LfsrError(f"{place} is a link to {os.readlink(place)}, which does not exist: remove it or choose "
+                            "another name")
 
 
 @contextmanager

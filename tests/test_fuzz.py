@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import resource
 from collections.abc import Callable
@@ -52,9 +53,9 @@ def damaged_json(draw: st.DrawFn, good: str) -> bytes:
         if change == "remove":
             container.pop(key)
         elif change == "add" and isinstance(container, dict):
-            container[draw(st.text())] = draw(ODD)
+            container[draw(st.text())] = copy.deepcopy(draw(ODD))
         else:
-            container[key] = "TOKEN" if change == "token" else draw(ODD)
+            container[key] = "TOKEN" if change == "token" else copy.deepcopy(draw(ODD))
     return json.dumps(data).replace('"TOKEN"', draw(ODD_TEXT)).encode()
 
 

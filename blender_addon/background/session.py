@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.files import system_errors
 
 from .steps import Steps, Task
 
@@ -74,7 +75,9 @@ def _look() -> float | None:
         return None
     task = _current
     try:
-        if not task.poll():
+        with system_errors():
+            ended = task.poll()
+        if not ended:
             redraw()
             return SECONDS_BETWEEN_LOOKS
         _current = None

@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.files import check_name
 from lfsr_core.frames.frame import EIA_FILE, Frame, read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
@@ -82,8 +83,13 @@ def layout_of(scene: bpy.types.Scene) -> str:
 
 
 def scene_folder(scene: bpy.types.Scene) -> Path:
-    """Where this scene's frames go, one folder per scene so that two scenes do not overwrite each other."""
-    return absolute(scene.lfsr.output or "//", "the output folder") / bpy.path.clean_name(scene.name)
+    """Where this scene's frames go, one folder per scene so that two scenes do not overwrite each other.
+
+    LfsrError where there can be no such folder.
+    """
+    folder = absolute(scene.lfsr.output or "//", "the output folder") / bpy.path.clean_name(scene.name)
+    check_name(folder)
+    return folder
 
 
 def frame_folder(scene: bpy.types.Scene, number: int | None = None) -> Path:

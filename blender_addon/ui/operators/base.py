@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.files import system_errors
 
 from ...background import session
 from ...background.steps import Steps
@@ -24,7 +25,8 @@ def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
     @functools.wraps(method)
     def wrapped(self: bpy.types.Operator, context: bpy.types.Context) -> Result:
         try:
-            return method(self, context)
+            with system_errors():
+                return method(self, context)
         except LfsrError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -115,6 +115,13 @@ def test_output_is_a_file(scene, tmp_path):
     refuse(scene, "cannot be written to .*: choose another output folder")
 
 
+@pytest.mark.parametrize(("name", "sentence"), [("x" * 256, "is too long"), ("link", "is a link to .*nowhere")])
+def test_output_that_cannot_be(scene, tmp_path, name, sentence):
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    scene.lfsr.output = str(tmp_path / name)
+    refuse(scene, sentence)
+
+
 def test_missing_texture(scene, tmp_path):
     material = bpy.data.materials.new("Textured")
     material.use_nodes = True
