@@ -17,15 +17,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lfsr_core.errors import MOST_CHARACTERS, LfsrError
+from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import FRAME_FILE, REPORT_FILE, read_frame
 from lfsr_core.frames.job import Job, read_job
+from lfsr_core.frames.low_res import low_resolution
 from lfsr_core.frames.report import Report, read_report, write_report
-from lfsr_core.images.exr import read_layers
+from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.png import read_mask, read_png, write_mask
 from lfsr_core.optics.display import load_display
 from lfsr_core.reconstruct.networks import catalogue, numpy_network
 from lfsr_core.records import to_data
-from tests.support.synthetic import MINI, write_render
+from tests.support.synthetic import MINI, frame_of, write_render
 
 MOST_MEMORY = 2**30  # bytes beyond what the tests hold already
 CASES, MANY_CASES = 200, 5000
@@ -107,6 +109,12 @@ def use_frame(path: Path) -> None:
     assert frame.rays.size and frame.rays.tiles
 
 
+def use_picture(path: Path) -> None:
+    layers = clean(read_layers(path))[0]
+    low_resolution(layers, frame_of(2))
+    foreground_mask(layers, MINI.lenses)
+
+
 def read_pictures(path: Path) -> None:
     read_mask(path)
     read_png(path)
@@ -114,7 +122,7 @@ def read_pictures(path: Path) -> None:
 
 KINDS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "frame": (FRAME_FILE, use_frame), "report": (REPORT_FILE, lambda path: read_report(path.parent)),
-    "job": ("job.json", read_job), "profile": ("profile.toml", load_display), "exr": ("lr_eia.exr", read_layers),
+    "job": ("job.json", read_job), "profile": ("profile.toml", load_display), "exr": ("lr_eia.exr", use_picture),
     "png": ("mask.png", read_pictures), "weights": ("weights.safetensors", read_weights)}
 
 

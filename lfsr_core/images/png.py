@@ -87,9 +87,13 @@ def write_mask(path: str | Path, mask: np.ndarray) -> None:
     write_png(path, np.where(mask, np.uint8(255), np.uint8(0)))
 
 
-def read_mask(path: str | Path) -> np.ndarray:
-    """Boolean (rows, columns) mask of a PNG that ``write_mask`` wrote."""
-    return _decode(path, grey=True) >= 128
+def read_mask(path: str | Path, lenses: tuple[int, int] | None = None) -> np.ndarray:
+    """Boolean (rows, columns) mask of a PNG that ``write_mask`` wrote; LfsrError unless it has the size ``lenses``."""
+    mask = _decode(path, grey=True) >= 128
+    if lenses and mask.shape[::-1] != tuple(lenses):
+        raise LfsrError(f"{path} has {mask.shape[1]}×{mask.shape[0]} pixels, but the display has "
+                        f"{lenses[0]}×{lenses[1]} lenses: upscale the folder again")
+    return mask
 
 
 def _sizes_fit(head: bytes, size: int) -> bool:

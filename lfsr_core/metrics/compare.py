@@ -31,7 +31,7 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
     check_reference(frame, read_frame(reference))
     report = read_report(folder)
     image = finished_linear(folder, report.method, UpscaleOptions(dilate=report.dilate, weights=report.weights))
-    known, mask = Reference.read(reference), read_mask(folder / MASK_FILE)
+    known, mask = Reference.read(reference), read_mask(folder / MASK_FILE, frame.display.lenses)
     metrics = compare(image, (known.half_a, known.half_b), frame.display.lenses, known.foreground_mask(mask),
                       known.lens_list)
     if known.lens_list is None:

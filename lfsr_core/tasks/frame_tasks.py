@@ -57,7 +57,7 @@ def choose(folder: str, count: int, seed: int = 0) -> dict[str, Any]:
     from lfsr_core.images.png import read_mask
     from lfsr_core.optics.lens_sampling import choose_lenses
 
-    mask = read_mask(Path(folder, MASK_FILE))
+    mask = read_mask(Path(folder, MASK_FILE), read_frame(folder).display.lenses)
     whole = count < 1 or count >= mask.size
     return {"lens_list": None if whole else [list(lens) for lens in choose_lenses(mask, count, seed)]}
 

@@ -26,6 +26,7 @@ def write_exr(path, parts):
     for names, pixels in parts:
         spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], len(names), "float")
         spec.channelnames = names
+        spec.full_height, spec.full_width = parts[0][1].shape[:2]  # which all parts share
         specs.append(spec)
     output = oiio.ImageOutput.create(str(path))
     assert output.open(str(path), specs) if len(specs) > 1 else output.open(str(path), specs[0])
@@ -147,7 +148,9 @@ def test_flat_pictures_are_small():
 def test_mask_round_trip(tmp_path):
     mask = RANDOM.random((54, 96)) > 0.5
     png.write_mask(tmp_path / "m.png", mask)
-    np.testing.assert_array_equal(png.read_mask(tmp_path / "m.png"), mask)
+    np.testing.assert_array_equal(png.read_mask(tmp_path / "m.png", (96, 54)), mask)
+    with pytest.raises(LfsrError, match="has 96×54 pixels, but the display has 54×96 lenses"):
+        png.read_mask(tmp_path / "m.png", (54, 96))
 
 
 def test_unreadable_png(tmp_path):
@@ -156,6 +159,23 @@ def test_unreadable_png(tmp_path):
         png.read_png(tmp_path / "a.png")
     with pytest.raises(LfsrError, match="does not exist, expected a PNG image"):
         png.read_mask(tmp_path / "b.png")
+
+
+@pytest.mark.parametrize(("names", "shape"), [
+    (["ViewLayer.Denoising Albedo.R", "ViewLayer.Denoising Albedo.G", "ViewLayer.Denoising Albedo.B"], (2, 9, 3)),
+    (["ViewLayer.Denoising Normal.X", "ViewLayer.Denoising Normal.Y"], (6, 9, 2))])
+def test_layers_that_do_not_fit_the_colour(tmp_path, names, shape):
+    color = some_layers()["color"]
+    write_exr(tmp_path / "a.exr", [([f"ViewLayer.Combined.{c}" for c in "RGBA"], color),
+                                   (names, np.zeros(shape, np.float32))])
+    with pytest.raises(LfsrError, match="its layer (albedo|normal) has 9×"):
+        exr.read_layers(tmp_path / "a.exr")
+
+
+def test_colour_of_one_channel_is_refused(tmp_path):
+    write_exr(tmp_path / "a.exr", [(["ViewLayer.Combined.R"], np.zeros((6, 9, 1), np.float32))])
+    with pytest.raises(LfsrError, match="its layer color has 9×6 pixels of 1 channels"):
+        exr.read_layers(tmp_path / "a.exr")
 
 
 def lie(data: bytes, width: int, height: int) -> bytes:
