@@ -6,7 +6,7 @@ import pytest
 
 from blender_addon.settings import scene_settings
 from blender_addon.ui import summary
-from lfsr_core.files import write_json
+from lfsr_core.frames.report import Report, write_report
 from tests.support import panel
 
 
@@ -20,7 +20,8 @@ def scene(tmp_path):
 def test_metrics_of_the_frame_are_shown(scene, flip, shown):
     folder = scene_settings.frame_folder(scene)
     folder.mkdir(parents=True)
-    write_json(folder / "report.json", {"metrics": {"ssim_eia_fg": 0.91234, "psnr_fg": 31.26, "flip": flip}})
+    metrics = {"ssim_eia_fg": 0.91234, "psnr_fg": 31.26, "flip": flip}
+    write_report(folder, Report("bicubic", "mini", 4, 16, {"render": 1.0}, None, 0.5, metrics=metrics))
     assert summary.metric_facts(scene) == [("SSIM, foreground", "0.9123"), ("PSNR", "31.3 dB"), ("FLIP", shown)]
 
 
