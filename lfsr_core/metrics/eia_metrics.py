@@ -13,7 +13,7 @@ import numpy as np
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.metrics.intervals import _stratified, _stratum
+from lfsr_core.metrics.intervals import stratified, stratum
 from lfsr_core.metrics.split_ssim import inside_border, mean_of, psnr, split_mse, split_ssim_map, ssim, stacked_ssim
 from lfsr_core.optics.eia import to_elemental_images, to_views, views_per_lens
 
@@ -117,9 +117,9 @@ def _compare_sampled(image: np.ndarray, halves: tuple[np.ndarray, np.ndarray], l
     stacks = [srgb_encode(chosen), *(srgb_encode(_tiles(half, chosen.shape)) for half in halves)]
     values = _per_lens(*stacks)
     in_foreground = mask[rows, columns]
-    whole = {name: _stratified(values[name], in_foreground, mask) if name in values else (None, None)
+    whole = {name: stratified(values[name], in_foreground, mask) if name in values else (None, None)
              for name in ("ssim_eia", "ssim_eia_plain", "ssim_ceiling", "flip")}
-    foreground = {f"{name}_fg": _stratum(values[name][in_foreground], int(mask.sum())) for name in ("ssim_eia", "psnr")}
+    foreground = {f"{name}_fg": stratum(values[name][in_foreground], int(mask.sum())) for name in ("ssim_eia", "psnr")}
     estimates = whole | foreground | {"ssim_views_fg": (None, None)}
     estimates["psnr_fg"] = _decibels(*estimates["psnr_fg"])
     return {"p": mean_of(mask), **{name: value for name, (value, _) in estimates.items()},

@@ -74,7 +74,7 @@ def _blocks(values: np.ndarray) -> np.ndarray:
 
 
 
-def _stratum(values: np.ndarray, population: int) -> tuple[float | None, float | None]:
+def stratum(values: np.ndarray, population: int) -> tuple[float | None, float | None]:
     """Mean of a random sample of ``population`` lenses and its 95 % half-width, None where unknown."""
     if len(values) == 0:
         return None, None
@@ -100,13 +100,13 @@ def student(z: float, freedom: float) -> float:
     return z + sum(term / freedom ** (power + 1) for power, term in enumerate(terms))
 
 
-def _stratified(values: np.ndarray, in_foreground: np.ndarray, mask: np.ndarray) -> tuple[float | None, float | None]:
+def stratified(values: np.ndarray, in_foreground: np.ndarray, mask: np.ndarray) -> tuple[float | None, float | None]:
     """Mean over all lenses and its half-width, from samples inside and outside the mask."""
     total, squared_width = 0.0, 0.0
     for chosen, population in ((in_foreground, int(mask.sum())), (~in_foreground, int((~mask).sum()))):
         if population == 0:
             continue
-        mean, width = _stratum(values[chosen], population)
+        mean, width = stratum(values[chosen], population)
         if mean is None:
             return None, None
         total += mean * population / mask.size

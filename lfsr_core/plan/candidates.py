@@ -15,6 +15,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.estimate import Estimate
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_CHAINS, PLAIN_METHOD, MethodName
+from lfsr_core.reconstruct.methods import denoise
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.registry import method
 
@@ -113,11 +114,9 @@ def candidates(display: DisplayProfile, scales: Sequence[int] | None = None, spp
 
 def default_methods() -> tuple[str, ...]:
     """Simple upscaling and our networks, each where it belongs, without and with the denoiser if it is there."""
-    from lfsr_core.reconstruct.methods.denoise import is_available
-
     ours = [name for name, entry in catalogue.NETWORKS.items() if entry.light_field and not entry.after]
     names = [PLAIN_METHOD, *ours, *PLAIN_CHAINS, DEFAULT_METHOD]
-    usable = [name for name in names if is_available() or not MethodName.parse(name).prefilters]
+    usable = [name for name in names if denoise.is_available() or not MethodName.parse(name).prefilters]
     return tuple(dict.fromkeys(usable))
 
 
