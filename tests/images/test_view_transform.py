@@ -103,3 +103,16 @@ def test_finding_the_configuration_does_not_import_blender():
             "from lfsr_core.images.view_transform import ViewTransform; "
             "ViewTransform(ColorSettings()); print('bpy' in sys.modules)")
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"
+
+
+def test_damaged_configuration_is_one_sentence(tmp_path):
+    config = tmp_path / "config.ocio"
+    config.write_text("ocio_profile_version: 2\nroles: [" + "x" * 1000)
+    with pytest.raises(LfsrError, match=r"config\.ocio cannot be used as a colour configuration"):
+        ViewTransform(ColorSettings(config=str(config)))
+
+
+@pytest.mark.parametrize("numbers", [{"exposure": float("nan")}, {"exposure": 1e4}, {"gamma": -1.0}])
+def test_numbers_that_show_nothing_are_refused(numbers):
+    with pytest.raises(LfsrError, match="exposure is .* and gamma .*, but they must be between"):
+        ColorSettings(**numbers)

@@ -133,3 +133,11 @@ def test_log_of_a_damaged_line(tmp_path):
     (tmp_path / "log.jsonl").write_text("{")
     with pytest.raises(LfsrError, match="training log"):
         TrainLog(tmp_path)
+
+
+def test_log_on_a_full_disk_is_one_sentence(tmp_path):
+    log = TrainLog(tmp_path)
+    (tmp_path / "log.jsonl").unlink()
+    (tmp_path / "log.jsonl").symlink_to("/dev/full")
+    with pytest.raises(LfsrError, match=r"log\.jsonl cannot be written \(No space left on device\): free some space"):
+        log.add({"epoch": 1})

@@ -91,7 +91,7 @@ class ElementalNetwork:
         if options.get("spatial"):
             raise LfsrError(f"{origin} holds a network with convolutions across lenses, which nothing runs: "
                             "train it again")
-        known = from_data(Options, dict(options), f"options of {origin}")
+        known = from_data(Options, dict(options), "options")
         self.inputs, self.base, self._blocks = known.inputs, known.base, known.blocks
         self._second = channels(self.inputs[:self.inputs.index(known.second_base)]) if known.second_base else None
         _check(self, tensors, known, origin)

@@ -169,6 +169,12 @@ def test_wrong_files_are_told(tmp_path, file):
     checkpoint.save(other, random_network(), 4, {}, {**catalogue.spec("refine").options, "spatial": True})
     with pytest.raises(LfsrError, match="across lenses"):
         numpy_network.load(other)
+    for change, message in (({"blocks": 10**9}, "blocks, 1000000000, at most 64"),
+                            ({"base": "sky"}, "among the inputs"),
+                            ({"width": "8"}, "width is '8'"), ({"depth": 3}, "unknown field 'depth'")):
+        checkpoint.save(other, random_network(), 4, {}, {**catalogue.spec("refine").options, **change})
+        with pytest.raises(LfsrError, match=message):
+            numpy_network.load(other)
     file.write_bytes(file.read_bytes()[:-40])
     with pytest.raises(LfsrError, match="cannot be read as safetensors"):
         numpy_network.load(file)
