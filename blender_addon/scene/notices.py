@@ -7,6 +7,8 @@ from pathlib import Path
 
 import bpy
 
+SHOWN = {"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VOLUME", "LIGHT"}
+
 
 def notices(scene: bpy.types.Scene) -> list[str]:
     """A sentence each; none of them stops the render."""
@@ -62,12 +64,18 @@ def _view_layer(scene: bpy.types.Scene) -> Iterator[str]:
                "honoured: objects keep their own materials")
     switches = {"exclude": "excludes", "holdout": "holds out", "indirect_only": "makes indirect-only"}
     for switch, does in switches.items():
-        names = [child.name for child in _collections(layer.layer_collection) if getattr(child, switch)]
+        names = [child.name for child in _collections(layer.layer_collection)
+                 if getattr(child, switch) and _shows_anything(child.collection)]
         if names:
             yield f"view layer {layer.name!r} {does} {', '.join(sorted(names)[:3])}: so does this render"
     others = [other.name for other in scene.view_layers if other.use and other != layer]
     if others:
         yield f"only view layer {layer.name!r} is rendered, without {', '.join(others[:3])}"
+
+
+def _shows_anything(collection: bpy.types.Collection) -> bool:
+    """Importers leave excluded collections of helpers behind, which are no news."""
+    return any(item.type in SHOWN and not item.hide_render for item in collection.all_objects)
 
 
 def _collections(root: bpy.types.LayerCollection) -> Iterator[bpy.types.LayerCollection]:

@@ -58,6 +58,8 @@ def test_collections_that_a_view_layer_treats_its_own_way(plain, switch, does):
     inner = bpy.data.collections.new("inner")
     plain.collection.children.link(inner)
     setattr(plain.view_layers[0].layer_collection.children["inner"], switch, True)
+    assert notices(plain) == [], "nothing in it would be seen"
+    inner.objects.link(plain.objects["item"])
     (sentence,) = notices(plain)
     assert f"{does} inner" in sentence
 
