@@ -14,7 +14,7 @@ from typing import IO, Any
 
 from lfsr_core.errors import LfsrError
 
-LONGEST_NAME, LONGEST_PATH = 240, 4000  # bytes; 255 and 4096 of the system, less what hidden names beside it add
+LONGEST_NAME, LONGEST_PATH = 255, 4095  # bytes, of the usual file systems
 MOST_JSON_BYTES = 16_000_000
 MOST_BRACKETS = 50  # one inside the other
 ADVICE = {errno.EPIPE: "send it to a file or a terminal",
@@ -64,7 +64,7 @@ def check_name(path: Path) -> None:
         names = [name.encode() for name in path.parts]
     except UnicodeEncodeError:
         raise LfsrError(f"{str(path)!r} is no UTF-8 text: choose another name") from None
-    if max(map(len, names), default=0) > LONGEST_NAME or sum(map(len, names)) > LONGEST_PATH:
+    if max(map(len, names), default=0) > LONGEST_NAME or len(os.fsencode(path)) > LONGEST_PATH:
         raise LfsrError(f"{path} is too long, expected names of at most {LONGEST_NAME} bytes: choose a shorter one")
     for place in (path, *path.parents):
         if place.is_symlink() and not place.exists():

@@ -32,6 +32,14 @@ def test_output_that_cannot_be(tmp_path, capsys, verb, name, message):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["link", "scene.glb"]
 
 
+@pytest.mark.parametrize("length", [246, 255])
+def test_name_with_no_room_for_a_hidden_one_beside_it(tmp_path, capsys, length):
+    scene = tmp_path / "scene.glb"
+    scene.touch()
+    sentence = fails(["render", str(scene), "-o", str(tmp_path / ("x" * length)), "--display", "mini"], capsys)
+    assert "cannot be made (File name too long)" in sentence
+
+
 @pytest.mark.parametrize("verb", [["displays"], ["render", "scene.glb", "-o", "out", "--blender", "/must/not/run"]])
 @pytest.mark.parametrize("output", ["closed", "full", "unread"])
 def test_standard_output_that_cannot_be_written(tmp_path, verb, output):
