@@ -53,14 +53,18 @@ def read_layers(path: str | Path) -> dict[str, np.ndarray]:
             layers.setdefault(layer, _columns_of(pixels, columns))
     if "color" not in layers:
         raise LfsrError(f"{path} has no colour layer, expected channels R, G, B: render the frame again")
-    size = layers["color"].shape[:2]
-    for layer, pixels in layers.items():
-        if pixels.shape[:2] != size or pixels.shape[2] not in (len(LAYER_CHANNELS[layer]), 3):
-            raise _unreadable(path, f"its layer {layer} has {pixels.shape[1]}×{pixels.shape[0]} pixels of "
-                                    f"{pixels.shape[2]} channels")
+    _check_sizes(path, layers)
     if layers["color"].shape[2] == 3:
         layers["color"] = np.concatenate([layers["color"], np.ones_like(layers["color"][..., :1])], axis=2)
     return layers
+
+
+def _check_sizes(path: Path, layers: Mapping[str, np.ndarray]) -> None:
+    """LfsrError unless all layers have the colour's size, and as many channels as they should."""
+    for layer, pixels in layers.items():
+        height, width, channels = pixels.shape
+        if (height, width) != layers["color"].shape[:2] or channels not in (len(LAYER_CHANNELS[layer]), 3):
+            raise _unreadable(path, f"its layer {layer} has {width}×{height} pixels of {channels} channels")
 
 
 def write_layers(path: str | Path, layers: Mapping[str, np.ndarray], half: bool = False) -> None:
