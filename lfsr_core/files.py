@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import math
@@ -14,6 +15,13 @@ from typing import IO, Any
 
 from lfsr_core.errors import LfsrError
 
+try:
+    import fcntl
+except ImportError:  # Windows: what a dead run left stays
+    fcntl = None
+
+CAN_LOCK = fcntl is not None
+UNFINISHED = ".unfinished"  # in the name of what is being written
 LONGEST_NAME, LONGEST_PATH = 255, 4095  # bytes, of the usual file systems
 MOST_JSON_BYTES = 16_000_000
 MOST_BRACKETS = 50  # one inside the other
@@ -27,19 +35,45 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     """Temporary name beside ``path``, renamed to it when the block ends without error.
 
     The suffix is kept, because image writers choose the format by it. A failed
-    write leaves neither file and becomes an LfsrError that names the cause.
+    write leaves neither file and becomes an LfsrError that names the cause; what a
+    killed one left goes with the next.
     """
     path = Path(path)
-    temporary = path.with_name(f".{path.stem[:40]}-{secrets.token_hex(4)}{path.suffix}")
+    start = f".{path.stem[:40]}-"
+    temporary = path.with_name(f"{start}{secrets.token_hex(4)}{UNFINISHED}{path.suffix}")
     with system_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
+        _sweep(path.parent, start, UNFINISHED + path.suffix)
         try:
             # Made here, so that its permissions are those of any new file of this user.
-            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-            yield temporary
+            with os.fdopen(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666), "wb") as held:
+                locks(held)
+                yield temporary
             os.replace(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)
+
+
+def _sweep(folder: Path, start: str, end: str) -> None:
+    """Remove temporary files of dead writers: those that nobody holds."""
+    left = [entry for entry in folder.iterdir() if entry.name.startswith(start) and entry.name.endswith(end)]
+    for entry in left if CAN_LOCK else ():
+        with contextlib.suppress(OSError), entry.open("rb") as file:
+            if locks(file):
+                entry.unlink(missing_ok=True)
+
+
+def locks(file: IO[bytes]) -> bool:
+    """True if nobody else held this file's lock; it ends with the process that holds it, however that ends.
+
+    On Windows everything is taken for unheld.
+    """
+    try:
+        if fcntl:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return os.fstat(file.fileno()).st_nlink > 0
 
 
 @contextmanager

@@ -45,6 +45,31 @@ def test_failure_keeps_the_old_file_and_leaves_nothing_else(tmp_path, failure):
     assert names(tmp_path) == ["data.bin"]
 
 
+WRITER = """
+import sys, time
+from lfsr_core.files import atomic_path
+with atomic_path(sys.argv[1]) as temporary:
+    temporary.write_bytes(b"half of the ne")
+    print(flush=True)
+    time.sleep(60)
+"""
+
+
+def test_what_a_killed_writer_left_goes_with_the_next_and_a_living_one_keeps_its_own(tmp_path):
+    target, stranger = tmp_path / "data.bin", tmp_path / ".data-original.bin"
+    stranger.touch()
+    writer = subprocess.Popen([sys.executable, "-c", WRITER, target], stdout=subprocess.PIPE)
+    writer.stdout.readline()
+    with atomic_path(target) as temporary:
+        temporary.write_bytes(b"whole")
+    assert len(names(tmp_path)) == 3, "what the living one writes is not touched"
+    writer.kill()
+    writer.wait()
+    with atomic_path(target) as temporary:
+        temporary.write_bytes(b"newer")
+    assert names(tmp_path) == [stranger.name, "data.bin"] and target.read_bytes() == b"newer"
+
+
 def test_folder_that_is_a_file_is_named(tmp_path):
     (tmp_path / "file").write_text("x")
     with pytest.raises(LfsrError, match="data.bin cannot be written"), atomic_path(tmp_path / "file" / "data.bin"):

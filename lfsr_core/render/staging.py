@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
 
 from lfsr_core.errors import LfsrError
-
-try:
-    import fcntl
-except ImportError:  # Windows: what a dead run left stays
-    fcntl = None
+from lfsr_core.files import CAN_LOCK, locks
 
 LOCK_FILE = "in-use"
 
@@ -36,7 +30,7 @@ def staging_folder(target: Path) -> Iterator[Path]:
     folder = Path(name)
     try:
         with (folder / LOCK_FILE).open("wb") as lock:
-            if not _locks(lock) or any(found != folder for found in _in_use(target.parent, prefix)):
+            if not locks(lock) or any(found != folder for found in _in_use(target.parent, prefix)):
                 raise LfsrError(f"another render into {target} is under way: wait for it, or choose another folder")
             yield folder
     finally:
@@ -46,20 +40,10 @@ def staging_folder(target: Path) -> Iterator[Path]:
 def _in_use(parent: Path, prefix: str) -> list[Path]:
     """Staging folders of ``prefix`` whose lock somebody holds; the others are removed."""
     held = []
-    for lock_file in parent.glob(f"{prefix}*/{LOCK_FILE}") if fcntl else ():
+    for lock_file in parent.glob(f"{prefix}*/{LOCK_FILE}") if CAN_LOCK else ():
         with contextlib.suppress(OSError), lock_file.open("rb") as lock:
-            if _locks(lock):
+            if locks(lock):
                 shutil.rmtree(lock_file.parent, ignore_errors=True)
             else:
                 held.append(lock_file.parent)
     return held
-
-
-def _locks(file: IO[bytes]) -> bool:
-    """True if nobody else held the lock; it ends with the process that holds it, however that ends."""
-    try:
-        if fcntl:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return os.fstat(file.fileno()).st_nlink > 0

@@ -12,6 +12,10 @@ from pathlib import Path
 import bpy
 import pytest
 
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.report import read_report
+from lfsr_core.images.exr import read_layers
+from lfsr_core.images.png import read_png
 from tests.support.scenes import ROOT, add_box, emission
 
 SECONDS_TO_END = 2.0
@@ -70,3 +74,36 @@ def test_blender_ends_with_the_command(blend, sent):
     assert len(left) == (1 if sent == signal.SIGKILL else 0)
     assert lfsr(blend, FEW).wait(120) == 0
     assert sorted(path.name for path in blend.parent.iterdir()) == ["frame", "scene.blend", "tmp"]
+
+
+def whole(folder):
+    """Every file under its final name can be read to its end."""
+    if (folder / "frame.json").exists():
+        read_frame(folder)
+        read_layers(folder / "lr_eia.exr")
+    for name in ("eia.png", "mask.png"):
+        if (folder / name).exists():
+            read_png(folder / name)
+    if (folder / "report.json").exists():
+        read_report(folder)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+@pytest.mark.parametrize("moments", [10, pytest.param(100, marks=pytest.mark.long)])
+def test_kills_at_any_moment_leave_nothing_half_written(blend, moments):
+    started = time.monotonic()
+    assert lfsr(blend, FEW).wait(120) == 0
+    duration, folder = time.monotonic() - started, blend.parent / "frame"
+    for moment in range(moments):
+        program = lfsr(blend, FEW)
+        time.sleep(duration * (moment + 0.5) / moments)
+        found = children(program.pid) if lives(program.pid) else []
+        program.kill()
+        program.wait(20)
+        wait_for(lambda: not any(map(lives, found)), SECONDS_TO_END * 5, f"{found} live on")  # noqa: B023
+        whole(folder)
+    assert lfsr(blend, FEW).wait(120) == 0
+    assert sorted(path.name for path in folder.iterdir()) == ["eia.png", "frame.json", "lr_eia.exr", "mask.png",
+                                                              "report.json"]
+    assert sorted(path.name for path in blend.parent.iterdir()) == ["frame", "scene.blend", "tmp"]
+    assert not list((blend.parent / "tmp").iterdir())
