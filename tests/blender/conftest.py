@@ -5,8 +5,10 @@ Without the bpy module they are left out, but on CI they fail.
 
 from __future__ import annotations
 
+import atexit
 import importlib.util
 import os
+import shutil
 import tempfile
 
 import pytest
@@ -19,6 +21,7 @@ else:
     # Before bpy is imported: start-up files and preferences of the user would change the renders.
     for _name in ("BLENDER_USER_RESOURCES", "BLENDER_USER_CONFIG", "BLENDER_USER_SCRIPTS"):
         os.environ[_name] = tempfile.mkdtemp(prefix="lfsr-blender-")
+        atexit.register(shutil.rmtree, os.environ[_name], ignore_errors=True)
     import bpy
 
 
