@@ -55,7 +55,7 @@ def fit(scene: bpy.types.Scene, profile: DisplayProfile, items: Collection[bpy.t
 
 
 def remove(scene: bpy.types.Scene) -> None:
-    """Remove the scene's camera array and its data."""
+    """Remove the scene's camera array and its data, and planes whose array was deleted by hand."""
     array = rig.find(scene)
     if array is None:
         raise LfsrError(f"scene {scene.name!r} has no camera array to remove")
@@ -66,6 +66,8 @@ def remove(scene: bpy.types.Scene) -> None:
     bpy.data.objects.remove(array)
     if camera.users == 0:
         bpy.data.cameras.remove(camera)
+    for plane in [item for item in scene.objects if rig.PLANE in item and not rig.is_array(item.parent)]:
+        bpy.data.objects.remove(plane)
 
 
 def put(array: bpy.types.Object, placed: Placement) -> None:
