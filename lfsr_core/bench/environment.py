@@ -13,7 +13,7 @@ from pathlib import Path
 from lfsr_core import __version__
 from lfsr_core.errors import LfsrError
 
-PACKAGES = ("bpy", "numpy", "pyoidn", "torch", "onnxruntime", "OpenImageIO", "opencolorio")
+PACKAGES = ("bpy", "numpy", "pyoidn", "torch", "OpenImageIO", "opencolorio")
 REPORT_PACKAGES = ("Jinja2", "matplotlib")  # the extra "bench"
 
 
