@@ -46,8 +46,12 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         _sweep(path.parent, start, UNFINISHED + path.suffix)
         try:
             # Made here, so that its permissions are those of any new file of this user.
-            with os.fdopen(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666), "wb") as held:
-                locks(held)
+            file = os.fdopen(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666), "wb")
+            with contextlib.closing(file):
+                if CAN_LOCK:
+                    locks(file)
+                else:  # Windows lets nobody remove or replace an open file
+                    file.close()
                 yield temporary
             os.replace(temporary, path)
         finally:

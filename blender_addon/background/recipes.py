@@ -14,11 +14,12 @@ from lfsr_core.frames.frame import EIA_FILE
 from lfsr_core.frames.job import Job
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.render.process import DERIVED_FILES
+from lfsr_core.render.staging import publish
 
 from ..array import rig
 from ..settings import scene_settings
 from . import runtime
-from .steps import PANEL_TASKS, Steps, file_copy, publish, render_step, second_stage_step, staging
+from .steps import PANEL_TASKS, Steps, file_copy, render_step, second_stage_step, staging
 
 RENDER_SHARE = 0.85
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import shutil
 import tempfile
 import time
@@ -22,6 +21,7 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.records import to_data
+from lfsr_core.render.staging import staging_folder
 
 from . import runtime
 from .worker import Worker
@@ -158,26 +158,14 @@ def rendering_step(stage: str, share: float, work: Path, task: str, /, **argumen
 
 @contextmanager
 def staging(folder: Path) -> Iterator[Path]:
-    """Folder beside ``folder`` to work in, gone afterwards; LfsrError where none can be made."""
+    """Folder beside ``folder`` to work in, gone afterwards; LfsrError where none can be made or one is in use."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        made = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
     except OSError as error:
         raise LfsrError(f"output folder {folder.parent} cannot be written to ({error.strerror}): "
                         "choose another output folder") from None
-    try:
+    with staging_folder(folder) as made:
         yield made
-    finally:
-        shutil.rmtree(made, ignore_errors=True)
-
-
-def publish(staged: Path, folder: Path, stale: tuple[str, ...] = ()) -> None:
-    """Move finished files into ``folder``; ``stale`` ones of an earlier run go."""
-    folder.mkdir(exist_ok=True)
-    for name in stale:
-        (folder / name).unlink(missing_ok=True)
-    for path in staged.iterdir():
-        os.replace(path, folder / path.name)
 
 
 @contextmanager

@@ -22,11 +22,10 @@ from collections.abc import Sequence
 from typing import IO, Any
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.render.protocol import ENDS_WITH_INPUT, parse_progress
+from lfsr_core.render.protocol import ENDS_WITH_INPUT, EXIT_BAD_INPUT, parse_progress
 
 SECONDS_TO_STOP = 1.0
 LINES_IN_MESSAGE = 3
-BAD_INPUT = 2
 
 
 class Worker:
@@ -69,7 +68,7 @@ class Worker:
     def check(self) -> dict[str, Any]:
         """Its result after it ended well; LfsrError with its own sentence, or the end of its output."""
         code = self._process.wait()
-        if code == BAD_INPUT and self.result.get("stage") == "error":
+        if code == EXIT_BAD_INPUT and self.result.get("stage") == "error":
             raise LfsrError(str(self.result.get("message")))
         if code != 0 or self.result.get("stage") != "done":
             reason = f"signal {-code}" if code < 0 else f"exit code {code}"

@@ -17,6 +17,7 @@ from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, MethodName
 
 from ..render import devices
+from ..render.color import color_settings
 from ..scene.subject import find_subject
 from .methods import check_scale
 
@@ -144,6 +145,7 @@ def check_renderable(scene: bpy.types.Scene) -> None:
     display_of(scene).low_views(scale)
     check_scale(scene.lfsr.method, scale)
     find_subject(scene)
+    color_settings(scene)
 
 
 def length(scene: bpy.types.Scene, value: float) -> str:

@@ -72,8 +72,6 @@ def _blocks(values: np.ndarray) -> np.ndarray:
     return padded.reshape(rows, BLOCK, columns, BLOCK).sum((1, 3)).ravel()
 
 
-
-
 def stratum(values: np.ndarray, population: int) -> tuple[float | None, float | None]:
     """Mean of a random sample of ``population`` lenses and its 95 % half-width, None where unknown."""
     if len(values) == 0:

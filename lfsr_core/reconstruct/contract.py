@@ -37,4 +37,5 @@ class Cleaner(Protocol):
     thread_safe: bool
     notes: Sequence[str]
 
-    def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray: ...
+    def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+        """EIs (N, h, w, 3) of the (N, 2) ``lenses`` before interpolation, encoded."""

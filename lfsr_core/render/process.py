@@ -1,4 +1,4 @@
-"""Blender as a separate process: find it, run one job, pass its progress on."""
+"""Blender as a separate process: run one job, pass its progress on."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from lfsr_core.progress import Progress
 from lfsr_core.records import write_record
 from lfsr_core.render.blender import Blender
 from lfsr_core.render.protocol import ENDS_WITH_INPUT, EXIT_BAD_INPUT, LAST_STAGES, parse_progress
-from lfsr_core.render.staging import staging_folder
+from lfsr_core.render.staging import publish, staging_folder
 
 LOG_FILE = "blender.log"
 SECONDS_TO_STOP = 5
@@ -55,7 +55,7 @@ def run_job(job: Job, blender: Blender, progress: Progress | None = None, warn: 
         job_file, log_file = staging / "job.json", staging / LOG_FILE
         write_record(job_file, dataclasses.replace(job, output=str(staged.resolve())))
         _run(blender.command(job_file), log_file, folder, _listener(progress, warn))
-        _publish(staged, folder)
+        publish(staged, folder, DERIVED_FILES)
 
 
 def check_folder(folder: Path, kind: str) -> None:
@@ -132,12 +132,3 @@ def _crash(code: int, log_file: Path, folder: Path) -> LfsrError:
     last = (" / ".join(lines) or "nothing")[-MOST_LAST_WORDS:]
     return LfsrError(f"Blender stopped with {reason} before the render was done, last saying {last!r}: "
                      f"the whole log is {kept}")
-
-
-def _publish(staged: Path, folder: Path) -> None:
-    """Move a finished render into its folder."""
-    folder.mkdir(exist_ok=True)
-    for stale in DERIVED_FILES:
-        (folder / stale).unlink(missing_ok=True)
-    for path in staged.iterdir():
-        os.replace(path, folder / path.name)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
@@ -35,6 +36,15 @@ def staging_folder(target: Path) -> Iterator[Path]:
             yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def publish(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
+    """Move finished files into ``folder``; ``stale`` ones of an earlier run go."""
+    folder.mkdir(exist_ok=True)
+    for name in stale:
+        (folder / name).unlink(missing_ok=True)
+    for path in staged.iterdir():
+        os.replace(path, folder / path.name)
 
 
 def _in_use(parent: Path, prefix: str) -> list[Path]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import FRAME_FILE, Frame, read_frame
+from lfsr_core.frames.frame import FRAME_FILE, LAYOUTS, Frame, read_frame
 from lfsr_core.frames.job import Job, check_scene
 from lfsr_core.progress import ProgressBar
 from lfsr_core.render.blender import find_blender
@@ -33,11 +33,13 @@ def kept(job: Job, render: Render) -> Path:
 def check_same(folder: Path, job: Job) -> None:
     """LfsrError unless ``folder`` holds what ``job`` asks for.
 
-    A reference may have other samples and lenses: all that use one ask it which.
+    A reference may have other samples and lenses: all that use one ask it which. A device that
+    cannot trace all views in one pass renders view by view whatever was asked for.
     """
     found, wanted = fingerprint(read_frame(folder)), fingerprint(job)
-    names = [name for name in wanted if job.kind == "render" or name not in ("samples", "lens_list")]
-    for name in names:
+    free = {"samples", "lens_list"} if job.kind == "reference" else set()
+    free |= {"layout"} if job.layout == LAYOUTS[0] else set()
+    for name in (name for name in wanted if name not in free):
         if found[name] != wanted[name]:
             raise LfsrError(f"{folder} was rendered with {name.replace('_', ' ')} {_shown(found[name], wanted[name])}, "
                             f"but {_shown(wanted[name], found[name])} is needed: choose another folder")

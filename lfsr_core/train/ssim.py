@@ -29,11 +29,13 @@ class _Blur(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, maps: Tensor) -> Tensor:
+        """(..., H, W) maps -> the same size, reflected at the borders."""
         ctx.save_for_backward(maps)
         return _both_ways(F.pad(maps, (SSIM_BORDER,) * 4, mode="reflect"))
 
     @staticmethod
     def backward(ctx: Any, gradient: Tensor) -> Tensor:
+        """The transpose of ``forward``: blurred over the padded size, the border folded back."""
         maps, = ctx.saved_tensors
         padded = _both_ways(F.pad(gradient, (2 * SSIM_BORDER,) * 4))
         return torch.ops.aten.reflection_pad2d_backward(padded, maps, (SSIM_BORDER,) * 4)

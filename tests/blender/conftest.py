@@ -9,6 +9,8 @@ import atexit
 import importlib.util
 import os
 import shutil
+import subprocess
+import sys
 import tempfile
 
 import pytest
@@ -24,6 +26,9 @@ else:
         atexit.register(shutil.rmtree, os.environ[_name], ignore_errors=True)
     import bpy
 
+    import blender_addon
+    from blender_addon.background import runtime
+
 
 def pytest_report_header() -> str:
     return "Blender tests: left out, the bpy module is not installed" if MISSING else f"bpy {bpy.app.version_string}"
@@ -34,3 +39,19 @@ def scene():
     """An empty scene in an empty file."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     return bpy.context.scene
+
+
+@pytest.fixture
+def addon(monkeypatch):
+    """The add-on, enabled as Blender does it, with its preferences; disabled afterwards."""
+    monkeypatch.delenv(runtime.PYTHON_VARIABLE, raising=False)
+    bpy.ops.preferences.addon_enable(module=blender_addon.__name__)
+    yield bpy.context.preferences.addons[blender_addon.__name__].preferences
+    bpy.ops.preferences.addon_disable(module=blender_addon.__name__)
+
+
+@pytest.fixture
+def bare_python(tmp_path):
+    """A Python without packages."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", tmp_path / "bare"], check=True)
+    return str(tmp_path / "bare" / "bin" / "python")

@@ -1,5 +1,7 @@
+"""The figures of an EIA against its reference, each against a plain computation of the same."""
 
-import cv2
+from __future__ import annotations
+
 import numpy as np
 import pytest
 import scipy.stats
@@ -12,25 +14,7 @@ from lfsr_core.metrics.intervals import student_95
 from lfsr_core.metrics.split_ssim import psnr, split_ssim, split_ssim_map
 from lfsr_core.optics.eia import to_views
 from tests.support.synthetic import frame_of, tiles
-
-GAUSSIAN = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False, "data_range": 1,
-            "channel_axis": 2}
-
-
-def picture(height=96, width=128, seed=0):
-    """Texture on the left, almost flat on the right; (H, W, 3) in [0.2, 0.8]."""
-    random = np.random.default_rng(seed)
-    image = cv2.resize(random.random((height // 4, width // 4, 3)), (width, height), interpolation=cv2.INTER_CUBIC)
-    image[:, width // 2:] = 0.5 + 0.02 * image[:, width // 2:]
-    return 0.2 + 0.6 * np.clip(image, 0, 1)
-
-
-def blurred(image, noise=0.01, seed=1):
-    return cv2.GaussianBlur(image, (0, 0), 1.2) + np.random.default_rng(seed).normal(0, noise, image.shape)
-
-
-def noisy(image, noise, seed):
-    return image + np.random.default_rng(seed).normal(0, noise, image.shape)
+from tests.support.textures import GAUSSIAN, blurred, noisy, picture
 
 
 def test_flip_is_zero_for_the_same_image_and_grows_with_the_error():

@@ -68,6 +68,12 @@ def test_another_render_is_refused(job, changes, message):
         kept(dataclasses.replace(job, **changes), refuse)
 
 
+def test_a_device_that_renders_view_by_view_is_not_refused(job):
+    """A job asks for one pass; what the device cannot do is no other render."""
+    folder = kept(job, lambda wanted: write_render(Path(wanted.output), scale=2, samples=16, layout="view-by-view"))
+    assert kept(job, refuse) == folder
+
+
 def test_a_render_whose_result_differs_from_the_job_is_refused(job):
     with pytest.raises(LfsrError, match="with scale 4, but 2 is needed"):
         kept(job, lambda wanted: write_render(Path(wanted.output), scale=4))

@@ -14,6 +14,7 @@ from lfsr_core.files import system_errors
 from ...background import session
 from ...background.steps import Steps
 
+UNDO = {"REGISTER", "UNDO"}
 Result = set[str]
 # The steps of a task, and what to do with its result.
 Prepared = tuple[Steps, Callable[[Any], None]]
@@ -66,9 +67,6 @@ class TaskOperator:
             self.report({"WARNING"}, warning)
         finish(task.result)
         return {"FINISHED"}
-
-
-UNDO = {"REGISTER", "UNDO"}
 
 
 def activate(context: bpy.types.Context, item: bpy.types.Object) -> None:

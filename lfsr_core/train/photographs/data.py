@@ -31,6 +31,7 @@ class Photographs:
 
     @property
     def digest(self) -> str:
+        """Hexadecimal digits; the same photographs under the same names give the same."""
         state = hashlib.sha256()
         for name, image in zip(self.names, self.images, strict=True):
             state.update(f"{name} {image.shape}\n".encode())

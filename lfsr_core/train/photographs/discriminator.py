@@ -31,4 +31,5 @@ class Discriminator(nn.Module):
         self.head = nn.Sequential(nn.Linear(inputs * CELLS**2, HIDDEN), nn.LeakyReLU(0.2), nn.Linear(HIDDEN, 1))
 
     def forward(self, images: Tensor) -> Tensor:
+        """(N, 3, H, W) sRGB values -> (N, 1) logits."""
         return self.head(self.body(images))

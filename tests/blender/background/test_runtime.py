@@ -8,27 +8,10 @@ import sys
 import bpy
 import pytest
 
-import blender_addon
 from blender_addon.background import runtime
 from blender_addon.ui import preferences
 from lfsr_core import __version__
 from lfsr_core.errors import LfsrError
-
-
-@pytest.fixture
-def addon(monkeypatch):
-    """The add-on, enabled as Blender does it, with its preferences; disabled afterwards."""
-    monkeypatch.delenv(runtime.PYTHON_VARIABLE, raising=False)
-    bpy.ops.preferences.addon_enable(module=blender_addon.__name__)
-    yield bpy.context.preferences.addons[blender_addon.__name__].preferences
-    bpy.ops.preferences.addon_disable(module=blender_addon.__name__)
-
-
-@pytest.fixture
-def bare_python(tmp_path):
-    """A Python without packages."""
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", tmp_path / "bare"], check=True)
-    return str(tmp_path / "bare" / "bin" / "python")
 
 
 def test_blenders_own_python_is_isolated(addon, monkeypatch, tmp_path):

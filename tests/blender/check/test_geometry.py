@@ -7,32 +7,11 @@ import numpy as np
 import pytest
 
 from blender_addon.array import rig
-from blender_addon.check import problems
 from lfsr_core.optics.display import load_display
-from tests.support import panel
+from tests.support.problems import fix, found
 from tests.support.scenes import add_box
 
 MINI = load_display("mini")
-
-
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        scene = panel.artist_scene(tmp_path)
-        scene.cycles.pixel_filter_type, scene.cycles.use_denoising = "BOX", False
-        yield scene
-
-
-def found(scene, code: str) -> problems.Problem | None:
-    return next((problem for problem in problems.check_scene(scene) if problem.code == code), None)
-
-
-def fix(scene, code: str) -> None:
-    """Press the button of ``code``; the problem is gone afterwards."""
-    problem = found(scene, code)
-    assert problem is not None and problem.fix
-    assert bpy.ops.lfsr.check_fix(code=code, target=problem.target) == {"FINISHED"}
-    assert found(scene, code) is None
 
 
 def at_depth(scene, depth: float, half: float, lift: float = 0.0) -> bpy.types.Object:

@@ -194,6 +194,12 @@ def test_second_stage_that_cannot_run_the_method_is_an_error_before_the_render(s
         session.run("Render EIA", recipes.render_frames([recipe]))
 
 
+def test_colours_that_the_image_could_not_show_are_an_error_before_the_render(scene, monkeypatch):
+    monkeypatch.setattr(recipes, "render_step", lambda *_: pytest.fail("it renders"))
+    scene.view_settings.use_curve_mapping = True
+    refuse(scene, "view uses curves, .*: take them off")
+
+
 def test_two_scenes_with_different_displays(scene, tmp_path):
     bpy.ops.scene.new(type="LINK_COPY")
     other = bpy.context.window.scene

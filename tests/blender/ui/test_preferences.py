@@ -3,30 +3,9 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 
 import bpy
 import pytest
-
-import blender_addon
-from blender_addon.background import runtime
-
-
-@pytest.fixture
-def addon(monkeypatch):
-    """The add-on, enabled as Blender does it, with its preferences; disabled afterwards."""
-    monkeypatch.delenv(runtime.PYTHON_VARIABLE, raising=False)
-    bpy.ops.preferences.addon_enable(module=blender_addon.__name__)
-    yield bpy.context.preferences.addons[blender_addon.__name__].preferences
-    bpy.ops.preferences.addon_disable(module=blender_addon.__name__)
-
-
-@pytest.fixture
-def bare_python(tmp_path):
-    """A Python without packages."""
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", tmp_path / "bare"], check=True)
-    return str(tmp_path / "bare" / "bin" / "python")
 
 
 def test_python_that_lacks_packages_is_reported_by_the_button(addon, bare_python):

@@ -21,4 +21,5 @@ class ESPCN(nn.Module):
         )
 
     def forward(self, x: Tensor) -> Tensor:
+        """sRGB values (N, 3, h, w) -> (N, 3, s·h, s·w), not clipped."""
         return self.body(x)

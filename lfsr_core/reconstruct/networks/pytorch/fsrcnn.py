@@ -27,6 +27,7 @@ class FSRCNN(nn.Module):
         self._initialise()
 
     def forward(self, x: Tensor) -> Tensor:
+        """sRGB values (N, 3, h, w) -> (N, 3, s·h, s·w), not clipped."""
         return self.up(self.body(x))
 
     def _initialise(self) -> None:

@@ -32,4 +32,5 @@ class PaperGenerator(nn.Module):
         self.up = aligned_deconvolution(NARROW, 3, KERNEL, scale)
 
     def forward(self, x: Tensor) -> Tensor:
+        """sRGB values (N, 3, h, w) -> (N, 3, s·h, s·w), not clipped."""
         return self.up(self.body(x))
