@@ -35,3 +35,9 @@ def use_nodes(owner: bpy.types.Material | bpy.types.World) -> None:
 def whole_sample_range() -> dict[str, Any]:
     """Cycles settings that render all samples, where a range of them can be chosen."""
     return {"use_sample_subset": False} if hasattr(bpy.context.scene.cycles, "use_sample_subset") else {}
+
+
+def whole_textures() -> dict[str, Any]:
+    """Render settings that read textures whole: 5.2's cache takes a lens for far away and blurs what it sees."""
+    known = "use_texture_cache" in bpy.types.RenderSettings.bl_rna.properties
+    return {"use_texture_cache": False} if known else {}

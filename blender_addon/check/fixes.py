@@ -39,10 +39,6 @@ def _add_light(scene: bpy.types.Scene, _target: str) -> None:
     add_light(scene).name = "Light Field World"
 
 
-def _use_cpu(scene: bpy.types.Scene, _target: str) -> None:
-    scene.cycles.device = "CPU"
-
-
 def _use_osl(scene: bpy.types.Scene, _target: str) -> None:
     scene.cycles.device, scene.cycles.shading_system = "CPU", True
 
@@ -88,7 +84,7 @@ def _no_focus(_scene: bpy.types.Scene, target: str) -> None:
 
 
 FIXES: dict[str, Callable[[bpy.types.Scene, str], None]] = {
-    "cycles": _enable_cycles, "engine": _use_cycles, "array": _add_array, "light": _add_light, "device": _use_cpu,
+    "cycles": _enable_cycles, "engine": _use_cycles, "array": _add_array, "light": _add_light,
     "script": _use_osl, "dirty": _pack, "background": _to_background, "filter": _box_filter,
     "denoiser": _no_denoiser, "motion": _no_motion_blur, "focus": _no_focus}
 OUTSIDE_SCENE = ("cycles", "dirty", "focus")

@@ -39,7 +39,7 @@ class Problem:
 
 def check_scene(scene: bpy.types.Scene) -> list[Problem]:
     """Everything found, worst first."""
-    checks = (_renderer, _display, _file, _array, _light, _device, _images, _geometry, _filters, _blur)
+    checks = (_renderer, _display, _file, _array, _light, _scripts, _images, _geometry, _filters, _blur)
     found = [problem for check in checks for problem in check(scene)]
     return sorted(found, key=lambda problem: (ERROR, WARNING, INFO).index(problem.severity))
 
@@ -87,18 +87,9 @@ def _light(scene: bpy.types.Scene) -> Iterator[Problem]:
                       "world images.", "Add World Light", WARNING)
 
 
-def _device(scene: bpy.types.Scene) -> Iterator[Problem]:
-    if not _has_cycles():
-        return
-    device = scene_settings.device_of(scene)
-    if not devices.has_osl():
-        yield Problem("osl", "Blender", "It was built without Open Shading Language, so views are rendered one by one, "
-                      "which takes longer; the Blender of blender.org renders them in one pass.", severity=INFO)
-    elif not devices.has_osl_camera(device):
-        yield Problem("device", device, f"{device} devices cannot run the shader that sends the rays; views are "
-                      "rendered one by one, which takes longer.", "Use CPU")
-    open_shading = getattr(scene.cycles, "shading_system", False)
-    if devices.has_osl_camera(device) and open_shading:
+def _scripts(scene: bpy.types.Scene) -> Iterator[Problem]:
+    if not _has_cycles() or (scene_settings.device_of(scene) in devices.WITH_OSL_CAMERA and devices.has_osl()
+                             and getattr(scene.cycles, "shading_system", False)):
         return
     for material in _materials_in_use(scene):
         if _has_script(material.node_tree):

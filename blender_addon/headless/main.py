@@ -45,7 +45,7 @@ def run(job: Job) -> Path:
         scene = choose_scene(job.scene_name)
     for sentence in notices(scene):
         warn(sentence)
-    return render_job(scene, job, opened=time.perf_counter() - started, progress=_progress, warn=warn)
+    return render_job(scene, job, opened=time.perf_counter() - started, progress=_progress)
 
 
 def warn(message: str) -> None:

@@ -18,6 +18,7 @@ from lfsr_core.optics.rays import RayLayout
 from .. import compat
 from ..array.spaces import Matrix, to_blender
 from . import devices, passes
+from .lens_card import card_camera, without_misses
 from .osl_camera import set_ray_layout
 from .overrides import overridden
 from .progress import Progress, following
@@ -62,6 +63,8 @@ class Shot:
     layout: RayLayout
     # Camera-array space to the world, four rows of four.
     matrix_world: Matrix
+    # Who sends them in one pass, "one-pass" (the OSL camera) or "lens-card".
+    way: str = "one-pass"
 
 
 def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, path: str | Path,
@@ -80,15 +83,24 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
     -------
     Seconds it took.
     """
-    with encoded_camera(scene, shot.layout, shot.matrix_world), cycles_settings(scene, settings, shot.layout.size):
-        return render_to(scene, path, progress)
+    with encoded_camera(scene, shot), cycles_settings(scene, settings, shot.layout.size):
+        seconds = render_to(scene, path, progress)
+    if shot.way == "lens-card" and "position" in settings.layers:
+        layers = exr.read_layers(path)
+        layers["position"] = without_misses(layers["position"], shot.matrix_world)
+        exr.write_layers(path, layers, settings.half)
+    return seconds
 
 
 @contextmanager
-def encoded_camera(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix) -> Iterator[None]:
-    """Inside the block the scene's camera sends the rays of ``layout``."""
-    with temporary_camera(scene, matrix_world, layout.array.distance) as camera:
-        set_ray_layout(camera.data, layout)
+def encoded_camera(scene: bpy.types.Scene, shot: Shot) -> Iterator[None]:
+    """Inside the block the scene's camera sends the rays of ``shot``."""
+    if shot.way == "lens-card":
+        with card_camera(scene, shot.layout, shot.matrix_world):
+            yield
+        return
+    with temporary_camera(scene, shot.matrix_world, shot.layout.array.distance) as camera:
+        set_ray_layout(camera.data, shot.layout)
         yield
 
 
@@ -157,7 +169,7 @@ def _render_values(size: tuple[int, int]) -> dict[str, object]:
             "use_sequencer": False, "use_stamp": False, "use_single_layer": False, "use_freestyle": False,
             "use_file_extension": False, "use_overwrite": True, "use_placeholder": False,
             # Views and halves follow each other with the same geometry.
-            "use_persistent_data": True}
+            "use_persistent_data": True} | compat.whole_textures()
 
 
 def _cycles_values(settings: RenderSettings) -> dict[str, object]:
@@ -165,5 +177,6 @@ def _cycles_values(settings: RenderSettings) -> dict[str, object]:
     return {"device": "CPU" if settings.device == "CPU" else "GPU", "samples": settings.samples,
             "seed": settings.seed, "use_animated_seed": False,
             "use_adaptive_sampling": False, "use_denoising": False, "time_limit": 0.0,
-            "use_layer_samples": "IGNORE", "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0,
+            "use_layer_samples": "IGNORE", "use_camera_cull": False,
+            "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0,
             "sample_clamp_indirect": clamp, "film_transparent_glass": False} | compat.whole_sample_range()

@@ -1,4 +1,4 @@
-"""Which device Cycles uses, and whether this Blender can run the OSL camera on it."""
+"""Which device Cycles uses, and what sends the rays there."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from contextlib import contextmanager
 import bpy
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.frames.job import AUTO
 
 from .overrides import overridden
 
+# The fastest first; "auto" takes the first that this machine has.
+GPU_TYPES = ("OPTIX", "CUDA", "HIP", "ONEAPI", "METAL")
 WITH_OSL_CAMERA = ("CPU", "OPTIX")
 
 
@@ -26,6 +29,22 @@ def has_osl() -> bool:
 def has_osl_camera(device: str) -> bool:
     """True if Cycles runs OSL cameras on ``device``: with OSL the CPU and OptiX do, nothing else does."""
     return device in WITH_OSL_CAMERA and has_osl()
+
+
+def way_of(device: str) -> str:
+    """The quicker of the layouts that trace all views in one pass on ``device`` (docs/reference/devices.md)."""
+    return "one-pass" if has_osl_camera(device) else "lens-card"
+
+
+def resolved(device: str) -> str:
+    """The device that ``device`` stands for: "auto" is the best of this machine, everything else itself."""
+    return device if device != AUTO else next((kind for kind in GPU_TYPES if _found(kind)), "CPU")
+
+
+def _found(kind: str) -> bool:
+    preferences = _preferences()
+    known = {item[0] for item in preferences.get_device_types(bpy.context)}
+    return kind in known and any(item.type == kind for item in preferences.get_devices_for_type(kind))
 
 
 @contextmanager

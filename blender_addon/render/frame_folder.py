@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -26,8 +26,7 @@ from .view_by_view import render_views
 HALF_SEED = 1 << 20
 
 
-def render_job(scene: bpy.types.Scene, job: Job, opened: float = 0.0, progress: Progress | None = None,
-               warn: Callable[[str], None] = print) -> Path:
+def render_job(scene: bpy.types.Scene, job: Job, opened: float = 0.0, progress: Progress | None = None) -> Path:
     """Render ``job`` into its frame folder; the scene is as before afterwards, also after an error.
 
     Parameters
@@ -36,14 +35,12 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: float = 0.0, progress: 
     job : what to render of it, and into which folder
     opened : seconds it took to open the scene, kept in ``frame.json``
     progress : called with how far it is; an exception it raises cancels
-    warn : called with what the user should know
 
     Returns
     -------
     The frame folder.
     """
-    if _layout(job) != job.layout:
-        warn(f"this Blender cannot run the OSL camera on {job.device}: rendering view by view instead")
+    job = dataclasses.replace(job, device=devices.resolved(job.device))
     with prepared(scene, job) as frame:
         seconds = {"open": opened, "render": _render(scene, job, frame, progress)}
     seconds = {name: round(value, 3) for name, value in seconds.items()}
@@ -101,8 +98,8 @@ def _at_frame(scene: bpy.types.Scene, number: int | None) -> Iterator[None]:
 
 
 def _layout(job: Job) -> str:
-    """The layout asked for, but view by view where the OSL camera cannot run."""
-    return job.layout if devices.has_osl_camera(job.device) else "view-by-view"
+    """The layout asked for, but the lens card where the OSL camera cannot run."""
+    return devices.way_of(job.device) if job.layout == "one-pass" else job.layout
 
 
 def _world_visible(scene: bpy.types.Scene, job: Job, own_light: bool) -> bool:
@@ -127,6 +124,6 @@ def _images(job: Job, frame: Frame) -> list[tuple[str, RenderSettings]]:
 def _render(scene: bpy.types.Scene, job: Job, frame: Frame, progress: Progress | None) -> float:
     """Render every image of the job; seconds."""
     render = render_views if frame.layout == "view-by-view" else render_encoded
-    shot, images = Shot(frame.rays, frame.matrix_world), _images(job, frame)
+    shot, images = Shot(frame.rays, frame.matrix_world, frame.layout), _images(job, frame)
     return sum(render(scene, shot, settings, Path(job.output, name), part(progress, number, len(images)))
                for number, (name, settings) in enumerate(images))

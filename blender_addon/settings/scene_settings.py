@@ -79,8 +79,8 @@ def device_of(scene: bpy.types.Scene) -> str:
 
 
 def layout_of(scene: bpy.types.Scene) -> str:
-    """One pass where this Blender has the OSL camera on the scene's device, else view by view."""
-    return "one-pass" if devices.has_osl_camera(device_of(scene)) else "view-by-view"
+    """How the rays are sent on the scene's device."""
+    return devices.way_of(device_of(scene))
 
 
 def scene_folder(scene: bpy.types.Scene) -> Path:

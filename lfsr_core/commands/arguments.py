@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.frames.job import LAYOUTS, Job, check_scene
+from lfsr_core.frames.job import AUTO, DEVICES, LAYOUTS, Job, check_scene
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CONVENTIONS
 from lfsr_core.render.store import with_blender
@@ -34,8 +34,13 @@ def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
                         help="the foreground; default: everything but the world and a collection called Background")
     parser.add_argument("--world-visible", action=argparse.BooleanOptionalAction,
                         help="show the world behind the subject; default: what the scene says")
-    parser.add_argument("--device", default="CPU", metavar="NAME", help="Cycles device, default: %(default)s")
+    parser.add_argument("--device", type=_device, default=AUTO, metavar="auto|NAME",
+                        help=f"what Cycles renders on, {', '.join(DEVICES)}; default: the best that this machine has")
     parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")
+
+
+def _device(text: str) -> str:
+    return text if text == AUTO else text.upper()
 
 
 def make_job(arguments: argparse.Namespace, **values: Any) -> Job:

@@ -16,7 +16,8 @@ from lfsr_core.optics.rays import CameraArray, RayLayout
 from lfsr_core.records import from_data, to_data
 
 FORMAT = 1
-LAYOUTS = ("one-pass", "view-by-view")
+# The OSL camera, or the lens card where that cannot run; the lens card; one ordinary camera per view.
+LAYOUTS = ("one-pass", "lens-card", "view-by-view")
 LEAST_LENGTH = 1e-30  # scene units; its inverse is the most
 FRAME_FILE, REPORT_FILE = "frame.json", "report.json"
 LOW_RES_FILE, MASK_FILE, EIA_FILE, EIA_LINEAR_FILE = "lr_eia.exr", "mask.png", "eia.png", "eia.exr"

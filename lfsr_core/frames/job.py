@@ -13,6 +13,8 @@ from lfsr_core.optics.rays import CONVENTIONS
 from lfsr_core.records import from_data
 
 KINDS = ("render", "reference")
+AUTO = "auto"  # the best device of the machine that renders
+DEVICES = ("CPU", "OPTIX", "CUDA", "HIP", "ONEAPI", "METAL")
 LAYERS = ("albedo", "normal", "position", "index")
 # Of Blender: more it would clip without a word.
 MOST_SAMPLES, MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**24, 2**31 - 1, 1_048_574, 10**8
@@ -39,7 +41,7 @@ class Job:
     frame: int | None = None  # number of the frame, None for the scene's current one
     subject: str | None = None  # collection that is the foreground, None for all but one called Background
     lens_list: tuple[tuple[int, int], ...] | None = None  # (row, column) of the lenses to render, None for all
-    device: str = "CPU"  # Cycles' device
+    device: str = "CPU"  # Cycles' device, or AUTO
     clamp_indirect: float | None = None  # None for Cycles' default, 0 for none
     world_visible: bool | None = None  # None for the scene's own film setting
     scene_name: str | None = None  # scene in the file, None for the one that is open in it

@@ -72,9 +72,8 @@ def make_plan(job: Job, options: Options, render: Render, folder: Path, progress
     LfsrError : for bad options, a scene without foreground, or what ``render`` raises
     """
     question = Question(job, options, tuple(options.candidates(job.display)))
-    if job.layout != "one-pass":
-        raise LfsrError("a plan renders single lenses, which a view-by-view render cannot: choose the CPU or an "
-                        "OptiX device, which trace all views in one pass")
+    if job.layout == "view-by-view":
+        raise LfsrError("a plan renders single lenses, which a view-by-view render cannot: choose another layout")
     _check_sample(folder, question)
 
     def report(message: str, done: float = 0.0) -> None:

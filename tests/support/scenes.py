@@ -106,11 +106,14 @@ def _emission(connect: Callable[[bpy.types.NodeTree, bpy.types.Node], None]) -> 
     return material
 
 
+WAYS = ("one-pass", "lens-card")   # of tracing all views at once
+
+
 def encoded(scene: bpy.types.Scene, layout: RayLayout, folder: Path, matrix_world: spaces.Matrix | None = None,
-            **settings: object) -> dict[str, np.ndarray]:
-    """Layers of a one-pass render."""
+            way: str = WAYS[0], **settings: object) -> dict[str, np.ndarray]:
+    """Layers of a render of all views at once."""
     settings = cycles.RenderSettings(**{"samples": 1} | settings)
-    cycles.render_encoded(scene, cycles.Shot(layout, matrix_world or front()), settings, folder / "image.exr")
+    cycles.render_encoded(scene, cycles.Shot(layout, matrix_world or front(), way), settings, folder / "image.exr")
     return exr.read_layers(folder / "image.exr")
 
 

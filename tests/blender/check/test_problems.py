@@ -36,13 +36,12 @@ def test_settings_that_are_ignored(scene, code, spoil):
     fix(scene, code)
 
 
-def test_device_without_osl(scene, monkeypatch):
+def test_every_device_traces_all_views_at_once(scene, monkeypatch):
     monkeypatch.setattr(scene_settings, "device_of", lambda scene: "CUDA" if scene.cycles.device == "GPU" else "CPU")
     scene.cycles.device = "GPU"
-    problem = found(scene, "device")
-    assert problem.target == "CUDA" and "one by one" in problem.reason
-    assert scene_settings.layout_of(scene) == "view-by-view"
-    fix(scene, "device")
+    assert found(scene, "device") is None
+    assert scene_settings.layout_of(scene) == "lens-card"
+    scene.cycles.device = "CPU"
     assert scene_settings.layout_of(scene) == "one-pass"
 
 

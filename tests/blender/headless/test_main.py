@@ -14,7 +14,7 @@ import pytest
 
 from lfsr_core.files import write_json
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.job import DEVICES, Job
 from lfsr_core.images import exr
 from lfsr_core.records import to_data
 from tests.support.scenes import MINI, ROOT, add_box, emission
@@ -70,12 +70,22 @@ def test_bad_input_is_one_sentence_and_exit_code_2(blend, tmp_path, options, sen
     assert not list((tmp_path / "out").glob("**/*"))
 
 
-def test_device_without_osl_renders_view_by_view_and_says_so(blend, tmp_path):
+def test_device_without_osl_renders_through_the_lens_card(blend, tmp_path):
     child = start(tmp_path, scene=str(blend), device="CUDA")
     emitted = records(child.communicate()[0].splitlines())
-    assert any("view by view" in str(record.get("message")) for record in emitted)
     # With such a device it renders, without one it says that there is none.
-    assert child.returncode == 0 or "this machine has none" in emitted[-1]["message"]
+    if child.returncode:
+        assert "this machine has none" in emitted[-1]["message"]
+    else:
+        assert read_frame(tmp_path / "out").layout == "lens-card"
+
+
+def test_best_device_is_found_and_named(blend, tmp_path):
+    child = start(tmp_path, scene=str(blend), device="auto")
+    child.communicate()
+    frame = read_frame(tmp_path / "out")
+    assert child.returncode == 0 and frame.device in DEVICES
+    assert frame.layout == ("one-pass" if frame.device in ("CPU", "OPTIX") else "lens-card")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

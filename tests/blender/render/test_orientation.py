@@ -12,7 +12,8 @@ from lfsr_core.optics.rays import RayLayout
 from tests.support.scenes import ARRAY, MINI, add_box, emission, front
 
 RED, GREEN, BLUE, YELLOW = (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0)
-WAYS = {"one-pass": cycles.render_encoded, "view-by-view": view_by_view.render_views}
+WAYS = {"one-pass": cycles.render_encoded, "lens-card": cycles.render_encoded,
+        "view-by-view": view_by_view.render_views}
 
 
 @pytest.fixture(params=list(WAYS))
@@ -23,7 +24,8 @@ def image(request, scene, tmp_path):
     add_box(scene, (0, -0.8, -0.3), (0.1, 0.02, 0.1), emission(BLUE))
     add_box(scene, (0, 0.8, -0.45), (0.6, 0.02, 0.3), emission(YELLOW))
     layout = RayLayout.for_display(MINI, ARRAY)
-    WAYS[request.param](scene, cycles.Shot(layout, front()), cycles.RenderSettings(32), tmp_path / "image.exr")
+    shot = cycles.Shot(layout, front(), request.param)
+    WAYS[request.param](scene, shot, cycles.RenderSettings(32), tmp_path / "image.exr")
     return exr.read_layers(tmp_path / "image.exr")["color"][..., :3]
 
 

@@ -8,10 +8,11 @@ import pytest
 from blender_addon.render import cycles, frame_folder
 from lfsr_core.frames.job import Job
 from lfsr_core.images import exr
-from tests.support.scenes import MINI, add_box
+from tests.support.scenes import MINI, WAYS, add_box
 
 
-def test_color_and_environment_add_up_to_blenders_own_picture(scene, tmp_path):
+@pytest.mark.parametrize("way", WAYS)
+def test_color_and_environment_add_up_to_blenders_own_picture(scene, tmp_path, way):
     """The environment layer is already weighted by what is left uncovered."""
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     scene.world = bpy.data.worlds.new("world")
@@ -20,7 +21,7 @@ def test_color_and_environment_add_up_to_blenders_own_picture(scene, tmp_path):
     with frame_folder.prepared(scene, job) as frame:
         assert frame.world_visible, "a world that Blender would show is shown"
         settings = cycles.RenderSettings(64, world_visible=True)
-        with (cycles.encoded_camera(scene, frame.rays, frame.matrix_world),
+        with (cycles.encoded_camera(scene, cycles.Shot(frame.rays, frame.matrix_world, way)),
               cycles.cycles_settings(scene, settings, frame.rays.size)):
             cycles.render_to(scene, tmp_path / "apart.exr")
             scene.render.film_transparent = False

@@ -16,6 +16,7 @@ from tests.support.scenes import (
     MINI,
     POSITION_OFFSET,
     TURNED,
+    WAYS,
     add_plane,
     encoded,
     fresh_scene,
@@ -55,28 +56,33 @@ def shown_hits(scene, layout, folder, **settings):
     return color[..., :3] - POSITION_OFFSET
 
 
+@pytest.fixture(params=WAYS)
+def way(request):
+    return request.param
+
+
 @pytest.mark.parametrize("convention", ["centred", "paper"])
-@pytest.mark.parametrize(("depth", "tilt"), [(1.0, 0.0), (1.0, 0.5), (0.5, -0.3), (3.0, 0.2)])
-def test_every_pixel_hits_where_rays_py_says(scene, tmp_path, convention, depth, tilt):
+@pytest.mark.parametrize(("depth", "tilt"), [(1.0, 0.0), (1.0, 0.5), (0.7, -0.2), (3.0, 0.2)])
+def test_every_pixel_hits_where_rays_py_says(scene, tmp_path, convention, depth, tilt, way):
     layout, plane = layout_of(convention=convention), plane_in_array(depth * ARRAY.distance, tilt)
     add_plane(scene, plane, position_emission())
-    error = np.linalg.norm(shown_hits(scene, layout, tmp_path) - expected_hits(layout, plane), axis=-1)
+    error = np.linalg.norm(shown_hits(scene, layout, tmp_path, way=way) - expected_hits(layout, plane), axis=-1)
     assert error.max() <= TOLERANCE, f"{error.max() / ARRAY.distance:.1e} of the distance"
 
 
-def test_position_layer_is_the_pixel_centre_ray(scene, tmp_path):
+def test_position_layer_is_the_pixel_centre_ray(scene, tmp_path, way):
     layout, plane = layout_of(2), plane_in_array(2 * ARRAY.distance, 0.3)
     add_plane(scene, plane, position_emission())
-    layers = encoded(scene, layout, tmp_path, ARRAY_TO_WORLD.tolist(), layers=("position",))
+    layers = encoded(scene, layout, tmp_path, ARRAY_TO_WORLD.tolist(), way, layers=("position",))
     assert np.abs(layers["position"] - expected_hits(layout, plane)).max() <= TOLERANCE
 
 
 @pytest.mark.parametrize("lenses", [LENSES, LENSES[:1], ALL_LENSES])
-def test_listed_lenses_are_the_same_lenses_of_the_whole(scene, tmp_path, lenses):
+def test_listed_lenses_are_the_same_lenses_of_the_whole(scene, tmp_path, lenses, way):
     whole, listed = layout_of(), layout_of(lens_list=lenses)
     add_plane(scene, plane_in_array(ARRAY.distance, 0.4), position_emission())
-    tiles = eia.to_elemental_images(shown_hits(scene, listed, tmp_path), listed.tiles)
-    every = eia.to_elemental_images(shown_hits(scene, whole, tmp_path), whole.lenses)
+    tiles = eia.to_elemental_images(shown_hits(scene, listed, tmp_path, way=way), listed.tiles)
+    every = eia.to_elemental_images(shown_hits(scene, whole, tmp_path, way=way), whole.lenses)
     tiles = tiles.reshape(-1, *tiles.shape[2:])
     for number, (row, column) in enumerate(lenses):
         assert np.abs(tiles[number] - every[row, column]).max() <= TOLERANCE
@@ -107,7 +113,7 @@ def test_papers_low_views_are_shifted_by_half_of_what_they_replace(scene, tmp_pa
 
 
 @pytest.mark.parametrize(("scale", "aperture"), [(1, 1.0), (4, 1.0), (4, 0.5), (4, 0.0)])
-def test_samples_fill_the_lens_and_the_cell_of_views(tmp_path, scale, aperture):
+def test_samples_fill_the_lens_and_the_cell_of_views(tmp_path, scale, aperture, way):
     """Second moments of the hit points at twice the distance: 2·target − origin, both uniform in their boxes."""
     layout = layout_of(scale, view_aperture=aperture)
     moments = []
@@ -116,7 +122,7 @@ def test_samples_fill_the_lens_and_the_cell_of_views(tmp_path, scale, aperture):
         # In array space itself, so that x and y are not mixed by the turn.
         add_plane(scene, mathutils.Matrix.Translation((0, 0, -2 * ARRAY.distance)), position_emission(square))
         looking_down = spaces.from_blender(mathutils.Matrix())
-        moments.append(encoded(scene, layout, tmp_path, looking_down, samples=256)["color"][..., :2])
+        moments.append(encoded(scene, layout, tmp_path, looking_down, way, samples=256)["color"][..., :2])
     mean = moments[0] - POSITION_OFFSET
     variance = (moments[1] - mean**2).mean((0, 1))
     lens = np.array([2 * ARRAY.half_width / MINI.lenses[0], 2 * ARRAY.half_height / MINI.lenses[1]])
@@ -133,10 +139,10 @@ def test_image_too_small_for_blender_is_refused(scene, tmp_path):
         encoded(scene, layout_of(4, lens_list=LENSES[:1]), tmp_path)
 
 
-def test_normal_layer_is_in_array_space(scene, tmp_path):
+def test_normal_layer_is_in_array_space(scene, tmp_path, way):
     """+X right, +Y up, +Z towards the display: what faces the viewer has a negative z."""
     tilt = 0.3
     plane = TURNED @ mathutils.Matrix.Translation((0, 0, -ARRAY.distance)) @ mathutils.Matrix.Rotation(tilt, 4, "Y")
     add_plane(scene, plane, bpy.data.materials.new("plain"))
-    normal = encoded(scene, layout_of(4), tmp_path, ARRAY_TO_WORLD.tolist(), layers=("normal",))["normal"]
+    normal = encoded(scene, layout_of(4), tmp_path, ARRAY_TO_WORLD.tolist(), way, layers=("normal",))["normal"]
     assert normal == pytest.approx(np.broadcast_to((np.sin(tilt), 0, -np.cos(tilt)), normal.shape), abs=1e-3)

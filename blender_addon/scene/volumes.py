@@ -1,0 +1,43 @@
+"""Volumes in a scene: how far they are from a point."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+import mathutils
+
+
+def distance_to_volume(scene: bpy.types.Scene, point: mathutils.Vector) -> float:
+    """Scene units from ``point`` to the nearest surface of a volume, seen from inside or outside; inf without any.
+
+    Volumes are meshes with a volume shader and volume objects, of which only the box counts. Instances are left out.
+    """
+    graph = bpy.context.evaluated_depsgraph_get()
+    around = (item.evaluated_get(graph) for item in scene.objects if not item.hide_render and _is_volume(item))
+    return min((_distance(item, point) for item in around), default=math.inf)
+
+
+def _is_volume(item: bpy.types.Object) -> bool:
+    return item.type == "VOLUME" or any(_has_volume(slot.material) for slot in item.material_slots)
+
+
+def _has_volume(material: bpy.types.Material | None) -> bool:
+    nodes = material.node_tree.nodes if material is not None and material.node_tree is not None else ()
+    return any(node.inputs["Volume"].is_linked for node in nodes if node.bl_idname == "ShaderNodeOutputMaterial")
+
+
+def _distance(item: bpy.types.Object, point: mathutils.Vector) -> float:
+    local = item.matrix_world.inverted_safe() @ point
+    if item.type == "MESH" and item.data.polygons:
+        found, nearest, _, _ = item.closest_point_on_mesh(local)
+        if found:
+            return (item.matrix_world @ nearest - point).length
+    return _distance_to_box(item, point)
+
+
+def _distance_to_box(item: bpy.types.Object, point: mathutils.Vector) -> float:
+    corners = [item.matrix_world @ mathutils.Vector(corner) for corner in item.bound_box]
+    low, high = (mathutils.Vector(map(end, zip(*corners, strict=True))) for end in (min, max))
+    outside = mathutils.Vector(max(low[i] - point[i], 0, point[i] - high[i]) for i in range(3)).length
+    return outside or min(min(point[i] - low[i], high[i] - point[i]) for i in range(3))
