@@ -176,7 +176,20 @@ def _cycles_values(settings: RenderSettings) -> dict[str, object]:
     clamp = CLAMP_INDIRECT if settings.clamp_indirect is None else float(settings.clamp_indirect)
     return {"device": "CPU" if settings.device == "CPU" else "GPU", "samples": settings.samples,
             "seed": settings.seed, "use_animated_seed": False,
-            "use_adaptive_sampling": False, "use_denoising": False, "time_limit": 0.0,
+            "use_adaptive_sampling": False, "time_limit": 0.0,
             "use_layer_samples": "IGNORE", "use_camera_cull": False,
             "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0,
-            "sample_clamp_indirect": clamp, "film_transparent_glass": False} | compat.whole_sample_range()
+            "sample_clamp_indirect": clamp, "film_transparent_glass": False,
+            **_denoiser(settings), **compat.whole_sample_range()}
+
+
+def _denoiser(settings: RenderSettings) -> dict[str, object]:
+    """Cycles' own denoiser for the layer "denoised": colour alone, as the method "oidn"."""
+    if "denoised" not in settings.layers:
+        return {"use_denoising": False}
+    if not devices.has_denoiser():
+        raise LfsrError("the layer denoised needs Open Image Denoise, which this Blender was built without: "
+                        "choose the method 'oidn', or another Blender")
+    return {"use_denoising": True, "denoiser": "OPENIMAGEDENOISE", "denoising_input_passes": "RGB",
+            "denoising_prefilter": "NONE", "denoising_quality": "HIGH",
+            "denoising_use_gpu": settings.device != "CPU"}

@@ -26,6 +26,15 @@ def has_osl() -> bool:
     return bool(_cycles.with_osl)
 
 
+def has_denoiser() -> bool:
+    """True if this Blender was built with Open Image Denoise."""
+    try:
+        import _cycles
+    except ImportError:
+        return False
+    return bool(_cycles.with_openimagedenoise)
+
+
 def has_osl_camera(device: str) -> bool:
     """True if Cycles runs OSL cameras on ``device``: with OSL the CPU and OptiX do, nothing else does."""
     return device in WITH_OSL_CAMERA and has_osl()

@@ -47,7 +47,8 @@ def _cycles_switches(view_layer: bpy.types.ViewLayer, layers: Sequence[str]) -> 
     """Cycles' own passes. Its denoising albedo and normal look through mirrors and glass, as OIDN wants them."""
     own = [name for name in _names(view_layer.cycles) if name.startswith(("use_pass_", "pass_"))]
     features = "albedo" in layers or "normal" in layers
-    return dict.fromkeys(own, False) | {"use_denoising": False, "denoising_store_passes": features}
+    denoised = "denoised" in layers
+    return dict.fromkeys(own, False) | {"use_denoising": denoised, "denoising_store_passes": features or denoised}
 
 
 @contextmanager

@@ -18,6 +18,7 @@ import bpy
 import mathutils
 import numpy as np
 
+from lfsr_core.errors import LfsrError
 from lfsr_core.images import exr
 from lfsr_core.optics import eia
 from lfsr_core.optics.rays import RayLayout, view_offset
@@ -39,6 +40,9 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
     Parameters and result as of ``cycles.render_encoded``.
     """
     started, layout = time.perf_counter(), shot.layout
+    if "denoised" in settings.layers:
+        raise LfsrError("the layer denoised would be denoised view by view, which loses detail: choose another layout, "
+                        "or the method 'oidn'")
     with (unfinished(path) as target, temporary_camera(scene, shot.matrix_world, layout.array.distance) as camera,
           cycles_settings(scene, settings, layout.lenses), overridden(scene.render, pixel_aspect(layout)),
           overridden(scene.cycles, _filter(layout)), _folder(target.parent) as folder):

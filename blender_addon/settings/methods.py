@@ -26,6 +26,8 @@ CLASSICAL = {
                                                           "matte surfaces"),
     "oidn+bicubic": ("Denoise + Bicubic", "Open Image Denoise on the whole array, then sharper bicubic views"),
     "oidn+lanczos": ("Denoise + Lanczos", "Open Image Denoise on the whole array, then the sharpest, Lanczos views"),
+    "oidn-render+bilinear": ("Denoise in Cycles + Bilinear", "Open Image Denoise by Cycles on the device that renders, "
+                                                             "then linear views: quickest with a GPU"),
     "bicubic": ("Bicubic", "Bicubic views, noise kept"),
     "lanczos": ("Lanczos", "Lanczos views, noise kept"),
     "bilinear": ("Bilinear", "Linear views, noise kept: fastest"),

@@ -123,6 +123,9 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
         layout.prop(lfsr, "samples")
         layout.prop(lfsr, "method")
         layout.prop(lfsr, "seed")
+        if hasattr(context.scene, "cycles"):
+            layout.prop(context.scene.cycles, "device")
+            _facts(self.layout, summary.device_facts(context.scene))
         layout.separator()
         layout.prop(lfsr, "output")
         layout.prop(lfsr, "linear_exr", text="Linear EXR")

@@ -14,12 +14,14 @@ from lfsr_core.frames.report import read_report
 from lfsr_core.optics.display import DisplayProfile
 
 from ..array import rig
+from ..render import devices
 from ..settings import scene_settings
 from ..settings.scene_settings import length
 
 Facts = list[tuple[str, str]]
 METRICS = {"ssim_eia_fg": "SSIM, foreground", "ssim_views_fg": "SSIM, views", "psnr_fg": "PSNR", "flip": "FLIP",
            "ssim_eia_plain": "Plain SSIM", "ssim_ceiling": "Its ceiling"}
+WAYS = {"one-pass": "by the OSL camera", "lens-card": "through the lens card"}
 IN_DECIBEL = ("psnr_fg",)
 
 
@@ -42,6 +44,14 @@ def depth_facts(scene: bpy.types.Scene) -> Facts:
     return [("Width", length(scene, 2 * array.half_width)),
             ("In Front", length(scene, array.distance - near)),
             ("Behind", "unlimited" if math.isinf(far) else length(scene, far - array.distance))]
+
+
+def device_facts(scene: bpy.types.Scene) -> Facts:
+    """What the scene renders on, and what sends the rays there."""
+    device = scene_settings.device_of(scene)
+    if device == "CPU" and scene.cycles.device != "CPU":
+        return [("Renders on", "the CPU, no GPU is set up in Preferences > System")]
+    return [("Renders on", f"{device}, {WAYS[devices.way_of(device)]}")]
 
 
 def metric_facts(scene: bpy.types.Scene) -> Facts:

@@ -15,7 +15,7 @@ from lfsr_core.records import from_data
 KINDS = ("render", "reference")
 AUTO = "auto"  # the best device of the machine that renders
 DEVICES = ("CPU", "OPTIX", "CUDA", "HIP", "ONEAPI", "METAL")
-LAYERS = ("albedo", "normal", "position", "index")
+LAYERS = ("albedo", "normal", "position", "index", "denoised")
 # Of Blender: more it would clip without a word.
 MOST_SAMPLES, MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**24, 2**31 - 1, 1_048_574, 10**8
 MOST_DIGITS = 30

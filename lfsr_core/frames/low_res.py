@@ -12,7 +12,7 @@ from lfsr_core.frames.frame import LOW_RES_FILE, Frame
 from lfsr_core.optics.eia import to_elemental_images
 
 RENDERED_LAYERS = ("albedo", "normal", "position")
-LAYERS = (*RENDERED_LAYERS, "noisy", "guided")
+LAYERS = (*RENDERED_LAYERS, "denoised", "noisy", "guided")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,6 +30,7 @@ class LowResEIA:
     albedo: np.ndarray | None = None
     normal: np.ndarray | None = None
     position: np.ndarray | None = None
+    denoised: np.ndarray | None = None  # colour as Cycles denoised it right after the render
     noisy: np.ndarray | None = None  # colour as rendered, where a denoiser has changed ``color``
     guided: np.ndarray | None = None  # colour denoised by the guides, beside ``color`` denoised without
 
@@ -77,5 +78,8 @@ def low_resolution(layers: Mapping[str, np.ndarray], frame: Frame) -> LowResEIA:
 
     images = {name: layers[name] for name in RENDERED_LAYERS if name in layers}
     images |= {"color": over_background(layers, frame), "alpha": np.clip(layers["color"][..., 3:], 0, 1)}
+    if "denoised" in layers:
+        alpha = layers["color"][..., 3:]
+        images["denoised"] = over_background({**layers, "color": np.concatenate([layers["denoised"], alpha], 2)}, frame)
     tiles = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
     return LowResEIA(**tiles, samples=frame.samples, scale=frame.scale)

@@ -27,6 +27,9 @@ class Report:
     metrics: dict[str, Any] = dataclasses.field(default_factory=dict)
     replaced_pixels: int = 0  # pixels of the render that were not finite
     dilate: int = 0  # lenses by which the foreground mask was grown
+    # layout, device: what sent the rays, and what Cycles rendered on
+    layout: str = ""
+    device: str = ""
     weights: str | None = None  # file that replaced the weights of the method's network, None for the shipped ones
 
 

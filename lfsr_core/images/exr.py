@@ -19,9 +19,10 @@ PASS_LAYERS = {
     "position": "position",
     "indexob": "index", "object index": "index", "index": "index",
     "env": "environment", "environment": "environment",
+    "noisy image": "noisy", "denoised": "denoised",
 }
 LAYER_CHANNELS = {"color": "RGBA", "albedo": "RGB", "normal": "XYZ", "position": "XYZ", "index": "X",
-                  "environment": "RGB"}
+                  "environment": "RGB", "denoised": "RGB", "noisy": "RGBA"}
 HALF_MAX = 65504.0
 MAGIC = b"\x76\x2f\x31\x01"
 # A header that lies must not cost memory. Deflate shrinks at most 1032 times, and 16-bit floats become 32-bit ones.
@@ -35,8 +36,9 @@ def read_layers(path: str | Path) -> dict[str, np.ndarray]:
     Always "color" (RGBA, premultiplied, scene-linear; alpha 1 where the file has
     none); "albedo" (3), "normal" (3, camera-array space, zero where nothing was hit),
     "position" (3, world space, scene units), "index" (1) and "environment" (3)
-    where the file has them. Reads Blender's files (4.5: one part, 5.x: one part
-    per pass) and those of ``write_layers``; other passes are left out.
+    where the file has them, and "denoised" (3), the colour after Cycles' own denoiser.
+    Reads Blender's files (4.5: one part, 5.x: one part per pass) and those of
+    ``write_layers``; other passes are left out.
     LfsrError where the file is missing, truncated or has no colour.
     """
     path = Path(path)
@@ -54,6 +56,11 @@ def read_layers(path: str | Path) -> dict[str, np.ndarray]:
     if "color" not in layers:
         raise LfsrError(f"{path} has no colour layer, expected channels R, G, B: render the frame again")
     _check_sizes(path, layers)
+    if "noisy" in layers:
+        # Where Cycles denoised, its picture is the denoised one.
+        picture = layers["color"]
+        layers["denoised"] = np.ascontiguousarray(picture[..., :3])
+        layers["color"] = np.concatenate([layers.pop("noisy")[..., :3], picture[..., 3:]], axis=2)
     if layers["color"].shape[2] == 3:
         layers["color"] = np.concatenate([layers["color"], np.ones_like(layers["color"][..., :1])], axis=2)
     return layers

@@ -28,9 +28,11 @@ PREFILTERS = {
     "oidn-fast": "the same in half the time, a little less accurate",
     "oidn-guided": "Open Image Denoise with albedo and normal, cleaned first: for plain surfaces",
     "oidn-both": "oidn and oidn-guided, for a network that mixes them",
+    "oidn-render": "Open Image Denoise by Cycles, on the device that renders: for GPUs",
 }
 AS_RENDERED, RECOVERY = "none", "epi"
 GUIDED = ("oidn-guided", "oidn-both")
+DENOISED = "oidn-render"
 DENOISERS = ("oidn", "oidn-fast", "oidn-guided")  # prefilters that make sense before an interpolation
 UPSCALERS = {**CLASSICAL, **catalogue.NAMES}
 METHODS = {**UPSCALERS, **PREFILTERS, RECOVERY: "last: detail that was taken for noise comes back along epipolar lines"}
@@ -83,7 +85,8 @@ class MethodName:
     def layers(self) -> tuple[str, ...]:
         """Auxiliary layers that some part looks at, sorted."""
         guides = denoise.GUIDES if set(GUIDED) & set(self.prefilters) else ()
-        return tuple(sorted({*guides, *(self.network.layers if self.network else ())}))
+        denoised = ("denoised",) if DENOISED in self.prefilters else ()
+        return tuple(sorted({*guides, *denoised, *(self.network.layers if self.network else ())}))
 
     @property
     def versions(self) -> dict[str, int]:

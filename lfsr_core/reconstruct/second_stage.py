@@ -187,4 +187,5 @@ def _report(run: _Run, assembly: Assembly, replaced: int) -> Report:
         seconds={stage: round(seconds, 4) for stage, seconds in run.clock.seconds.items()},
         peak_bytes=peak_bytes(), foreground_share=float(assembly.mask.mean()),
         notes=(*name.guide_notes(assembly.low.layers), *assembly.upscaler.notes), replaced_pixels=replaced,
-        dilate=options.dilate, weights=str(options.weights) if options.weights else None)
+        dilate=options.dilate, layout=frame.layout, device=frame.device,
+        weights=str(options.weights) if options.weights else None)

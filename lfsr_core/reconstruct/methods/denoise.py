@@ -117,6 +117,14 @@ def denoise_both_ways(low: LowResEIA) -> LowResEIA:
     return dataclasses.replace(plain, guided=denoise_low_resolution(low, guided=True).color)
 
 
+def as_rendered(low: LowResEIA) -> LowResEIA:
+    """The colour that Cycles denoised on its own device; LfsrError where the frame was rendered without."""
+    if low.denoised is None:
+        raise LfsrError("the frame has no layer denoised: render it with --layers denoised, "
+                        "or choose the method 'oidn'")
+    return dataclasses.replace(low, color=low.denoised, noisy=low.color)
+
+
 def is_available() -> bool:
     """True if this Python has pyoidn or finds Blender's library."""
     return importlib.util.find_spec("pyoidn") is not None or oidn.find_library() is not None
