@@ -12,12 +12,26 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lfsr_core import __version__
-from lfsr_core.commands import chart, compare, displays, fit, plan, reference, render, stress, train, upscale, views
+from lfsr_core.commands import (
+    chart,
+    compare,
+    displays,
+    export,
+    fit,
+    plan,
+    reference,
+    render,
+    stress,
+    train,
+    upscale,
+    view,
+    views,
+)
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import check_name, system_errors
 
 # A verb is a module with NAME, HELP, add_arguments(parser) and run(args); it imports what is slow inside run.
-VERBS = (displays, render, upscale, plan, reference, compare, chart, views, stress, train, fit)
+VERBS = (displays, render, upscale, view, export, views, plan, reference, compare, chart, stress, train, fit)
 
 EXIT_BAD_INPUT, EXIT_INTERRUPTED = 2, 130
 ENDINGS = ("SIGTERM", "SIGHUP", "SIGQUIT")  # as Ctrl-C: a closed terminal too

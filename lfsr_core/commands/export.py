@@ -1,0 +1,59 @@
+"""``lfsr export DIR --format NAME``: a finished frame for other displays, other programs, other people."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from lfsr_core.progress import ProgressBar
+
+NAME = "export"
+HELP = "write a finished frame as quilt, stereo pair, film or folder of views"
+FORMATS = ("quilt", "hci", "stanford", "stereo", "views", "sway", "pleno")
+TYPES = ("png", "exr", "mp4", "gif", "webp")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this verb."""
+    parser.add_argument("folder", type=Path, metavar="DIR", help="finished frame folder")
+    parser.add_argument("--format", required=True, choices=FORMATS, help="docs/reference/export.md describes them")
+    parser.add_argument("-o", "--output", type=Path, metavar="FOLDER", help="default: DIR/export/FORMAT")
+    parser.add_argument("--views", type=_pair, metavar="N|NxM",
+                        help="cameras across and down, evenly over the viewing zone; default: all there are")
+    parser.add_argument("--grid", type=_pair, metavar="CxR", help="tiles across and down of a quilt")
+    parser.add_argument("--width", type=int, metavar="PX", help="of a picture, or of a quilt's tile")
+    parser.add_argument("--eyes-mm", type=float, metavar="MM", help="between the eyes of a stereo pair, default: 63")
+    parser.add_argument("--type", choices=TYPES, help="views: png or exr; sway: mp4, gif, webp or png")
+    parser.add_argument("--seconds", type=float, metavar="S", help="of one sway to and fro, default: 4")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Write the export and say where it is."""
+    from lfsr_core.share.formats import export
+    from lfsr_core.share.options import ExportOptions
+
+    progress = ProgressBar()
+    views = arguments.views
+    if views and len(views) == 1:
+        views = (views[0], 1 if arguments.format == "quilt" else views[0])
+    if arguments.grid and len(arguments.grid) == 1:
+        arguments.grid = (arguments.grid[0], 1)
+    options = ExportOptions(views, arguments.grid, arguments.eyes_mm, arguments.width, arguments.type,
+                            arguments.seconds, progress)
+    try:
+        files, notes = export(arguments.folder, arguments.format, arguments.output, options)
+        for note in notes:
+            progress.note(note)
+    finally:
+        progress.close()
+    print(files[0] if len(files) == 1 else f"{files[0].parent}: {len(files)} files")
+
+
+def _pair(text: str) -> tuple[int, ...]:
+    try:
+        numbers = tuple(int(part) for part in text.lower().split("x"))
+        if len(numbers) not in (1, 2):
+            raise ValueError
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not N or NxM, as 9 or 8x6") from None
+    return numbers

@@ -1,0 +1,38 @@
+"""``lfsr view DIR``: a page that shows the finished EIA in any browser."""
+
+from __future__ import annotations
+
+import argparse
+import webbrowser
+from pathlib import Path
+
+from lfsr_core.progress import ProgressBar
+
+NAME = "view"
+HELP = "write one HTML file that shows finished EIAs as an eye in front of the display sees them"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this verb."""
+    parser.add_argument("folders", type=Path, nargs="+", metavar="DIR",
+                        help="finished frame folder; several, or a folder of them, are an animation")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE.html", help="default: view.html in the first DIR")
+    parser.add_argument("--quality", type=int, default=95, metavar="1..100",
+                        help="of the picture in the page; 100 loses nothing; default: %(default)s")
+    parser.add_argument("--open", action="store_true", help="open it in the browser")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Write the page and say where it is."""
+    from lfsr_core.share.page import write_page
+
+    progress = ProgressBar()
+    try:
+        page = write_page(arguments.folders, arguments.output, arguments.quality, progress)
+        for note in page.notes:
+            progress.note(note)
+    finally:
+        progress.close()
+    print(f"{page.path}: {page.bytes / 1e6:.1f} MB, opens in a browser")
+    if arguments.open:
+        webbrowser.open(page.path.resolve().as_uri())

@@ -1,0 +1,97 @@
+"""Every format of ``lfsr export`` by its name, and how one is written: whole or not at all."""
+
+from __future__ import annotations
+
+import dataclasses
+import fnmatch
+from collections.abc import Callable
+from pathlib import Path
+
+from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.files import check_name, system_errors
+from lfsr_core.render.staging import publish, staging_folder
+from lfsr_core.share import folders, hci, quilt, stereo, sway
+from lfsr_core.share.light_field import LightField, read_light_field
+from lfsr_core.share.options import ExportOptions
+
+EXPORT_FOLDER = "export"  # in the frame folder
+DEFAULT = ExportOptions()
+
+
+@dataclasses.dataclass(frozen=True)
+class Format:
+    """One way to hand a light field on."""
+
+    description: str  # one line for menus
+    # Fills an empty folder; returns sentences that the user should know.
+    write: Callable[[LightField, Path, ExportOptions], list[str]]
+    options: tuple[str, ...]  # names of the options that it looks at
+    numbered: tuple[str, ...] = ()  # patterns of files of which an earlier export may have more: those go
+
+
+FORMATS = {
+    "quilt": Format("one picture of all views at eye level, for Looking Glass displays", quilt.write,
+                    ("views", "grid", "width")),
+    "hci": Format("views, parameters.cfg and disparity as in the HCI 4D light field benchmark", hci.write,
+                  ("views",), ("input_Cam*.png", hci.DISPARITY_FILE)),
+    "stanford": Format("views named by place, as in the Stanford light field archive", folders.write_stanford,
+                       ("views",), ("out_*_*_*_*_.png",)),
+    "stereo": Format("a pair for two eyes, side by side", stereo.write, ("eyes_mm", "width")),
+    "views": Format("every view as PNG, or as one part of a scene-linear EXR", folders.write_views,
+                    ("views", "type"), ("view_*_*.png",)),
+    "sway": Format("a short film of an eye that sways: MP4, GIF, WebP", sway.write,
+                   ("width", "type", "seconds"), ("*_sway_*.png",)),
+    "pleno": Format("views as PPM, named as in the JPEG Pleno test sets", folders.write_pleno,
+                    ("views",), ("[0-9][0-9][0-9]_[0-9][0-9][0-9].ppm",)),
+}
+
+
+def export(folder: str | Path, name: str, target: str | Path | None = None,
+           options: ExportOptions = DEFAULT) -> tuple[list[Path], list[str]]:
+    """Write a finished frame in another format.
+
+    Parameters
+    ----------
+    folder : finished frame folder
+    name : of FORMATS
+    target : folder to write into, by default ``export/NAME`` in the frame folder
+    options : what the format leaves to choose
+
+    Returns
+    -------
+    The files, and sentences that the user should know
+
+    Raises
+    ------
+    LfsrError : for bad input; nothing half-written is left then, and an earlier export stays
+    """
+    chosen = _format(name, options)
+    target = Path(folder, EXPORT_FOLDER, name) if target is None else Path(target)
+    check_name(target)
+    if target.exists() and not target.is_dir():
+        raise LfsrError(f"{target} is a file, but an export goes into a folder: choose another name")
+    field = read_light_field(folder)
+    with staging_folder(target) as work, system_errors(target):
+        staged = work / name
+        staged.mkdir()
+        notes = chosen.write(field, staged, options)
+        files = sorted(path.name for path in staged.iterdir())
+        publish(staged, target, _left_by_earlier(target, files, chosen.numbered))
+    options.progress("export", 1.0, name)
+    return [target / file for file in files], notes
+
+
+def _left_by_earlier(target: Path, files: list[str], patterns: tuple[str, ...]) -> list[str]:
+    """Names in ``target`` that are numbered like ``files``."""
+    written = [pattern for pattern in patterns if fnmatch.filter(files, pattern)]
+    return [path.name for pattern in written for path in target.glob(pattern)]
+
+
+def _format(name: str, options: ExportOptions) -> Format:
+    if name not in FORMATS:
+        raise LfsrError(f"unknown format {name!r}: {did_you_mean(name, FORMATS)}Choose from {', '.join(FORMATS)}")
+    for option in options.given():
+        if option not in FORMATS[name].options:
+            raise LfsrError(f"format {name!r} has no option {option!r}, only "
+                            f"{', '.join(FORMATS[name].options)}: leave it out")
+    return FORMATS[name]

@@ -1,0 +1,106 @@
+#version 300 es
+// What an eye sees of a light field behind lenses. Millimetres from the display's centre: x rightwards, y upwards,
+// z towards the viewer; lenses and views are counted from the left and from the top.
+precision highp float;
+precision highp int;
+uniform sampler2D eia;
+uniform ivec2 lenses, views;
+uniform bool flipped;             // the pixels inside each elemental image are turned round
+uniform float texelsPerPixel;     // below 1 where the picture was made smaller for this GPU
+uniform vec2 panel;               // its size
+uniform float viewDistance, gap, spacing;
+uniform vec3 eye;
+uniform float focus, aperture;    // depth that is sharp; width of the pupil
+uniform int mode;                 // 0 smooth, 1 physical, 2 how well each depth fits one place
+uniform vec2 corner, perPixel;    // the lower left corner of what is drawn; millimetres per pixel
+uniform float farthest, depthStep; // what mode 2 tries: by how much nearer things look larger
+uniform vec2 target;              // the place that mode 2 looks at
+out vec4 color;
+const int PUPIL = 48;
+
+// The one place that knows where on the panel a view of a lens is; `view` is in camera order.
+vec3 panelPixel(ivec2 lens, ivec2 view) {
+  ivec2 inside = flipped ? views - 1 - view : view;
+  return texelFetch(eia, ivec2((vec2(lens * views + inside) + 0.5) * texelsPerPixel), 0).rgb;
+}
+
+// As on the panel: one pixel through each lens, the neighbour's beyond the zone, black beyond the panel.
+vec3 physical(vec2 place) {
+  ivec2 lens = ivec2(floor((place / panel + 0.5) * vec2(lenses)));  // rows from below here
+  vec2 centre = ((vec2(lens) + 0.5) / vec2(lenses) - 0.5) * panel;
+  // From the elemental image's centre to the pixel seen through the lens (eye.see), without large terms that cancel.
+  vec2 beside = centre * gap * (viewDistance - eye.z) / ((viewDistance + gap) * eye.z) - eye.xy * gap / eye.z;
+  ivec2 pixel = ivec2(floor(beside / panel * vec2(lenses * views) + vec2(views) * 0.5));
+  ivec2 over = ivec2(floor(vec2(pixel) / vec2(views)));
+  pixel -= over * views;
+  lens += over;
+  if (any(lessThan(lens, ivec2(0))) || any(greaterThanEqual(lens, lenses))) return vec3(0);
+  return panelPixel(ivec2(lens.x, lenses.y - 1 - lens.y), ivec2(views.x - 1 - pixel.x, pixel.y));
+}
+
+// What camera `view` sees of a point: its line meets the lenses between four of them.
+vec3 camera(ivec2 view, vec3 point) {
+  vec2 from = vec2(1, -1) * (vec2(view) + 0.5 - vec2(views) * 0.5) * spacing;
+  vec2 place = from + (point.xy - from) * viewDistance / (viewDistance - point.z);
+  vec2 lens = clamp((vec2(1, -1) * place / panel + 0.5) * vec2(lenses) - 0.5, vec2(0), vec2(lenses - 1));
+  ivec2 low = ivec2(lens), high = min(low + 1, lenses - 1);
+  vec2 f = lens - vec2(low);
+  return mix(mix(panelPixel(low, view), panelPixel(ivec2(high.x, low.y), view), f.x),
+             mix(panelPixel(ivec2(low.x, high.y), view), panelPixel(high, view), f.x), f.y);
+}
+
+// Light from a point to an eye: the four cameras around where that line crosses the camera plane.
+vec3 smoothly(vec3 from, vec3 point) {
+  vec2 on = from.xy + (point.xy - from.xy) * (from.z - viewDistance) / (from.z - point.z);
+  vec2 view = clamp(vec2(1, -1) * on / spacing + vec2(views) * 0.5 - 0.5, vec2(0), vec2(views - 1));
+  ivec2 low = ivec2(view), high = min(low + 1, views - 1);
+  vec2 f = view - vec2(low);
+  return mix(mix(camera(low, point), camera(ivec2(high.x, low.y), point), f.x),
+             mix(camera(ivec2(low.x, high.y), point), camera(high, point), f.x), f.y);
+}
+
+vec3 throughPupil(vec2 place) {
+  vec3 point = vec3(eye.xy + (place - eye.xy) * (eye.z - focus) / eye.z, focus);
+  if (aperture <= 0.0) return smoothly(eye, point);
+  vec3 sum = vec3(0);
+  for (int i = 0; i < PUPIL; i++) {
+    float turn = float(i) * 2.39996323, radius = sqrt((float(i) + 0.5) / float(PUPIL)) * aperture * 0.5;
+    vec3 c = smoothly(eye + vec3(cos(turn), sin(turn), 0) * radius, point);
+    sum += c * c;  // light adds up, screen values do not
+  }
+  return sqrt(sum / float(PUPIL));
+}
+
+// How much 25 cameras disagree around a place if it lies at this depth: column by column another depth.
+float disagreement(float larger) {
+  float depth = viewDistance - viewDistance / (1.0 + larger);
+  vec2 pitch = panel / vec2(lenses);
+  float sum = 0.0;
+  for (int patch_ = 0; patch_ < 25; patch_++) {
+    vec2 place = target + pitch * 0.7 * vec2(patch_ % 5 - 2, patch_ / 5 - 2);
+    vec3 point = vec3(eye.xy + (place - eye.xy) * (eye.z - depth) / eye.z, depth), first = vec3(0), second = vec3(0);
+    for (int i = 0; i < 25; i++) {
+      vec3 c = camera(ivec2(vec2(views - 1) * (0.15 + 0.175 * vec2(i % 5, i / 5)) + 0.5), point);
+      first += c / 25.0;
+      second += c * c / 25.0;
+    }
+    sum += dot(max(second - first * first, 0.0), vec3(1)) / 25.0;
+  }
+  return sqrt(sum / 3.0);
+}
+
+void main() {
+  if (mode == 2) {
+    float value = clamp(disagreement(farthest + depthStep * floor(gl_FragCoord.x)), 0.0, 0.999) * 255.0;
+    color = vec4(floor(value) / 255.0, fract(value), 0, 1);
+    return;
+  }
+  vec2 place = corner + gl_FragCoord.xy * perPixel;
+  vec2 beyond = abs(place) - panel * 0.5;
+  if (max(beyond.x, beyond.y) > 0.0) {
+    // The display's edge, on a dark wall.
+    color = vec4(vec3(max(beyond.x, beyond.y) < panel.x * 0.012 ? 0.13 : 0.055), 1);
+    return;
+  }
+  color = vec4(mode == 1 ? physical(place) : throughPupil(place), 1);
+}

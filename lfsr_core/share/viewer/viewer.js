@@ -1,0 +1,204 @@
+"use strict";
+const find = id => document.getElementById(id);
+const display = JSON.parse(find("data").textContent);
+const canvas = find("picture");
+const gl = canvas.getContext("webgl2", {antialias: false, alpha: false});
+const zone = display.views.map(count => count * display.spacing_mm);  // across and down, at the viewing distance
+const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
+const START = {eye: [0, 0, display.distance_mm], mode: "smooth", stereo: "one", eyes: 63, aperture: 0, focus: 0, frame: 0};
+// Depths among which a click finds the focus, and the slider's ends: by how much nearer things look larger.
+const DEPTHS = 160, FARTHEST = -0.5, NEAREST = 0.8;
+const state = structuredClone(START);
+const layout = {};  // where the display is in the canvas: centre and pixels per millimetre
+const textures = new Map();  // by frame, those used last at the end
+let program, places = {}, dirty = true, swaying = false, swayStart = 0, playing = false, showing = -1;
+
+const between = (value, low, high) => Math.min(Math.max(value, low), high);
+const note = text => { find("note").textContent = text; };
+
+// Millimetres in front of the display at which things look larger by this share.
+const depthOf = larger => display.distance_mm - display.distance_mm / (1 + larger);
+
+function compile(kind, source) {
+  const shader = gl.createShader(kind);
+  gl.shaderSource(shader, source.trim());
+  gl.compileShader(shader);
+  if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost()) throw Error(gl.getShaderInfoLog(shader));
+  return shader;
+}
+
+function setUp() {
+  program = gl.createProgram();
+  gl.attachShader(program, compile(gl.VERTEX_SHADER, `#version 300 es
+    void main() { gl_Position = vec4(vec2(gl_VertexID % 2, gl_VertexID / 2) * 4.0 - 1.0, 0, 1); }`));
+  gl.attachShader(program, compile(gl.FRAGMENT_SHADER, find("shader").textContent));
+  gl.linkProgram(program);
+  gl.useProgram(program);
+  places = new Proxy({}, {get: (known, name) => known[name] ??= gl.getUniformLocation(program, name)});
+  gl.uniform2iv(places.lenses, display.lenses);
+  gl.uniform2iv(places.views, display.views);
+  gl.uniform1i(places.flipped, display.flipped ? 1 : 0);
+  gl.uniform2fv(places.panel, display.panel_mm);
+  gl.uniform1f(places.viewDistance, display.distance_mm);
+  gl.uniform1f(places.gap, display.gap_mm);
+  gl.uniform1f(places.spacing, display.spacing_mm);
+}
+
+function bytesOf(text) {
+  if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);
+  const decoded = atob(text), bytes = new Uint8Array(decoded.length);
+  for (let i = 0; i < decoded.length; i++) bytes[i] = decoded.charCodeAt(i);
+  return bytes;
+}
+
+async function load(frame) {
+  const exact = {colorSpaceConversion: "none", premultiplyAlpha: "none"};
+  const blob = new Blob([bytesOf(document.getElementsByClassName("eia")[frame].textContent)], {type: "image/webp"});
+  let bitmap = await createImageBitmap(blob, exact), fitted = [bitmap.width, bitmap.height];
+  const most = Math.min(gl.getParameter(gl.MAX_TEXTURE_SIZE), Number(options.get("texture")) || Infinity);
+  while (Math.max(...fitted) > most) fitted = fitted.map(length => Math.floor(length / 2));
+  if (fitted[0] < bitmap.width) {
+    note(`This GPU takes ${most} pixels a side: the picture is shown at ${fitted[0]}×${fitted[1]} of ` +
+         `${bitmap.width}×${bitmap.height}.`);
+    bitmap.close();
+    bitmap = await createImageBitmap(blob, {...exact, resizeWidth: fitted[0], resizeHeight: fitted[1],
+                                            resizeQuality: "medium"});
+  }
+  const texture = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, texture);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, bitmap);
+  bitmap.close();
+  return {texture, bytes: fitted[0] * fitted[1] * 4, scale: fitted[0] / (display.lenses[0] * display.views[0])};
+}
+
+async function show(frame) {
+  showing = frame;
+  const loaded = textures.get(frame) ?? await load(frame);
+  textures.delete(frame);
+  textures.set(frame, loaded);
+  for (const [old, {texture}] of textures) {
+    if (textures.size * loaded.bytes <= 1e9 || old === frame) break;
+    gl.deleteTexture(texture);
+    textures.delete(old);
+  }
+  if (showing === frame) redraw();
+}
+
+function redraw() { dirty = true; }
+
+// Draw what one eye sees into a viewport; `area` is its lower left corner and millimetres per pixel.
+function drawEye(eye, viewport, area) {
+  gl.viewport(...viewport);
+  gl.scissor(...viewport);
+  gl.uniform3fv(places.eye, eye);
+  gl.uniform1f(places.focus, between(state.focus, -1e6, Math.min(eye[2], display.distance_mm) * 0.9));
+  gl.uniform1f(places.aperture, state.aperture * zone[0]);
+  gl.uniform1i(places.mode, state.mode === "physical" ? 1 : 0);
+  gl.uniform2f(places.corner, area.left - viewport[0] * area.step, area.bottom - viewport[1] * area.step);
+  gl.uniform2f(places.perPixel, area.step, area.step);
+  gl.drawArrays(gl.TRIANGLES, 0, 3);
+}
+
+function bind() {
+  const current = textures.get(showing) ?? [...textures.values()].at(-1);
+  if (!current) return false;
+  gl.bindTexture(gl.TEXTURE_2D, current.texture);
+  gl.uniform1f(places.texelsPerPixel, current.scale);
+  return true;
+}
+
+function eyePair() {
+  const [x, y, z] = state.eye, half = state.eyes / 2;
+  return [[x - half, y, z], [x + half, y, z]];
+}
+
+function draw() {
+  if (!bind()) return;
+  const {width, height} = canvas, step = 1 / layout.scale, [left, right] = eyePair(), half = Math.floor(width / 2);
+  const area = (w) => ({left: -w / 2 * step, bottom: (layout.y - height) * step, step});
+  gl.enable(gl.SCISSOR_TEST);
+  if (state.stereo === "side") {
+    drawEye(left, [0, 0, half, height], area(half));
+    drawEye(right, [half, 0, half, height], area(half));
+  } else if (state.stereo === "anaglyph") {
+    gl.colorMask(true, false, false, true);
+    drawEye(left, [0, 0, width, height], area(width));
+    gl.colorMask(false, true, true, true);
+    drawEye(right, [0, 0, width, height], area(width));
+    gl.colorMask(true, true, true, true);
+  } else {
+    drawEye(state.eye, [0, 0, width, height], area(width));
+  }
+}
+
+// Pixels of the display alone, rows from the top, RGBA; `draw_` draws into a framebuffer of that size.
+function offScreen(width, height, draw_) {
+  const buffer = gl.createFramebuffer(), texture = gl.createTexture(), pixels = new Uint8Array(width * height * 4);
+  gl.bindTexture(gl.TEXTURE_2D, texture);
+  gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, width, height);
+  gl.bindFramebuffer(gl.FRAMEBUFFER, buffer);
+  gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+  if (bind()) draw_();
+  gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+  gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  gl.deleteFramebuffer(buffer);
+  gl.deleteTexture(texture);
+  return pixels;
+}
+
+function snapshot(width) {
+  const [wide, high] = display.panel_mm, height = Math.round(width * high / wide), step = wide / width;
+  const area = {left: -wide / 2, bottom: -height * step / 2, step};
+  const rows = offScreen(width, height, () => drawEye(state.eye, [0, 0, width, height], area));
+  const picture = new ImageData(width, height);
+  for (let y = 0; y < height; y++)
+    picture.data.set(rows.subarray((height - 1 - y) * width * 4, (height - y) * width * 4), y * width * 4);
+  return picture;
+}
+
+function save() {
+  const picture = snapshot(Math.min(3840, Math.max(1920, display.lenses[0])));
+  const page = Object.assign(document.createElement("canvas"), {width: picture.width, height: picture.height});
+  page.getContext("2d").putImageData(picture, 0, 0);
+  page.toBlob(blob => {
+    const link = Object.assign(document.createElement("a"), {download: `${display.name}.png`});
+    link.href = URL.createObjectURL(blob);
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  });
+}
+
+// The depth in which cameras agree best about a place on the display; of equal ones that nearest to the display.
+function depthAt(x, y) {
+  const step = (NEAREST - FARTHEST) / (DEPTHS - 1);
+  const pixels = offScreen(DEPTHS, 1, () => {
+    gl.viewport(0, 0, DEPTHS, 1);
+    gl.scissor(0, 0, DEPTHS, 1);
+    gl.uniform3fv(places.eye, state.eye);
+    gl.uniform1i(places.mode, 2);
+    gl.uniform1f(places.farthest, FARTHEST);
+    gl.uniform1f(places.depthStep, step);
+    gl.uniform2f(places.target, x, y);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  });
+  const values = Array.from({length: DEPTHS}, (_, i) => pixels[i * 4] + pixels[i * 4 + 1] / 255);
+  const least = Math.min(...values) * 1.03 + 0.05;
+  const good = values.map((value, i) => [value, FARTHEST + i * step]).filter(([value]) => value <= least);
+  return depthOf(good.reduce((a, b) => Math.abs(a[1]) <= Math.abs(b[1]) ? a : b)[1]);
+}
+
+function resize() {
+  const ratio = Math.min(devicePixelRatio || 1, 2);
+  canvas.width = Math.max(1, Math.round(canvas.clientWidth * ratio));
+  canvas.height = Math.max(1, Math.round(canvas.clientHeight * ratio));
+  const free = canvas.height - (find("controls").offsetHeight + 24) * ratio;  // the caption stays free
+  const across = canvas.width / (state.stereo === "side" ? 2 : 1);
+  const fit = Math.min(across * 0.9 / display.panel_mm[0], free * 0.88 / display.panel_mm[1]);
+  layout.ratio = ratio;
+  layout.scale = fit * display.distance_mm / state.eye[2];  // a display looks larger from nearer
+  layout.y = free / 2 + 24 * ratio;
+  layout.x = across / 2;
+  redraw();
+}
