@@ -17,8 +17,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folders", type=Path, nargs="+", metavar="DIR",
                         help="finished frame folder; several, or a folder of them, are an animation")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE.html", help="default: view.html in the first DIR")
-    parser.add_argument("--quality", type=int, default=95, metavar="1..100",
-                        help="of the picture in the page; 100 loses nothing; default: %(default)s")
+    parser.add_argument("--quality", type=int, metavar="1..100",
+                        help="of the picture in the page; 100 loses nothing; default: 95, or 100 where that would show")
     parser.add_argument("--open", action="store_true", help="open it in the browser")
 
 

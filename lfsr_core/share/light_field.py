@@ -68,7 +68,7 @@ class LightField:
 
 
 def camera_places(count: int, wanted: int) -> np.ndarray:
-    """Places of ``wanted`` evenly spaced cameras among ``count``, as view numbers: each the middle of an equal share."""
+    """Places of ``wanted`` cameras among ``count``, as view numbers: each the middle of an equal share."""
     return (np.arange(wanted) + 0.5) * count / wanted - 0.5
 
 

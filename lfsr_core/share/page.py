@@ -7,12 +7,13 @@ lens and view for every pixel. Nothing is fetched, so that it opens from a disk.
 from __future__ import annotations
 
 import base64
+import contextlib
 import dataclasses
 import html
 import json
 import re
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,11 +24,15 @@ from lfsr_core.files import atomic_path
 from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, VIEWER_FILE, Frame, read_frame
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.eye import gap_mm
 from lfsr_core.progress import Progress, silent
 
 PARTS = Path(__file__).parent / "viewer"
-BEST, DEFAULT_QUALITY = 100, 95
+BEST, USUAL_QUALITY = 100, 95
+# Of 255, on average where a lens shows something: lossy WebP halves the resolution of colour, which small elemental
+# images of strong colours do not bear. Rendered 8K images lose 1.0 at the usual quality (measured).
+MOST_LOSS = 2.0
 MOST_SIDE = 16383  # pixels, of WebP
 MOST_PAGE_BYTES = 400_000_000  # more text than browsers hold in one page
 WARN_BYTES = 30_000_000
@@ -67,7 +72,7 @@ class Page:
     notes: tuple[str, ...]  # what the user should know
 
 
-def write_page(folders: Sequence[str | Path], output: str | Path | None = None, quality: int = DEFAULT_QUALITY,
+def write_page(folders: Sequence[str | Path], output: str | Path | None = None, quality: int | None = None,
                progress: Progress = silent) -> Page:
     """Write the viewer of one finished frame folder, or of several as an animation.
 
@@ -75,14 +80,14 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
     ----------
     folders : frame folders of one display, or folders of frame folders, in the order to show
     output : the HTML file, by default ``view.html`` in the first folder given
-    quality : of the WebP, 1 to 100; 100 keeps every pixel as it is
+    quality : of the WebP, 1 to 100; 100 keeps every pixel as it is; None for 95, or 100 where that would show
     progress : called with (stage, fraction, message)
 
     Raises
     ------
     LfsrError : where an image is missing or the displays differ; no page is left then
     """
-    if not 1 <= quality <= BEST:
+    if quality is not None and not 1 <= quality <= BEST:
         raise LfsrError(f"quality is {quality}, but it must be from 1 to {BEST}, which loses nothing")
     path = Path(output) if output else Path(folders[0]) / VIEWER_FILE
     frames = {folder: read_frame(folder) for given in folders for folder in frame_folders(given)}
@@ -126,7 +131,7 @@ def _one_display(frames: dict[Path, Frame]) -> DisplayProfile:
     return frame.display
 
 
-def _picture(folder: Path, profile: DisplayProfile, quality: int, notes: list[str]) -> bytes:
+def _picture(folder: Path, profile: DisplayProfile, quality: int | None, notes: list[str]) -> bytes:
     """The EIA of a folder as WebP, with half the views where that is too large."""
     pixels = read_png(folder / EIA_FILE)
     width, height = profile.panel_pixels
@@ -137,7 +142,10 @@ def _picture(folder: Path, profile: DisplayProfile, quality: int, notes: list[st
         pixels = fewer_views(pixels, profile)
         notes.append(f"the page holds {pixels.shape[1]}×{pixels.shape[0]} of the {width}×{height} pixels: browsers "
                      f"show no more than {MOST_SIDE} a side")
-    return encode_webp(pixels, quality)
+    if quality is not None:
+        return encode_webp(pixels, quality)
+    usual = encode_webp(pixels, USUAL_QUALITY)
+    return usual if loss(pixels, usual, profile.lenses) <= MOST_LOSS else encode_webp(pixels, BEST)
 
 
 def fewer_views(pixels: np.ndarray, profile: DisplayProfile) -> np.ndarray:
@@ -151,18 +159,33 @@ def fewer_views(pixels: np.ndarray, profile: DisplayProfile) -> np.ndarray:
     return np.ascontiguousarray(tiles).reshape(sy * tiles.shape[1], sx * tiles.shape[3], 3)
 
 
+def loss(pixels: np.ndarray, encoded: bytes, lenses: tuple[int, int]) -> float:
+    """Mean difference, of 255, of a WebP file from (H, W, 3) in the elemental images that show something."""
+    with _temporary("eia.webp") as path:
+        path.write_bytes(encoded)
+        decoded = oiio.ImageInput.open(str(path)).read_image("uint8")[..., :3]
+    difference = to_elemental_images(np.where(decoded > pixels, decoded - pixels, pixels - decoded), lenses)
+    shows = np.ptp(to_elemental_images(pixels, lenses), axis=(2, 3)).max(-1) > 8
+    return float(difference.mean((2, 3, 4))[shows].mean()) if shows.any() else 0.0
+
+
 def encode_webp(pixels: np.ndarray, quality: int) -> bytes:
     """WebP file of uint8 (H, W, 3); quality 100 is lossless."""
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint8")
     spec.attribute("compression", "lossless" if quality == BEST else f"webp:{quality}")
-    with tempfile.TemporaryDirectory(prefix="lfsr-") as folder:
-        path = Path(folder, "eia.webp")
+    with _temporary("eia.webp") as path:
         output = oiio.ImageOutput.create(str(path))
         if not (output and output.open(str(path), spec) and output.write_image(pixels) and output.close()):
             reason = output.geterror() if output else oiio.geterror()
             raise LfsrError(f"the EIA cannot be written as WebP ({reason.strip()[:100]}): free some space for "
                             "temporary files")
         return path.read_bytes()
+
+
+@contextlib.contextmanager
+def _temporary(name: str) -> Iterator[Path]:
+    with tempfile.TemporaryDirectory(prefix="lfsr-") as folder:
+        yield Path(folder, name)
 
 
 def _page(geometry: PanelGeometry, frames: list[Frame], images: list[str]) -> str:

@@ -4,11 +4,12 @@
 precision highp float;
 precision highp int;
 uniform sampler2D eia;
+uniform highp isampler2D seen;    // panel pixel that the eye sees through each lens: across in row 0, upwards in row 1
 uniform ivec2 lenses, views;
 uniform bool flipped;             // the pixels inside each elemental image are turned round
 uniform float texelsPerPixel;     // below 1 where the picture was made smaller for this GPU
 uniform vec2 panel;               // its size
-uniform float viewDistance, gap, spacing;
+uniform float viewDistance, spacing;
 uniform vec3 eye;
 uniform float focus, aperture;    // depth that is sharp; width of the pupil
 uniform int mode;                 // 0 smooth, 1 physical, 2 how well each depth fits one place
@@ -26,15 +27,11 @@ vec3 panelPixel(ivec2 lens, ivec2 view) {
 
 // As on the panel: one pixel through each lens, the neighbour's beyond the zone, black beyond the panel.
 vec3 physical(vec2 place) {
-  ivec2 lens = ivec2(floor((place / panel + 0.5) * vec2(lenses)));  // rows from below here
-  vec2 centre = ((vec2(lens) + 0.5) / vec2(lenses) - 0.5) * panel;
-  // From the elemental image's centre to the pixel seen through the lens (eye.see), without large terms that cancel.
-  vec2 beside = centre * gap * (viewDistance - eye.z) / ((viewDistance + gap) * eye.z) - eye.xy * gap / eye.z;
-  ivec2 pixel = ivec2(floor(beside / panel * vec2(lenses * views) + vec2(views) * 0.5));
-  ivec2 over = ivec2(floor(vec2(pixel) / vec2(views)));
-  pixel -= over * views;
-  lens += over;
-  if (any(lessThan(lens, ivec2(0))) || any(greaterThanEqual(lens, lenses))) return vec3(0);
+  ivec2 lens = ivec2(floor((place / panel + 0.5) * vec2(lenses)));  // counted from below here, as the pixels are
+  ivec2 pixel = ivec2(texelFetch(seen, ivec2(lens.x, 0), 0).r, texelFetch(seen, ivec2(lens.y, 1), 0).r);
+  if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, lenses * views))) return vec3(0);
+  lens = pixel / views;
+  pixel -= lens * views;
   return panelPixel(ivec2(lens.x, lenses.y - 1 - lens.y), ivec2(views.x - 1 - pixel.x, pixel.y));
 }
 

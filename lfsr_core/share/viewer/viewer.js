@@ -40,8 +40,39 @@ function setUp() {
   gl.uniform1i(places.flipped, display.flipped ? 1 : 0);
   gl.uniform2fv(places.panel, display.panel_mm);
   gl.uniform1f(places.viewDistance, display.distance_mm);
-  gl.uniform1f(places.gap, display.gap_mm);
   gl.uniform1f(places.spacing, display.spacing_mm);
+  gl.uniform1i(places.seen, 1);
+  gl.activeTexture(gl.TEXTURE1);
+  gl.bindTexture(gl.TEXTURE_2D, newTexture());
+  gl.activeTexture(gl.TEXTURE0);
+}
+
+function newTexture() {
+  const texture = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, texture);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+  return texture;
+}
+
+// Panel pixel that an eye sees through each lens along one axis, as the simulated eye of lfsr finds it.
+function seenPixels(eye, axis) {
+  const count = display.lenses[axis], length = display.panel_mm[axis], {distance_mm: far, gap_mm: gap} = display;
+  return Int32Array.from({length: count}, (_, index) => {
+    const lens = ((index + 0.5) / count - 0.5) * length * far / (far + gap);
+    const onPanel = lens + (lens - eye[axis]) * gap / eye[2];
+    return Math.floor((onPanel / length + 0.5) * (count * display.views[axis]));
+  });
+}
+
+function placeLenses(eye) {
+  const [across, up] = [0, 1].map(axis => seenPixels(eye, axis)), width = Math.max(across.length, up.length);
+  const both = new Int32Array(width * 2);
+  both.set(across, 0);
+  both.set(up, width);
+  gl.activeTexture(gl.TEXTURE1);
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.R32I, width, 2, 0, gl.RED_INTEGER, gl.INT, both);
+  gl.activeTexture(gl.TEXTURE0);
 }
 
 function bytesOf(text) {
@@ -64,10 +95,7 @@ async function load(frame) {
     bitmap = await createImageBitmap(blob, {...exact, resizeWidth: fitted[0], resizeHeight: fitted[1],
                                             resizeQuality: "medium"});
   }
-  const texture = gl.createTexture();
-  gl.bindTexture(gl.TEXTURE_2D, texture);
-  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+  const texture = newTexture();
   gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, bitmap);
   bitmap.close();
   return {texture, bytes: fitted[0] * fitted[1] * 4, scale: fitted[0] / (display.lenses[0] * display.views[0])};
@@ -92,6 +120,7 @@ function redraw() { dirty = true; }
 function drawEye(eye, viewport, area) {
   gl.viewport(...viewport);
   gl.scissor(...viewport);
+  placeLenses(eye);
   gl.uniform3fv(places.eye, eye);
   gl.uniform1f(places.focus, between(state.focus, -1e6, Math.min(eye[2], display.distance_mm) * 0.9));
   gl.uniform1f(places.aperture, state.aperture * zone[0]);
