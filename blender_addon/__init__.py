@@ -23,7 +23,8 @@ bl_info = {
 
 # Each of these may list Blender classes to register in CLASSES, and have a register() and unregister() of its own.
 MODULES = ("ui.preferences", "settings.properties", "results.preview", "background.session",
-           "ui.operators.render", "ui.operators.array", "ui.operators.check", "ui.operators.plan", "ui.presets",
+           "ui.operators.render", "ui.operators.array", "ui.operators.check", "ui.operators.plan",
+           "ui.operators.share", "ui.presets",
            "ui.panels", "ui.overlay")
 
 if importlib.util.find_spec("lfsr_core") is None:

@@ -16,6 +16,13 @@ def multilayer_exr(half: bool = False) -> dict[str, Any]:
     return common
 
 
+def video_output() -> dict[str, Any]:
+    """Image settings for a film, in the order they must be set."""
+    video = {"file_format": "FFMPEG", "color_mode": "RGB"}
+    has_media = "media_type" in bpy.types.ImageFormatSettings.bl_rna.properties
+    return {"media_type": "VIDEO"} | video if has_media else video
+
+
 def working_space() -> str:
     """Name of the file's linear colour space, which can be chosen since 5.0."""
     return bpy.data.colorspace.working_space if hasattr(bpy.data, "colorspace") else "Linear Rec.709"

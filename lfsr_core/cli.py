@@ -18,6 +18,7 @@ from lfsr_core.commands import (
     displays,
     export,
     fit,
+    import_views,
     plan,
     reference,
     render,
@@ -31,7 +32,8 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import check_name, system_errors
 
 # A verb is a module with NAME, HELP, add_arguments(parser) and run(args); it imports what is slow inside run.
-VERBS = (displays, render, upscale, view, export, views, plan, reference, compare, chart, stress, train, fit)
+VERBS = (displays, render, upscale, view, export, import_views, views, plan, reference, compare, chart, stress,
+         train, fit)
 
 EXIT_BAD_INPUT, EXIT_INTERRUPTED = 2, 130
 ENDINGS = ("SIGTERM", "SIGHUP", "SIGQUIT")  # as Ctrl-C: a closed terminal too

@@ -97,6 +97,11 @@ def _look() -> float | None:
 def notify(message: str, icon: str) -> None:
     """Show a sentence that no operator is there to report: in the panel and beside the pointer."""
     bpy.context.window_manager.lfsr.message = message
+    tell(message, icon)
+
+
+def tell(message: str, icon: str) -> None:
+    """Show a sentence beside the pointer, and nowhere else: nothing is wrong."""
     print(f"Light Field: {message}")
     windows = bpy.context.window_manager.windows
     if bpy.app.background or not windows:

@@ -1,7 +1,8 @@
-"""Run one render job in another Blender: entry.py -- FOLDERS JOB.json
+"""Run one render job in another Blender, or encode a film there.
 
     python entry.py -- FOLDERS JOB.json                              (bpy wheel)
     blender --background --python entry.py -- FOLDERS JOB.json
+    blender --background --python entry.py -- FOLDERS encode FRAMES FILE.mp4
 
 FOLDERS, joined as in PATH, are where lfsr_core lies. This package is loaded under
 its own name, since no extension is enabled in a Blender with factory settings.

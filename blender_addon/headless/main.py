@@ -1,4 +1,4 @@
-"""Runs one job file inside Blender; its progress goes to standard output."""
+"""Runs one job inside Blender, a render or the encoding of a film; its progress goes to standard output."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit
 from ..render.frame_folder import render_job
 from ..scene.notices import notices
 from ..scene.open import choose_scene, open_scene
-from . import stopping
+from . import encode, stopping
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the job file named in ``arguments``; the process's exit code."""
+    """Run the job file named in ``arguments``, or ``encode`` what follows; the process's exit code."""
     stopping.on_signals(_stop)
     try:
-        if len(arguments) != 1:
+        if len(arguments) != (3 if arguments[:1] == [encode.NAME] else 1):
             raise LfsrError(f"expected one argument, the job file, and got {len(arguments)}")
         with system_errors():
-            folder = run(read_job(arguments[0]))
+            folder = encode.run(arguments[1:]) if len(arguments) == 3 else run(read_job(arguments[0]))
     except LfsrError as error:
         emit(stage="error", message=str(error))
         return EXIT_BAD_INPUT

@@ -215,6 +215,21 @@ class LFSR_PT_preview(LightFieldPanel, bpy.types.Panel):
         column.prop(context.scene.lfsr, "eye_up", text="Up", slider=True)
 
 
+class LFSR_PT_share(LightFieldPanel, bpy.types.Panel):
+    """The image for those who have no display."""
+
+    bl_label = "View and Export"
+    bl_idname = "LFSR_PT_share"
+    bl_parent_id = "LFSR_PT_render"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """The viewer and the formats."""
+        row = self.layout.row()
+        row.enabled = session.current() is None
+        row.operator("lfsr.open_viewer", icon="URL")
+        row.menu("LFSR_MT_export", icon="EXPORT")
+
+
 def _columns(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     """Labels left and values right, as in Blender's own panels."""
     column = layout.column()
@@ -259,4 +274,4 @@ def _sentence(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.typ
 
 
 CLASSES = (LFSR_PT_display, LFSR_PT_array, LFSR_PT_check, LFSR_PT_quality, LFSR_PT_plan, LFSR_PT_render,
-           LFSR_PT_preview, LFSR_PT_reference)
+           LFSR_PT_preview, LFSR_PT_share, LFSR_PT_reference)

@@ -6,24 +6,25 @@ import argparse
 from pathlib import Path
 
 from lfsr_core.progress import ProgressBar
+from lfsr_core.share.format_names import DESCRIPTIONS, FILM_TYPES, VIEW_TYPES
 
 NAME = "export"
 HELP = "write a finished frame as quilt, stereo pair, film or folder of views"
-FORMATS = ("quilt", "hci", "stanford", "stereo", "views", "sway", "pleno")
-TYPES = ("png", "exr", "mp4", "gif", "webp")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="finished frame folder")
-    parser.add_argument("--format", required=True, choices=FORMATS, help="docs/reference/export.md describes them")
+    parser.add_argument("--format", required=True, choices=DESCRIPTIONS,
+                        help="; ".join(f"{name}: {text}" for name, text in DESCRIPTIONS.items()))
     parser.add_argument("-o", "--output", type=Path, metavar="FOLDER", help="default: DIR/export/FORMAT")
     parser.add_argument("--views", type=_pair, metavar="N|NxM",
                         help="cameras across and down, evenly over the viewing zone; default: all there are")
     parser.add_argument("--grid", type=_pair, metavar="CxR", help="tiles across and down of a quilt")
     parser.add_argument("--width", type=int, metavar="PX", help="of a picture, or of a quilt's tile")
     parser.add_argument("--eyes-mm", type=float, metavar="MM", help="between the eyes of a stereo pair, default: 63")
-    parser.add_argument("--type", choices=TYPES, help="views: png or exr; sway: mp4, gif, webp or png")
+    parser.add_argument("--type", choices=sorted({*VIEW_TYPES, *FILM_TYPES}),
+                        help="views: png or exr; sway: mp4, gif, webp or png")
     parser.add_argument("--seconds", type=float, metavar="S", help="of one sway to and fro, default: 4")
 
 

@@ -10,11 +10,11 @@ import OpenImageIO as oiio
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.images.exr import HALF_MAX
+from lfsr_core.share.format_names import VIEW_TYPES
 from lfsr_core.share.light_field import LightField, camera_places, read_linear_views
 from lfsr_core.share.options import ExportOptions, kind
 from lfsr_core.share.pictures import save_png
 
-VIEW_TYPES = ("png", "exr")
 EXR_FILE = "views.exr"
 MOST_PARTS = 1024  # what readers here and elsewhere take
 PLENO_MAX = 1023

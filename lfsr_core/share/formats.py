@@ -1,4 +1,4 @@
-"""Every format of ``lfsr export`` by its name, and how one is written: whole or not at all."""
+"""What writes each format of ``lfsr export``: whole or not at all."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.files import check_name, system_errors
 from lfsr_core.render.staging import publish, staging_folder
 from lfsr_core.share import folders, hci, quilt, stereo, sway
+from lfsr_core.share.format_names import default_target
 from lfsr_core.share.light_field import LightField, read_light_field
 from lfsr_core.share.options import ExportOptions
 
-EXPORT_FOLDER = "export"  # in the frame folder
 DEFAULT = ExportOptions()
 
 
@@ -22,7 +22,6 @@ DEFAULT = ExportOptions()
 class Format:
     """One way to hand a light field on."""
 
-    description: str  # one line for menus
     # Fills an empty folder; returns sentences that the user should know.
     write: Callable[[LightField, Path, ExportOptions], list[str]]
     options: tuple[str, ...]  # names of the options that it looks at
@@ -30,19 +29,13 @@ class Format:
 
 
 FORMATS = {
-    "quilt": Format("one picture of all views at eye level, for Looking Glass displays", quilt.write,
-                    ("views", "grid", "width")),
-    "hci": Format("views, parameters.cfg and disparity as in the HCI 4D light field benchmark", hci.write,
-                  ("views",), ("input_Cam*.png", hci.DISPARITY_FILE)),
-    "stanford": Format("views named by place, as in the Stanford light field archive", folders.write_stanford,
-                       ("views",), ("out_*_*_*_*_.png",)),
-    "stereo": Format("a pair for two eyes, side by side", stereo.write, ("eyes_mm", "width")),
-    "views": Format("every view as PNG, or as one part of a scene-linear EXR", folders.write_views,
-                    ("views", "type"), ("view_*_*.png",)),
-    "sway": Format("a short film of an eye that sways: MP4, GIF, WebP", sway.write,
-                   ("width", "type", "seconds"), ("*_sway_*.png",)),
-    "pleno": Format("views as PPM, named as in the JPEG Pleno test sets", folders.write_pleno,
-                    ("views",), ("[0-9][0-9][0-9]_[0-9][0-9][0-9].ppm",)),
+    "quilt": Format(quilt.write, ("views", "grid", "width")),
+    "hci": Format(hci.write, ("views",), ("input_Cam*.png", hci.DISPARITY_FILE)),
+    "stanford": Format(folders.write_stanford, ("views",), ("out_*_*_*_*_.png",)),
+    "stereo": Format(stereo.write, ("eyes_mm", "width")),
+    "views": Format(folders.write_views, ("views", "type"), ("view_*_*.png",)),
+    "sway": Format(sway.write, ("width", "type", "seconds"), ("*_sway_*.png",)),
+    "pleno": Format(folders.write_pleno, ("views",), ("[0-9][0-9][0-9]_[0-9][0-9][0-9].ppm",)),
 }
 
 
@@ -53,7 +46,7 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
     Parameters
     ----------
     folder : finished frame folder
-    name : of FORMATS
+    name : of FORMATS, format_names describes them
     target : folder to write into, by default ``export/NAME`` in the frame folder
     options : what the format leaves to choose
 
@@ -66,7 +59,7 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
     LfsrError : for bad input; nothing half-written is left then, and an earlier export stays
     """
     chosen = _format(name, options)
-    target = Path(folder, EXPORT_FOLDER, name) if target is None else Path(target)
+    target = default_target(folder, name) if target is None else Path(target)
     check_name(target)
     if target.exists() and not target.is_dir():
         raise LfsrError(f"{target} is a file, but an export goes into a folder: choose another name")

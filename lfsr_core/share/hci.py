@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.errors import LfsrError
 from lfsr_core.share.disparity import central_disparity
 from lfsr_core.share.light_field import LightField
 from lfsr_core.share.options import ExportOptions
@@ -20,6 +21,7 @@ NO_POSITION = ("no disparity was written, because the frame has no position laye
 
 def write(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
     """Write ``input_Cam%03i.png`` row by row from the top left, the parameters and the disparity; the notes."""
+    _check_spacing(field, options)
     views = field.resampled(options.views)
     for row, line in enumerate(views):
         options.progress("export", row / len(views), f"row {row + 1} of {len(views)}")
@@ -32,6 +34,14 @@ def write(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
         write_pfm(folder / DISPARITY_FILE, disparity)
     (folder / PARAMETERS_FILE).write_text(_parameters(field, views, disparity), encoding="ascii", errors="replace")
     return [NO_POSITION] if disparity is None else []
+
+
+def _check_spacing(field: LightField, options: ExportOptions) -> None:
+    """LfsrError unless the cameras are as far apart down as across: the benchmark has one baseline."""
+    (across, down), (x, y) = options.views or field.count, field.count
+    if across * y != down * x:
+        raise LfsrError(f"views are {across}x{down} of {x}x{y}, but HCI folders have one distance between cameras "
+                        "across and down: choose numbers in the same proportion")
 
 
 def write_pfm(path: Path, values: np.ndarray) -> None:

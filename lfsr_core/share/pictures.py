@@ -13,6 +13,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.reconstruct.methods.interpolation import cubic
 
 MOST_WIDTH = 16384
+PIXELS_PER_LENS, USUAL_WIDTHS = 10, (320, 1920)
 REACH = 2  # samples of the cubic kernel to either side
 
 
@@ -33,6 +34,11 @@ def screen_size(display: DisplayProfile, width: int) -> tuple[int, int]:
     if not 16 <= width <= MOST_WIDTH or not 2 <= height <= MOST_WIDTH:
         raise LfsrError(f"width is {width}, but pictures are 16 to {MOST_WIDTH} pixels wide and high: choose another")
     return width // 2 * 2, max(2, round(height / 2) * 2)
+
+
+def usual_width(display: DisplayProfile) -> int:
+    """Width of pictures of which none was asked for: ten pixels per lens, within what screens show."""
+    return min(max(PIXELS_PER_LENS * display.lenses[0], USUAL_WIDTHS[0]), USUAL_WIDTHS[1])
 
 
 def save_png(path: Path, pixels: np.ndarray) -> None:

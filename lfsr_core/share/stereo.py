@@ -9,16 +9,16 @@ import numpy as np
 from lfsr_core.errors import LfsrError
 from lfsr_core.share.light_field import LightField
 from lfsr_core.share.options import ExportOptions
-from lfsr_core.share.pictures import on_screen, save_png
+from lfsr_core.share.pictures import on_screen, save_png, usual_width
 
-EYES_MM, WIDTH = 63.0, 960
+EYES_MM = 63.0
 
 
 def write(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
     """Write one picture, the left eye's half on the left; the notes."""
     between = options.eyes_mm or EYES_MM
     check_zone(field, between / 2, f"eyes {between:g} mm apart")
-    width = options.width or WIDTH
+    width = options.width or usual_width(field.display)
     pair = [on_screen(field.seen_from(x), field.display, width) for x in (-between / 2, between / 2)]
     save_png(folder / f"{field.name}_stereo_{between:g}mm.png", np.concatenate(pair, axis=1))
     return []

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.share.format_names import FILM_TYPES
 from lfsr_core.share.light_field import LightField
 from lfsr_core.share.options import ExportOptions, kind
-from lfsr_core.share.pictures import on_screen, save_png
+from lfsr_core.share.pictures import on_screen, save_png, usual_width
 
-TYPES = ("mp4", "gif", "webp", "png")
-WIDTH, SECONDS = 960, 4.0
+SECONDS = 4.0
 RATES = {"mp4": 30, "gif": 20, "webp": 20, "png": 30}  # frames a second; GIF counts in hundredths
 REACH, RISE = 0.85, 0.35  # share of the half viewing zone, across and up
 QUALITY = 90  # of WebP
@@ -24,7 +24,7 @@ CRF = "18"  # of H.264: no loss that shows
 
 def write(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
     """Write the film, one ellipse of the eye that begins where it ends; the notes."""
-    chosen = kind(options, TYPES)
+    chosen = kind(options, FILM_TYPES)
     count = max(2, round((options.seconds or SECONDS) * RATES[chosen]))
     frames = _frames(field, options, count)
     path = folder / f"{field.name}_sway.{chosen}"
@@ -46,10 +46,11 @@ def eye_place(field: LightField, phase: float) -> tuple[float, float]:
 
 
 def _frames(field: LightField, options: ExportOptions, count: int) -> Iterator[np.ndarray]:
+    width = options.width or usual_width(field.display)
     for number in range(count):
         options.progress("export", number / count, f"frame {number + 1} of {count}")
         view = field.seen_from(*eye_place(field, number / count))
-        yield on_screen(view, field.display, options.width or WIDTH)
+        yield on_screen(view, field.display, width)
 
 
 def _write_mp4(path: Path, frames: Iterator[np.ndarray]) -> None:

@@ -19,6 +19,7 @@ from lfsr_core import __version__
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_mask, read_png
+from lfsr_core.share.format_names import DESCRIPTIONS
 
 ROOT = Path(__file__).resolve().parents[2]
 STEPS = ROOT / "tests" / "support" / "extension_steps.py"
@@ -103,7 +104,8 @@ def test_zip_is_complete(archive):
     assert {"__init__.py", "render/ray_layout.osl", "background/launch.py", "headless/entry.py",
             "LICENSE"} <= set(names)
     assert not [name for name in names if "__pycache__" in name or name.startswith(".")]
-    data = [path for pattern in ("optics/displays/*.toml", "reconstruct/networks/weights/*", "train/configs/*.toml")
+    data = [path for pattern in ("optics/displays/*.toml", "reconstruct/networks/weights/*", "share/viewer/*",
+                                         "train/configs/*.toml")
             for path in (ROOT / "lfsr_core").glob(pattern)]
     assert {str(path.relative_to(ROOT)) for path in data} <= inside
     assert not [name for name in inside if name.startswith("blender_addon")]
@@ -127,9 +129,12 @@ def test_from_installation_to_removal(archive, blender):
 
     assert blender("render") == {"enabled": ON}
     check_cube(blender.folder / "frame")
-    assert blender("press") == {"enabled": ON, "render": ["FINISHED"], "reference": ["FINISHED"]}
+    exports = {name: ["FINISHED"] for name in DESCRIPTIONS}
+    assert blender("press") == {"enabled": ON, "render": ["FINISHED"], "reference": ["FINISHED"],
+                                "viewer": ["FINISHED"], "exports": exports}
     frame = next((blender.folder / "images").rglob("eia.png")).parent
     check_cube(frame)
+    assert (frame / "view.html").is_file() and list((frame / "export" / "sway").glob("*.mp4"))
     metrics = json.loads((frame / "report.json").read_text())["metrics"]
     assert metrics["flip"] is None and "flip-evaluator" in metrics["notes"][0] and 0 < metrics["ssim_eia_fg"] <= 1
 

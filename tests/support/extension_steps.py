@@ -17,7 +17,9 @@ import bpy
 
 REPOSITORY, NAME = "user_default", "lfsr"
 MODULE = f"bl_ext.{REPOSITORY}.{NAME}"
-FOREIGN = ("cv2", "torch", "pyoidn", "onnxruntime", "lfsr_core", "flip_evaluator", "threadpoolctl", "cattrs")
+FORMATS = ("quilt", "hci", "stanford", "stereo", "views", "sway", "pleno")
+FOREIGN = ("cv2", "torch", "pyoidn", "onnxruntime", "av", "PIL", "lfsr_core", "flip_evaluator", "threadpoolctl",
+           "cattrs")
 
 
 def install(folder: Path, archive: str) -> dict[str, object]:
@@ -62,7 +64,8 @@ def press(folder: Path) -> dict[str, object]:
     bpy.ops.lfsr.array_add()
     settings.reference_samples = 2
     return {"enabled": state(), "render": sorted(bpy.ops.lfsr.render_eia()),
-            "reference": sorted(bpy.ops.lfsr.render_reference())}
+            "reference": sorted(bpy.ops.lfsr.render_reference()), "viewer": sorted(bpy.ops.lfsr.open_viewer()),
+            "exports": {name: sorted(bpy.ops.lfsr.export(format=name)) for name in FORMATS}}
 
 
 def uninstall(folder: Path) -> dict[str, object]:

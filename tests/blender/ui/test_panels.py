@@ -53,13 +53,14 @@ def properties(drawn: list) -> set[str]:
 def test_with_an_array(scene):
     drawn = draw_all()
     assert list(drawn) == ["Display", "Camera Array", "Scene Check", "Quality", "Least That Will Do", "Render",
-                           "Preview", "Reference"]
+                           "Preview", "View and Export", "Reference"]
     assert "16 × 12" in labels(drawn["Display"]) and "64 × 48 px" in labels(drawn["Display"])
     assert {"lfsr.array_fit", "lfsr.array_remove"} <= operators(drawn["Camera Array"])
     assert {"distance", "spacing", "show_frustum"} <= properties(drawn["Camera Array"])
     assert {"quality", "samples", "method", "output"} <= properties(drawn["Quality"])
     assert {"lfsr.render_eia", "lfsr.render_animation"} <= operators(drawn["Render"])
     assert {"eye_right", "eye_up"} <= properties(drawn["Preview"])
+    assert operators(drawn["View and Export"]) == {"lfsr.open_viewer"}
     assert operators(drawn["Reference"]) == {"lfsr.render_reference"}
 
 

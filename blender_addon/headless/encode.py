@@ -1,0 +1,61 @@
+"""Encodes numbered PNG frames as MP4 with Blender's own video output, which every Blender has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.render.protocol import emit
+
+from ..compat import literal_path, video_output
+
+NAME = "encode"  # the first word of this job's arguments
+RATE = 30  # frames a second
+
+
+def run(arguments: Sequence[str]) -> Path:
+    """Encode as in ``encode FRAMES FILE.mp4``; the film. LfsrError where this Blender cannot."""
+    folder, film = map(Path, arguments)
+    frames = sorted(folder.glob("*.png"))
+    if not frames:
+        raise LfsrError(f"{folder} has no PNG frames to encode: export again")
+    if not bpy.app.ffmpeg.supported:
+        raise LfsrError("this Blender was built without FFmpeg and cannot write MP4: use `lfsr export --format sway` "
+                        "outside Blender")
+    scene = _scene(frames)
+    _set_output(scene, film)
+    bpy.app.handlers.render_write.append(
+        lambda scene, *_: emit(stage="encode", fraction=scene.frame_current / len(frames), message="encoding"))
+    bpy.ops.render.render(animation=True, scene=scene.name)
+    if not film.is_file() or not film.stat().st_size:
+        raise LfsrError(f"{film} was not written: free some space or choose another folder")
+    return film
+
+
+def _scene(frames: Sequence[Path]) -> bpy.types.Scene:
+    """A scene that is nothing but the frames, shown as they are."""
+    scene = bpy.data.scenes.new("Film")
+    editor = scene.sequence_editor_create()
+    strip = editor.strips.new_image("Frames", str(frames[0]), channel=1, frame_start=1)
+    for frame in frames[1:]:
+        strip.elements.append(frame.name)
+    # The elements that were appended count only after this.
+    strip.frame_final_duration = len(frames)
+    scene.frame_start, scene.frame_end = 1, len(frames)
+    element = strip.elements[0]
+    scene.render.resolution_x, scene.render.resolution_y = element.orig_width, element.orig_height
+    scene.render.resolution_percentage, scene.render.fps = 100, RATE
+    scene.display_settings.display_device, scene.view_settings.view_transform = "sRGB", "Standard"
+    return scene
+
+
+def _set_output(scene: bpy.types.Scene, film: Path) -> None:
+    for name, value in video_output().items():
+        setattr(scene.render.image_settings, name, value)
+    video = scene.render.ffmpeg
+    video.format, video.codec, video.constant_rate_factor, video.gopsize = "MPEG4", "H264", "PERC_LOSSLESS", 30
+    scene.render.use_file_extension = False
+    scene.render.filepath = literal_path(str(film))

@@ -1,0 +1,73 @@
+"""Open Viewer and Export without a window: the files they write, and what they say without an image."""
+
+from __future__ import annotations
+
+import av
+import bpy
+import pytest
+
+from blender_addon.settings import scene_settings
+from lfsr_core.images.png import read_png, write_png
+from lfsr_core.share.format_names import DESCRIPTIONS
+from lfsr_core.share.light_field import read_light_field
+from lfsr_core.share.pictures import on_screen
+from lfsr_core.share.sway import eye_place
+from tests.support import panel
+from tests.support.finished import finished
+
+
+@pytest.fixture(scope="module")
+def add_on():
+    with panel.registered():
+        yield
+
+
+@pytest.fixture
+def frame(add_on, tmp_path):
+    """The frame folder of a new scene, finished."""
+    scene = panel.artist_scene(tmp_path)
+    return finished(scene_settings.frame_folder(scene))
+
+
+def test_the_viewer_is_written_beside_the_image(frame):
+    assert bpy.ops.lfsr.open_viewer() == {"FINISHED"}
+    assert "two depths" not in (frame / "view.html").read_text(encoding="utf-8")
+    assert '"name": "mini"' in (frame / "view.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("name", "file"), [("quilt", "two_depths_qs*.png"), ("hci", "parameters.cfg"),
+                                            ("pleno", "007_007.ppm")])
+def test_exports_go_into_the_frame_folder(frame, name, file):
+    assert bpy.ops.lfsr.export(format=name) == {"FINISHED"}
+    assert list((frame / "export" / name).glob(file))
+
+
+def test_the_film_is_encoded_by_blender(frame):
+    assert bpy.ops.lfsr.export(format="sway") == {"FINISHED"}
+    (path,) = (frame / "export" / "sway").iterdir()
+    assert path.suffix == ".mp4"
+    with av.open(str(path)) as film:
+        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+    field = read_light_field(frame)
+    expected = on_screen(field.seen_from(*eye_place(field, 0.25)), field.display, 320)
+    assert len(frames) == 120 and frames[30].shape == expected.shape
+    assert abs(frames[30].astype(float) - expected).mean() < 4
+
+
+def test_every_format_is_in_the_menu(add_on):
+    items = bpy.ops.lfsr.export.get_rna_type().properties["format"].enum_items
+    assert set(items.keys()) == set(DESCRIPTIONS)
+
+
+@pytest.mark.parametrize("press", [lambda: bpy.ops.lfsr.open_viewer(), lambda: bpy.ops.lfsr.export(format="quilt")])
+def test_without_an_image_it_says_what_to_do(add_on, tmp_path, press):
+    panel.artist_scene(tmp_path)
+    with pytest.raises(RuntimeError, match="render the EIA first"):
+        press()
+
+
+def test_a_page_without_an_image_of_the_right_size_is_refused(frame):
+    write_png(frame / "eia.png", read_png(frame / "eia.png")[:48])
+    with pytest.raises(RuntimeError, match="has 128×48 pixels"):
+        bpy.ops.lfsr.open_viewer()
+    assert not (frame / "view.html").exists()
