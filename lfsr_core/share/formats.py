@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import fnmatch
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError, did_you_mean
@@ -64,7 +65,7 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
     if target.exists() and not target.is_dir():
         raise LfsrError(f"{target} is a file, but an export goes into a folder: choose another name")
     field = read_light_field(folder)
-    with staging_folder(target) as work, system_errors(target):
+    with _no_empty_folder(target.parent), staging_folder(target) as work, system_errors(target):
         staged = work / name
         staged.mkdir()
         notes = chosen.write(field, staged, options)
@@ -72,6 +73,19 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
         publish(staged, target, _left_by_earlier(target, files, chosen.numbered))
     options.progress("export", 1.0, name)
     return [target / file for file in files], notes
+
+
+@contextlib.contextmanager
+def _no_empty_folder(folder: Path) -> Iterator[None]:
+    """A folder that was made for nothing goes again."""
+    new = not folder.exists()
+    try:
+        yield
+    except BaseException:
+        if new:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
 
 
 def _left_by_earlier(target: Path, files: list[str], patterns: tuple[str, ...]) -> list[str]:
