@@ -21,13 +21,16 @@ report "20×20 views for each of 96×54 lenses at 16 samples, denoised and upsca
 report "Decoded views, epipolar images, and what an eye 15 cm to the left and 10 cm up sees"
 "$lfsr" views "$out/frame" --eye=-150,100,1000
 
+report "A page that shows it in any browser"
+"$lfsr" view "$out/frame"
+
 report "The reference for 12 random lenses: every view, 1024 samples, in two independent halves"
 "$lfsr" reference "$out/scene.blend" -o "$out/reference" --display bupt-32in-8k --spp 1024 --lenses 12
 
 report "How close it is"
 "$lfsr" compare "$out/frame" "$out/reference"
 
-report "Done. The pictures are in $out/frame:"
+report "Done. Open $out/frame/view.html in a browser. The pictures are in $out/frame:"
 cat <<END
   eia.png      the 7680×4320 elemental image array, in the order a physical lens array needs
   views.png    5×5 of the 80×80 decoded views, topmost and leftmost camera first
@@ -35,6 +38,7 @@ cat <<END
   epi_y.png    before or behind it
   eye.png      what the simulated eye sees through the lenses
   mask.png     which lenses see the foreground
+  view.html    open this in a browser: what a person in front of the display sees; drag to look around
   report.json  the numbers above with the seconds of every stage
 
 The numbers compare $out/frame with a path-traced reference that nothing was upscaled or denoised in.

@@ -23,17 +23,11 @@ class ViewTransform:
 
     The order is Blender's: exposure, look, view and display, gamma. May be called
     from several threads at once. LfsrError where the configuration is not found
-    or does not know a name.
+    (the plain sRGB view needs none) or does not know a name.
     """
 
     def __init__(self, settings: ColorSettings) -> None:
-        path = find_config(settings)
-        try:
-            config = ocio.Config.CreateFromFile(str(path))
-            processor = config.getProcessor(_display_chain(config, settings))
-        except ocio.Exception as error:
-            raise LfsrError(f"{path} cannot be used as a colour configuration ({str(error)[:100]}): "
-                            "set OCIO to another") from None
+        processor = _plain_processor() if _needs_no_config(settings) else _processor(settings)
         flags = ocio.OPTIMIZATION_DEFAULT
         self._to_float = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_F32, flags)
         self._to_bytes = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, flags)
@@ -51,6 +45,35 @@ class ViewTransform:
         result = np.empty(source.shape, np.uint8)
         self._to_bytes.apply(_image(source), _image(result))
         return result
+
+
+def _processor(settings: ColorSettings) -> ocio.Processor:
+    path = find_config(settings)
+    try:
+        config = ocio.Config.CreateFromFile(str(path))
+        return config.getProcessor(_display_chain(config, settings))
+    except ocio.Exception as error:
+        raise LfsrError(f"{path} cannot be used as a colour configuration ({str(error)[:100]}): "
+                        "set OCIO to another") from None
+
+
+def _needs_no_config(settings: ColorSettings) -> bool:
+    """True for the plain sRGB curve on a machine without Blender: light fields of others need none."""
+    if settings != ColorSettings():
+        return False
+    try:
+        find_config(settings)
+    except LfsrError:
+        return True
+    return False
+
+
+def _plain_processor() -> ocio.Processor:
+    """Blender's Standard view on an sRGB display: IEC 61966-2-1, values outside [0, 1] clipped."""
+    curve = ocio.ExponentWithLinearTransform(gamma=[2.4, 2.4, 2.4, 1], offset=[0.055, 0.055, 0.055, 0],
+                                             direction=ocio.TRANSFORM_DIR_INVERSE)
+    clip = ocio.RangeTransform(minInValue=0, maxInValue=1, minOutValue=0, maxOutValue=1)
+    return ocio.Config.CreateRaw().getProcessor(ocio.GroupTransform([clip, curve]))
 
 
 def find_config(settings: ColorSettings) -> Path:

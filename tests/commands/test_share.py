@@ -18,7 +18,8 @@ def folder(tmp_path):
 def test_view(folder, tmp_path, capsys):
     assert main(["view", str(folder)]) == 0
     assert (folder / "view.html").is_file() and "view.html: 0.1 MB" in capsys.readouterr().out
-    assert main(["view", str(folder), str(folder), "-o", str(tmp_path / "film.html"), "--quality", "80"]) == 0
+    second = finished(tmp_path / "second", frame=2)
+    assert main(["view", str(folder), str(second), "-o", str(tmp_path / "film.html"), "--quality", "80"]) == 0
     assert (tmp_path / "film.html").read_text(encoding="utf-8").count('class="eia"') == 2
 
 

@@ -98,6 +98,17 @@ def test_no_configuration_says_how_to_get_one(monkeypatch):
 
 
 @needs_bpy
+def test_the_plain_view_needs_no_blender(monkeypatch):
+    linear = np.random.default_rng(0).normal(0.4, 0.5, (64, 64, 3)).astype(np.float32)
+    from_blender = ViewTransform(ColorSettings()).to_uint8(linear)
+    monkeypatch.delenv("OCIO", raising=False)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    np.testing.assert_array_equal(ViewTransform(ColorSettings()).to_uint8(linear), from_blender)
+    with pytest.raises(LfsrError, match="install the package bpy"):
+        ViewTransform(ColorSettings(view_transform="AgX"))
+
+
+@needs_bpy
 def test_finding_the_configuration_does_not_import_blender():
     code = ("import sys; from lfsr_core.images.color_settings import ColorSettings; "
             "from lfsr_core.images.view_transform import ViewTransform; "

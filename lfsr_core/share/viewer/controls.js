@@ -11,8 +11,9 @@ function moveEye(x, y, z) {
 function tell() {
   const [x, y, z] = state.eye.map(Math.round), at = display.distance_mm / state.eye[2];
   const outside = [0, 1].some(axis => Math.abs(state.eye[axis]) * at > zone[axis] / 2);
-  find("where").textContent = `eye ${x} mm right, ${y} mm up, ${z} mm in front` +
-    (state.aperture ? `, focus ${Math.round(state.focus)} mm` : "") +
+  const side = (mm, plus, minus) => `${Math.abs(mm)} mm ${mm < 0 ? minus : plus}`;
+  find("where").textContent = `eye ${side(x, "right", "left")}, ${side(y, "up", "down")}, ${z} mm in front` +
+    (state.aperture ? `, focus ${side(Math.round(state.focus), "in front", "behind")}` : "") +
     (outside ? " – outside the viewing zone, where a real display repeats its picture" : "");
   find("mode").value = state.mode;
   find("stereo").value = state.stereo;
