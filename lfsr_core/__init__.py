@@ -26,7 +26,9 @@ _HOMES = {
     "Reference": "frames.reference",
     "MethodName": "reconstruct.method_name",
     "compare_folders": "metrics.compare",
+    "export": "share.formats",
     "find_blender": "render.blender",
+    "import_views": "share.importing",
     "load_display": "optics.display",
     "make_plan": "plan.planner",
     "read_frame": "frames.frame",
@@ -34,6 +36,7 @@ _HOMES = {
     "run_job": "render.process",
     "see": "optics.eye",
     "upscale_frame": "reconstruct.second_stage",
+    "write_page": "share.page",
     "write_views": "frames.contact_sheet",
 }
 __all__ = ["__version__", *_HOMES]  # noqa: PLE0604  (all are texts)
