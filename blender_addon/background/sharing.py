@@ -52,7 +52,7 @@ def _film(folder: Path, target: Path, work: Path) -> Steps:
     frames = work / "frames"
     done = yield second_stage_step("Exporting", FRAMES_SHARE, work, "export", folder=str(folder), name=FILM,
                                    target=str(frames), type="png")
-    name = Path(done["files"][0]).stem.rpartition("_")[0]
+    name = Path(done["first"]).stem.rpartition("_")[0]
     film = work / f"{name}.mp4"
     command = [*runtime.render_command(ENCODE), str(frames), str(film)]
     yield Step("Encoding", 1 - FRAMES_SHARE, lambda: Worker("The encoder", command, runtime.environment()))

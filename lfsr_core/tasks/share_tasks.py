@@ -17,13 +17,13 @@ def view(folder: str) -> dict[str, Any]:
 
 
 def export(folder: str, name: str, target: str, type: str | None = None) -> dict[str, Any]:
-    """Write a finished frame folder in format ``name`` into ``target``; its "files"."""
+    """Write a finished frame folder in format ``name`` into ``target``; the "first" of its files and their "count"."""
     from lfsr_core.share.formats import export as write
     from lfsr_core.share.options import ExportOptions
 
     files, notes = write(folder, name, target, ExportOptions(type=type, progress=emit_progress))
     _warn(notes)
-    return {"files": [str(path) for path in files]}
+    return {"first": str(files[0]), "count": len(files)}
 
 
 def _warn(notes: object) -> None:
