@@ -13,9 +13,11 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
 from lfsr_core.frames.job import Job, read_job
+from lfsr_core.render.content import scene_content, stamp
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit
 
 from ..render.frame_folder import render_job
+from ..render.inputs import Opened
 from ..scene.notices import notices
 from ..scene.open import choose_scene, open_scene
 from . import encode, stopping
@@ -40,12 +42,24 @@ def run(job: Job) -> Path:
     """Open the job's scene if it names one, render it, and return the frame folder."""
     started = time.perf_counter()
     emit(stage="open", fraction=0.0, message=job.scene or "the open scene")
-    scene = open_scene(job.scene) if job.scene else bpy.context.scene
+    scene, content = _open(job)
     if job.scene_name is not None:
         scene = choose_scene(job.scene_name)
     for sentence in notices(scene):
         warn(sentence)
-    return render_job(scene, job, opened=time.perf_counter() - started, progress=_progress)
+    opened = Opened(time.perf_counter() - started, content)
+    return render_job(scene, job, opened, progress=_progress, warn=warn)
+
+
+def _open(job: Job) -> tuple[bpy.types.Scene, str]:
+    """The job's scene and the content of its file, where something is to be kept and the file did not change."""
+    if not job.scene:
+        return bpy.context.scene, ""
+    file = Path(job.scene)
+    before = stamp(file)
+    scene = open_scene(job.scene)
+    content = scene_content(file) if job.parts else ""
+    return scene, content if stamp(file) == before else ""
 
 
 def warn(message: str) -> None:

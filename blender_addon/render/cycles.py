@@ -14,10 +14,12 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
 from lfsr_core.images import exr
 from lfsr_core.optics.rays import RayLayout
+from lfsr_core.render.parts import ImageParts
 
 from .. import compat
 from ..array.spaces import Matrix, to_blender
 from . import devices, passes
+from .bands import render_in_bands
 from .lens_card import card_camera, without_misses
 from .osl_camera import set_ray_layout
 from .overrides import overridden
@@ -68,7 +70,7 @@ class Shot:
 
 
 def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, path: str | Path,
-                   progress: Progress | None = None) -> float:
+                   progress: Progress | None = None, parts: ImageParts | None = None) -> float:
     """Render the rays of ``shot`` in one pass.
 
     Parameters
@@ -78,13 +80,15 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
     settings : how Cycles renders
     path : multi-layer EXR to write, whole or not at all
     progress : called while it renders; an exception it raises cancels
+    parts : keeps what is whole of a long render; None keeps nothing
 
     Returns
     -------
     Seconds it took.
     """
     with encoded_camera(scene, shot), cycles_settings(scene, settings, shot.layout.size):
-        seconds = render_to(scene, path, progress)
+        # A denoiser would see the edges of bands.
+        seconds = render_kept(scene, path, progress, parts if "denoised" not in settings.layers else None)
     if shot.way == "lens-card" and "position" in settings.layers:
         layers = exr.read_layers(path)
         layers["position"] = without_misses(layers["position"], shot.matrix_world)
@@ -102,6 +106,14 @@ def encoded_camera(scene: bpy.types.Scene, shot: Shot) -> Iterator[None]:
     with temporary_camera(scene, shot.matrix_world, shot.layout.array.distance) as camera:
         set_ray_layout(camera.data, shot.layout)
         yield
+
+
+def render_kept(scene: bpy.types.Scene, path: str | Path, progress: Progress | None = None,
+                parts: ImageParts | None = None) -> float:
+    """``render_to``, but with ``parts`` a long render goes on where an earlier one ended; seconds, of both."""
+    if parts is None:
+        return render_to(scene, path, progress)
+    return render_in_bands(render_to, scene, Path(path), progress, parts)
 
 
 def render_to(scene: bpy.types.Scene, path: str | Path, progress: Progress | None = None) -> float:

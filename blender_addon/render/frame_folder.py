@@ -12,6 +12,7 @@ import bpy
 
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, Frame, write_frame
 from lfsr_core.frames.job import Job
+from lfsr_core.render.parts import ImageParts, remove_others
 
 from ..array import placement
 from ..scene.light import lit
@@ -19,30 +20,36 @@ from ..scene.subject import find_subject, has_background_meshes
 from . import animation, devices, passes
 from .color import color_settings
 from .cycles import RenderSettings, Shot, render_encoded
+from .inputs import Opened, inputs
 from .progress import Progress, part
 from .view_by_view import render_views
 
 # Added to a reference half's seed, so that no half shares random numbers with a candidate image.
 HALF_SEED = 1 << 20
+Keep = Callable[[str], ImageParts | None]
 
 
-def render_job(scene: bpy.types.Scene, job: Job, opened: float = 0.0, progress: Progress | None = None) -> Path:
+def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, progress: Progress | None = None,
+               warn: Callable[[str], None] = print) -> Path:
     """Render ``job`` into its frame folder; the scene is as before afterwards, also after an error.
 
     Parameters
     ----------
     scene : the scene to render
     job : what to render of it, and into which folder
-    opened : seconds it took to open the scene, kept in ``frame.json``
+    opened : how the scene was opened; without its file's content nothing of a long render is kept
     progress : called with how far it is; an exception it raises cancels
+    warn : called with what the user should know
 
     Returns
     -------
     The frame folder.
     """
     job = dataclasses.replace(job, device=devices.resolved(job.device))
+    opened = opened or Opened()
     with prepared(scene, job) as frame:
-        seconds = {"open": opened, "render": _render(scene, job, frame, progress)}
+        keep = _keeping(scene, job, frame, opened, warn)
+        seconds = {"open": opened.seconds, "render": _render(scene, job, frame, keep, progress)}
     seconds = {name: round(value, 3) for name, value in seconds.items()}
     write_frame(job.output, dataclasses.replace(frame, seconds=seconds))
     return Path(job.output)
@@ -121,9 +128,20 @@ def _images(job: Job, frame: Frame) -> list[tuple[str, RenderSettings]]:
             for half, name in enumerate(REFERENCE_FILES)]
 
 
-def _render(scene: bpy.types.Scene, job: Job, frame: Frame, progress: Progress | None) -> float:
+def _keeping(scene: bpy.types.Scene, job: Job, frame: Frame, opened: Opened, warn: Callable[[str], None]) -> Keep:
+    """What keeps the parts of an image of the job, by the image's file."""
+    if not job.parts or not opened.content:
+        return lambda name: None
+    found, folder = inputs(scene, job, frame, opened.content), Path(job.parts)
+    sentence = remove_others(folder, found)
+    if sentence:
+        warn(sentence)
+    return lambda name: ImageParts(folder, Path(name).stem, found)
+
+
+def _render(scene: bpy.types.Scene, job: Job, frame: Frame, keep: Keep, progress: Progress | None) -> float:
     """Render every image of the job; seconds."""
     render = render_views if frame.layout == "view-by-view" else render_encoded
     shot, images = Shot(frame.rays, frame.matrix_world, frame.layout), _images(job, frame)
-    return sum(render(scene, shot, settings, Path(job.output, name), part(progress, number, len(images)))
+    return sum(render(scene, shot, settings, Path(job.output, name), part(progress, number, len(images)), keep(name))
                for number, (name, settings) in enumerate(images))

@@ -58,3 +58,10 @@ def part(progress: Progress | None, index: int, count: int) -> Progress | None:
     if progress is None or count == 1:
         return progress
     return lambda fraction, message: progress((index + fraction) / count, f"{index + 1}/{count}: {message}")
+
+
+def share(progress: Progress | None, before: int, size: int, count: int) -> Progress | None:
+    """Progress of ``size`` of ``count`` rows, with ``before`` done already, as progress of the whole."""
+    if progress is None:
+        return None
+    return lambda fraction, message: progress((before + fraction * size) / count, message)

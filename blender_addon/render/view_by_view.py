@@ -22,6 +22,8 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.images import exr
 from lfsr_core.optics import eia
 from lfsr_core.optics.rays import RayLayout, view_offset
+from lfsr_core.render.pace import seconds_per_part
+from lfsr_core.render.parts import ImageParts, Part
 
 from ..array.spaces import to_blender
 from .cycles import UNFINISHED, RenderSettings, Shot, cycles_settings, render_to, temporary_camera, unfinished
@@ -34,7 +36,7 @@ WINDOW_PER_BOX = 2.08
 
 
 def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, path: str | Path,
-                 progress: Progress | None = None) -> float:
+                 progress: Progress | None = None, parts: ImageParts | None = None) -> float:
     """Render the rays of ``shot`` one view after the other; with a lens list whole views, of which the lenses are kept.
 
     Parameters and result as of ``cycles.render_encoded``.
@@ -43,20 +45,60 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
     if "denoised" in settings.layers:
         raise LfsrError("the layer denoised would be denoised view by view, which loses detail: choose another layout, "
                         "or the method 'oidn'")
+    views = _Views(layout.views[0] * layout.views[1], parts)
     with (unfinished(path) as target, temporary_camera(scene, shot.matrix_world, layout.array.distance) as camera,
           cycles_settings(scene, settings, layout.lenses), overridden(scene.render, pixel_aspect(layout)),
           overridden(scene.cycles, _filter(layout)), _folder(target.parent) as folder):
-        views: dict[str, list[np.ndarray]] = {}
-        count = layout.views[0] * layout.views[1]
-        for number in range(count):
+        for number in views.missing():
             aim(camera, shot, (number % layout.views[0], number // layout.views[0]))
             scene.cycles.seed = _seed(settings.seed, number)
-            render_to(scene, folder / "view.exr", part(progress, number, count))
-            for name, pixels in exr.read_layers(folder / "view.exr").items():
-                views.setdefault(name, []).append(pixels)
-        layers = {name: assemble(layout, images) for name, images in views.items()}
+            render_to(scene, folder / "view.exr", part(progress, number, views.count))
+            views.add(number, exr.read_layers(folder / "view.exr"))
+        layers = {name: assemble(layout, images) for name, images in views.by_layer().items()}
         exr.write_layers(target, layers, half=settings.half)
-    return time.perf_counter() - started
+    return time.perf_counter() - started + views.seconds_before
+
+
+class _Views:
+    """Views of one image, row by row of the array; with ``parts`` every minute's work is kept."""
+
+    def __init__(self, count: int, parts: ImageParts | None) -> None:
+        self.count, self._parts = count, parts
+        self._images: dict[int, exr.Layers] = {}
+        self._new: list[int] = []
+        self._since = time.perf_counter()
+        kept = parts.kept(count) if parts else []
+        self.seconds_before = sum(group.seconds for group, _ in kept)
+        for group, path in kept:
+            split = {name: np.split(pixels, group.size) for name, pixels in exr.read_layers(path).items()}
+            for index in range(group.size):
+                self._images[group.first + index] = {name: images[index] for name, images in split.items()}
+
+    def missing(self) -> Iterator[int]:
+        """Numbers of the views that are still to be added."""
+        return (number for number in range(self.count) if number not in self._images)
+
+    def add(self, number: int, layers: exr.Layers) -> None:
+        """Take a view; views that follow each other are kept together."""
+        if self._new and self._new[-1] != number - 1:
+            self._keep()
+        self._images[number] = layers
+        self._new.append(number)
+        if time.perf_counter() - self._since >= seconds_per_part():
+            self._keep()
+
+    def by_layer(self) -> dict[str, list[np.ndarray]]:
+        """Every layer's views."""
+        return {name: [self._images[number][name] for number in range(self.count)] for name in self._images[0]}
+
+    def _keep(self) -> None:
+        if self._parts is not None:
+            now, group = time.perf_counter(), [self._images[number] for number in self._new]
+            with unfinished(self._parts.working_file()) as written:
+                exr.write_layers(written, {name: np.concatenate([layers[name] for layers in group])
+                                           for name in group[0]})
+            self._parts.keep(self._parts.working_file(), Part(self._new[0], self._new[-1] + 1, now - self._since))
+        self._new, self._since = [], time.perf_counter()
 
 
 @contextmanager

@@ -17,9 +17,13 @@ def notices(scene: bpy.types.Scene) -> list[str]:
 
 def missing_images() -> list[str]:
     """Paths of image files that the scene names and that are not there, every tile of a UDIM image on its own."""
+    return sorted(str(path) for path in image_files() if not path.is_file())
+
+
+def image_files() -> set[Path]:
+    """Files that images are read from, every tile of a UDIM image on its own."""
     images = [image for image in bpy.data.images if image.filepath and not image.packed_file]
-    paths = {path for image in images for path in _paths(image)}
-    return sorted(str(path) for path in paths if not path.is_file())
+    return {path for image in images for path in _paths(image)}
 
 
 def _paths(image: bpy.types.Image) -> Iterator[Path]:

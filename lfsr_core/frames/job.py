@@ -45,6 +45,7 @@ class Job:
     clamp_indirect: float | None = None  # None for Cycles' default, 0 for none
     world_visible: bool | None = None  # None for the scene's own film setting
     scene_name: str | None = None  # scene in the file, None for the one that is open in it
+    parts: str | None = None  # folder that keeps what is whole of a long render for the next, None to keep nothing
 
     def __post_init__(self) -> None:
         for field, choices in (("kind", KINDS), ("layout", LAYOUTS), ("convention", CONVENTIONS)):

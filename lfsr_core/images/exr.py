@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ MAGIC = b"\x76\x2f\x31\x01"
 # A header that lies must not cost memory. Deflate shrinks at most 1032 times, and 16-bit floats become 32-bit ones.
 MOST_COMPRESSION = 2200
 MOST_BYTES, MOST_SIDE, MOST_PARTS = 2**35, 65536, 1024
+Layers = dict[str, np.ndarray]
 
 
 def read_layers(path: str | Path) -> dict[str, np.ndarray]:
@@ -80,18 +82,68 @@ def write_layers(path: str | Path, layers: Mapping[str, np.ndarray], half: bool 
     ``half`` stores 16-bit floats, clipped to their range. "color" may have three
     or four channels. LfsrError where the file cannot be written; then none is left.
     """
-    names = [name for layer, pixels in layers.items() for name in _channel_names(layer, pixels.shape[2])]
+    pixels = _stacked(layers, half)
+    with _output(path, layers, len(pixels), half) as output:
+        _check_written(path, output, output.write_image(pixels))
+
+
+def join_rows(paths: Sequence[str | Path], path: str | Path, half: bool = False) -> None:
+    """Write images of one width and the same layers below each other as one, as ``write_layers`` does.
+
+    Parameters
+    ----------
+    paths : EXR files, from the top; held in memory one at a time
+    path : EXR to write
+    half : stores 16-bit floats
+
+    Raises
+    ------
+    LfsrError : where one cannot be read, has other layers or another width, or the result cannot be written
+    """
+    rows = sum(_height(part) for part in paths)
+    first, at = read_layers(paths[0]), 0
+    with _output(path, first, rows, half) as output:
+        for part in paths:
+            layers = read_layers(part) if at else first
+            if list(layers) != list(first) or layers["color"].shape[1] != first["color"].shape[1]:
+                raise _unreadable(Path(part), "it has other layers or another width than the part above it")
+            below = at + layers["color"].shape[0]
+            _check_written(path, output, output.write_scanlines(at, below, 0, _stacked(layers, half)))
+            at = below
+
+
+def _height(path: str | Path) -> int:
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise _unreadable(Path(path), oiio.geterror())
+    height = source.spec().height
+    source.close()
+    return height
+
+
+def _stacked(layers: Mapping[str, np.ndarray], half: bool) -> np.ndarray:
     pixels = np.concatenate([np.asarray(layer, np.float32) for layer in layers.values()], axis=2)
-    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], "half" if half else "float")
+    return np.clip(pixels, -HALF_MAX, HALF_MAX) if half else pixels
+
+
+@contextmanager
+def _output(path: str | Path, layers: Mapping[str, np.ndarray], height: int, half: bool) -> Iterator[oiio.ImageOutput]:
+    """An EXR of these layers and of ``height`` rows that is being written."""
+    names = [name for layer, pixels in layers.items() for name in _channel_names(layer, pixels.shape[2])]
+    spec = oiio.ImageSpec(layers["color"].shape[1], height, len(names), "half" if half else "float")
     spec.channelnames = names
     spec.attribute("compression", "zip")
-    if half:
-        pixels = np.clip(pixels, -HALF_MAX, HALF_MAX)
     with atomic_path(path) as temporary:
         output = oiio.ImageOutput.create(str(temporary))
-        if not (output.open(str(temporary), spec) and output.write_image(pixels) and output.close()):
-            raise LfsrError(f"{path} cannot be written ({output.geterror().strip()}): free some space or "
-                            "choose another folder")
+        _check_written(path, output, output.open(str(temporary), spec))
+        yield output
+        _check_written(path, output, output.close())
+
+
+def _check_written(path: str | Path, output: oiio.ImageOutput, done: bool) -> None:
+    if not done:
+        raise LfsrError(f"{path} cannot be written ({output.geterror().strip()}): free some space or "
+                        "choose another folder")
 
 
 def check_whole(path: str | Path) -> None:

@@ -27,6 +27,7 @@ from lfsr_core.render.store import Render
 
 PILOT_LENSES = 64
 SAMPLE_FILE = "sample.json"
+NO_MATTER = ("output", "scale", "spp", "parts")  # fields of the job that is planned for
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,7 +102,7 @@ def work_folder(folder: Path | None) -> Iterator[Path]:
 def _check_sample(folder: Path, question: Question) -> None:
     """LfsrError if ``folder`` holds the sample of another scene or setting, else its description is there."""
     options = question.options
-    same = {name: value for name, value in to_data(question.job).items() if name not in ("output", "scale", "spp")}
+    same = {name: value for name, value in to_data(question.job).items() if name not in NO_MATTER}
     same |= {"lenses": options.lenses, "share": options.share, "reference_spp": options.reference_spp,
              "metric": options.metric, "renders": sorted({(c.scale, c.spp) for c in question.wanted})}
     same["renders"] = [list(pair) for pair in same["renders"]]

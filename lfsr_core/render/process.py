@@ -8,7 +8,8 @@ import os
 import shutil
 import signal
 import subprocess
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from lfsr_core.frames.job import Job
 from lfsr_core.progress import Progress
 from lfsr_core.records import write_record
 from lfsr_core.render.blender import Blender
+from lfsr_core.render.parts import kept_sentence, parts_folder
 from lfsr_core.render.protocol import ENDS_WITH_INPUT, EXIT_BAD_INPUT, LAST_STAGES, parse_progress
 from lfsr_core.render.staging import publish, staging_folder
 
@@ -35,6 +37,8 @@ Warn = Callable[[str], None]
 def run_job(job: Job, blender: Blender, progress: Progress | None = None, warn: Warn | None = None) -> None:
     """Render ``job`` and put what it wrote into its folder, all of it or nothing.
 
+    Of a long render that ends early the parts that are whole are kept, and the same job goes on from them.
+
     Parameters
     ----------
     job : what to render and where to
@@ -50,13 +54,25 @@ def run_job(job: Job, blender: Blender, progress: Progress | None = None, warn: 
     """
     folder = Path(job.output)
     check_folder(folder, job.kind)
-    with staging_folder(folder) as staging, system_errors():
+    parts = parts_folder(folder).resolve()
+    with staging_folder(folder) as staging, _told(parts, warn), system_errors():
         staged = staging / "frame"
         staged.mkdir()
         job_file, log_file = staging / "job.json", staging / LOG_FILE
-        write_record(job_file, dataclasses.replace(job, output=str(staged.resolve())))
+        write_record(job_file, dataclasses.replace(job, output=str(staged.resolve()), parts=str(parts)))
         _run(blender.command(job_file), log_file, folder, _listener(progress, warn))
         publish(staged, folder, DERIVED_FILES)
+
+
+@contextmanager
+def _told(parts: Path, warn: Warn | None) -> Iterator[None]:
+    """Whatever ends the block early, ``warn`` of what is kept."""
+    try:
+        yield
+    except BaseException:
+        if warn and (sentence := kept_sentence(parts)):
+            warn(sentence)
+        raise
 
 
 def check_folder(folder: Path, kind: str) -> None:

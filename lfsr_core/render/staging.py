@@ -11,6 +11,7 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import CAN_LOCK, locks
+from lfsr_core.render.parts import parts_folder
 
 LOCK_FILE = "in-use"
 
@@ -39,12 +40,13 @@ def staging_folder(target: Path) -> Iterator[Path]:
 
 
 def publish(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
-    """Move finished files into ``folder``; ``stale`` ones of an earlier run go."""
+    """Move finished files into ``folder``; ``stale`` ones of an earlier run go, and parts that were kept for this."""
     folder.mkdir(exist_ok=True)
     for name in stale:
         (folder / name).unlink(missing_ok=True)
     for path in staged.iterdir():
         os.replace(path, folder / path.name)
+    shutil.rmtree(parts_folder(folder), ignore_errors=True)
 
 
 def _in_use(parent: Path, prefix: str) -> list[Path]:

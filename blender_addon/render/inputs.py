@@ -1,0 +1,57 @@
+"""What decides the pixels of a render, in a few words each: kept parts of a render are only taken up by the same."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+
+from lfsr_core import __version__
+from lfsr_core.frames.frame import Frame
+from lfsr_core.frames.job import Job
+from lfsr_core.records import to_data
+from lfsr_core.render.content import file_content, stamp
+from lfsr_core.render.parts import digest
+
+from ..scene.notices import image_files
+
+HERE = Path(__file__).resolve().parent
+SOURCES = ("array", "render", "scene")  # this package's modules that pixels depend on
+
+
+@dataclasses.dataclass(frozen=True)
+class Opened:
+    """How the scene came into this Blender."""
+
+    seconds: float = 0.0  # it took to open it
+    content: str = ""  # of its file, see ``lfsr_core.render.content``; empty where it is not known
+
+
+def inputs(scene: bpy.types.Scene, job: Job, frame: Frame, content: str) -> dict[str, str]:
+    """Digests by names for people.
+
+    Parameters
+    ----------
+    scene : to be rendered
+    job : what to render of it
+    frame : the job's, as placed
+    content : of the scene's file
+    """
+    settings = to_data(job) | to_data(dataclasses.replace(frame, seconds={}))
+    for name in ("output", "parts"):
+        del settings[name]
+    # A panel renders copies of its file: their content counts, not where they lie.
+    settings |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail}
+    program = [__version__, *(file_content(path) for name in SOURCES
+                              for path in sorted(HERE.with_name(name).iterdir()) if path.is_file())]
+    return {"settings": digest(settings), "scene file": digest(content),
+            "images or linked files": digest([[str(path), stamp(path)] for path in sorted(set(_files()))]),
+            "Blender": digest([bpy.app.version_string, str(bpy.app.build_hash)]), "version of LFSR": digest(program)}
+
+
+def _files() -> Iterator[Path]:
+    """Files outside the scene's that it is made of."""
+    yield from map(Path, bpy.utils.blend_paths(absolute=True, packed=False, local=False))
+    yield from image_files()

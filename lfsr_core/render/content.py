@@ -1,0 +1,128 @@
+"""What is in a scene's file, as one short text: equal for the same scene, also where Blender saved it anew.
+
+A .blend is a list of blocks, each with the address that it had in memory, and pointers in blocks are such addresses.
+With every address replaced by its block's number, and without the blocks of windows, brushes and the like, two
+copies of one scene are the same bytes, whenever and wherever they were saved.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from lfsr_core.files import system_errors
+
+BLEND_MAGIC = b"BLENDER"
+OLD_HEADER, OLD_BLOCK = 12, struct.Struct("<4siQii")  # code, size, address, kind, count
+NEW_BLOCK = struct.Struct("<4siQqq")  # since 5.0: code, kind, address, size, count
+# The file's own, and what only windows and tools look at: no pixel depends on it.
+NOT_SCENE = (b"GLOB", b"REND", b"TEST", b"USER", b"DNA1", b"WM", b"SN", b"SR", b"WS", b"BR", b"PL", b"PC")
+DATA, END = b"DATA", b"ENDB"
+COMPANIONS = (".bin", ".mtl")  # beside .gltf and .obj
+CHUNK = 1 << 20
+
+
+class _Block(NamedTuple):
+    code: bytes
+    kind: int
+    address: int
+    start: int
+    size: int
+
+
+def scene_content(path: str | Path) -> str:
+    """Digest of a scene's file and of the files beside it that such a scene is made of; LfsrError if unreadable."""
+    path = Path(path)
+    with system_errors(path):
+        if path.suffix.lower() == ".blend":
+            return _blend_content(path)
+        companions = sorted(other for other in path.parent.iterdir() if other.suffix.lower() in COMPANIONS)
+        return file_content(path) + "".join(f" {other.name} {stamp(other)}" for other in companions)
+
+
+def stamp(path: Path) -> str:
+    """Size and time of change of a file: as good as its content, and cheap."""
+    try:
+        found = path.stat()
+    except OSError:
+        return "missing"
+    return f"{found.st_size} {found.st_mtime_ns}"
+
+
+def file_content(path: Path) -> str:
+    """Digest of a file's bytes."""
+    hashed = hashlib.blake2b(digest_size=16)
+    with path.open("rb") as file:
+        while chunk := file.read(CHUNK):
+            hashed.update(chunk)
+    return hashed.hexdigest()
+
+
+def _blend_content(path: Path) -> str:
+    """Digest of the scene in a .blend; of its bytes where it is compressed or not as expected."""
+    if not path.stat().st_size:
+        return file_content(path)
+    data = np.memmap(path, np.uint8, "r")
+    try:
+        blocks = list(_scene_blocks(data))
+    except (struct.error, ValueError):
+        return file_content(path)
+    hashed, addresses = hashlib.blake2b(digest_size=16), _Addresses([block.address for block in blocks])
+    for block in blocks:
+        hashed.update(struct.pack("<4sqq", block.code, block.kind, block.size))
+        hashed.update(addresses.numbered(data[block.start:block.start + block.size]))
+    return hashed.hexdigest()
+
+
+def _scene_blocks(data: np.ndarray) -> Iterator[_Block]:
+    """Blocks of the scene; those called DATA belong to the one before."""
+    wanted = False
+    for block in _blocks(data):
+        if block.code != DATA:
+            wanted = block.code not in NOT_SCENE
+        if wanted:
+            yield block
+
+
+def _blocks(data: np.ndarray) -> Iterator[_Block]:
+    """Every block up to the last; ValueError or struct.error where the file is no uncompressed .blend."""
+    head = data[:OLD_HEADER].tobytes()
+    if head[:7] != BLEND_MAGIC:
+        raise ValueError("no uncompressed .blend")
+    old = head[7:8] == b"-"
+    at, layout = (OLD_HEADER, OLD_BLOCK) if old else (int(head[7:9]), NEW_BLOCK)
+    while True:
+        fields = layout.unpack(data[at:at + layout.size].tobytes())
+        code, address, at = fields[0].rstrip(b"\0"), fields[2], at + layout.size
+        size, kind = (fields[1], fields[3]) if old else (fields[3], fields[1])
+        if code == END:
+            return
+        if size < 0 or at + size > len(data):
+            raise ValueError("a block goes beyond the end")
+        yield _Block(code, kind, address, at, size)
+        at += size
+
+
+class _Addresses:
+    """Numbers in place of the addresses of blocks."""
+
+    def __init__(self, addresses: list[int]) -> None:
+        known = np.array(addresses, np.uint64)
+        self._order = np.argsort(known, kind="stable").astype(np.uint64)
+        self._sorted = known[self._order]
+
+    def numbered(self, content: np.ndarray) -> bytes:
+        """Bytes of a block with every address in it replaced by the number of its block."""
+        whole = len(content) // 8 * 8
+        words = content[:whole].copy().view(np.uint64)
+        if len(self._sorted):
+            places = np.flatnonzero((words >= max(self._sorted[0], 1)) & (words <= self._sorted[-1]))
+            found = np.searchsorted(self._sorted, words[places])
+            known = self._sorted[found] == words[places]
+            words[places[known]] = self._order[found[known]]
+        return words.tobytes() + content[whole:].tobytes()

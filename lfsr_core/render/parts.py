@@ -1,0 +1,137 @@
+"""Parts of long renders: what is whole is kept in a hidden folder beside the output until all of it is published.
+
+A part is a range of an image's rows, or of its views where they are rendered one by one. The name of its file says
+which range of which image of which inputs, so that parts of different renders never meet, whoever writes when.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json, write_json
+from lfsr_core.images.exr import check_whole
+
+INPUTS_FILE = "inputs.json"
+DIGEST_SIZE = 12  # bytes
+RANGE = re.compile(r"(\d+)-(\d+)-(\d+)$")
+
+
+@dataclasses.dataclass(frozen=True, order=True)
+class Part:
+    """Rows, or views, ``first`` to before ``last`` of an image."""
+
+    first: int
+    last: int
+    seconds: float = 0.0  # it took
+
+    @property
+    def size(self) -> int:
+        """How many."""
+        return self.last - self.first
+
+
+def gaps(count: int, parts: Iterable[Part]) -> list[Part]:
+    """What of an image of ``count`` rows no part holds, from the top."""
+    found, at = [], 0
+    for part in [*sorted(parts), Part(count, count)]:
+        if at < part.first:
+            found.append(Part(at, part.first))
+        at = max(at, part.last)
+    return found
+
+
+def digest(data: object) -> str:
+    """Short text that differs where JSON-ready ``data`` does."""
+    return hashlib.blake2b(json.dumps(data, sort_keys=True).encode(), digest_size=DIGEST_SIZE).hexdigest()
+
+
+@dataclasses.dataclass(frozen=True)
+class ImageParts:
+    """Parts of one image of one render."""
+
+    folder: Path  # where they lie, made with the first of them
+    name: str  # of the image
+    # what decides the pixels: a digest each, by a name for people
+    inputs: Mapping[str, str]
+
+    def kept(self, count: int) -> list[tuple[Part, Path]]:
+        """Parts of an image of ``count`` rows that are there whole, from the top; damaged ones are removed."""
+        found: list[tuple[Part, Path]] = []
+        for path in sorted(self.folder.glob(f"{self._start}*.exr")):
+            part = _part_of(path.stem.removeprefix(self._start))
+            if part is None or part.last > count or part.first >= part.last:
+                continue
+            if (not found or found[-1][0].last <= part.first) and _is_whole(path):
+                found.append((part, path))
+        return found
+
+    def working_file(self) -> Path:
+        """Where this process writes a part before it is kept; makes the folder."""
+        write_json(self.folder / INPUTS_FILE, dict(self.inputs))
+        return self.folder / f"writing-{os.getpid()}.exr"
+
+    def keep(self, written: Path, part: Part) -> Path:
+        """Take ``written`` as ``part``; its name from now on."""
+        name = f"{self._start}{part.first:06}-{part.last:06}-{round(part.seconds * 1000)}.exr"
+        os.replace(written, self.folder / name)
+        return self.folder / name
+
+    @property
+    def _start(self) -> str:
+        return f"{self.name}-{digest(dict(self.inputs))}-"
+
+
+def parts_folder(target: Path) -> Path:
+    """Where parts of a render into ``target`` are kept."""
+    return target.with_name(f".{target.name}-parts")
+
+
+def remove_others(folder: Path, inputs: Mapping[str, str]) -> str:
+    """Remove the parts in ``folder`` unless they are of the same ``inputs``; a sentence if any were removed."""
+    if not folder.is_dir():
+        return ""
+    try:
+        known = read_json(folder / INPUTS_FILE, "the inputs of a render's parts")
+    except LfsrError:
+        known = None
+    if known == dict(inputs):
+        return ""
+    removed = has_parts(folder)
+    shutil.rmtree(folder, ignore_errors=True)
+    old = known if isinstance(known, dict) else {}
+    other = [name for name, value in inputs.items() if old.get(name) != value]
+    return (f"what was kept of an earlier render was made with other {', '.join(other)}: it is removed, and the render "
+            "starts from the beginning") if removed else ""
+
+
+def has_parts(folder: Path) -> bool:
+    """True if a next render may find something in ``folder``."""
+    return any(RANGE.search(path.stem) for path in folder.glob("*.exr"))
+
+
+def kept_sentence(folder: Path) -> str:
+    """What to tell somebody whose render ended early; empty where nothing was kept."""
+    return (f"what is whole of it is kept: the same render again goes on from there; remove {folder} to be rid of it"
+            if has_parts(folder) else "")
+
+
+def _part_of(text: str) -> Part | None:
+    numbers = RANGE.match(text)
+    return Part(int(numbers[1]), int(numbers[2]), int(numbers[3]) / 1000) if numbers else None
+
+
+def _is_whole(path: Path) -> bool:
+    try:
+        check_whole(path)
+    except LfsrError:
+        path.unlink(missing_ok=True)
+        return False
+    return True
