@@ -13,6 +13,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE
 from lfsr_core.frames.job import Job
 from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.render.parts import parts_folder
 from lfsr_core.render.process import DERIVED_FILES
 from lfsr_core.render.staging import publish
 
@@ -79,7 +80,8 @@ def _render_frame(copy: Path, recipe: FrameRecipe, title: str, share: float) -> 
     with staging(recipe.folder) as folder:
         staged = folder / "frame"
         staged.mkdir()
-        job = dataclasses.replace(recipe.job, scene=str(copy), output=str(staged))
+        job = dataclasses.replace(recipe.job, scene=str(copy), output=str(staged),
+                                  parts=str(parts_folder(recipe.folder)))
         yield render_step(job, folder, share * RENDER_SHARE, "Rendering" + title)
         yield second_stage_step(
             "Upscaling" + title, share * (1 - RENDER_SHARE), folder, "upscale", folder=str(staged),
@@ -106,7 +108,8 @@ def render_reference(recipe: FrameRecipe, job: Job, lenses: int) -> Steps:
         chosen = yield second_stage_step("Choosing lenses", 0.01, work, "choose", folder=str(recipe.folder),
                                          count=lenses, seed=job.seed)
         listed = chosen["lens_list"] and tuple((row, column) for row, column in chosen["lens_list"])
-        job = dataclasses.replace(job, scene=str(copy), output=str(staged), lens_list=listed)
+        job = dataclasses.replace(job, scene=str(copy), output=str(staged), lens_list=listed,
+                                  parts=str(parts_folder(folder)))
         yield render_step(job, work, 0.94, "Rendering reference")
         publish(staged, folder)
         done = yield second_stage_step("Comparing", 0.05, work, "compare", folder=str(recipe.folder),

@@ -57,15 +57,14 @@ def run(title: str, steps: Steps) -> Task:
         _current = None
 
 
-def cancel() -> bool:
-    """Stop what runs, with its worker; False if nothing did."""
+def cancel() -> Task | None:
+    """Stop what runs, with its worker, and return it; None if nothing ran."""
     global _current
     task, _current = _current, None
-    if task is None:
-        return False
-    task.cancel()
-    redraw()
-    return True
+    if task is not None:
+        task.cancel()
+        redraw()
+    return task
 
 
 def _look() -> float | None:
@@ -85,7 +84,7 @@ def _look() -> float | None:
             notify(warning, "INFO")
         _finish(task.result)
     except LfsrError as error:
-        notify(str(error), "ERROR")
+        notify(". ".join(filter(None, (str(error), task.kept))), "ERROR")
     finally:
         # Also after an error nobody thought of: a task that cannot go on must not block the next.
         if task.worker is None:

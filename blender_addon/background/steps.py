@@ -21,6 +21,7 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.records import to_data
+from lfsr_core.render.parts import kept_sentence
 from lfsr_core.render.staging import staging_folder
 
 from . import runtime
@@ -37,6 +38,8 @@ class Step:
     stage: str
     share: float
     start: Callable[[], Worker]
+    # Folder in which it keeps what is whole of a long render.
+    parts: Path | None = None
 
 
 Steps = Generator[Step, dict[str, Any], Any]
@@ -53,6 +56,7 @@ class Task:
         self._steps, self._started = steps, time.monotonic()
         self._before = self._within = 0.0
         self._step: Step | None = None
+        self._parts: Path | None = None  # of the last render
         self.worker: Worker | None = None
         self._advance(None)
 
@@ -84,6 +88,11 @@ class Task:
             self.cancel()
             raise
         return self.worker is None
+
+    @property
+    def kept(self) -> str:
+        """A sentence on what was kept of a render that ended early; empty where nothing was."""
+        return kept_sentence(self._parts) if self._parts else ""
 
     def cancel(self) -> None:
         """Stop the worker and tidy up after all steps."""
@@ -118,6 +127,7 @@ class Task:
             self._step, self.worker, self.result = None, None, end.value
             return
         self._within, self.message, self.stage = 0.0, "", self._step.stage
+        self._parts = self._step.parts or self._parts
         self.worker = self._step.start()
 
 
@@ -132,7 +142,8 @@ def render_step(job: Job, folder: Path, share: float, stage: str = "Rendering") 
     stage : what the panel shows meanwhile
     """
     path = _write(folder / "job.json", to_data(job))
-    return Step(stage, share, lambda: Worker("The render", _render_command(path), runtime.environment()))
+    return Step(stage, share, lambda: Worker("The render", _render_command(path), runtime.environment()),
+                Path(job.parts) if job.parts else None)
 
 
 def second_stage_step(stage: str, share: float, work: Path, task: str, /, **arguments: Any) -> Step:
@@ -189,7 +200,8 @@ def _render_command(job_file: Path) -> list[str]:
 
 def _save_copy(path: Path) -> None:
     try:
-        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False)
+        # Uncompressed, so that a later copy of the same scene is recognised.
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, compress=False)
     except RuntimeError as error:
         raise LfsrError(f"a copy of this file cannot be saved to {path.parent} ({str(error).strip()}): "
                         "free some space there") from None

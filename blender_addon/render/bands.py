@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.images import exr
-from lfsr_core.render.pace import Pace
+from lfsr_core.render.pace import Pace, is_worth_keeping
 from lfsr_core.render.parts import ImageParts, Part, gaps
 
 from .overrides import overridden
@@ -45,14 +46,11 @@ def render_in_bands(render: Render, scene: bpy.types.Scene, path: Path, progress
     """
     pace = Pace(scene.render.resolution_x, scene.render.resolution_y, scene.cycles.samples)
     with overridden(scene.cycles, _timed(pace)):
-        kept = parts.kept(pace.rows)
         image = _Image(functools.partial(render, scene), scene, path, progress, pace, parts)
-        if not kept and pace.is_short and (done := image.at_once()):
-            return done.seconds
-        trial = image.trial()
-        if not kept and pace.takes_one(trial) and (done := image.at_once()):
-            return done.seconds
-        return image.in_bands(kept, pace.after(trial))
+        try:
+            return image.rendered(parts.kept(pace.rows))
+        finally:
+            image.band_file.unlink(missing_ok=True)
 
 
 def _timed(pace: Pace) -> dict[str, object]:
@@ -72,36 +70,59 @@ class _Image:
     pace: Pace
     parts: ImageParts
 
-    def trial(self) -> Part:
-        """The trial rows with the seconds of their samples; their pixels are thrown away."""
-        return self._render(self.pace.trial, self.path, None).sampling
+    @property
+    def band_file(self) -> Path:
+        """Where a band lies until it is kept."""
+        return self.path.with_name("band.exr")
 
-    def at_once(self) -> Part | None:
+    def rendered(self, kept: list[tuple[Part, Path]]) -> float:
+        """All of the image, with what is ``kept`` already; seconds of both."""
+        if not kept and self.pace.is_short and (done := self._at_once()):
+            return done.seconds
+        rows = self.pace.rows
+        if gaps(rows, (part for part, _ in kept)):
+            trial = self._render(self.pace.trial, self.band_file, None).sampling
+            if not kept and self.pace.takes_one(trial) and (done := self._at_once()):
+                return done.seconds
+            rows = self.pace.after(trial)
+        return self._in_bands(list(kept), rows)
+
+    def _at_once(self) -> Part | None:
         """The whole image; None where it takes too long."""
         done = self._render(Part(0, self.pace.rows), self.path, self.progress)
-        return done.part if done.is_whole else None
+        if not done.is_whole:
+            self.path.unlink()
+            return None
+        if self.parts.another_follows and is_worth_keeping(done.part.seconds):
+            shutil.copyfile(self.path, self.band_file)
+            self.parts.keep(self.band_file, done.part)
+        return done.part
 
-    def in_bands(self, kept: list[tuple[Part, Path]], rows: int) -> float:
+    def _in_bands(self, kept: list[tuple[Part, Path]], rows: int) -> float:
         """What is missing, band by band, the first of ``rows`` rows; then all of them as one image. Seconds."""
-        kept = list(kept)
         while missing := gaps(self.pace.rows, (part for part, _ in kept)):
             band = Part(missing[0].first, min(missing[0].last, missing[0].first + rows))
-            working = self.parts.working_file()
             before = sum(part.size for part, _ in kept)
-            watch = share(self.progress, before, band.size, self.pace.rows)
-            done = self._render(band, working, watch)
-            if not done.is_whole and band.size == 1:
-                with overridden(self.scene.cycles, {"time_limit": 0.0}):
-                    done = dataclasses.replace(self._render(band, working, watch), is_whole=True)
+            done = self._band(band, share(self.progress, before, band.size, self.pace.rows))
             if done.is_whole:
-                kept.append((done.part, self.parts.keep(working, done.part)))
+                kept.append((done.part, self.parts.keep(self.band_file, done.part)))
                 rows = self.pace.after(done.sampling)
             else:
                 rows = self.pace.after_timeout(band)
+        return sum(part.seconds for part, _ in kept) + self._join([path for _, path in sorted(kept)])
+
+    def _band(self, band: Part, progress: Progress | None) -> _Done:
+        """A band; nothing is smaller than one row, which takes as long as it does."""
+        done = self._render(band, self.band_file, progress)
+        if done.is_whole or band.size > 1:
+            return done
+        with overridden(self.scene.cycles, {"time_limit": 0.0}):
+            return dataclasses.replace(self._render(band, self.band_file, progress), is_whole=True)
+
+    def _join(self, paths: list[Path]) -> float:
         started = time.perf_counter()
-        exr.join_rows([path for _, path in sorted(kept)], self.path,
-                      half=self.scene.render.image_settings.color_depth == "16")
-        return sum(part.seconds for part, _ in kept) + time.perf_counter() - started
+        exr.join_rows(paths, self.path, half=self.scene.render.image_settings.color_depth == "16")
+        return time.perf_counter() - started
 
     def _render(self, band: Part, path: Path, progress: Progress | None) -> _Done:
         with overridden(self.scene.render, border(band, self.pace.rows)), _watched() as seen:

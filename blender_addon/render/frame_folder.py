@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -136,7 +136,7 @@ def _keeping(scene: bpy.types.Scene, job: Job, frame: Frame, opened: Opened, war
     sentence = remove_others(folder, found)
     if sentence:
         warn(sentence)
-    return lambda name: ImageParts(folder, Path(name).stem, found)
+    return lambda name: ImageParts(folder, Path(name).stem, found, another_follows=name == REFERENCE_FILES[0])
 
 
 def _render(scene: bpy.types.Scene, job: Job, frame: Frame, keep: Keep, progress: Progress | None) -> float:

@@ -22,7 +22,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.images import exr
 from lfsr_core.optics import eia
 from lfsr_core.optics.rays import RayLayout, view_offset
-from lfsr_core.render.pace import seconds_per_part
+from lfsr_core.render.pace import is_worth_keeping, seconds_per_part
 from lfsr_core.render.parts import ImageParts, Part
 
 from ..array.spaces import to_blender
@@ -45,7 +45,7 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
     if "denoised" in settings.layers:
         raise LfsrError("the layer denoised would be denoised view by view, which loses detail: choose another layout, "
                         "or the method 'oidn'")
-    views = _Views(layout.views[0] * layout.views[1], parts)
+    views = _Views(layout.views[0] * layout.views[1], Path(path).with_name("views.exr"), parts)
     with (unfinished(path) as target, temporary_camera(scene, shot.matrix_world, layout.array.distance) as camera,
           cycles_settings(scene, settings, layout.lenses), overridden(scene.render, pixel_aspect(layout)),
           overridden(scene.cycles, _filter(layout)), _folder(target.parent) as folder):
@@ -54,6 +54,7 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
             scene.cycles.seed = _seed(settings.seed, number)
             render_to(scene, folder / "view.exr", part(progress, number, views.count))
             views.add(number, exr.read_layers(folder / "view.exr"))
+        views.end()
         layers = {name: assemble(layout, images) for name, images in views.by_layer().items()}
         exr.write_layers(target, layers, half=settings.half)
     return time.perf_counter() - started + views.seconds_before
@@ -62,8 +63,9 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
 class _Views:
     """Views of one image, row by row of the array; with ``parts`` every minute's work is kept."""
 
-    def __init__(self, count: int, parts: ImageParts | None) -> None:
-        self.count, self._parts = count, parts
+    def __init__(self, count: int, working: Path, parts: ImageParts | None) -> None:
+        """``count`` views, kept in ``parts`` by way of the file ``working``."""
+        self.count, self._working, self._parts = count, working, parts
         self._images: dict[int, exr.Layers] = {}
         self._new: list[int] = []
         self._since = time.perf_counter()
@@ -87,6 +89,12 @@ class _Views:
         if time.perf_counter() - self._since >= seconds_per_part():
             self._keep()
 
+    def end(self) -> None:
+        """All views are there; what is not kept yet is where another image follows."""
+        lasting = self._parts is not None and self._parts.another_follows
+        if lasting and self._new and is_worth_keeping(time.perf_counter() - self._since):
+            self._keep()
+
     def by_layer(self) -> dict[str, list[np.ndarray]]:
         """Every layer's views."""
         return {name: [self._images[number][name] for number in range(self.count)] for name in self._images[0]}
@@ -94,10 +102,9 @@ class _Views:
     def _keep(self) -> None:
         if self._parts is not None:
             now, group = time.perf_counter(), [self._images[number] for number in self._new]
-            with unfinished(self._parts.working_file()) as written:
-                exr.write_layers(written, {name: np.concatenate([layers[name] for layers in group])
-                                           for name in group[0]})
-            self._parts.keep(self._parts.working_file(), Part(self._new[0], self._new[-1] + 1, now - self._since))
+            exr.write_layers(self._working, {name: np.concatenate([layers[name] for layers in group])
+                                             for name in group[0]})
+            self._parts.keep(self._working, Part(self._new[0], self._new[-1] + 1, now - self._since))
         self._new, self._since = [], time.perf_counter()
 
 

@@ -130,7 +130,8 @@ def _stacked(layers: Mapping[str, np.ndarray], half: bool) -> np.ndarray:
 def _output(path: str | Path, layers: Mapping[str, np.ndarray], height: int, half: bool) -> Iterator[oiio.ImageOutput]:
     """An EXR of these layers and of ``height`` rows that is being written."""
     names = [name for layer, pixels in layers.items() for name in _channel_names(layer, pixels.shape[2])]
-    spec = oiio.ImageSpec(layers["color"].shape[1], height, len(names), "half" if half else "float")
+    width = next(iter(layers.values())).shape[1]
+    spec = oiio.ImageSpec(width, height, len(names), "half" if half else "float")
     spec.channelnames = names
     spec.attribute("compression", "zip")
     with atomic_path(path) as temporary:

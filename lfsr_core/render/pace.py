@@ -15,6 +15,7 @@ TRIAL_SHARE, TRIAL_SAMPLES = 64, 2_000_000  # rows of the trial: so small a shar
 AT_ONCE = 1.7  # × SECONDS: an image that takes no longer stays one
 TIMEOUT = 2.3  # × SECONDS: a render that takes longer is given up for a smaller one
 GROWTH, SHRINK = 8, 16
+WORTH = 0.1  # × SECONDS: what took less is sooner rendered again
 
 
 def seconds_per_part() -> float:
@@ -23,6 +24,11 @@ def seconds_per_part() -> float:
         return max(0.01, float(os.environ.get(SECONDS_VARIABLE, SECONDS)))
     except ValueError:
         return SECONDS
+
+
+def is_worth_keeping(seconds: float) -> bool:
+    """True for what took so long that nobody wants to wait for it twice."""
+    return seconds >= WORTH * seconds_per_part()
 
 
 @dataclasses.dataclass(frozen=True)

@@ -61,6 +61,7 @@ class ImageParts:
     name: str  # of the image
     # what decides the pixels: a digest each, by a name for people
     inputs: Mapping[str, str]
+    another_follows: bool = False  # the whole image is worth keeping too, until the next one is done
 
     def kept(self, count: int) -> list[tuple[Part, Path]]:
         """Parts of an image of ``count`` rows that are there whole, from the top; damaged ones are removed."""
@@ -73,13 +74,9 @@ class ImageParts:
                 found.append((part, path))
         return found
 
-    def working_file(self) -> Path:
-        """Where this process writes a part before it is kept; makes the folder."""
-        write_json(self.folder / INPUTS_FILE, dict(self.inputs))
-        return self.folder / f"writing-{os.getpid()}.exr"
-
     def keep(self, written: Path, part: Part) -> Path:
-        """Take ``written`` as ``part``; its name from now on."""
+        """Take the file ``written``, beside the output, away as ``part``; where it is now."""
+        write_json(self.folder / INPUTS_FILE, dict(self.inputs))
         name = f"{self._start}{part.first:06}-{part.last:06}-{round(part.seconds * 1000)}.exr"
         os.replace(written, self.folder / name)
         return self.folder / name

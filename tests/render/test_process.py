@@ -22,6 +22,7 @@ from lfsr_core.optics.display import load_display
 from lfsr_core.records import to_data
 from lfsr_core.render import process
 from lfsr_core.render.blender import Blender, find_blender
+from lfsr_core.render.parts import parts_folder
 from lfsr_core.render.process import run_job
 from lfsr_core.render.protocol import parse_progress
 
@@ -144,7 +145,8 @@ def test_job_file_asks_for_the_job(blender, job, tmp_path):
     run_job(job, Blender(blender(body)))
     asked = json.loads((tmp_path / "copy.json").read_text())
     assert Path(asked.pop("output")).is_absolute()
-    assert asked == {key: value for key, value in to_data(job).items() if key != "output"}
+    assert asked.pop("parts") == str(parts_folder(Path(job.output)))
+    assert asked == {key: value for key, value in to_data(job).items() if key not in ("output", "parts")}
 
 
 def test_new_render_replaces_what_was_made_from_the_old_one(blender, job):

@@ -89,17 +89,18 @@ class LFSR_OT_preview_view(TaskOperator, bpy.types.Operator):
 
 
 class LFSR_OT_cancel(bpy.types.Operator):
-    """Stop the light-field render; finished frames stay, the scene is as it was"""
+    """Stop the light-field render; finished frames stay, a long one can be taken up, the scene is as it was"""
 
     bl_idname = "lfsr.cancel"
     bl_label = "Cancel Light Field Render"
 
     def execute(self, _context: bpy.types.Context) -> Result:
         """Stop the worker and tidy up."""
-        if not session.cancel():
+        task = session.cancel()
+        if task is None:
             self.report({"WARNING"}, "No light-field render is running")
             return {"CANCELLED"}
-        self.report({"INFO"}, "Light-field render cancelled")
+        self.report({"INFO"}, ": ".join(filter(None, ("Light-field render cancelled", task.kept))))
         return {"FINISHED"}
 
 
