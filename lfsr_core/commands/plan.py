@@ -30,7 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--lenses", type=int, metavar="N", help="sample just so many, whatever the budget")
     parser.add_argument("--reference-spp", type=int, metavar="N", help="of the sampled lenses, default: 256")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
-    parser.add_argument("--work", type=Path, metavar="DIR", help="keep the sample's renders and go on from them")
+    parser.add_argument("--work", type=Path, metavar="DIR", help="keep the sample's renders and go on from them; "
+                        "default: they are kept until the plan is made")
     add_geometry_arguments(parser)
 
 
@@ -38,9 +39,10 @@ def run(arguments: argparse.Namespace) -> None:
     """Plan, print the table, and the command that renders the choice."""
     from lfsr_core.plan.candidates import default_methods
     from lfsr_core.plan.options import Options
-    from lfsr_core.plan.planner import make_plan, work_folder
+    from lfsr_core.plan.planner import make_plan
     from lfsr_core.plan.renders import rendering
     from lfsr_core.plan.report import plan_report, table
+    from lfsr_core.plan.work import work_folder
     from lfsr_core.reconstruct.method_name import layers_of
     from lfsr_core.records import write_record
     from lfsr_core.render.blender import find_blender
@@ -52,7 +54,7 @@ def run(arguments: argparse.Namespace) -> None:
     job = make_job(arguments, output=".", spp=1, layers=layers, scale=1)
     progress, blender = ProgressBar(), find_blender(arguments.blender)
     try:
-        with work_folder(arguments.work) as folder:
+        with work_folder(arguments.work, job, options, progress.note) as folder:
             planned = make_plan(job, options, rendering(blender, progress.note), folder, progress)
     finally:
         progress.close()

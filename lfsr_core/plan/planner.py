@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +18,12 @@ from lfsr_core.plan.options import Options
 from lfsr_core.plan.renders import REFERENCE_PARTS, SampleRenders
 from lfsr_core.plan.score import QuickLook, SampledReference, quick_look
 from lfsr_core.plan.times import TimeModel, path_samples
+from lfsr_core.plan.work import sample_facts
 from lfsr_core.progress import Progress, silent
-from lfsr_core.records import to_data
 from lfsr_core.render.store import Render
 
 PILOT_LENSES = 64
 SAMPLE_FILE = "sample.json"
-NO_MATTER = ("output", "scale", "spp", "parts")  # fields of the job that is planned for
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,23 +85,9 @@ def make_plan(job: Job, options: Options, render: Render, folder: Path, progress
     return Planned(rated, choose(rated, options.target, options.limit), _facts(measured))
 
 
-@contextmanager
-def work_folder(folder: Path | None) -> Iterator[Path]:
-    """``folder``, or one that is thrown away after the block."""
-    if folder is not None:
-        yield folder
-        return
-    with tempfile.TemporaryDirectory(prefix="lfsr-plan-") as name:
-        yield Path(name)
-
-
 def _check_sample(folder: Path, question: Question) -> None:
     """LfsrError if ``folder`` holds the sample of another scene or setting, else its description is there."""
-    options = question.options
-    same = {name: value for name, value in to_data(question.job).items() if name not in NO_MATTER}
-    same |= {"lenses": options.lenses, "share": options.share, "reference_spp": options.reference_spp,
-             "metric": options.metric, "renders": sorted({(c.scale, c.spp) for c in question.wanted})}
-    same["renders"] = [list(pair) for pair in same["renders"]]
+    same = sample_facts(question.job, question.options)
     path = folder / SAMPLE_FILE
     if path.exists() and read_json(path, "the description of a sample") != same:
         raise LfsrError(f"{folder} holds the sample of another scene or of other options: choose another folder")

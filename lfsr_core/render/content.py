@@ -23,6 +23,10 @@ NEW_BLOCK = struct.Struct("<4siQqq")  # since 5.0: code, kind, address, size, co
 # The file's own, and what only windows and tools look at: no pixel depends on it.
 NOT_SCENE = (b"GLOB", b"REND", b"TEST", b"USER", b"DNA1", b"WM", b"SN", b"SR", b"WS", b"BR", b"PL", b"PC")
 DATA, END = b"DATA", b"ENDB"
+# Bytes of a data-block with its tags, users and number in this session, before and since 5.0 (DNA_ID.h).
+OLD_SESSION, NEW_SESSION = slice(108, 136), slice(300, 328)
+# How the names of those begin that lie inside another: node trees and a scene's collection.
+NAME, EMBEDDED = slice(40, 42), (b"NT", b"GR")
 COMPANIONS = (".bin", ".mtl")  # beside .gltf and .obj
 CHUNK = 1 << 20
 
@@ -33,6 +37,7 @@ class _Block(NamedTuple):
     address: int
     start: int
     size: int
+    session: slice  # bytes that are of the session, not of the scene
 
 
 def scene_content(path: str | Path) -> str:
@@ -75,7 +80,9 @@ def _blend_content(path: Path) -> str:
     hashed, addresses = hashlib.blake2b(digest_size=16), _Addresses([block.address for block in blocks])
     for block in blocks:
         hashed.update(struct.pack("<4sqq", block.code, block.kind, block.size))
-        hashed.update(addresses.numbered(data[block.start:block.start + block.size]))
+        content = data[block.start:block.start + block.size].copy()
+        content[block.session] = 0
+        hashed.update(addresses.numbered(content))
     return hashed.hexdigest()
 
 
@@ -104,7 +111,8 @@ def _blocks(data: np.ndarray) -> Iterator[_Block]:
             return
         if size < 0 or at + size > len(data):
             raise ValueError("a block goes beyond the end")
-        yield _Block(code, kind, address, at, size)
+        is_id = code != DATA or data[at:at + size][NAME].tobytes() in EMBEDDED
+        yield _Block(code, kind, address, at, size, (OLD_SESSION if old else NEW_SESSION) if is_id else slice(0))
         at += size
 
 
@@ -119,7 +127,7 @@ class _Addresses:
     def numbered(self, content: np.ndarray) -> bytes:
         """Bytes of a block with every address in it replaced by the number of its block."""
         whole = len(content) // 8 * 8
-        words = content[:whole].copy().view(np.uint64)
+        words = content[:whole].view(np.uint64)
         if len(self._sorted):
             places = np.flatnonzero((words >= max(self._sorted[0], 1)) & (words <= self._sorted[-1]))
             found = np.searchsorted(self._sorted, words[places])

@@ -8,6 +8,7 @@ import os
 from lfsr_core.render.parts import Part
 
 SECONDS = 60.0  # a band should take
+LEAST, MOST = 0.01, 86_400.0
 SECONDS_VARIABLE = "LFSR_SECONDS_PER_PART"  # environment variable in place of it
 MOST_PIXELS = 2048 * 2048  # of a band, as of a tile of Cycles
 SLOW = 150_000  # path samples per second of a slow scene on two cores
@@ -21,7 +22,7 @@ WORTH = 0.1  # × SECONDS: what took less is sooner rendered again
 def seconds_per_part() -> float:
     """How long a part of a render should take."""
     try:
-        return max(0.01, float(os.environ.get(SECONDS_VARIABLE, SECONDS)))
+        return min(max(LEAST, float(os.environ.get(SECONDS_VARIABLE, SECONDS))), MOST)
     except ValueError:
         return SECONDS
 

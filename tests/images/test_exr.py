@@ -1,3 +1,4 @@
+import itertools
 import os
 import struct
 import subprocess
@@ -239,3 +240,25 @@ def test_full_disk_leaves_no_half_written_file(tmp_path):
     result = subprocess.run([sys.executable, "-c", FULL_DISK, str(tmp_path)], capture_output=True, text=True)
     assert result.stdout.count("cannot be written") == 2, result.stdout + result.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_rows_joined_are_the_image(tmp_path, half):
+    random = np.random.default_rng(4)
+    layers = {"color": random.random((37, 5, 4), np.float32), "index": random.random((37, 5, 1), np.float32)}
+    exr.write_layers(tmp_path / "whole.exr", layers, half)
+    cuts, paths = (0, 1, 17, 20, 37), []
+    for first, last in itertools.pairwise(cuts):
+        paths.append(tmp_path / f"{first}.exr")
+        exr.write_layers(paths[-1], {name: pixels[first:last] for name, pixels in layers.items()}, half)
+    exr.join_rows(paths, tmp_path / "joined.exr", half)
+    assert (tmp_path / "joined.exr").read_bytes() == (tmp_path / "whole.exr").read_bytes()
+
+
+@pytest.mark.parametrize("other", [{"color": (2, 6, 4)}, {"color": (2, 5, 4), "index": (2, 5, 1)}])
+def test_rows_that_do_not_fit_are_not_joined(tmp_path, other):
+    exr.write_layers(tmp_path / "a.exr", {"color": np.zeros((2, 5, 4), np.float32)})
+    exr.write_layers(tmp_path / "b.exr", {name: np.zeros(shape, np.float32) for name, shape in other.items()})
+    with pytest.raises(LfsrError, match="b.exr cannot be read .*other layers or another width"):
+        exr.join_rows([tmp_path / "a.exr", tmp_path / "b.exr"], tmp_path / "joined.exr")
+    assert not (tmp_path / "joined.exr").exists()

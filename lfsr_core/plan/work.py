@@ -1,0 +1,89 @@
+"""Where a plan keeps its renders: a folder that was named, else one in the user's cache until the plan is made."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from lfsr_core import __version__
+from lfsr_core.files import locks
+from lfsr_core.frames.job import Job
+from lfsr_core.plan.options import Options
+from lfsr_core.records import to_data
+from lfsr_core.render.content import scene_content
+from lfsr_core.render.parts import digest, has_parts
+from lfsr_core.render.process import Warn
+from lfsr_core.render.staging import LOCK_FILE
+from lfsr_core.render.store import is_complete
+
+NO_MATTER = ("output", "scale", "spp", "parts")  # fields of the job that is planned for
+SECONDS_KEPT = 24 * 3600  # textures and linked files are not looked at, so no plan goes on from an old one
+
+
+def sample_facts(job: Job, options: Options) -> dict[str, Any]:
+    """JSON-ready: what two plans must have in common to use the same renders."""
+    same = {name: value for name, value in to_data(job).items() if name not in NO_MATTER}
+    wanted = {(candidate.scale, candidate.spp) for candidate in options.candidates(job.display)}
+    return same | {"lenses": options.lenses, "share": options.share, "reference_spp": options.reference_spp,
+                   "metric": options.metric, "renders": [list(pair) for pair in sorted(wanted)]}
+
+
+@contextmanager
+def work_folder(folder: Path | None, job: Job, options: Options, warn: Warn) -> Iterator[Path]:
+    """``folder``, or one in the user's cache that is gone after the block.
+
+    An error or an interrupt leaves that one, if anything in it is whole, to the next plan of the same question for the
+    same scene file, and ``warn`` is told. Two such plans at once: the second works in a temporary folder.
+    """
+    if folder is not None:
+        yield folder
+        return
+    facts = [sample_facts(job, options), scene_content(job.scene), __version__]
+    made = _cache() / digest(facts)
+    _sweep(made.parent)
+    made.mkdir(parents=True, exist_ok=True)
+    with (made / LOCK_FILE).open("ab") as lock:
+        if not locks(lock):
+            with tempfile.TemporaryDirectory(prefix="lfsr-plan-") as name:
+                yield Path(name)
+            return
+        try:
+            yield made
+        except BaseException:
+            _leave(made, warn)
+            raise
+        shutil.rmtree(made, ignore_errors=True)
+
+
+def _leave(folder: Path, warn: Warn) -> None:
+    if _has_renders(folder):
+        warn(f"the renders of this plan are kept for a day in {folder}: the same plan goes on from them")
+    else:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _has_renders(folder: Path) -> bool:
+    return any(has_parts(path) or any(is_complete(path, kind) for kind in ("render", "reference"))
+               for path in folder.iterdir() if path.is_dir())
+
+
+def _sweep(folder: Path) -> None:
+    """Remove what interrupted plans left too long ago."""
+    for path in folder.iterdir() if folder.is_dir() else ():
+        if time.time() - path.stat().st_mtime > SECONDS_KEPT:
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _cache() -> Path:
+    """This program's folder for plans in the user's cache, wherever the system has that."""
+    home = Path.home()
+    places = {"win32": os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local",
+              "darwin": home / "Library" / "Caches"}
+    return Path(places.get(sys.platform) or os.environ.get("XDG_CACHE_HOME") or home / ".cache", "lfsr", "plans")

@@ -1,0 +1,138 @@
+"""Long renders in parts: every layer is to the byte that of one render, whatever was cut where, or done before."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.background.steps import file_copy
+from blender_addon.render import bands, frame_folder
+from blender_addon.render.inputs import Opened
+from lfsr_core.frames.job import LAYERS, Job
+from lfsr_core.images import exr
+from lfsr_core.render.content import scene_content
+from lfsr_core.render.pace import Pace
+from lfsr_core.render.parts import Part
+from tests.support.scenes import MINI, add_box, add_camera, emission
+
+LENSES = ((0, 0), (3, 4), (5, 8), (6, 9), (11, 15))
+
+
+@pytest.fixture
+def noisy(scene):
+    """Boxes with light, shadow and a world, so that every layer has something."""
+    add_box(scene, (0, 1, 0), (5, 0.1, 5))
+    add_box(scene, (0, 0, 0.2), (0.4, 0.3, 0.3), emission((0.2, 0.6, 0.1)))
+    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "AREA"))
+    lamp.data.energy, lamp.data.size, lamp.location, lamp.rotation_euler = 200, 2.0, (1, -4, 2), (1.1, 0, 0.2)
+    scene.collection.objects.link(lamp)
+    scene.world = bpy.data.worlds.new("world")
+    add_camera(scene, (0, -3, 0), 0.9)
+    return scene
+
+
+def rendered(scene, folder, **options):
+    """Layers of every image, and what was warned of; with ``parts`` as the command renders."""
+    warnings = []
+    frame_folder.render_job(scene, Job(str(folder), MINI, **{"spp": 40, "scale": 2} | options),
+                            Opened(0.1, "the same file"), warn=warnings.append)
+    images = {path.name: exr.read_layers(path) for path in folder.glob("*.exr")}
+    assert not set(images) - {"lr_eia.exr", "reference_a.exr", "reference_b.exr"}
+    return images, warnings
+
+
+def assert_same(images, others):
+    assert set(images) == set(others)
+    for name, layers in images.items():
+        assert set(layers) == set(others[name])
+        for layer, pixels in layers.items():
+            np.testing.assert_array_equal(pixels, others[name][layer], f"{name} {layer}", strict=True)
+
+
+@pytest.mark.parametrize("options", [{}, {"lens_list": LENSES, "scale": 1}, {"layout": "view-by-view", "scale": 4},
+                                     {"layout": "view-by-view", "scale": 4, "lens_list": LENSES}])
+def test_parts_are_the_whole_image(noisy, tmp_path, monkeypatch, options):
+    options |= {"layers": LAYERS, "world_visible": True}
+    whole, _ = rendered(noisy, tmp_path / "whole", **options)
+    assert set(whole["lr_eia.exr"]) == {"color", *LAYERS, "environment"}
+    # So short that bands also run out of time and are given up.
+    monkeypatch.setenv("LFSR_SECONDS_PER_PART", "0.02")
+    kept = tmp_path / "kept"
+    assert_same(rendered(noisy, tmp_path / "parts", parts=str(kept), **options)[0], whole)
+    names = sorted(path.name for path in kept.glob("*.exr"))
+    assert len(names) >= 3
+    for gone in names[1:-1:2]:
+        (kept / gone).unlink()
+    times = {name: (kept / name).stat().st_mtime_ns for name in names[::2]}
+    assert_same(rendered(noisy, tmp_path / "again", parts=str(kept), **options)[0], whole)
+    assert all((kept / name).stat().st_mtime_ns == time for name, time in times.items())
+
+
+def test_a_finished_half_is_kept_while_the_other_is_rendered(noisy, tmp_path, monkeypatch):
+    options = {"kind": "reference", "scale": 1, "spp": 8}
+    whole, _ = rendered(noisy, tmp_path / "whole", **options)
+    monkeypatch.setattr(bands, "is_worth_keeping", lambda seconds: True)
+    kept = tmp_path / "kept"
+    assert_same(rendered(noisy, tmp_path / "parts", parts=str(kept), **options)[0], whole)
+    (half,) = kept.glob("*.exr")
+    assert half.name.startswith("reference_a-")
+    assert_same(rendered(noisy, tmp_path / "again", parts=str(kept), **options)[0], whole)
+
+
+def test_a_short_render_stays_one_and_keeps_nothing(noisy, tmp_path, monkeypatch):
+    calls = []
+    monkeypatch.setattr(bands._Image, "_in_bands", lambda *arguments: calls.append(arguments))
+    _, warnings = rendered(noisy, tmp_path / "frame", parts=str(tmp_path / "kept"))
+    assert not (tmp_path / "kept").exists() and not calls and not warnings
+
+
+@pytest.mark.parametrize("change", [{"seed": 3}, {"spp": 41}, {"clamp_indirect": 1.0}, {"layers": ("albedo",)}])
+def test_parts_of_another_job_are_removed_with_a_sentence(noisy, tmp_path, monkeypatch, change):
+    monkeypatch.setenv("LFSR_SECONDS_PER_PART", "0.02")
+    kept = str(tmp_path / "kept")
+    _, warnings = rendered(noisy, tmp_path / "first", parts=kept)
+    assert not warnings
+    images, warnings = rendered(noisy, tmp_path / "second", parts=kept, **change)
+    assert len(warnings) == 1 and "other settings: it is removed" in warnings[0]
+    assert_same(images, rendered(noisy, tmp_path / "alone", **change)[0])
+
+
+def test_another_image_file_is_another_input(noisy, tmp_path, monkeypatch):
+    monkeypatch.setenv("LFSR_SECONDS_PER_PART", "0.02")
+    picture = tmp_path / "wood.png"
+    picture.write_bytes(b"1")
+    bpy.data.images.new("wood", 4, 4).filepath = str(picture)
+    bpy.data.images["wood"].source = "FILE"
+    rendered(noisy, tmp_path / "first", parts=str(tmp_path / "kept"))
+    picture.write_bytes(b"22")
+    _, warnings = rendered(noisy, tmp_path / "second", parts=str(tmp_path / "kept"))
+    assert len(warnings) == 1 and "other images or linked files:" in warnings[0]
+
+
+@pytest.mark.parametrize("rows", [7, 270, 1080, 4320])
+def test_a_border_is_the_rows_that_were_meant(rows):
+    """As Blender and Cycles cut it: to whole pixels, from single-precision shares."""
+    for first in range(0, rows, max(1, rows // 97)):
+        for size in (1, 2, rows - first):
+            values = bands.border(Part(first, min(first + size, rows)), rows)
+            low, high = (int(np.float32(values[name]) * np.float32(rows)) for name in ("border_min_y", "border_max_y"))
+            assert (rows - high, rows - low) == (first, min(first + size, rows))
+
+
+def test_a_copy_of_the_same_scene_has_the_same_content(noisy, tmp_path):
+    def content():
+        with file_copy() as copy:
+            return scene_content(copy)
+
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    first = content()
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert content() == first, "other addresses, another folder"
+    bpy.data.lights["lamp"].energy += 1
+    assert content() != first
+
+
+def test_time_limit_is_only_reached_by_long_renders():
+    assert 100 < Pace(4, 4, 1, 60.0).timeout < 150, "two in a row must not cost five minutes"
