@@ -2,21 +2,53 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import pytest
 
 from lfsr_core.cli import build_parser, main
+from lfsr_core.frames.job import Job
+from lfsr_core.optics.display import load_display
+from lfsr_core.plan.options import Options
+from lfsr_core.plan.work import work_folder
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import fails
 
+ROOT = Path(__file__).parents[2]
 FEW = ["--display", "mini", "--scales", "2", "--spps", "4", "--methods", "nearest,bilinear", "--lenses", "24",
        "--reference-spp", "256"]
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "lfsr" / "plans"
+
 
 @pytest.fixture
 def blender(tmp_path):
     return played_blender(tmp_path / "blender")
+
+
+@pytest.fixture
+def logged(blender, tmp_path):
+    """That Blender, and a file with a line for every render it has begun."""
+    path, log = tmp_path / "logged", tmp_path / "log"
+    log.touch()
+    path.write_text(f"""#!/bin/sh
+case "$*" in *--version*) exec {blender} "$@";; esac
+echo render >> {log}
+exec {blender} "$@"
+""")
+    path.chmod(0o755)
+    return str(path), log
 
 
 @pytest.fixture
@@ -62,3 +94,65 @@ def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, c
 def test_scales_that_are_no_numbers_are_refused(scene):
     with pytest.raises(SystemExit):
         main(["plan", scene, "--scales", "two"])
+
+
+def start(scene, blender, *options):
+    command = [sys.executable, "-m", "lfsr_core.cli", "plan", scene, "--target", "0.5", *FEW, "--blender", blender]
+    return subprocess.Popen([*command, *options], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                            start_new_session=True)
+
+
+def estimates(file):
+    """What a plan measured, without what it took."""
+    rows = json.loads(file.read_text())["candidates"]
+    return {(row["scale"], row["spp"], row["method"]): row["estimate"] for row in rows}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="its Blender is a shell script")
+def test_a_killed_plan_goes_on_from_its_renders(scene, logged, cache, tmp_path):
+    blender, log = logged
+    program = start(scene, blender)
+    while len(log.read_text().split()) < 4:
+        assert program.poll() is None, program.communicate()
+        time.sleep(0.01)
+    program.send_signal(signal.SIGKILL)
+    program.communicate()
+    (folder,) = cache.iterdir()
+    whole = sum((path / "frame.json").exists() for path in folder.iterdir())
+    before = len(log.read_text().split())
+    program = start(scene, blender, "--json", str(tmp_path / "again.json"))
+    program.communicate()
+    assert program.returncode == 0 and list(cache.iterdir()) == []
+    renders = len(log.read_text().split()) - before
+    start(scene, blender, "--json", str(tmp_path / "whole.json")).communicate()
+    assert len(log.read_text().split()) - before - renders == renders + whole
+    assert estimates(tmp_path / "again.json") == estimates(tmp_path / "whole.json")
+
+
+def test_a_changed_scene_is_planned_anew_and_an_old_plan_forgotten(scene, blender, cache, tmp_path):
+    job, options = Job(str(tmp_path), load_display("mini"), scene=scene), Options()
+
+    def interrupted(job):
+        with contextlib.suppress(KeyboardInterrupt), work_folder(None, job, options, warnings.append) as folder:
+            found = (folder / "quick").exists()
+            (folder / "quick").mkdir(exist_ok=True)
+            for name in ("frame.json", "lr_eia.exr"):
+                (folder / "quick" / name).touch()
+            raise KeyboardInterrupt
+        return found
+    warnings = []
+    assert [interrupted(job), interrupted(job)] == [False, True]
+    assert len(warnings) == 2 and "kept for a day in" in warnings[0]
+    Path(scene).write_bytes(b"changed")
+    assert not interrupted(job)
+    for path in cache.iterdir():
+        os.utime(path, (0, 0))
+    assert not interrupted(job)
+    assert len(list(cache.iterdir())) == 1
+
+
+def test_the_same_plan_twice_at_once_does_not_meet(scene, tmp_path):
+    job, options = Job(str(tmp_path), load_display("mini"), scene=scene), Options()
+    with work_folder(None, job, options, print) as first, work_folder(None, job, options, print) as second:
+        assert first != second and second.is_dir()
+    assert not first.exists() and not second.exists()

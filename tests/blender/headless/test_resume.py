@@ -1,0 +1,135 @@
+"""Long work that is killed: the same command again takes up what was whole, and ends with the same bytes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.background import recipes, session
+from lfsr_core.images.exr import read_layers
+from tests.support import panel
+from tests.support.scenes import ROOT, add_box
+
+WAYS = {
+    "one pass": ("render", "--method", "bicubic", "--scale", "2", "--spp", "500"),
+    "view by view": ("render", "--method", "bicubic", "--scale", "2", "--spp", "500", "--layout", "view-by-view"),
+    "reference": ("reference", "--spp", "200", "--lenses", "24"),
+}
+SECONDS_PER_PART = "0.05"
+
+
+@pytest.fixture
+def blend(scene, tmp_path):
+    """A box with light and shadow: noise, so that equal pixels are no accident."""
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    add_box(scene, (0, 1, 0), (2, 0.1, 2))
+    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "AREA"))
+    lamp.data.energy, lamp.data.size, lamp.location, lamp.rotation_euler = 200, 2.0, (1, -4, 2), (1.1, 0, 0.2)
+    scene.collection.objects.link(lamp)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    return tmp_path / "scene.blend"
+
+
+def start(blend, folder, verb, *options, seconds_per_part=SECONDS_PER_PART):
+    command = [sys.executable, "-m", "lfsr_core.cli", verb, blend, "-o", folder, "--display", "mini", *options]
+    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                            start_new_session=True, env=os.environ | {"LFSR_SECONDS_PER_PART": seconds_per_part})
+
+
+def parts(folder):
+    return sorted(folder.with_name(f".{folder.name}-parts").glob("*-*-*-*.exr"))
+
+
+def wait_for_parts(folder, count, program):
+    while len(parts(folder)) < count:
+        assert program.poll() is None, program.communicate()
+        time.sleep(0.02)
+
+
+def end_group(program, number):
+    """Send to the command and to its Blender, which has a group of its own."""
+    blenders = Path(f"/proc/{program.pid}/task/{program.pid}/children").read_text().split()
+    for pid in (program.pid, *map(int, blenders)):
+        os.killpg(pid, number)
+    program.communicate()
+
+
+def layers(folder):
+    return {path.name: read_layers(path) for path in folder.glob("*.exr")}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+@pytest.mark.parametrize("way", WAYS)
+def test_a_killed_render_goes_on_where_it_was(blend, tmp_path, way):
+    folder = tmp_path / "frame"
+    program = start(blend, folder, *WAYS[way])
+    wait_for_parts(folder, 2, program)
+    end_group(program, signal.SIGKILL)
+    assert not folder.exists()
+    done = {path.name: path.stat().st_mtime_ns for path in parts(folder)}
+    program = start(blend, folder, *WAYS[way])
+    again = {}
+    while program.poll() is None:
+        again |= {path.name: path.stat().st_mtime_ns for path in parts(folder)}
+        time.sleep(0.05)
+    assert program.returncode == 0, program.stdout.read()
+    assert {name: again.get(name) for name in done} == done, "what was whole is not rendered again"
+    assert start(blend, tmp_path / "whole", *WAYS[way], seconds_per_part="60").wait(120) == 0
+    found, wanted = layers(folder), layers(tmp_path / "whole")
+    assert set(found) == set(wanted) and len(wanted) == (2 if way == "reference" else 1)
+    for name, images in wanted.items():
+        assert set(found[name]) == set(images)
+        for layer, pixels in images.items():
+            np.testing.assert_array_equal(found[name][layer], pixels, f"{name} {layer}", strict=True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["frame", "scene.blend", "whole"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_an_interrupted_render_says_what_is_kept_and_a_changed_scene_starts_anew(blend, tmp_path):
+    folder = tmp_path / "frame"
+    program = start(blend, folder, *WAYS["one pass"])
+    wait_for_parts(folder, 1, program)
+    program.send_signal(signal.SIGINT)
+    said, _ = program.communicate(timeout=30)
+    assert program.returncode == 130
+    assert f"the same render again goes on from there; remove {tmp_path / '.frame-parts'} to be rid of it" in said
+    assert not list(tmp_path.glob(".frame-????????")), "staging is gone"
+    bpy.data.lights["lamp"].energy *= 2
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    said, _ = start(blend, folder, *WAYS["one pass"], seconds_per_part="60").communicate(timeout=120)
+    assert "other scene file: it is removed, and the render starts from the beginning" in said
+    assert sorted(path.name for path in tmp_path.iterdir() if path.suffix != ".blend1") == ["frame", "scene.blend"]
+
+
+def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, monkeypatch):
+    monkeypatch.setenv("LFSR_SECONDS_PER_PART", SECONDS_PER_PART)
+    with panel.registered():
+        scene = panel.artist_scene(tmp_path)
+        scene.lfsr.samples = 800
+        folder = recipes.frame_recipe(scene).folder
+        session.start("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]), print)
+        panel.wait_for(lambda: len(parts(folder)) >= 2)
+        task = session.cancel()
+        assert f"remove {folder.with_name(f'.{folder.name}-parts')} to be rid of it" in task.kept
+        done = {path.name: path.stat().st_mtime_ns for path in parts(folder)}
+        task = session.start("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]), print)
+        seen, fractions = {}, []
+
+        def ended():
+            seen.update({path.name: path.stat().st_mtime_ns for path in parts(folder)})
+            fractions.append(task.fraction)
+            return session.current() is None
+        panel.wait_for(ended)
+    assert {name: seen.get(name) for name in done} == done and not task.warnings
+    assert min(fraction for fraction in fractions if fraction) > 0.05, "progress begins at what was kept"
+    assert json.loads((folder / "report.json").read_text())["method"] == "bicubic"
+    assert [path.name for path in folder.parent.iterdir()] == [folder.name]
