@@ -50,12 +50,14 @@ def assert_same(images, others):
             np.testing.assert_array_equal(pixels, others[name][layer], f"{name} {layer}", strict=True)
 
 
-@pytest.mark.parametrize("options", [{}, {"lens_list": LENSES, "scale": 1}, {"layout": "view-by-view", "scale": 4},
+@pytest.mark.parametrize("options", [{}, {"lens_list": LENSES, "scale": 1}, {"layout": "lens-card"},
+                                     {"layout": "view-by-view", "scale": 4},
                                      {"layout": "view-by-view", "scale": 4, "lens_list": LENSES}])
 def test_parts_are_the_whole_image(noisy, tmp_path, monkeypatch, options):
-    options |= {"layers": LAYERS, "world_visible": True}
+    layers = tuple(name for name in LAYERS if name != "denoised")
+    options |= {"layers": layers, "world_visible": True}
     whole, _ = rendered(noisy, tmp_path / "whole", **options)
-    assert set(whole["lr_eia.exr"]) == {"color", *LAYERS, "environment"}
+    assert set(whole["lr_eia.exr"]) == {"color", *layers, "environment"}
     # So short that bands also run out of time and are given up.
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", "0.02")
     kept = tmp_path / "kept"
