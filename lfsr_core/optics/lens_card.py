@@ -15,6 +15,7 @@ import numpy as np
 
 from lfsr_core.optics.rays import RayLayout, view_offset
 
+RIM = 0.01  # pixels by which the card is larger than the image: no ray may miss it by a rounding error
 LEAST_SIZE = 1e-3  # of the card, as a share of the one that shows bumps as other cameras do
 
 
@@ -50,7 +51,7 @@ def lens_card(layout: RayLayout, radius: float = math.inf) -> LensCard:
     first = [float(view_offset(np.array(0), count, layout.spacing, layout.convention)) for count in layout.views]
     pixel = float(pitch[0] * min(1, max(LEAST_SIZE, radius / _reach(layout) / pitch[0])))
     return LensCard(
-        pixel=pixel, corners=_corners(layout) * pixel, cells=np.tile(_UNIT * views, (_count(layout), 1, 1)),
+        pixel=pixel, corners=_corners(layout) * pixel, cells=_places(layout) - _tiles(layout)[:, None] * views,
         targets=_lenses(layout) * pitch - up * (array.half_width, array.half_height),
         lens_step=_pair(pitch / views if paper else pitch), first_view=_pair(first * up),
         view_step=_pair(layout.spacing * up),
@@ -115,7 +116,12 @@ def _lenses(layout: RayLayout) -> np.ndarray:
     return listed[np.minimum(np.arange(_count(layout)), len(listed) - 1)]
 
 
+def _places(layout: RayLayout) -> np.ndarray:
+    """(quads, 4, 2) corners in pixels, rightwards and downwards from the image's upper left one, the rim with them."""
+    places = (_tiles(layout)[:, None] + _UNIT) * layout.views
+    return places + RIM * ((places == layout.size).astype(float) - (places == 0))
+
+
 def _corners(layout: RayLayout) -> np.ndarray:
     """(quads, 4, 2) in pixels from the image's centre, Y up."""
-    pixels = (_tiles(layout)[:, None] + _UNIT) * layout.views
-    return (pixels - np.array(layout.size) / 2) * (1, -1)
+    return (_places(layout) - np.array(layout.size) / 2) * (1, -1)

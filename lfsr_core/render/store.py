@@ -34,7 +34,7 @@ def check_same(folder: Path, job: Job) -> None:
     """LfsrError unless ``folder`` holds what ``job`` asks for.
 
     A reference may have other samples and lenses: all that use one ask it which. A device that
-    cannot trace all views in one pass renders view by view whatever was asked for.
+    does not run the OSL camera renders through the lens card where one pass was asked for.
     """
     found, wanted = fingerprint(read_frame(folder)), fingerprint(job)
     free = {"samples", "lens_list"} if job.kind == "reference" else set()

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.optics.lens_card import card_rays, lens_card
+from lfsr_core.optics.lens_card import RIM, card_rays, lens_card
 from lfsr_core.optics.rays import CameraArray, RayLayout, pixel_rays
 
 ARRAY = CameraArray(distance=3.0, half_width=1.2, half_height=0.7, spacing=0.1)
@@ -27,12 +27,17 @@ def quads_at(card, layout, place):
     px, py = layout.views
     column, row = np.meshgrid(np.arange(across * px), np.arange(down * py))
     quad = row // py * across + column // px
-    inside = np.stack([(column % px + place[0]) / px, (row % py + place[1]) / py], -1)
+    wanted = np.stack([column % px + place[0], row % py + place[1]], -1)
 
-    def at(corners):
-        upper_left, lower_left, _, upper_right = (corners[quad, corner] for corner in range(4))
-        return (upper_left + inside[..., :1] * (upper_right - upper_left)
-                + inside[..., 1:] * (lower_left - upper_left))
+    def corners_of(values):
+        return [values[quad, corner] for corner in (0, 1, 3)]
+    upper_left, lower_left, upper_right = corners_of(card.cells)
+    right = (wanted - upper_left)[..., :1] / (upper_right - upper_left)[..., :1]
+    down = (wanted - upper_left)[..., 1:] / (lower_left - upper_left)[..., 1:]
+
+    def at(values):
+        upper_left, lower_left, upper_right = corners_of(values)
+        return upper_left + right * (upper_right - upper_left) + down * (lower_left - upper_left)
     return at(card.cells), card.targets[quad], at(card.corners)
 
 
@@ -57,7 +62,7 @@ def test_pixels_lie_where_an_orthographic_camera_sees_them(layout):
     up = (height / 2 - np.arange(height) - 0.5) * card.pixel
     assert places == pytest.approx(np.stack(np.meshgrid(right, up), -1), abs=1e-9)
     assert card.pixel == pytest.approx(2 * ARRAY.half_width / layout.lenses[0])
-    assert card.size == pytest.approx(np.array(layout.size) * card.pixel)
+    assert card.size == pytest.approx((np.array(layout.size) + 2 * RIM) * card.pixel)
 
 
 def test_a_cell_is_filled_from_edge_to_edge():
