@@ -47,11 +47,11 @@ def test_denoised_layer_is_open_image_denoises(scene, tmp_path, way):
     both = encoded(scene, layout, tmp_path, way=way, samples=2, layers=("albedo", "denoised", "position"))
     assert (both["color"] == noisy["color"]).all()
     assert set(both) - set(noisy) == {"denoised", "position"}
-    expected = denoise_eia(noisy["color"][..., :3])
+    # Cycles' rows go up, and the library's network sees the difference.
+    expected = denoise_eia(noisy["color"][::-1, :, :3])[::-1]
     taken = np.abs(expected - noisy["color"][..., :3]).mean()
     assert taken > 1e-3, "there is noise to take away"
-    # Versions of the library differ a little.
-    assert np.abs(both["denoised"] - expected).mean() < 0.4 * taken
+    assert np.abs(both["denoised"] - expected).mean() < 0.01 * taken
 
 
 def test_views_are_not_denoised_one_by_one(scene, tmp_path):
