@@ -44,7 +44,7 @@ def layout_parameters(layout: RayLayout) -> dict[str, int | float]:
     return numbers | {"listed": int(layout.lens_list is not None), "paper": int(layout.convention == "paper"),
                       "half_width": float(array.half_width), "half_height": float(array.half_height),
                       "plane_distance": float(array.distance), "spacing": float(layout.spacing),
-                      "view_aperture": float(layout.view_aperture)}
+                      "cell_x": float(layout.cell[0]), "cell_y": float(layout.cell[1])}
 
 
 def set_shader(camera: bpy.types.Camera, source: str, parameters: Mapping[str, Any]) -> None:

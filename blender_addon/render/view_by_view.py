@@ -33,6 +33,7 @@ from .progress import Progress, part
 SENSOR_MM = 36.0
 # Blackman-Harris window as wide as this many box widths has the box's variance.
 WINDOW_PER_BOX = 2.08
+THINNEST = 0.01  # height of an aperture by its width that Blender allows, and the other way round
 
 
 def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, path: str | Path,
@@ -135,16 +136,19 @@ def aim(camera: bpy.types.Object, shot: Shot, view: tuple[int, int]) -> None:
 
 
 def open_aperture(camera: bpy.types.Camera, layout: RayLayout) -> None:
-    """Square aperture as wide as the view's cell, focused on the display plane."""
-    half_side = layout.spacing * layout.view_aperture / 2
-    camera.dof.use_dof = half_side > 0 and layout.convention != "paper"
+    """Aperture as wide and high as the view's cell, focused on the display plane; one without height is a slit."""
+    width, height = layout.cell
+    camera.dof.use_dof = max(width, height) > 0 and layout.convention != "paper"
     if not camera.dof.use_dof:
         return
     camera.dof.focus_object, camera.dof.focus_distance = None, layout.array.distance
-    camera.dof.aperture_blades, camera.dof.aperture_rotation, camera.dof.aperture_ratio = 4, 0.0, 1.0
+    # The ratio squeezes the width of a square, which is as high as the cell.
+    height = max(height, width * THINNEST)
+    camera.dof.aperture_blades, camera.dof.aperture_rotation = 4, 0.0
+    camera.dof.aperture_ratio = height / max(width, height * THINNEST)
     # Cycles' aperture radius is lens / (2 · f-stop) with the lens in millimetres of a scene unit; a square's
     # corners lie on it.
-    camera.dof.aperture_fstop = camera.lens * 1e-3 / (2 * half_side * math.sqrt(2))
+    camera.dof.aperture_fstop = camera.lens * 1e-3 / (height * math.sqrt(2))
 
 
 def pixel_aspect(layout: RayLayout) -> dict[str, float]:

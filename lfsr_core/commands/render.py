@@ -8,6 +8,7 @@ from lfsr_core.commands import upscale
 from lfsr_core.commands.arguments import add_scene_arguments, make_job, render
 from lfsr_core.frames.foreground import check_dilate
 from lfsr_core.frames.job import LAYERS
+from lfsr_core.optics.display import load_display
 
 NAME = "render"
 HELP = "render a scene's low-resolution EIA with Blender and upscale it to eia.png"
@@ -29,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Render, then upscale; a bad method is refused before any time is spent on rendering."""
     check_dilate(arguments.dilate)
-    method = upscale.chosen_method(arguments.method, arguments.scale)
+    method = upscale.chosen_method(arguments.method, arguments.scale, load_display(arguments.display))
     layers = method.layers if arguments.layers is None else arguments.layers
     job = make_job(arguments, scale=arguments.scale, layers=layers)
     render(arguments, job)

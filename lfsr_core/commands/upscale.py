@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lfsr_core.frames.frame import EIA_FILE, read_frame
+from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.progress import ProgressBar
 
 if TYPE_CHECKING:  # its modules are slow to import, and `lfsr --help` is to be quick
@@ -37,17 +38,18 @@ def add_method_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Upscale the folder and print where the picture is."""
     frame = read_frame(arguments.folder)
-    upscale(arguments.folder, chosen_method(arguments.method, frame.scale), arguments)
+    upscale(arguments.folder, chosen_method(arguments.method, frame.scale, frame.display), arguments)
 
 
-def chosen_method(name: str | None, scale: int) -> MethodName:
-    """The method of this name, or the default for ``scale``; LfsrError if no such method exists."""
-    from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+def chosen_method(name: str | None, scale: int, display: DisplayProfile) -> MethodName:
+    """The method of this name, or the default for ``scale`` and display; LfsrError if no such method exists."""
+    from lfsr_core.reconstruct.method_name import PLAIN_METHOD, default_method
     from lfsr_core.reconstruct.methods import denoise
     from lfsr_core.reconstruct.registry import method as load_method
 
     if name is None:
-        name = DEFAULT_METHOD if denoise.is_available() else METHOD_WITHOUT_DENOISER
+        without = METHOD_WITHOUT_DENOISER if all(display.parallax) else PLAIN_METHOD
+        name = default_method(display.parallax) if denoise.is_available() else without
         name = name if scale > 1 else METHOD_AT_FULL_RESOLUTION
     return load_method(name).name
 

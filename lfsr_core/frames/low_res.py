@@ -25,7 +25,7 @@ class LowResEIA:
     color: np.ndarray  # scene-linear RGB over the background, finite, >= 0
     alpha: np.ndarray  # coverage in [0, 1], C = 1
     samples: int  # per pixel, the noise level
-    scale: int  # s, high-resolution views per low-resolution view along each axis
+    scale: int  # s, high-resolution views per low-resolution view along each axis with parallax
     # albedo, normal, position: where rendered, C = 3
     albedo: np.ndarray | None = None
     normal: np.ndarray | None = None
@@ -33,11 +33,23 @@ class LowResEIA:
     denoised: np.ndarray | None = None  # colour as Cycles denoised it right after the render
     noisy: np.ndarray | None = None  # colour as rendered, where a denoiser has changed ``color``
     guided: np.ndarray | None = None  # colour denoised by the guides, beside ``color`` denoised without
+    parallax: tuple[bool, bool] = (True, True)  # axes, (horizontal, vertical), along which the display's views differ
 
     @property
     def layers(self) -> dict[str, np.ndarray]:
         """The auxiliary layers that are there, by name of LAYERS."""
         return {name: layer for name in LAYERS if (layer := getattr(self, name)) is not None}
+
+    @property
+    def factors(self) -> tuple[int, int]:
+        """High-resolution views per low-resolution view, (horizontal, vertical); 1 along an axis without parallax."""
+        across, down = (self.scale if many else 1 for many in self.parallax)
+        return across, down
+
+    @property
+    def finished_views(self) -> tuple[int, int]:
+        """Views of a finished EI, (vertical, horizontal)."""
+        return self.color.shape[2] * self.factors[1], self.color.shape[3] * self.factors[0]
 
     @property
     def rendered(self) -> np.ndarray:
@@ -82,4 +94,4 @@ def low_resolution(layers: Mapping[str, np.ndarray], frame: Frame) -> LowResEIA:
         alpha = layers["color"][..., 3:]
         images["denoised"] = over_background({**layers, "color": np.concatenate([layers["denoised"], alpha], 2)}, frame)
     tiles = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
-    return LowResEIA(**tiles, samples=frame.samples, scale=frame.scale)
+    return LowResEIA(**tiles, samples=frame.samples, scale=frame.scale, parallax=frame.display.parallax)

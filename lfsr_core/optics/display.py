@@ -63,23 +63,39 @@ class DisplayProfile:
         pitch on the display plane (display bandwidth; Zwicker et al. 2006).
         ``scale`` widens the view spacing to that of the low-resolution array.
         """
-        distance, pitch = self.viewing_distance_mm, min(self.lens_pitch_mm)
+        distance = self.viewing_distance_mm
+        pitch = min(self.lens_pitch_mm) if self.parallax[1] else self.lens_pitch_mm[0]
         spacing = self.camera_spacing_mm * scale
         behind = pitch * distance / (spacing - pitch) if spacing > pitch else math.inf
         return pitch * distance / (spacing + pitch), behind
 
+    @property
+    def parallax(self) -> tuple[bool, bool]:
+        """Whether views differ along each axis; along one with a single view no scale divides it."""
+        return self.views[0] > 1, self.views[1] > 1
+
+    @property
+    def eia_pixels(self) -> tuple[int, int]:
+        """Size of the finished EIA, lenses × views."""
+        return self.lenses[0] * self.views[0], self.lenses[1] * self.views[1]
+
     def low_views(self, scale: int) -> tuple[int, int]:
-        """Views per lens of the low-resolution EIA; LfsrError if s does not divide them."""
-        if scale < 1 or any(count % scale for count in self.views):
+        """Views per lens of the low-resolution EIA; LfsrError if s does not divide those of an axis with several."""
+        if scale < 1 or any(count % scale for count in self._divided):
             raise LfsrError(
                 f"scale is {scale}, but display {self.name!r} has {self.views[0]}×{self.views[1]} views per "
-                f"lens: choose a scale that divides both, one of {self.scales()}"
+                f"lens: choose a scale that divides {'both' if all(self.parallax) else 'them'}, one of {self.scales()}"
             )
-        return self.views[0] // scale, self.views[1] // scale
+        across, down = (count // scale if many else 1 for count, many in zip(self.views, self.parallax, strict=True))
+        return across, down
 
     def scales(self) -> list[int]:
-        """Scale factors above 1 that divide both view counts, up to 10."""
-        return [s for s in range(2, 11) if not any(count % s for count in self.views)]
+        """Scale factors above 1 that divide the view counts above 1, up to 10."""
+        return [s for s in range(2, 11) if self._divided and not any(count % s for count in self._divided)]
+
+    @property
+    def _divided(self) -> list[int]:
+        return [count for count in self.views if count > 1]
 
     def to_dict(self) -> dict[str, Any]:
         """The profile as JSON-ready data; ``from_dict`` reads it back."""

@@ -55,7 +55,7 @@ def lens_card(layout: RayLayout, radius: float = math.inf) -> LensCard:
         targets=_lenses(layout) * pitch - up * (array.half_width, array.half_height),
         lens_step=_pair(pitch / views if paper else pitch), first_view=_pair(first * up),
         view_step=_pair(layout.spacing * up),
-        aperture=_pair((0, 0) if paper else layout.spacing * layout.view_aperture * up), place_in_pixel=not paper)
+        aperture=_pair((0, 0) if paper else layout.cell * up), place_in_pixel=not paper)
 
 
 def card_rays(card: LensCard, cells: np.ndarray, targets: np.ndarray, distance: float,
@@ -95,7 +95,8 @@ def _pair(values: np.ndarray) -> tuple[float, float]:
 def _reach(layout: RayLayout) -> float:
     """Pixels from the centre of the whole panel to its corner."""
     scale = layout.spacing / layout.array.spacing
-    return math.hypot(*(lenses * views * scale / 2 for lenses, views in zip(layout.lenses, layout.views, strict=True)))
+    every = (views * (scale if moves else 1) for views, moves in zip(layout.views, layout.parallax, strict=True))
+    return math.hypot(*(lenses * views / 2 for lenses, views in zip(layout.lenses, every, strict=True)))
 
 
 def _count(layout: RayLayout) -> int:

@@ -56,6 +56,8 @@ class RayLayout:
     view_aperture: float = 1.0  # share of a view's cell that its rays cover, in [0, 1] (0: a point)
     # only these lenses, as (row, column) pairs in tiles of the image, row by row; None for all
     lens_list: tuple[tuple[int, int], ...] | None = None
+    # axes along which the display's views differ; along another every ray starts on the array's axis
+    parallax: tuple[bool, bool] = (True, True)
 
     def __post_init__(self) -> None:
         if self.convention not in CONVENTIONS:
@@ -67,7 +69,14 @@ class RayLayout:
     @classmethod
     def for_display(cls, profile: DisplayProfile, array: CameraArray, scale: int = 1, **options) -> RayLayout:
         """Layout of the EIA of ``profile`` with views divided by ``scale``."""
-        return cls(profile.lenses, profile.low_views(scale), array, array.spacing * scale, **options)
+        return cls(profile.lenses, profile.low_views(scale), array, array.spacing * scale,
+                   parallax=profile.parallax, **options)
+
+    @property
+    def cell(self) -> tuple[float, float]:
+        """Width and height, in scene units, of the part of the camera plane that the rays of one view cover."""
+        side = self.spacing * self.view_aperture
+        return side * self.parallax[0], side * self.parallax[1]
 
     @property
     def tiles(self) -> tuple[int, int]:
@@ -185,5 +194,5 @@ def _axis(layout: RayLayout, axis: int, lens: np.ndarray, view: np.ndarray, plac
     if layout.convention == "paper":
         # Eq. (8): the target is the pixel's own place on the panel.
         return origin, ((lens * views + view + place) / (lenses * views) * 2 - 1) * half
-    jitter = (np.asarray(random) - 0.5) * layout.spacing * layout.view_aperture
+    jitter = (np.asarray(random) - 0.5) * layout.cell[axis]
     return origin + jitter, ((lens + place) / lenses * 2 - 1) * half

@@ -105,7 +105,7 @@ def candidates(display: DisplayProfile, scales: Sequence[int] | None = None, spp
     for scale in scales:
         display.low_views(scale)
     found = {Candidate(scale, spp, name) for scale in scales for spp in spps
-             for name in methods_at(scale, methods or default_methods())}
+             for name in methods_at(scale, methods or default_methods(), display.parallax)}
     if not found:
         raise LfsrError(f"no method of {', '.join(methods or ())} works at scale {', '.join(map(str, scales))}: "
                         "choose others")
@@ -134,9 +134,9 @@ def between(spps: Sequence[int], steps: int) -> list[tuple[int, int, int, float]
     return found
 
 
-def methods_at(scale: int, names: Iterable[str]) -> tuple[str, ...]:
-    """What ``names`` become at ``scale``: no upscaler at 1, no network that was not trained for it."""
-    methods = map(MethodName.parse, names)
+def methods_at(scale: int, names: Iterable[str], parallax: tuple[bool, bool] = (True, True)) -> tuple[str, ...]:
+    """What ``names`` become at ``scale``: no upscaler at 1, no network that was not trained for it or the display."""
+    methods = [method for method in map(MethodName.parse, names) if method.works_with(parallax) or scale == 1]
     if scale == 1:
         return tuple(dict.fromkeys(method.without_upscaler().text for method in methods))
     return tuple(dict.fromkeys(method.text for method in methods if method.works_at(scale)))

@@ -40,8 +40,8 @@ class Assembly:
     @property
     def size(self) -> tuple[int, int]:
         """(height, width) of the finished EIA."""
-        sy, sx, h, w, _ = self.low.color.shape
-        return sy * h * self.low.scale, sx * w * self.low.scale
+        (sy, sx), (py, px) = self.low.color.shape[:2], self.low.finished_views
+        return sy * py, sx * px
 
     def parts(self, step: int | None) -> list[tuple[Upscaler, np.ndarray]]:
         """Upscaler and lenses (n, 2) of every call, n <= ``step``, in reading order.

@@ -40,6 +40,7 @@ PLAIN_METHOD = "bilinear"  # after OIDN more accurate than bicubic, see docs/res
 # What our networks must beat.
 PLAIN_CHAINS = (*(f"{name}+{PLAIN_METHOD}" for name in DENOISERS), f"{DENOISERS[0]}+{PLAIN_METHOD}+{RECOVERY}")
 DEFAULT_METHOD = "oidn-both+refine+epi"  # see docs/results/networks.md
+HORIZONTAL_METHOD = "oidn+bilinear+epi"  # the default where views differ along one axis only
 STEPS_OF_A_NETWORK = 3
 
 
@@ -115,6 +116,10 @@ class MethodName:
         """Whether it upscales by ``scale``, with networks trained for that."""
         return self.upscaler != AS_RENDERED and not self.untrained(scale)
 
+    def works_with(self, parallax: tuple[bool, bool]) -> bool:
+        """Whether it works on a display whose views differ along those axes: networks want both."""
+        return not self.network or all(parallax)
+
     def without_upscaler(self) -> MethodName:
         """What is left of it for a render of every view: its denoisers."""
         kept = [part if part in DENOISERS else DENOISERS[0] for part in self.prefilters]
@@ -127,6 +132,11 @@ class MethodName:
             return []
         return [f"oidn-guided is guided by the layers {', '.join(missing)}, which this frame lacks: it was denoised "
                 "without them; render it again with --layers albedo,normal"]
+
+
+def default_method(parallax: tuple[bool, bool]) -> str:
+    """The best method there is for a display whose views differ along those axes."""
+    return DEFAULT_METHOD if all(parallax) else HORIZONTAL_METHOD
 
 
 def layers_of(names: Collection[str]) -> tuple[str, ...]:

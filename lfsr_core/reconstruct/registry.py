@@ -10,7 +10,7 @@ from pathlib import Path
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Cleaner, Upscaler
-from lfsr_core.reconstruct.method_name import RECOVERY, MethodName
+from lfsr_core.reconstruct.method_name import HORIZONTAL_METHOD, RECOVERY, MethodName
 from lfsr_core.reconstruct.methods.denoise import as_rendered, denoise_both_ways, denoise_low_resolution
 from lfsr_core.reconstruct.methods.epipolar import Recovering
 from lfsr_core.reconstruct.methods.interpolation import Interpolation, NoUpscaling
@@ -42,7 +42,10 @@ class Method:
     upscaler: Upscaler  # what makes each elemental image of the result
 
     def prepare(self, low: LowResEIA) -> LowResEIA:
-        """The low-resolution EIA after every prefilter."""
+        """The low-resolution EIA after every prefilter; LfsrError for a network where views differ along one axis."""
+        if not self.name.works_with(low.parallax):
+            raise LfsrError(f"method {self.name.text!r} needs views in two directions, but this display has one: "
+                            f"choose a method without a network, as {HORIZONTAL_METHOD!r}")
         for prefilter in self.prefilters:
             low = prefilter(low)
         return low

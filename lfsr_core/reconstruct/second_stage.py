@@ -101,8 +101,7 @@ def finished_lenses(low: LowResEIA, mask: np.ndarray, method: Method, lenses: np
     (n, py, px, 3) float32, scene-linear
     """
     prepared = method.prepare(low)
-    _, _, height, width, channels = low.color.shape
-    images = np.empty((len(lenses), height * low.scale, width * low.scale, channels), np.float32)
+    images = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
     for wanted, upscaler in ((mask, method.upscaler), (~mask, _filler(method, low.scale))):
         if wanted.any():
             images[wanted] = upscaler(prepared, lenses[wanted])

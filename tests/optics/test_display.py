@@ -67,6 +67,22 @@ def test_scale_that_does_not_divide_is_refused_with_the_ones_that_do(scale):
         load_display("bupt-32in-8k").low_views(scale)
 
 
+def test_a_scale_divides_only_axes_with_several_views():
+    flat = DisplayProfile.from_dict(GOOD | {"views": [4, 1], "lenses": [10, 20]})
+    assert (flat.parallax, flat.low_views(2), flat.scales()) == ((True, False), (2, 1), [2, 4])
+    assert flat.eia_pixels == (40, 20)
+    with pytest.raises(LfsrError, match="scale is 3.*divides them"):
+        flat.low_views(3)
+    single = DisplayProfile.from_dict(GOOD | {"views": [1, 1], "lenses": [40, 20]})
+    assert (single.low_views(2), single.scales()) == ((1, 1), [])
+
+
+def test_usable_depth_without_vertical_parallax_is_that_of_columns():
+    flat = DisplayProfile.from_dict(GOOD | {"views": [4, 1], "lenses": [10, 20]})
+    spacing, (front, _) = flat.camera_spacing_mm, flat.depth_range_mm()
+    assert spacing * front / (200 - front) == pytest.approx(flat.lens_pitch_mm[0])
+
+
 def test_dict_round_trip():
     profile = load_display("fhd")
     assert DisplayProfile.from_dict(profile.to_dict()) == profile

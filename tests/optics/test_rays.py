@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.optics.display import load_display
+from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.rays import CameraArray, RayLayout, pixel_rays, rays, view_offset
 
 PROFILE = load_display("mini")
@@ -135,6 +135,26 @@ def test_view_aperture_zero_is_a_point_and_one_the_whole_cell():
     assert np.ptp(point, axis=0).max() == 0
     whole = rays(layout(view_aperture=1.0), *raster, numbers, numbers)[0]
     np.testing.assert_allclose(np.ptp(whole, axis=0)[:2], ARRAY.spacing)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_where_views_differ_along_one_axis_rays_start_on_it(axis):
+    views = [[8, 1], [1, 6]][axis]
+    lenses = [128 // views[0], 96 // views[1]]
+    profile = DisplayProfile.from_dict(PROFILE.to_dict() | {"views": views, "lenses": lenses})
+    numbers = np.linspace(0, 1, 64, endpoint=False)
+    for scale in (1, 2):
+        flat = RayLayout.for_display(profile, ARRAY, scale)
+        origin, _ = rays(flat, numbers, numbers[::-1], numbers, 1 - numbers)
+        assert not origin[:, 1 - axis].any(), "no parallax and no aperture across"
+        assert np.ptp(origin[:, axis]) > flat.spacing
+        assert flat.cell[axis] == flat.spacing and flat.cell[1 - axis] == 0
+
+
+def test_the_coarsest_scale_of_a_display_with_both_keeps_its_aperture():
+    coarse = layout(8)
+    assert coarse.views == (1, 1)
+    assert coarse.cell == (coarse.spacing, coarse.spacing)
 
 
 def test_paper_target_is_the_pixels_own_place_on_the_panel():

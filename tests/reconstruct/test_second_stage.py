@@ -19,7 +19,7 @@ from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.registry import Method, method
 from lfsr_core.reconstruct.second_stage import UpscaleOptions
 from tests.support.prerequisites import needs_bpy
-from tests.support.synthetic import MINI, light_field, write_render
+from tests.support.synthetic import FLAT, MINI, light_field, write_render
 
 pytestmark = needs_bpy  # for Blender's colour configuration
 
@@ -49,6 +49,25 @@ def test_upscaling_comes_near_the_true_light_field(tmp_path):
     error = np.sqrt(np.mean((result - truth) ** 2))
     assert error < 0.06
     assert error < np.sqrt(np.mean((second_stage.finished_linear(tmp_path, "nearest") - truth) ** 2))
+
+
+def test_views_along_one_axis_are_upscaled_along_it(tmp_path):
+    write_render(tmp_path, display=FLAT)
+    truth = light_field(FLAT)[..., :3]
+    error = {name: np.sqrt(np.mean((second_stage.finished_linear(tmp_path, name) - truth) ** 2))
+             for name in ("nearest", "bilinear", "bicubic", "lanczos", "bicubic+epi", "oidn+bilinear+epi")}
+    assert error["bicubic"] < 0.06 and error["bicubic"] < error["nearest"]
+    assert error["bicubic+epi"] <= error["bicubic"] * 1.05
+    report = second_stage.upscale_frame(tmp_path, "oidn+bilinear+epi")
+    assert read_png(tmp_path / "eia.png").shape == (48, 128, 3)
+    assert "epi" in report.notes[-1]
+
+
+def test_a_network_says_that_it_wants_views_along_both_axes(tmp_path):
+    write_render(tmp_path, display=FLAT)
+    with pytest.raises(LfsrError, match="'light' needs views in two directions.*'oidn\\+bilinear\\+epi'"):
+        second_stage.upscale_frame(tmp_path, "light")
+    assert not (tmp_path / "eia.png").exists()
 
 
 @pytest.mark.parametrize("view", ["Standard", "AgX"])

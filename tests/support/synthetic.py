@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,9 @@ from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.rays import CameraArray, pixel_rays
 
 MINI = load_display("mini")
+# Sixteen columns of eight views; a row of lenses for every second row of pixels of MINI.
+FLAT = dataclasses.replace(MINI, name="flat", panel_pixels=(128, 48), panel_mm=(256.0, 96.0), lenses=(16, 48),
+                           views=(8, 1))
 IDENTITY = tuple(tuple(float(row == column) for column in range(4)) for row in range(4))
 
 
@@ -39,7 +43,8 @@ def write_render(folder: Path, scale: int = 2, display: DisplayProfile = MINI, *
     """Folder as the render stage leaves it."""
     high = light_field(display)
     height, width, _ = high.shape
-    low = high.reshape(height // scale, scale, width // scale, scale, 4).mean((1, 3))
+    across, down = (scale if many else 1 for many in display.parallax)
+    low = high.reshape(height // down, down, width // across, across, 4).mean((1, 3))
     write_layers(folder / LOW_RES_FILE, {"color": low})
     write_frame(folder, frame_of(scale, display, **changes))
     return folder

@@ -127,7 +127,11 @@ class _Run:
         # The ceiling's time is on no axis.
         seconds = [frame.seconds["render"]] if role == CEILING else renders.seconds_of(settings, scene, folder)
         for name in settings.direct_methods if role == DIRECT else settings.methods:
-            missing = MethodName.parse(name).untrained(frame.scale)
+            parsed = MethodName.parse(name)
+            missing = parsed.untrained(frame.scale)
+            if not parsed.works_with(frame.display.parallax):
+                self._skip(f"{name}: it needs views in two directions")
+                continue
             if missing:
                 self._skip(f"{name} at scale {frame.scale}: {', '.join(missing)} has no weights for it")
                 continue

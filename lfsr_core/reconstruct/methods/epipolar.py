@@ -31,7 +31,7 @@ from lfsr_core.reconstruct.methods.shear import averaged, interpolated, sheared
 OFF_PLANE = ((1, 3), (1, 2), (2, 3), (1, 1), (3, 2), (2, 1), (5, 2), (3, 1))
 LINES = (*OFF_PLANE, *((-lenses, views) for lenses, views in OFF_PLANE))
 REACH = 2  # steps to each side of a pixel that its mean along a line takes in, in rows and in columns
-AVERAGED = (2 * REACH + 1) ** 2
+AVERAGED = 2 * REACH + 1
 NEIGHBOURS = 2  # lenses to each side whose covariances count together
 CERTAIN = 4.0  # standard deviations by which a covariance must exceed noise
 LIMIT = 1.0  # of a residual, in encoded values: a firefly is no detail
@@ -85,14 +85,14 @@ class Recovering:
         rendered, share = low.rendered, np.zeros(covered.shape)
         for part in self._parts(covered):
             lost[part], share[part], line[part] = lost_detail(rendered[part], cleaned[part], covered[part],
-                                                              self._upscaler.kernel, low.scale)
+                                                              self._upscaler.kernel, low.factors)
         self._share = float((share[covered] > 0).mean()) if covered.any() else 0.0
         return RecoverableEIA(**vars(low) | {"detail": LostDetail(cleaned, lost, line, covered)})
 
     def __call__(self, low: RecoverableEIA, lenses: np.ndarray) -> np.ndarray:
         """EIs of ``lenses`` (N, 2), (N, h·s, w·s, 3) float32 scene-linear."""
-        lenses, (h, w) = np.asarray(lenses), low.color.shape[2:4]
-        result = np.empty((len(lenses), h * low.scale, w * low.scale, 3), np.float32)
+        lenses = np.asarray(lenses)
+        result = np.empty((len(lenses), *low.finished_views, 3), np.float32)
         for start in range(0, len(lenses), EIS_IN_CACHE):
             part = slice(start, start + EIS_IN_CACHE)
             decode(self._encoded(low, lenses[part]), out=result[part])
@@ -104,15 +104,15 @@ class Recovering:
         rest = ~detail.covered[rows, columns]
         if rest.any():
             cleaned[rest] = self._upscaler.clean(low, lenses[rest])
-        finished = interpolated(cleaned, self._upscaler.kernel, low.scale)
+        finished = interpolated(cleaned, self._upscaler.kernel, low.factors)
         some, line = lost.any((1, 2, 3)), detail.line[rows, columns]
         for index in np.unique(line[some]):
             chosen = some & (line == index)
             steep = LINES[index][0] / LINES[index][1]
             if abs(steep) <= STEEPEST:
-                finished[chosen] += interpolated(lost[chosen], KERNEL, low.scale)
+                finished[chosen] += interpolated(lost[chosen], KERNEL, low.factors)
             else:
-                finished[chosen] += sheared(detail.lost, detail.covered, lenses[chosen], low.scale, steep)
+                finished[chosen] += sheared(detail.lost, detail.covered, lenses[chosen], low.factors, steep)
         return finished
 
     def _parts(self, covered: np.ndarray) -> list[tuple[slice, slice]]:
@@ -136,7 +136,7 @@ class Recovering:
 
 
 def lost_detail(rendered: np.ndarray, cleaned: np.ndarray, covered: np.ndarray, kernel: str,
-                scale: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+                factors: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What interpolating ``cleaned`` will lack.
 
     Parameters
@@ -145,13 +145,13 @@ def lost_detail(rendered: np.ndarray, cleaned: np.ndarray, covered: np.ndarray, 
     cleaned : the same without noise, encoded
     covered : (sy, sx) bool, lenses that count
     kernel : of interpolation.KERNELS
-    scale : s
+    factors : high-resolution views per low-resolution view, (horizontal, vertical)
 
     Returns
     -------
     The lost detail (sy, sx, h, w, 3), encoded, and ``lost_share`` of it
     """
-    shown = averaged(cleaned, kernel, scale)
+    shown = averaged(cleaned, kernel, factors)
     # Linear for the test, which must not take the mean of noisy roots, too low as it is, for detail.
     share, line = lost_share(residual(rendered, decode(shown)) @ LUMINANCE * covered[:, :, None, None], covered)
     lost = np.zeros_like(cleaned)
@@ -161,8 +161,9 @@ def lost_detail(rendered: np.ndarray, cleaned: np.ndarray, covered: np.ndarray, 
         found = np.clip(encode(rendered[part]) - shown[part], -LIMIT, LIMIT) * covered[part][:, :, None, None, None]
         mean = _mean_along(found, covered[part], LINES[index])
         lost[part][chosen[part]] = mean[chosen[part]]
-    # Wiener's weight: detail against what the mean has left of the noise.
-    weight = np.divide(share, share + (1 - share) / AVERAGED, out=np.zeros_like(share), where=share > 0)
+    # Wiener's weight: detail against what the mean has left of the noise; it went along axes with several views only.
+    averaged_pixels = AVERAGED ** sum(size > 1 for size in rendered.shape[2:4])
+    weight = np.divide(share, share + (1 - share) / averaged_pixels, out=np.zeros_like(share), where=share > 0)
     return lost * weight.astype(np.float32)[:, :, None, None, None], share, line
 
 

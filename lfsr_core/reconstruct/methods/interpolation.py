@@ -89,12 +89,12 @@ class Interpolation:
     notes: tuple[str, ...] = ()
 
     def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
-        _, _, height, width, channels = low.color.shape
         lenses, margin = np.asarray(lenses), CROSSTALK_REACH if self.crosstalk else 0
-        result = np.empty((len(lenses), height * low.scale, width * low.scale, channels), np.float32)
+        result = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
         for start in range(0, len(lenses), EIS_IN_CACHE):
             part = slice(start, start + EIS_IN_CACHE)
-            interpolate(encode(_gather(low.color, lenses[part], margin)), self.kernel, low.scale, result[part], margin)
+            encoded = encode(_gather(low.color, lenses[part], margin))
+            interpolate(encoded, self.kernel, low.factors, result[part], margin)
         return result
 
     def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
@@ -102,20 +102,20 @@ class Interpolation:
         return encode(low.color[lenses[:, 0], lenses[:, 1]])
 
 
-def interpolate(encoded: np.ndarray, kernel: str, scale: int, out: np.ndarray, margin: int = 0) -> None:
+def interpolate(encoded: np.ndarray, kernel: str, factors: tuple[int, int], out: np.ndarray, margin: int = 0) -> None:
     """Upscale elemental images.
 
     Parameters
     ----------
     encoded : (n, h + 2·margin, w + 2·margin, C)
     kernel : of KERNELS
-    scale : s
-    out : (n, h·s, w·s, C), filled with scene-linear values
+    factors : values per sample, (horizontal, vertical)
+    out : (n, h·vertical, w·horizontal, C), filled with scene-linear values
     margin : pixels around each that are only looked at
     """
     count, rows, columns, channels = encoded.shape
-    down = kernel_matrix(kernel, rows - 2 * margin, scale, margin)
-    across = _interleaved(kernel, columns - 2 * margin, scale, margin, channels)
+    down = kernel_matrix(kernel, rows - 2 * margin, factors[1], margin)
+    across = _interleaved(kernel, columns - 2 * margin, factors[0], margin, channels)
     tall = (down @ encoded.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
     finished = out.reshape(len(tall), -1)
     decode(np.matmul(tall, across, out=finished), out=finished)

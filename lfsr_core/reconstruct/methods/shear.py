@@ -12,17 +12,17 @@ from lfsr_core.reconstruct.methods.interpolation import KERNELS, kernel_matrix
 LENS_KERNEL = "cubic"  # across lenses, along a line
 
 
-def interpolated(images: np.ndarray, kernel: str, scale: int) -> np.ndarray:
-    """EIs (N, h, w, 3) -> (N, h·scale, w·scale, 3), in whatever domain they are."""
+def interpolated(images: np.ndarray, kernel: str, factors: tuple[int, int]) -> np.ndarray:
+    """EIs (N, h, w, 3) -> (N, h·vertical, w·horizontal, 3), in whatever domain; ``factors``: (horizontal, vertical)."""
     count, rows, columns, channels = images.shape
-    down, across = kernel_matrix(kernel, rows, scale), kernel_matrix(kernel, columns, scale)
+    down, across = kernel_matrix(kernel, rows, factors[1]), kernel_matrix(kernel, columns, factors[0])
     tall = (down @ images.reshape(count, rows, -1)).reshape(-1, columns, channels)
-    return np.matmul(across, tall).reshape(count, rows * scale, columns * scale, channels)
+    return np.matmul(across, tall).reshape(count, rows * factors[1], columns * factors[0], channels)
 
 
-def averaged(images: np.ndarray, kernel: str, scale: int) -> np.ndarray:
+def averaged(images: np.ndarray, kernel: str, factors: tuple[int, int]) -> np.ndarray:
     """What low-resolution pixels of (sy, sx, h, w, 3) become when they are interpolated and averaged again."""
-    down, across = (_blur(kernel, size, scale) for size in images.shape[2:4])
+    down, across = (_blur(kernel, *axis) for axis in zip(images.shape[2:4], factors[::-1], strict=True))
     flat = images.reshape(-1, *images.shape[2:])
     count, rows, columns, channels = flat.shape
     tall = (down @ flat.reshape(count, rows, -1)).reshape(-1, columns, channels)
@@ -33,7 +33,8 @@ def _blur(kernel: str, size: int, scale: int) -> np.ndarray:
     return kernel_matrix(kernel, size, scale).reshape(size, scale, size).mean(1)
 
 
-def sheared(images: np.ndarray, covered: np.ndarray, lenses: np.ndarray, scale: int, steep: float) -> np.ndarray:
+def sheared(images: np.ndarray, covered: np.ndarray, lenses: np.ndarray, factors: tuple[int, int],
+            steep: float) -> np.ndarray:
     """Elemental images at every view, along epipolar lines: between two rendered views a point stands in other lenses.
 
     Parameters
@@ -41,18 +42,18 @@ def sheared(images: np.ndarray, covered: np.ndarray, lenses: np.ndarray, scale: 
     images : (sy, sx, h, w, 3), in whatever domain they are
     covered : (sy, sx) bool, lenses that may be asked
     lenses : (N, 2), those that are wanted
-    scale : views per rendered view
+    factors : views per rendered view, (horizontal, vertical)
     steep : lenses per view of the line
 
     Returns
     -------
-    (N, h·scale, w·scale, 3)
+    (N, h·vertical, w·horizontal, 3)
     """
     (sy, sx, h, w, _), reach, covered = images.shape, _lens_reach(steep), covered.astype(np.float32)
     around = np.arange(-reach, reach + 1)
     rows = np.clip(lenses[:, :1] + around, 0, sy - 1)[:, :, None]
     columns = np.clip(lenses[:, 1:] + around, 0, sx - 1)[:, None, :]
-    down, across = (_shear(size, scale, steep) for size in (h, w))
+    down, across = (_shear(*axis, steep) for axis in zip((h, w), factors[::-1], strict=True))
     weight = down.sum(2) @ covered[rows, columns] @ across.sum(2).T
     # (N, lens row, lens column, view row, view column, C): rows of lenses and views first, then columns.
     tall = np.einsum("aov,noqvuc->nqauc", down, images[rows, columns], optimize=True)

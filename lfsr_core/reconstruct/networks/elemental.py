@@ -50,12 +50,11 @@ class ElementalUpscaler:
 
     def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
         """EIs of ``lenses`` (N, 2), (N, h·s, w·s, 3) float32 scene-linear."""
-        network, (h, w) = self._network(low), low.color.shape[2:4]
-        lenses = np.asarray(lenses)
-        result = np.empty((len(lenses), h * low.scale, w * low.scale, 3), np.float32)
+        network, lenses = self._network(low), np.asarray(lenses)
+        result = np.empty((len(lenses), *low.finished_views, 3), np.float32)
         for start in range(0, len(lenses), EIS_IN_CACHE):
             part = slice(start, start + EIS_IN_CACHE)
-            interpolate(self._clean(network, low, lenses[part]), self.kernel, low.scale, result[part])
+            interpolate(self._clean(network, low, lenses[part]), self.kernel, low.factors, result[part])
         return result
 
     def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:

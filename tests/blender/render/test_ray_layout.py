@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import bpy
 import mathutils
 import numpy as np
@@ -65,6 +67,15 @@ def way(request):
 @pytest.mark.parametrize(("depth", "tilt"), [(1.0, 0.0), (1.0, 0.5), (0.7, -0.2), (3.0, 0.2)])
 def test_every_pixel_hits_where_rays_py_says(scene, tmp_path, convention, depth, tilt, way):
     layout, plane = layout_of(convention=convention), plane_in_array(depth * ARRAY.distance, tilt)
+    add_plane(scene, plane, position_emission())
+    error = np.linalg.norm(shown_hits(scene, layout, tmp_path, way=way) - expected_hits(layout, plane), axis=-1)
+    assert error.max() <= TOLERANCE, f"{error.max() / ARRAY.distance:.1e} of the distance"
+
+
+@pytest.mark.parametrize("aperture", [0.0, 1.0])
+def test_without_vertical_parallax_every_pixel_hits_where_rays_py_says(scene, tmp_path, aperture, way):
+    flat = dataclasses.replace(MINI, lenses=(16, 96), views=(8, 1))
+    layout, plane = RayLayout.for_display(flat, ARRAY, 2, view_aperture=aperture), plane_in_array(ARRAY.distance, 0.0)
     add_plane(scene, plane, position_emission())
     error = np.linalg.norm(shown_hits(scene, layout, tmp_path, way=way) - expected_hits(layout, plane), axis=-1)
     assert error.max() <= TOLERANCE, f"{error.max() / ARRAY.distance:.1e} of the distance"

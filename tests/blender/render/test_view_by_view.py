@@ -146,3 +146,12 @@ def test_osl_perspective_is_blenders_own(tmp_path):
     assert images[0].mean() > 0.1
     assert difference.mean() <= 1e-4 * images[0].mean()
     assert np.mean(difference.max(-1) > 0.01 * images[0].mean()) <= 0.01
+
+
+def test_horizontal_parallax_is_the_same_both_ways(tmp_path):
+    flat = dataclasses.replace(MINI, lenses=(16, 96), views=(8, 1))
+    layout, scene = RayLayout.for_display(flat, ARRAY, 2), lit_scene()
+    first, second = (np.stack([render(scene, layout, tmp_path / "image.exr", seed) for seed in range(SEEDS)])
+                     for render in (one_pass, view_by_view))
+    assert first.shape[1:3] == (96, 16 * 4)
+    assert same_image(first, second)

@@ -15,6 +15,7 @@ from lfsr_core.reconstruct.methods.shear import averaged, interpolated, sheared
 from lfsr_core.reconstruct.registry import CLASSICAL, method
 
 SY, SX, SIDE, SCALE = 8, 11, 8, 2
+BOTH = (SCALE, SCALE)
 NOISE = 0.05
 EVERY = np.ones((SY, SX), bool)
 
@@ -114,8 +115,8 @@ def test_views_between_the_rendered_ones_are_those_of_the_same_points(steep):
     lost = np.repeat(lost[..., None], 3, -1).astype(np.float32)
     # Away from the display's edge, beyond which nothing is known, and from that of each EI.
     inside = np.array([[SY // 2, SX // 2]])
-    found = sheared(lost, EVERY, inside, SCALE, steep)[0, :, :, 0]
-    wrong = sheared(lost, EVERY, inside, SCALE, -steep)[0, :, :, 0]
+    found = sheared(lost, EVERY, inside, BOTH, steep)[0, :, :, 0]
+    wrong = sheared(lost, EVERY, inside, BOTH, -steep)[0, :, :, 0]
     expected, middle = truth[SY // 2, SX // 2], np.s_[4:-4, 4:-4]
     assert np.abs(found - expected)[middle].max() < 0.15
     assert np.abs(wrong - expected)[middle].max() > 0.5
@@ -163,9 +164,9 @@ def test_where_nothing_was_lost_the_upscaler_has_its_way(kernel):
     low = LowResEIA(color, np.ones((3, 4, SIDE, SIDE, 1), np.float32), 16, SCALE)
     lenses = np.argwhere(np.ones((3, 4), bool))
     weights = CLASSICAL[kernel].kernel
-    expected = interpolated(encode(color).reshape(-1, SIDE, SIDE, 3), weights, SCALE)
+    expected = interpolated(encode(color).reshape(-1, SIDE, SIDE, 3), weights, BOTH)
     np.testing.assert_allclose(decode(expected), CLASSICAL[kernel](low, lenses), atol=2e-5)
-    mean = averaged(encode(color), weights, SCALE).reshape(-1, SIDE, SIDE, 3)
+    mean = averaged(encode(color), weights, BOTH).reshape(-1, SIDE, SIDE, 3)
     np.testing.assert_allclose(mean, expected.reshape(-1, SIDE, SCALE, SIDE, SCALE, 3).mean((2, 4)), atol=1e-5)
 
 
