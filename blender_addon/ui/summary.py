@@ -33,7 +33,7 @@ def display_facts(display: DisplayProfile, scale: int) -> Facts:
             ("Views", f"{views[0]} × {views[1]}"),
             ("Rendered", f"{low[0]} × {low[1]}"),
             ("", f"{lenses[0] * low[0]} × {lenses[1] * low[1]} px"),
-            ("Image", f"{display.panel_pixels[0]} × {display.panel_pixels[1]} px")]
+            ("Image", f"{display.eia_pixels[0]} × {display.eia_pixels[1]} px")]
 
 
 def depth_facts(scene: bpy.types.Scene) -> Facts:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lfsr_core.frames.frame import EIA_FILE, read_frame
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.progress import ProgressBar
 
@@ -66,4 +66,6 @@ def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> 
     finally:
         progress.close()
     times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report.seconds.items())
+    if read_frame(folder).display.is_woven:
+        print(f"{folder / PANEL_FILE}: the panel's image, woven for its lens sheet")
     print(f"{folder / EIA_FILE}: {method}, {report.foreground_share:.0%} of the lenses are foreground ({times})")

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import EIA_FILE, read_frame
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics import eia
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eye import see
+from lfsr_core.optics.panel.trace import see_panel
 
 VIEWS_ACROSS = 5
 GAP_PIXELS = 4
@@ -21,7 +22,7 @@ LEAST_EPI_HEIGHT, LEAST_VIEW_WIDTH = 160, 192
 
 def view_order(panel: np.ndarray, profile: DisplayProfile) -> np.ndarray:
     """Finished EIA (H, W, C) in panel order -> view order; LfsrError if it is not the profile's size."""
-    width, height = profile.panel_pixels
+    width, height = profile.eia_pixels
     if panel.shape[:2] != (height, width):
         raise LfsrError(f"the EIA has {panel.shape[1]}×{panel.shape[0]} pixels, but display {profile.name!r} has "
                         f"{width}×{height}: upscale the folder again")
@@ -64,7 +65,8 @@ def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = 
     pictures = dict(zip((HORIZONTAL_EPI_FILE, VERTICAL_EPI_FILE), epi_pair(image, profile.lenses), strict=True))
     pictures[SHEET_FILE] = contact_sheet(image, profile.lenses)
     if eye_mm is not None:
-        pictures[EYE_FILE] = see(panel, profile, eye_mm)
+        pictures[EYE_FILE] = (see_panel(read_png(folder / PANEL_FILE), profile, eye_mm) if profile.is_woven
+                              else see(panel, profile, eye_mm))
     for name, picture in pictures.items():
         write_png(folder / name, picture)
     return [folder / name for name in pictures]

@@ -22,6 +22,7 @@ LEAST_LENGTH = 1e-30  # scene units; its inverse is the most
 FRAME_FILE, REPORT_FILE = "frame.json", "report.json"
 VIEWER_FILE = "view.html"
 LOW_RES_FILE, MASK_FILE, EIA_FILE, EIA_LINEAR_FILE = "lr_eia.exr", "mask.png", "eia.png", "eia.exr"
+PANEL_FILE = "panel.png"
 REFERENCE_FILES = ("reference_a.exr", "reference_b.exr")
 
 

@@ -1,4 +1,9 @@
-"""Display profiles: the panel, its lens array and where the viewer stands."""
+"""Display profiles: the panel, its lens array and where the viewer stands.
+
+A profile of format 1 has a whole number of pixels behind each lens: the finished EIA is the panel's image. One of
+format 2 may say how a lens sheet really lies on the panel (``sheet.py``): then lenses and views are those of the
+regular light field that is rendered, and the panel's image is woven from its EIA (``panel/weave.py``).
+"""
 
 from __future__ import annotations
 
@@ -11,6 +16,9 @@ from typing import Any
 
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.files import read_bytes
+from lfsr_core.optics.proposal import PanelShape, proposed_light_field
+from lfsr_core.optics.sheet import Lenslet, Lenticular, Subpixels
+from lfsr_core.records import from_data
 
 PROFILE_FOLDER = Path(__file__).parent / "displays"
 EI_ORDERS = ("flipped", "direct")
@@ -19,17 +27,21 @@ MOST_PIXELS = 65536  # a side: no Blender renders more
 LONGEST_MM = 1e9
 MOST_NAME, MOST_DESCRIPTION = 100, 1000  # characters
 MOST_BYTES = 100_000  # of a profile's file
+FORMATS = (1, 2)
+WEAVES = ("nearest", "views", "all")
+RECORDS = {"subpixels": Subpixels, "lenslet": Lenslet, "lenticular": Lenticular}
 
 
 @dataclasses.dataclass(frozen=True)
 class DisplayProfile:
-    """One integral-imaging display; pairs are (horizontal, vertical)."""
+    """One light-field display; pairs are (horizontal, vertical)."""
 
     name: str  # what it is called on the command line
-    panel_pixels: tuple[int, int]  # lenses × views
+    panel_pixels: tuple[int, int]  # lenses × views, unless the panel's image is woven
     panel_mm: tuple[float, float]  # size of the panel
-    lenses: tuple[int, int]  # of the array
-    views: tuple[int, int]  # pixels behind each lens
+    # lenses, views: of the regular light field that is rendered, which without a lens sheet is the panel's own
+    lenses: tuple[int, int]
+    views: tuple[int, int]
     viewing_distance_mm: float  # from the lens array to where all views meet
     viewing_angle_deg: float  # width of the zone in which an eye sees the views of one lens
     # "flipped" where the pixel left of a lens centre is seen from the right (a physical lens array), "direct" where the
@@ -37,10 +49,20 @@ class DisplayProfile:
     ei_order: str = "flipped"
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # scene-linear RGB in [0, 1], where a lens shows nothing
     description: str = ""  # one line for menus
+    # the real panel and its lens sheet, at most one of the two kinds; None where the EIA is the panel's image
+    subpixels: Subpixels | None = None
+    lenslet: Lenslet | None = None
+    lenticular: Lenticular | None = None
+    weave: str = "views"  # of WEAVES: what is interpolated where the panel's image is woven from the EIA
 
     def __post_init__(self) -> None:
-        for check in (_check_counts, _check_lengths, _check_pixels, _check_look):
+        for check in (_check_counts, _check_lengths, _check_pixels, _check_look, _check_sheet):
             check(self)
+
+    @property
+    def is_woven(self) -> bool:
+        """Whether the panel's image is another than the finished EIA: woven from it for the lens sheet."""
+        return self.lenslet is not None or self.lenticular is not None
 
     @property
     def lens_pitch_mm(self) -> tuple[float, float]:
@@ -99,13 +121,18 @@ class DisplayProfile:
 
     def to_dict(self) -> dict[str, Any]:
         """The profile as JSON-ready data; ``from_dict`` reads it back."""
-        return {key: list(value) if isinstance(value, tuple) else value
-                for key, value in dataclasses.asdict(self).items()}
+        data = {key: list(value) if isinstance(value, tuple) else value
+                for key, value in dataclasses.asdict(self).items() if value is not None or key not in RECORDS}
+        if self.is_woven:
+            return data | {"format": 2}
+        del data["weave"]
+        return data
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], source: str = "display profile") -> DisplayProfile:
         """Validated profile from TOML or JSON data; LfsrError names field, value and rule."""
         known = {field.name: field for field in dataclasses.fields(cls)}
+        data = _of_format(data, source)
         for key in data:
             if key not in known:
                 raise LfsrError(f"{source}: unknown field {key!r}; " + (
@@ -115,6 +142,8 @@ class DisplayProfile:
         if missing:
             raise LfsrError(f"{source}: field {missing[0]!r} is missing; every profile needs it")
         values = {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}
+        values |= {key: from_data(kind, data[key], f"{source}: {key}") for key, kind in RECORDS.items()
+                   if data.get(key) is not None}
         try:
             return cls(**values)
         except LfsrError as error:
@@ -163,14 +192,59 @@ def _check_lengths(profile: DisplayProfile) -> None:
 
 def _check_pixels(profile: DisplayProfile) -> None:
     for axis, name in enumerate(("width", "height")):
-        product = profile.lenses[axis] * profile.views[axis]
-        if profile.panel_pixels[axis] != product:
+        product = profile.eia_pixels[axis]
+        if product > MOST_PIXELS:
+            _fail("views", list(profile.views), f"lenses × views are {product} pixels of {name}, and Blender renders "
+                                                f"no more than {MOST_PIXELS}")
+        if not profile.is_woven and profile.panel_pixels[axis] != product:
             _fail("panel_pixels", list(profile.panel_pixels),
                   f"its {name} must be lenses × views = {profile.lenses[axis]} × {profile.views[axis]} = {product}")
     pitch_x, pitch_y = (mm / px for mm, px in zip(profile.panel_mm, profile.panel_pixels, strict=True))
     if abs(pitch_x / pitch_y - 1) > MAX_PIXEL_ASPECT_ERROR:
         _fail("panel_mm", list(profile.panel_mm),
               f"pixels must be square within 1 %, and these are {pitch_x:.4f} × {pitch_y:.4f} mm")
+
+
+def _check_sheet(profile: DisplayProfile) -> None:
+    for name, kind in RECORDS.items():
+        if not isinstance(getattr(profile, name), (kind, type(None))):
+            _fail(name, getattr(profile, name), "it must be a table")
+    if profile.lenslet and profile.lenticular:
+        raise LfsrError("there are both a table lenslet and a table lenticular, but a panel has one sheet: keep one")
+    if profile.weave not in WEAVES:
+        _fail("weave", profile.weave, f"it must be one of {', '.join(WEAVES)}")
+    if not profile.is_woven:
+        if profile.subpixels:
+            raise LfsrError("there is a table subpixels but no lens sheet: add a table lenslet or lenticular")
+        return
+    if profile.ei_order != "direct":
+        _fail("ei_order", profile.ei_order, "where a sheet is given the weave orders the pixels: leave it out")
+    if profile.lenticular and profile.views[1] != 1:
+        _fail("views", list(profile.views), "a lenticular display has one view vertically: give [N, 1]")
+    pitch = min(profile.lenslet.lenses.pitch_mm) if profile.lenslet else profile.lenticular.pitch_mm
+    most, pixel = min(profile.panel_mm), profile.panel_mm[0] / profile.panel_pixels[0]
+    if not pixel <= pitch <= most:
+        _fail("pitch_mm", pitch, f"it must be from a pixel, {pixel:.4g} mm, to the panel's shorter side, {most:.4g} mm")
+
+
+def _of_format(data: Mapping[str, Any], source: str) -> dict[str, Any]:
+    """A profile's fields without its format; of format 2 with the light field that it may leave out."""
+    data = dict(data)
+    number = data.pop("format", 1)
+    if number not in FORMATS or isinstance(number, bool):
+        raise LfsrError(f"{source}: format is {repr(number)[:MOST_NAME]}, but this version reads 1 and 2")
+    sheets = [key for key in RECORDS if data.get(key) is not None]
+    if number == 1 and sheets:
+        raise LfsrError(f"{source}: a table {sheets[0]} needs format = 2: add that line")
+    if not sheets:
+        return data
+    data.setdefault("ei_order", "direct")
+    if "lenses" not in data or "views" not in data:
+        shape = from_data(PanelShape, {key: data.get(key) for key in ("panel_pixels", "panel_mm")}, source)
+        sheet = {key: from_data(RECORDS[key], data[key], f"{source}: {key}") for key in sheets}
+        lenses, views = proposed_light_field(shape, sheet.get("lenslet"), sheet.get("lenticular"))
+        data = {"lenses": list(lenses), "views": list(views)} | data
+    return data
 
 
 def _check_look(profile: DisplayProfile) -> None:

@@ -16,7 +16,7 @@ STAGES = ("render", "load", "mask", "upscale", "assemble", "color", "write")
 
 
 class StageClock:
-    """``with clock("load"): ...`` adds the block's wall time to ``seconds["load"]``.
+    """``with clock("load"): ...`` adds the block's wall time to ``seconds["load"]``; a stage beyond STAGES joins them.
 
     Inside ``shared_by(n)`` blocks run in n threads at once and each counts for
     1/n, so that the stages still add up to the time that passed.
@@ -34,7 +34,7 @@ class StageClock:
         finally:
             passed = time.perf_counter() - started
             with self._lock:
-                self.seconds[stage] += passed / self._threads
+                self.seconds[stage] = self.seconds.get(stage, 0.0) + passed / self._threads
 
     @contextmanager
     def shared_by(self, threads: int) -> Iterator[None]:

@@ -8,12 +8,22 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.frames.foreground import foreground_mask
-from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LOW_RES_FILE, MASK_FILE, Frame, read_frame
+from lfsr_core.frames.frame import (
+    EIA_FILE,
+    EIA_LINEAR_FILE,
+    LOW_RES_FILE,
+    MASK_FILE,
+    PANEL_FILE,
+    Frame,
+    read_frame,
+)
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.frames.report import Report, write_report
 from lfsr_core.images.exr import HALF_MAX, clean, read_layers, write_layers
 from lfsr_core.images.png import write_mask, write_png
 from lfsr_core.images.view_transform import ViewTransform
+from lfsr_core.optics.panel.kept import map_of
+from lfsr_core.optics.panel.weave import weave
 from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct import registry
 from lfsr_core.reconstruct.assembly import Assembly, filled, place, upscale_all
@@ -43,7 +53,9 @@ DEFAULT = UpscaleOptions()
 
 def upscale_frame(folder: str | Path, method: str | MethodName | Method,
                   options: UpscaleOptions = DEFAULT) -> Report:
-    """Write eia.png, mask.png and report.json (and eia.exr) of a rendered frame folder; return the report.
+    """Write eia.png, mask.png and report.json of a rendered frame folder; return the report.
+
+    And eia.exr where asked for, panel.png where the display has a lens sheet to weave for.
 
     LfsrError for bad input; then nothing in the folder is half-written.
     """
@@ -51,7 +63,9 @@ def upscale_frame(folder: str | Path, method: str | MethodName | Method,
     show = ViewTransform(run.frame.color)
     assembly, replaced = _prepare(run)
     pixels, linear = _panel_images(run, show, assembly)
+    panel = _woven(run, pixels)
     with run.clock("write"):
+        _write_panel(run, panel)
         _write(run, pixels, linear, assembly.mask)
     report = _report(run, assembly, replaced)
     write_report(run.folder, report)
@@ -165,6 +179,25 @@ def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[n
 
     upscale_all(assembly, run.options.step, finish, clock, run.options.progress)
     return pixels, linear
+
+
+def _woven(run: _Run, pixels: np.ndarray) -> np.ndarray | None:
+    """The image of a panel with a lens sheet; None where the EIA is the panel's image."""
+    display = run.frame.display
+    if not display.is_woven:
+        return None
+    run.options.progress("weave", 0.0, PANEL_FILE)
+    with run.clock("map"):
+        mapped = map_of(display)
+    with run.clock("weave"):
+        return weave(pixels, mapped)
+
+
+def _write_panel(run: _Run, panel: np.ndarray | None) -> None:
+    if panel is None:
+        (run.folder / PANEL_FILE).unlink(missing_ok=True)
+    else:
+        write_png(run.folder / PANEL_FILE, panel)
 
 
 def _write(run: _Run, pixels: np.ndarray, linear: np.ndarray | None, mask: np.ndarray) -> None:

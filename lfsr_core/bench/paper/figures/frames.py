@@ -195,7 +195,7 @@ def measure_scales(settings: Settings) -> Scales:
 
 def _scale(cells: Cells[ScaleRow], shot: Shot) -> ScaleRow:
     """For direct path tracing the second stage runs without an upscaler."""
-    settings, pixels = cells.settings, shot.display.panel_pixels
+    settings, pixels = cells.settings, shot.display.eia_pixels
     inputs = {"scene": shot.scene.stem, "display": shot.display.to_dict(), "scale": shot.scale, "spp": shot.spp,
               "device": settings.device, "render_device": settings.render_device}
 

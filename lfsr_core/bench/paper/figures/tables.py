@@ -144,7 +144,7 @@ def measure_cost(settings: Settings) -> Costs:
     from lfsr_core.reconstruct.networks.pytorch.cost import multiply_adds, parameters
 
     display, scale, rows = settings.timing_display, settings.scale, []
-    width, height = display.panel_pixels
+    width, height = display.eia_pixels
     for name, entry in catalogue.NETWORKS.items():
         # Only what works on an elemental image of its own; the adversary leaves the generator's size as it is.
         if entry.upscaler != catalogue.PHOTOGRAPH_UPSCALER or name == "paper-gan" or scale not in entry.scales:

@@ -1,0 +1,93 @@
+"""Gather maps on disk: that of a large panel takes seconds to compute and is the same for every frame.
+
+In the user's cache folder, or where LFSR_CACHE says; the last few profiles' are kept.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import parse_json
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.panel.gather import Axis, GatherMap, gather_map
+
+VERSION = 1  # of what a map holds: others are not read
+QUICK = 4_000_000  # subpixels whose map is computed sooner than it pays to keep it
+MOST_KEPT = 3
+ABOUT, FIRST = "map.json", "first.npy"
+APPEARANCE = ("name", "description", "background")
+
+
+def map_of(profile: DisplayProfile) -> GatherMap:
+    """The gather map of a woven profile, from disk where it is there; a disk that refuses only costs time."""
+    size = (profile.panel_pixels[1], profile.panel_pixels[0], 3)
+    if np.prod(size) < QUICK:
+        return gather_map(profile, profile.weave)
+    folder = cache_folder() / "weave" / digest(profile)
+    with contextlib.suppress(OSError, LfsrError, ValueError, KeyError):
+        found = _read(folder, size, profile.eia_pixels)
+        os.utime(folder)
+        return found
+    mapped = gather_map(profile, profile.weave)
+    with contextlib.suppress(OSError):
+        _write(folder, mapped)
+        _forget_old(folder.parent)
+    return mapped
+
+
+def cache_folder() -> Path:
+    """Where this user's programs keep what they can make again."""
+    if "LFSR_CACHE" in os.environ:
+        return Path(os.environ["LFSR_CACHE"])
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "lfsr"
+    if sys.platform == "darwin":
+        return Path.home() / "Library/Caches/lfsr"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lfsr"
+
+
+def digest(profile: DisplayProfile) -> str:
+    """What a map depends on, as text for a folder's name."""
+    data = {key: value for key, value in profile.to_dict().items() if key not in APPEARANCE} | {"version": VERSION}
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def _read(folder: Path, size: tuple[int, int, int], eia_pixels: tuple[int, int]) -> GatherMap:
+    strides = parse_json((folder / ABOUT).read_bytes())["strides"]
+    arrays = [np.load(folder / name, mmap_mode="r", allow_pickle=False)
+              for name in (FIRST, *(f"axis{number}.npy" for number in range(len(strides))))]
+    kinds = [np.dtype(np.int32), *[np.dtype(np.uint8)] * len(strides)]
+    if any(array.shape != size or array.dtype != kind for array, kind in zip(arrays, kinds, strict=True)):
+        raise ValueError("damaged")
+    axes = tuple(Axis(stride, array) for stride, array in zip(strides, arrays[1:], strict=True))
+    return GatherMap(eia_pixels, arrays[0], axes)
+
+
+def _write(folder: Path, mapped: GatherMap) -> None:
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".map-", dir=folder.parent) as name:
+        part = Path(name, "map")
+        part.mkdir()
+        np.save(part / FIRST, mapped.first)
+        for number, axis in enumerate(mapped.axes):
+            np.save(part / f"axis{number}.npy", axis.weights)
+        (part / ABOUT).write_text(json.dumps({"strides": [axis.stride for axis in mapped.axes]}), encoding="utf-8")
+        shutil.rmtree(folder, ignore_errors=True)
+        part.replace(folder)
+
+
+def _forget_old(parent: Path) -> None:
+    folders = sorted((entry for entry in parent.iterdir() if not entry.name.startswith(".")),
+                     key=lambda entry: entry.stat().st_mtime)
+    for entry in folders[:-MOST_KEPT]:
+        shutil.rmtree(entry, ignore_errors=True)

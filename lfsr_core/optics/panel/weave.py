@@ -1,0 +1,63 @@
+"""From the finished EIA, a regular light field, to what each subpixel of the real panel must show."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.panel.gather import MOST_WORKERS, ONE, GatherMap
+
+AT_ONCE = 1 << 17  # subpixels: what belongs to them stays in a core's cache
+
+
+def weave(eia: np.ndarray, mapped: GatherMap) -> np.ndarray:
+    """The panel's image (H, W, 3) uint8.
+
+    Parameters
+    ----------
+    eia : finished EIA (rows, columns, 3) uint8 in view order
+    mapped : of the profile
+
+    Raises
+    ------
+    LfsrError : for an EIA that is not the profile's
+    """
+    columns, rows = mapped.eia_pixels
+    if eia.shape != (rows, columns, 3) or eia.dtype != np.uint8:
+        raise LfsrError(f"the EIA has shape {eia.shape} of {eia.dtype}, but the weave needs ({rows}, {columns}, 3) of "
+                        "uint8: upscale the folder again")
+    # A sample beyond the last byte has a weight of 0, but is read.
+    source = np.zeros(eia.size + sum(axis.stride for axis in mapped.axes), np.uint8)
+    source[:eia.size] = eia.reshape(-1)
+    result = np.empty(mapped.first.shape, np.uint8)
+    first, shown = mapped.first.reshape(-1), result.reshape(-1)
+    axes = [(axis.stride, axis.weights.reshape(-1)) for axis in mapped.axes]
+
+    def work(start: int) -> None:
+        part = slice(start, start + AT_ONCE)
+        # An index of eight bytes is what NumPy takes by.
+        index, mixed = first[part].astype(np.intp), [(stride, weights[part]) for stride, weights in axes]
+        shown[part] = _mixed(source, index, mixed)
+
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, MOST_WORKERS)) as pool:
+        list(pool.map(work, range(0, first.size, AT_ONCE)))
+    return result
+
+
+def _mixed(source: np.ndarray, index: np.ndarray, axes: list[tuple[int, np.ndarray]]) -> np.ndarray:
+    """Values at ``index``, interpolated along every axis (stride, weights), the last one outermost."""
+    if not axes:
+        return source.take(index)
+    *inner, (stride, weights) = axes
+    here = _mixed(source, index, inner)
+    # The next samples: the same places of what begins a stride later.
+    difference = _mixed(source[stride:], index, inner).astype(np.int16)
+    difference -= here
+    difference *= weights
+    difference += ONE // 2
+    difference >>= 7
+    difference += here
+    return difference.astype(np.uint8)

@@ -1,0 +1,126 @@
+"""The weave: whole numbers change nothing, and light goes back the way it came."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.display import WEAVES
+from lfsr_core.optics.eia import flip_order
+from lfsr_core.optics.panel.gather import gather_map, taps
+from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_rays
+from lfsr_core.optics.panel.trace import trace
+from lfsr_core.optics.panel.weave import weave
+from tests.support.panels import SHEETS, hexagonal, lenticular, profile, square, whole
+
+
+def noise(display, seed=0):
+    """EIA of random bytes."""
+    columns, rows = display.eia_pixels
+    return np.random.default_rng(seed).integers(0, 256, (rows, columns, 3), np.uint8)
+
+
+@pytest.mark.parametrize("sampling", WEAVES)
+@pytest.mark.parametrize("kind", ["lenslet", "lenticular"])
+def test_a_whole_number_of_pixels_behind_each_lens_changes_nothing(kind, sampling):
+    display = whole(kind, subpixels={"stripes": "white"})
+    eia = noise(display)
+    # What the panel of a profile of format 1 shows: the views of each lens in the order of its optics.
+    np.testing.assert_array_equal(weave(eia, gather_map(display, sampling)), flip_order(eia, display.lenses))
+
+
+@pytest.mark.parametrize("kind", ["lenslet", "lenticular"])
+def test_stripes_are_their_pixels_where_the_nearest_view_is_taken(kind):
+    display = whole(kind)
+    eia = noise(display)
+    np.testing.assert_array_equal(weave(eia, gather_map(display, "nearest")), flip_order(eia, display.lenses))
+
+
+@pytest.mark.parametrize("quarter", [0.0, 90.0, -90.0])
+def test_turning_square_lenses_by_a_quarter_changes_nothing(quarter):
+    lattice = {"pitch_mm": [5.0, 5.0], "shift_mm": [0.31, -0.23]}  # no subpixel just between two views
+    plain = profile(lenslet={"lenses": lattice}, lenses=[24, 16], views=[12, 12])
+    turned = profile(lenslet={"lenses": lattice | {"rotation_deg": quarter}}, lenses=[24, 16], views=[12, 12])
+    eia = noise(plain)
+    np.testing.assert_array_equal(weave(eia, gather_map(turned, "nearest")), weave(eia, gather_map(plain, "nearest")))
+
+
+@pytest.mark.parametrize("sampling", WEAVES)
+@pytest.mark.parametrize("sheet", SHEETS)
+def test_the_weave_is_the_weighted_sum_of_its_samples_inside_the_eia(sheet, sampling):
+    display = SHEETS[sheet]()
+    mapped, eia = gather_map(display, sampling), noise(display)
+    woven, total = weave(eia, mapped).astype(float), 0.0
+    for index, weight in taps(mapped, slice(None)):
+        assert index.min() >= 0 and index.max() < eia.size
+        assert (index % 3 == np.arange(3)).all(), "red stays red"
+        assert weight.min() >= 0
+        total = total + eia.reshape(-1)[index] * weight
+    np.testing.assert_allclose(woven, total, atol=2.0)  # each level of interpolation rounds once
+
+
+@pytest.mark.parametrize("sheet", SHEETS)
+def test_one_colour_stays_one_colour(sheet):
+    display = SHEETS[sheet]()
+    columns, rows = display.eia_pixels
+    eia = np.broadcast_to(np.array([10, 128, 255], np.uint8), (rows, columns, 3))
+    assert (weave(eia, gather_map(display, "all")) == (10, 128, 255)).all()
+
+
+@settings(max_examples=25)
+@given(sheet=st.sampled_from(sorted(SHEETS)), seed=st.integers(0, 10**6), channel=st.integers(0, 2))
+def test_an_eye_at_the_end_of_a_subpixels_ray_sees_that_subpixel(sheet, seed, channel):
+    display, random = SHEETS[sheet](), np.random.default_rng(seed)
+    columns, rows = display.panel_pixels
+    # Away from the border, where the lens of an eye that looks straight may lie beyond the panel.
+    row, column = random.integers(8, rows - 8, 200), random.integers(8, columns - 8, 200)
+    rays, geometry = subpixel_rays(display, channel, row, column), Geometry.of(display)
+    eye_x, eye_y = ((view - (count - 1) / 2) * geometry.spacing * sign for view, count, sign
+                    in zip((rays.view_x, rays.view_y), display.views, (1, -1), strict=True))
+    x = ((rays.column + 0.5) / display.lenses[0] - 0.5) * geometry.lens_plane[0]
+    y = (0.5 - (rays.row + 0.5) / display.lenses[1]) * geometry.lens_plane[1]
+    seen = trace(display, (eye_x, eye_y + 0 * x, geometry.distance), x, y)
+    assert (seen.row == row).all() and (seen.column == column).all()
+    assert (seen.channel == channel).all()
+
+
+@pytest.mark.parametrize("sheet", SHEETS)
+def test_views_of_a_lens_stay_in_the_light_field(sheet):
+    display = SHEETS[sheet]()
+    rows = np.arange(display.panel_pixels[1])[:, None]
+    for channel in range(3):
+        rays = subpixel_rays(display, channel, rows, np.arange(display.panel_pixels[0]))
+        # The corners of a turned or hexagonal cell stand out.
+        beyond = 0.5 if display.lenticular else 1.5
+        for view, count in zip((rays.view_x, rays.view_y), display.views, strict=True):
+            assert -beyond <= view.min() and view.max() <= count - 1 + beyond
+
+
+def test_a_mirrored_panel_is_woven_for_its_mirror():
+    plain = lenticular(subpixels={"stripes": "white"}, weave="nearest")
+    mirrored = dataclasses.replace(plain, lenticular=dataclasses.replace(plain.lenticular, flip=(True, True)))
+    eia = noise(plain)
+    np.testing.assert_array_equal(weave(eia, gather_map(mirrored, "views"))[::-1, ::-1],
+                                  weave(eia, gather_map(plain, "views")))
+
+
+def test_bgr_stripes_are_rgb_stripes_of_a_mirrored_pixel():
+    red = subpixel_rays(lenticular(), 0, np.arange(160)[:, None], np.arange(240))
+    blue = subpixel_rays(lenticular(subpixels={"stripes": "bgr"}), 2, np.arange(160)[:, None], np.arange(240))
+    np.testing.assert_array_equal(red.view_x, blue.view_x)
+
+
+@pytest.mark.parametrize("change", [lambda eia: eia[1:], lambda eia: eia.astype(float), lambda eia: eia[..., :1]])
+def test_another_eia_is_refused(change):
+    display = hexagonal()
+    with pytest.raises(LfsrError, match="EIA has shape"):
+        weave(change(noise(display)), gather_map(display, "nearest"))
+
+
+def test_square_lenses_with_a_gap_of_their_own_keep_it():
+    assert Geometry.of(square()).gap == 7.0

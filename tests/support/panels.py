@@ -1,0 +1,54 @@
+"""Small panels with lens sheets of every kind."""
+
+from __future__ import annotations
+
+import math
+
+from lfsr_core.optics.display import DisplayProfile
+
+# Of the first columns of a real third-generation device, see docs/reference/displays.md.
+CELLS = ((-0.31, 0.25, 0.28, 0.25, 0.0, -0.25), (-0.31, -0.25, 0.28, -0.25, 0.0, 0.25))
+
+
+def profile(**changes) -> DisplayProfile:
+    """A panel of 240×160 pixels of half a millimetre; ``changes`` say which sheet lies on it."""
+    return DisplayProfile.from_dict({
+        "format": 2, "name": "panel", "panel_pixels": [240, 160], "panel_mm": [120.0, 80.0],
+        "viewing_distance_mm": 300.0, "viewing_angle_deg": 40.0, **changes})
+
+
+def lenticular(**changes) -> DisplayProfile:
+    """Slanted cylinders over red, green and blue stripes."""
+    return profile(lenticular={"pitch_mm": 2.7, "slant": -0.15, "center": 0.3}, **changes)
+
+
+def hexagonal(**changes) -> DisplayProfile:
+    """Hexagonal lenses, turned a little, off the centre."""
+    lattice = {"pitch_mm": [5.0, 5.0 * math.sqrt(0.75)], "rotation_deg": 0.3, "shift_mm": [0.4, -0.7]}
+    return profile(lenslet={"packing": "hexagonal", "lenses": lattice}, **changes)
+
+
+def square(**changes) -> DisplayProfile:
+    """Square lenses, sheared and turned, at a gap of their own."""
+    lattice = {"pitch_mm": [5.1, 4.9], "rotation_deg": -2.0, "shear": 0.02}
+    return profile(lenslet={"lenses": lattice, "gap_mm": 7.0}, **changes)
+
+
+def cells(**changes) -> DisplayProfile:
+    """A third-generation device: two cells of subpixels that change from column to column."""
+    return lenticular(subpixels={"cells": [list(cell) for cell in CELLS], "cell_rule": "x%2"}, **changes)
+
+
+def whole(kind: str, **changes) -> DisplayProfile:
+    """A sheet with a whole number of pixels behind each lens, as a profile of format 1 has it: 8 by 8, or 8 by 1."""
+    given = {"panel_pixels": [128, 96], "panel_mm": [128.0, 96.0], "viewing_distance_mm": 180.0,
+             "lenses": [16, 12 if kind == "lenslet" else 96], "views": [8, 8 if kind == "lenslet" else 1]}
+    if kind == "lenticular":
+        return profile(lenticular={"pitch_mm": 8.0}, **given | changes)
+    gap = 4 / math.tan(math.radians(20))
+    pitch = 8 * 180 / (180 + gap)
+    return profile(lenslet={"lenses": {"pitch_mm": [pitch, pitch], "shift_mm": [pitch / 2, pitch / 2]}},
+                   **given | changes)
+
+
+SHEETS = {"lenticular": lenticular, "hexagonal": hexagonal, "square": square, "cells": cells}
