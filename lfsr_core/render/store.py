@@ -9,6 +9,7 @@ from typing import Any
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, LAYOUTS, Frame, read_frame
 from lfsr_core.frames.job import Job, check_scene
+from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.progress import ProgressBar
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import RENDERED_FILES, run_job
@@ -67,8 +68,10 @@ def with_blender(executable: str | None = None, announce: bool = True) -> Render
 
 
 def _shown(value: Any, other: Any) -> Any:
-    """``value`` in a sentence: displays by name unless both have the same one, lists of lenses by their number."""
-    name = getattr(value, "name", value)
+    """``value`` in a sentence: displays by name, or by what differs under one name, lists of lenses by their number."""
     if isinstance(value, tuple) or value is None:
         return f"of {len(value)} lenses" if value else "of all lenses"
-    return name if name != getattr(other, "name", other) else value
+    if not isinstance(value, DisplayProfile) or value.name != other.name:
+        return getattr(value, "name", value)
+    differing = next(name for name in vars(value) if getattr(value, name) != getattr(other, name))
+    return f"{value.name} of {differing}={getattr(value, differing)!r}"
