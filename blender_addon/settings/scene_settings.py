@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import zlib
 from pathlib import Path
 
 import bpy
@@ -22,6 +23,7 @@ from ..scene.subject import find_subject
 from .methods import check_scale
 
 PROFILE_FILE = "FILE"
+FIRST_PROFILES = ("bupt-32in-8k", "dense-8k", "fhd", "mini", "small")
 SCALES = (1, 2, 3, 4, 5, 8)
 # Samples and method of each quality preset.
 QUALITY = {"DRAFT": (4, DEFAULT_METHOD), "BALANCED": (16, DEFAULT_METHOD), "FINAL": (64, DEFAULT_METHOD)}
@@ -31,8 +33,10 @@ GPU_TYPES = ("NONE", "CPU")
 def profile_items() -> list[tuple[str, str, str, str, int]]:
     """Enum items of the built-in displays and of a profile in a file."""
     items = []
-    for number, name in enumerate(builtin_names(), start=1):
+    for name in builtin_names():
         display = load_display(name)
+        # A saved scene keeps the number: those of the first profiles are their places.
+        number = FIRST_PROFILES.index(name) + 1 if name in FIRST_PROFILES else zlib.crc32(name.encode()) & 0x7FFFFFFF
         items.append((name, name, display.description, "DESKTOP", number))
     return [*items, (PROFILE_FILE, "From File…", "Display profile in a .toml file", "FILE", 0)]
 

@@ -4,32 +4,65 @@ from __future__ import annotations
 
 import argparse
 import math
+from pathlib import Path
 
+from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
+from lfsr_core.optics.proposal import PanelShape, proposed_light_field
+from lfsr_core.optics.sheet import Lattice, Subpixels
 
 NAME = "displays"
-HELP = "list the display profiles, or show one with its derived numbers"
+HELP = "list the display profiles, show one with its derived numbers, import or calibrate one"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
     parser.add_argument("display", nargs="?", metavar="NAME|FILE.toml", help="profile to show")
+    parser.add_argument("--import", dest="calibration", type=Path, metavar="VISUAL.json",
+                        help="make a profile of a Looking Glass calibration; needs -o FILE.toml")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="file to write")
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Print one line per profile, or every number of one."""
-    if arguments.display:
-        print("\n".join(describe(load_display(arguments.display))))
-        return
-    for name in builtin_names():
-        profile = load_display(name)
-        print(f"{name:14} {_pair(profile.panel_pixels)} px, {_pair(profile.lenses)} lenses of "
-              f"{_pair(profile.views)} views. {profile.description}")
+    """Print one line per profile, or every number of one; or make a file."""
+    if arguments.calibration:
+        profile = _imported(arguments)
+    elif arguments.display:
+        profile = load_display(arguments.display)
+    else:
+        return print("\n".join(map(_line, builtin_names())))
+    return print("\n".join(describe(profile)))
+
+
+def _line(name: str) -> str:
+    profile = load_display(name)
+    return (f"{name:22} {_pair(profile.panel_pixels)} px, {_pair(profile.lenses)} lenses of "
+            f"{_pair(profile.views)} views. {profile.description}")
+
+
+def _imported(arguments: argparse.Namespace) -> DisplayProfile:
+    """The profile of a calibration, written to the output file and named after it."""
+    from lfsr_core.optics.panel.visual_json import profile_of, read_calibration
+    from lfsr_core.optics.profile_file import write_profile
+
+    output = _output(arguments, "a calibration becomes a profile", "-o FILE.toml")
+    calibration = read_calibration(arguments.calibration)
+    profile = profile_of(calibration, output.stem)
+    write_profile(output, profile)
+    if calibration.numbers["fringe"]:
+        print(f"the calibration's fringe of {calibration.numbers['fringe']:g} is not used")
+    return profile
+
+
+def _output(arguments: argparse.Namespace, what: str, wanted: str) -> Path:
+    if arguments.output is None:
+        raise LfsrError(f"there is no file to write, but {what}: give {wanted}")
+    return arguments.output
 
 
 def describe(profile: DisplayProfile) -> list[str]:
     """Lines that show a profile: what it states, then what follows from it."""
-    rows = [*_stated(profile), *_derived(profile)]
+    rows = [*_stated(profile), *(_sheet(profile) if profile.is_woven else ()), *_derived(profile)]
     rows += [(f"depth at scale {scale}", _depth(profile, scale)) for scale in (1, *profile.scales())]
     return [profile.name, f"  {profile.description}", *(f"  {label:22} {value}" for label, value in rows)]
 
@@ -46,6 +79,53 @@ def _stated(profile: DisplayProfile) -> list[tuple[str, str]]:
     ]
 
 
+def _sheet(profile: DisplayProfile) -> list[tuple[str, str]]:
+    """What a lens sheet is, what it makes of the panel, and what an eye then sees."""
+    from lfsr_core.optics.panel.crosstalk import view_spread
+    from lfsr_core.optics.panel.subpixel_rays import Geometry
+
+    spread, geometry = view_spread(profile), Geometry.of(profile)
+    shape = PanelShape(profile.panel_pixels, profile.panel_mm)
+    lenses, views = proposed_light_field(shape, profile.lenslet, profile.lenticular)
+    return [*(_lenslet(profile) if profile.lenslet else _lenticular(profile)), _subpixels(profile),
+            ("panel to lenses", f"{geometry.gap:.3f} mm"),
+            ("loses nothing", f"{_pair(lenses)} lenses of {_pair(views)} views"),
+            ("weave", f"interpolates {profile.weave}" if profile.weave != "nearest" else "takes the nearest view"),
+            ("an eye at a view sees", f"{spread.own:.0%} of that view, {spread.neighbours:.0%} of those beside it"),
+            ("crosstalk", f"{spread.others:.1%} from views further off")]
+
+
+def _lenticular(profile: DisplayProfile) -> list[tuple[str, str]]:
+    sheet, (width, height) = profile.lenticular, profile.panel_mm
+    across = sheet.lenses_across(width)
+    return [("cylinders", f"{across:.3f} across (P), {sheet.pitch_mm:.6g} mm apart, "
+                          f"leaning {math.degrees(math.atan(sheet.slant)):.4g}°"),
+            ("tilt", f"{sheet.slant * height / width:.7f} panel heights per width"),
+            ("subpixels behind one", f"{3 * profile.panel_pixels[0] / across:.3f} in a row")]
+
+
+def _lenslet(profile: DisplayProfile) -> list[tuple[str, str]]:
+    sheet, pixel = profile.lenslet, profile.panel_mm[0] / profile.panel_pixels[0]
+    images = sheet.elemental_images or _images_of(profile)
+    return [("lens sheet", f"{sheet.packing}, {_mm(sheet.lenses.pitch_mm)} apart, turned by "
+                           f"{sheet.lenses.rotation_deg:g}°, shifted by {_mm(sheet.lenses.shift_mm)}"),
+            ("pixels behind a lens", " × ".join(f"{pitch / pixel:.3f}" for pitch in images.pitch_mm))]
+
+
+def _images_of(profile: DisplayProfile) -> Lattice:
+    from lfsr_core.optics.panel.subpixel_rays import Geometry
+
+    geometry = Geometry.of(profile)
+    return profile.lenslet.lenses.scaled(1 + geometry.gap / geometry.distance)
+
+
+def _subpixels(profile: DisplayProfile) -> tuple[str, str]:
+    subpixels = profile.subpixels or Subpixels()
+    if subpixels.cells:
+        return "subpixels", f"{len(subpixels.cells)} cells, pixel x, y has number {subpixels.cell_rule}"
+    return "subpixels", f"{subpixels.stripes} stripes" if subpixels.stripes != "white" else "in one place"
+
+
 def _derived(profile: DisplayProfile) -> list[tuple[str, str]]:
     pitch_x, pitch_y = profile.lens_pitch_mm
     spacing = profile.camera_spacing_mm
@@ -54,7 +134,7 @@ def _derived(profile: DisplayProfile) -> list[tuple[str, str]]:
         ("lens pitch", f"{pitch_x:.3f} × {pitch_y:.3f} mm"),
         ("pixel pitch", f"{profile.panel_mm[0] / profile.panel_pixels[0]:.4f} mm"),
         ("view spacing", f"{spacing:.3f} mm at the viewing distance, {per_view:.3f}°"),
-        ("vertical angle", f"{_vertical_angle(profile):.1f}°"),
+        ("vertical angle", f"{_vertical_angle(profile):.1f}°" if profile.parallax[1] else "none: one view vertically"),
         ("scale factors", ", ".join(map(str, profile.scales())) or "none: views share no factor from 2 to 10"),
     ]
 
@@ -68,6 +148,10 @@ def _depth(profile: DisplayProfile, scale: int) -> str:
     front, behind = profile.depth_range_mm(scale)
     far = "without limit" if math.isinf(behind) else f"{behind:.1f} mm"
     return f"{front:.1f} mm in front, {far} behind the display"
+
+
+def _mm(pair: tuple[float, float]) -> str:
+    return f"{pair[0]:.4g} × {pair[1]:.4g} mm"
 
 
 def _pair(pair: tuple[int, int]) -> str:

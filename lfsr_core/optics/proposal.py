@@ -1,4 +1,4 @@
-"""The regular light field that a panel with a lens sheet can show: one value for every subpixel or pixel it has."""
+"""The regular light field that a panel with a lens sheet can show: about one value for every one it has."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import math
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.sheet import Lenslet, Lenticular
 
+VIEWS_PER_SUBPIXEL = 2
 MULTIPLE = 4  # of views, so that scales 2 and 4 divide them
 MOST_PIXELS = 65536  # a side: no Blender renders more
 
@@ -29,13 +30,16 @@ def proposed_light_field(panel: PanelShape, lenslet: Lenslet | None,
                          lenticular: Lenticular | None) -> tuple[tuple[int, int], tuple[int, int]]:
     """Lenses and views of a light field that loses nothing against the panel.
 
-    A lens for every lens of the sheet (lenticular: for every cylinder in every row of
-    pixels), and as many views as there are pixels behind it (lenticular: subpixels),
-    rounded up. Fewer of either is the artist's choice.
+    Lenslets: a lens for every lens of the sheet and a view for every pixel behind it.
+    Lenticular: a column for every cylinder, a row for two rows of pixels, two views for
+    every subpixel behind a cylinder: of as many values this was seen best, since subpixels
+    of neighbouring rows lie between one another (docs/reference/displays.md).
+    Views are rounded up. Fewer of either is the artist's choice.
     """
     if lenticular is not None:
         across = lenticular.lenses_across(panel.panel_mm[0])
-        return (_up(across), panel.panel_pixels[1]), (_up(3 * panel.panel_pixels[0] / across, MULTIPLE), 1)
+        views = _up(VIEWS_PER_SUBPIXEL * 3 * panel.panel_pixels[0] / across, MULTIPLE)
+        return (_up(across), _up(panel.panel_pixels[1] / VIEWS_PER_SUBPIXEL)), (views, 1)
     if lenslet is None:
         raise LfsrError("there is no lens sheet to propose a light field for: give lenses and views")
     pixel = panel.panel_mm[0] / panel.panel_pixels[0]

@@ -1,0 +1,127 @@
+"""Calibrations of Looking Glass displays, ``visual.json``, as display profiles.
+
+Wrapped numbers, as ``"pitch": {"value": 52.6}``, and of the third generation cells of subpixels in plain ones. With x
+and y in 0 … 1 from the lower left and channel c a calibration of the first two generations says
+a = (x + c / (3·screenW) + y·tilt)·P − center: its stripes begin at the pixel's centre, ours a third of a pixel before.
+The image's own coordinates are kept where a calibration mirrors it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.proposal import PanelShape, proposed_light_field
+from lfsr_core.optics.sheet import Lenticular, Subpixels
+
+INCH = 25.4
+# Which cell a pixel has, by a calibration's mode, as older programs read it; others differ: see cell_rule.
+RULES = {0: "0", 1: "(x+y)%2", 2: "x%2", 3: "(y+2(x%2))%4", 4: "y%2"}
+OFFSETS = tuple(f"{channel}Offset{axis}" for channel in "RGB" for axis in "XY")
+CONE, DISTANCE_BY_HEIGHT = 40.0, 2.5  # where the calibration says nothing of them
+REQUIRED = ("pitch", "slope", "center", "DPI", "screenW", "screenH")
+OPTIONAL = {"viewCone": CONE, "invView": 1.0, "verticalAngle": 0.0, "flipImageX": 0.0, "flipImageY": 0.0,
+            "flipSubp": 0.0, "fringe": 0.0}
+
+
+@dataclasses.dataclass(frozen=True)
+class Calibration:
+    """The numbers of a visual.json, by its own names; see RESEARCH and docs/reference/displays.md."""
+
+    numbers: Mapping[str, float]  # every name of REQUIRED and OPTIONAL
+    mode: int  # CellPatternMode
+    cells: tuple[tuple[float, ...], ...]  # offsets in the order of OFFSETS, in pixels
+    serial: str
+
+    @property
+    def lenses_across(self) -> float:
+        """P: cylinders across the panel."""
+        return self.lenticular(0).lenses_across(self.panel_mm[0])
+
+    @property
+    def tilt(self) -> float:
+        """Panel heights by which an axis leans per panel width, with a sign."""
+        width, height = (self.numbers[name] for name in ("screenW", "screenH"))
+        tilt = height / (width * self.numbers["slope"])
+        return -tilt if self.is_on("flipImageX") else tilt
+
+    @property
+    def panel_mm(self) -> tuple[float, float]:
+        """Width and height of the panel."""
+        width, height = (self.numbers[name] / self.numbers["DPI"] * INCH for name in ("screenW", "screenH"))
+        return width, height
+
+    def is_on(self, name: str) -> bool:
+        """Whether a switch of the calibration is on."""
+        return self.numbers[name] >= 0.5
+
+    def lenticular(self, shift: float) -> Lenticular:
+        """The sheet, its ``center`` moved by a ``shift`` in panel widths to the right."""
+        pitch = INCH / self.numbers["pitch"]
+        width, height = self.numbers["screenW"], self.numbers["screenH"]
+        plain = Lenticular(pitch, self.tilt * width / height, self.numbers["center"],
+                           reversed=not self.is_on("invView"))
+        return dataclasses.replace(plain, center=plain.center - shift * plain.lenses_across(self.panel_mm[0]))
+
+
+def read_calibration(path: str | Path) -> Calibration:
+    """Calibration in a visual.json; LfsrError names the field, its value and what it should be."""
+    data = read_json(path, "the visual.json of a display")
+    if not isinstance(data, dict):
+        raise LfsrError(f"{path} holds a {type(data).__name__}, but a calibration is a JSON object: check the path")
+    numbers = {name: _number(path, data, name, None) for name in REQUIRED}
+    numbers |= {name: _number(path, data, name, value) for name, value in OPTIONAL.items()}
+    for name in ("pitch", "DPI", "screenW", "screenH"):
+        _check(path, name, numbers[name], numbers[name] > 0, "a number above 0")
+    for name in ("screenW", "screenH"):
+        _check(path, name, numbers[name], numbers[name] == int(numbers[name]), "a whole number of pixels")
+    _check(path, "slope", numbers["slope"], numbers["slope"] != 0, "a number other than 0")
+    mode = data.get("CellPatternMode", data.get("cellPatternMode", 0))
+    mode = mode.get("value") if isinstance(mode, dict) else mode
+    _check(path, "CellPatternMode", mode, isinstance(mode, (int, float)) and mode in RULES, "one of 0, 1, 2, 3, 4")
+    return Calibration(numbers, int(mode), _cells(path, data.get("subpixelCells") or []), str(data.get("serial", "")))
+
+
+def profile_of(calibration: Calibration, name: str) -> DisplayProfile:
+    """The display profile of a calibration, with the light field that loses nothing on it."""
+    numbers = calibration.numbers
+    pixels = (int(numbers["screenW"]), int(numbers["screenH"]))
+    # A switched-off flip leaves stripes red first; both flips together cancel.
+    forward = calibration.is_on("flipImageX") == calibration.is_on("flipSubp")
+    if calibration.cells:
+        subpixels = Subpixels(cells=calibration.cells, cell_rule=RULES[calibration.mode])
+        sheet = calibration.lenticular(0)
+    else:
+        subpixels = Subpixels("rgb" if forward else "bgr")
+        sheet = calibration.lenticular((1 if forward else -1) / (3 * pixels[0]))
+    lenses, views = proposed_light_field(PanelShape(pixels, calibration.panel_mm), None, sheet)
+    serial = f" {calibration.serial}" if calibration.serial else ""
+    return DisplayProfile(
+        name, pixels, calibration.panel_mm, lenses, views, DISTANCE_BY_HEIGHT * calibration.panel_mm[1],
+        numbers["viewCone"], ei_order="direct", description=f"Lenticular display{serial}, from its calibration.",
+        subpixels=subpixels, lenticular=sheet)
+
+
+def _number(path: str | Path, data: Mapping[str, Any], name: str, default: float | None) -> float:
+    value = data.get(name, default)
+    value = value.get("value", default) if isinstance(value, dict) else value
+    if value is None:
+        raise LfsrError(f"{path}: field {name!r} is missing; every calibration needs it")
+    _check(path, name, value, isinstance(value, (int, float)) and not isinstance(value, bool), "a number")
+    return float(value)
+
+
+def _cells(path: str | Path, data: Any) -> tuple[tuple[float, ...], ...]:
+    _check(path, "subpixelCells", data, isinstance(data, list) and all(isinstance(cell, dict) for cell in data),
+           "a list of objects")
+    return tuple(tuple(_number(path, cell, name, None) for name in OFFSETS) for cell in data)
+
+
+def _check(path: str | Path, name: str, value: Any, holds: bool, rule: str) -> None:
+    if not holds:
+        raise LfsrError(f"{path}: {name} is {repr(value)[:50]}, but it must be {rule}")

@@ -1,0 +1,45 @@
+"""Display profiles as TOML files, written."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import atomic_path
+from lfsr_core.optics.display import DisplayProfile, load_display
+
+
+def write_profile(path: str | Path, profile: DisplayProfile) -> None:
+    """Write ``profile`` as TOML, whole or not at all; LfsrError for a name that ``load_display`` would not read."""
+    path = Path(path)
+    if path.suffix != ".toml":
+        raise LfsrError(f"{path} is to be a display profile, but its name does not end in .toml: add that")
+    with atomic_path(path) as temporary:
+        temporary.write_text(as_toml(profile), encoding="utf-8")
+        if load_display(temporary) != profile:
+            raise LfsrError(f"display {profile.name!r} would be read back as another: choose a plainer name")
+
+
+def as_toml(profile: DisplayProfile) -> str:
+    """The profile as TOML text: its own fields, then a table for each part."""
+    data = profile.to_dict()
+    return "\n".join(_lines({"format": data.pop("format", 1), **data}, "")) + "\n"
+
+
+def _lines(data: dict[str, Any], table: str) -> list[str]:
+    plain = {key: value for key, value in data.items() if not isinstance(value, dict) and value is not None}
+    lines = [f"{key} = {_value(value)}" for key, value in plain.items()]
+    for key, value in data.items():
+        if isinstance(value, dict):
+            lines += ["", f"[{table}{key}]", *_lines(value, f"{table}{key}.")]
+    return lines
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)  # TOML's basic strings have the same escapes
+    return str(value).lower() if isinstance(value, bool) else repr(value)
