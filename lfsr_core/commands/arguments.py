@@ -11,6 +11,8 @@ from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CONVENTIONS
 from lfsr_core.render.store import with_blender
 
+FARTHEST_MM = 1e6
+
 
 def add_scene_arguments(parser: argparse.ArgumentParser, samples: int) -> None:
     """The scene, where to write, how many samples, and everything that decides the geometry."""
@@ -55,3 +57,16 @@ def make_job(arguments: argparse.Namespace, **values: Any) -> Job:
 def render(arguments: argparse.Namespace, job: Job) -> None:
     """Run ``job`` in Blender with a progress bar."""
     with_blender(arguments.blender, announce=False)(job)
+
+
+def position(text: str) -> tuple[float, float, float]:
+    """Three numbers X,Y,Z in millimetres, for argparse."""
+    parts = text.split(",")
+    try:
+        x, y, z = (float(part) for part in parts)
+        if not all(abs(value) <= FARTHEST_MM for value in (x, y, z)):
+            raise ValueError
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not three numbers X,Y,Z in millimetres, "
+                                         f"each below {FARTHEST_MM:g}") from None
+    return x, y, z

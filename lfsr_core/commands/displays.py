@@ -6,10 +6,11 @@ import argparse
 import math
 from pathlib import Path
 
+from lfsr_core.commands.arguments import position
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.optics.proposal import PanelShape, proposed_light_field
-from lfsr_core.optics.sheet import Lattice, Subpixels
+from lfsr_core.optics.sheet import Subpixels
 
 NAME = "displays"
 HELP = "list the display profiles, show one with its derived numbers, import or calibrate one"
@@ -20,6 +21,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("display", nargs="?", metavar="NAME|FILE.toml", help="profile to show")
     parser.add_argument("--import", dest="calibration", type=Path, metavar="VISUAL.json",
                         help="make a profile of a Looking Glass calibration; needs -o FILE.toml")
+    parser.add_argument("--pattern", metavar="phase|lens|band|rgb|grid",
+                        help="write a test image for the panel, to judge by eye or to photograph; needs -o FILE.png")
+    parser.add_argument("--fit", nargs="+", type=Path, metavar="PHOTO",
+                        help="photographs of the phase pattern: find pitch, rotation and shift of the lens sheet")
+    parser.add_argument("--from", dest="places", action="append", type=position, metavar="X,Y,Z",
+                        help="where each photograph was taken, in their order, in millimetres from the middle of the "
+                             "lenses: rightwards, upwards, towards the viewer; default: 0,0 and the viewing distance")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="file to write")
 
 
@@ -27,6 +35,10 @@ def run(arguments: argparse.Namespace) -> None:
     """Print one line per profile, or every number of one; or make a file."""
     if arguments.calibration:
         profile = _imported(arguments)
+    elif arguments.pattern:
+        return _write_pattern(arguments)
+    elif arguments.fit:
+        profile = _fitted(arguments)
     elif arguments.display:
         profile = load_display(arguments.display)
     else:
@@ -52,6 +64,39 @@ def _imported(arguments: argparse.Namespace) -> DisplayProfile:
     if calibration.numbers["fringe"]:
         print(f"the calibration's fringe of {calibration.numbers['fringe']:g} is not used")
     return profile
+
+
+def _write_pattern(arguments: argparse.Namespace) -> None:
+    from lfsr_core.images.png import write_png
+    from lfsr_core.optics.panel.patterns import pattern
+
+    output = _output(arguments, "a pattern becomes an image", "-o FILE.png")
+    write_png(output, pattern(_given(arguments), arguments.pattern))
+    print(output)
+
+
+def _fitted(arguments: argparse.Namespace) -> DisplayProfile:
+    """The profile with the sheet that photographs show; written where an output file is given."""
+    from lfsr_core.images.png import read_png
+    from lfsr_core.optics.panel.fit import Photograph, fitted_profile
+    from lfsr_core.optics.profile_file import write_profile
+
+    profile, photos = _given(arguments), arguments.fit
+    places = arguments.places or [(0.0, 0.0, profile.viewing_distance_mm)] * len(photos)
+    if len(places) != len(photos):
+        raise LfsrError(f"{len(photos)} photographs were given and {len(places)} places, but each photograph needs its "
+                        "own: give --from X,Y,Z once for each")
+    found = fitted_profile(profile, [Photograph(read_png(photo) / 255, place)
+                                     for photo, place in zip(photos, places, strict=True)])
+    if arguments.output:
+        write_profile(arguments.output, found)
+    return found
+
+
+def _given(arguments: argparse.Namespace) -> DisplayProfile:
+    if not arguments.display:
+        raise LfsrError("no display was named, but a pattern or a fit needs one: give its name or FILE.toml first")
+    return load_display(arguments.display)
 
 
 def _output(arguments: argparse.Namespace, what: str, wanted: str) -> Path:
@@ -105,18 +150,13 @@ def _lenticular(profile: DisplayProfile) -> list[tuple[str, str]]:
 
 
 def _lenslet(profile: DisplayProfile) -> list[tuple[str, str]]:
+    from lfsr_core.optics.panel.subpixel_rays import elemental_lattice
+
     sheet, pixel = profile.lenslet, profile.panel_mm[0] / profile.panel_pixels[0]
-    images = sheet.elemental_images or _images_of(profile)
+    images = elemental_lattice(profile)
     return [("lens sheet", f"{sheet.packing}, {_mm(sheet.lenses.pitch_mm)} apart, turned by "
                            f"{sheet.lenses.rotation_deg:g}°, shifted by {_mm(sheet.lenses.shift_mm)}"),
             ("pixels behind a lens", " × ".join(f"{pitch / pixel:.3f}" for pitch in images.pitch_mm))]
-
-
-def _images_of(profile: DisplayProfile) -> Lattice:
-    from lfsr_core.optics.panel.subpixel_rays import Geometry
-
-    geometry = Geometry.of(profile)
-    return profile.lenslet.lenses.scaled(1 + geometry.gap / geometry.distance)
 
 
 def _subpixels(profile: DisplayProfile) -> tuple[str, str]:

@@ -32,8 +32,8 @@ def proposed_light_field(panel: PanelShape, lenslet: Lenslet | None,
 
     Lenslets: a lens for every lens of the sheet and a view for every pixel behind it.
     Lenticular: a column for every cylinder, a row for two rows of pixels, two views for
-    every subpixel behind a cylinder: of as many values this was seen best, since subpixels
-    of neighbouring rows lie between one another (docs/reference/displays.md).
+    every subpixel behind a cylinder, since those of neighbouring rows lie between one
+    another: better than all rows and one view for each (docs/reference/displays.md).
     Views are rounded up. Fewer of either is the artist's choice.
     """
     if lenticular is not None:

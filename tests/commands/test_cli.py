@@ -89,7 +89,7 @@ def test_wrong_command_line_exits_with_2(arguments, capsys):
 def test_displays_lists_and_shows(capsys):
     assert main(["displays"]) == 0
     listed = capsys.readouterr().out
-    assert len(listed.splitlines()) == 5
+    assert len(listed.splitlines()) == 13
     assert "7680×4320 px, 96×54 lenses of 80×80 views" in listed
     assert main(["displays", "bupt-32in-8k"]) == 0
     shown = capsys.readouterr().out

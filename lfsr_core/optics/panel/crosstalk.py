@@ -36,7 +36,7 @@ def view_spread(profile: DisplayProfile, seed: int = 0) -> ViewSpread:
         view = tuple(round(place * (count - 1)) for count in profile.views)
         off = np.stack(_views_off(profile, view, random))
         on_place = np.clip(1 - np.abs(off), 0, None).prod(0)
-        beside = np.prod([sum(np.clip(1 - np.abs(axis - step), 0, None) for step in (-1, 0, 1)) for axis in off], axis=0)
+        beside = sum(np.clip(1 - np.abs(off - step), 0, None) for step in (-1, 0, 1)).prod(0)
         parts.append((on_place.mean(), (beside - on_place).mean(), (1 - beside).mean(), off[0].mean()))
     return ViewSpread(*map(float, np.mean(parts, 0)))
 

@@ -120,8 +120,7 @@ def _axis_point(sheet: Lenticular, place: tuple[np.ndarray, ...], nearer: float,
 
 def _through_lenses(profile: DisplayProfile, geometry: Geometry, x: np.ndarray, y: np.ndarray) -> SubpixelRays:
     sheet = profile.lenslet
-    images = sheet.elemental_images or sheet.lenses.scaled(1 + geometry.gap / geometry.distance)
-    first, second = nearest_point(images, sheet.packing, x, y)
+    first, second = nearest_point(elemental_lattice(profile), sheet.packing, x, y)
     center_x, center_y = lattice_point(sheet.lenses, sheet.packing, first, second)
     throw = geometry.distance / geometry.gap / geometry.spacing
     view = ((center_x - x) * throw + center_x / geometry.spacing + (profile.views[0] - 1) / 2,
@@ -167,3 +166,32 @@ def _nearest_of_four(matrix: np.ndarray, first: np.ndarray, second: np.ndarray) 
         best = np.where(nearer, far, best) if best is not None else far
         step_first, step_second = np.where(nearer, one, step_first), np.where(nearer, two, step_second)
     return left + step_first, below + step_second
+
+
+def lattice_coordinates(profile: DisplayProfile, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places on the panel, millimetres from its centre, counted in elemental images: whole in the middle of each.
+
+    Along both steps of the lattice; of cylinders from one to the next, and 0.
+    """
+    waves, phases = elemental_waves(profile)
+    first, second = (wave[0] * x + wave[1] * y - phase for wave, phase in zip(waves, phases, strict=True))
+    return first, second
+
+
+def elemental_waves(profile: DisplayProfile) -> tuple[np.ndarray, np.ndarray]:
+    """(2, 2) elemental images per millimetre (x, y) along each step of their lattice, and (2,) phases at the centre."""
+    if profile.lenticular:
+        sheet, (width, height) = profile.lenticular, profile.panel_mm
+        across = sheet.lenses_across(width)
+        wave = np.array([1.0, sheet.slant]) * across / width
+        phase = sheet.center + 0.5 - across / 2 * (1 + sheet.slant * height / width)
+        return np.stack([wave, np.zeros(2)]), np.array([phase, 0.0])
+    images = elemental_lattice(profile)
+    waves = np.linalg.inv(images.matrix(profile.lenslet.packing))
+    return waves, waves @ np.array(images.shift_mm)
+
+
+def elemental_lattice(profile: DisplayProfile) -> Lattice:
+    """Middles of the elemental images of a lenslet profile: stated, or the lenses seen from the viewing distance."""
+    geometry, sheet = Geometry.of(profile), profile.lenslet
+    return sheet.elemental_images or sheet.lenses.scaled(1 + geometry.gap / geometry.distance)
