@@ -55,7 +55,7 @@ def _renderer(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 def _display(scene: bpy.types.Scene) -> Iterator[Problem]:
     try:
-        scene_settings.display_of(scene).low_views(int(scene.lfsr.scale))
+        scene_settings.check_method(scene)
     except LfsrError as error:
         yield Problem("display", "Display", _sentence(error), severity=ERROR)
 

@@ -22,7 +22,7 @@ from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from ..array import rig
 from ..results import preview
 from .methods import method_items
-from .scene_settings import QUALITY, SCALES, profile_items
+from .scene_settings import SCALES, profile_items, qualities
 
 MAX_EYE_STEP = 10
 
@@ -35,8 +35,14 @@ def _draws(_settings: SceneSettings, context: bpy.types.Context) -> None:
                 area.tag_redraw()
 
 
+def _display_changed(settings: SceneSettings, context: bpy.types.Context) -> None:
+    """A preset stays what it is: its method is the best for the display."""
+    _apply_quality(settings, context)
+    _draws(settings, context)
+
+
 def _apply_quality(settings: SceneSettings, _context: bpy.types.Context) -> None:
-    values = QUALITY.get(settings.quality)
+    values = qualities(settings.id_data).get(settings.quality)
     if values is None or settings.applying:
         return
     settings.applying = True
@@ -49,7 +55,8 @@ def _apply_quality(settings: SceneSettings, _context: bpy.types.Context) -> None
 def _is_custom(settings: SceneSettings, _context: bpy.types.Context) -> None:
     if settings.applying:
         return
-    named = [name for name, values in QUALITY.items() if values == (settings.samples, settings.method)]
+    presets = qualities(settings.id_data)
+    named = [name for name, values in presets.items() if values == (settings.samples, settings.method)]
     settings.applying = True
     try:
         settings.quality = named[0] if named else "CUSTOM"
@@ -81,11 +88,11 @@ class SceneSettings(bpy.types.PropertyGroup):
     """Light-field settings of one scene."""
 
     display: EnumProperty(
-        name="Display", description="Integral-imaging display that will show the image",
-        items=profile_items(), default="bupt-32in-8k", update=_draws)
+        name="Display", description="Light-field display that will show the image",
+        items=profile_items(), default="bupt-32in-8k", update=_display_changed)
     profile_file: StringProperty(
         name="Profile", description="Display profile (.toml) of a display that is not built in",
-        subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_draws)
+        subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_display_changed)
     scale: EnumProperty(
         name="Scale", description="Render one view of this many in each direction and reconstruct the others",
         items=[(f"{s}", f"{s}×", f"Render 1 of {s}×{s} views" if s > 1 else "Render every view", s) for s in SCALES],

@@ -15,7 +15,7 @@ from lfsr_core.frames.frame import EIA_FILE, Frame, read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, MethodName
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, MethodName, default_method
 
 from ..render import devices
 from ..render.color import color_settings
@@ -25,8 +25,7 @@ from .methods import check_scale
 PROFILE_FILE = "FILE"
 FIRST_PROFILES = ("bupt-32in-8k", "dense-8k", "fhd", "mini", "small")
 SCALES = (1, 2, 3, 4, 5, 8)
-# Samples and method of each quality preset.
-QUALITY = {"DRAFT": (4, DEFAULT_METHOD), "BALANCED": (16, DEFAULT_METHOD), "FINAL": (64, DEFAULT_METHOD)}
+QUALITY_SAMPLES = {"DRAFT": 4, "BALANCED": 16, "FINAL": 64}
 GPU_TYPES = ("NONE", "CPU")
 
 
@@ -63,6 +62,15 @@ def display_of(scene: bpy.types.Scene) -> DisplayProfile:
 def _read_profile(path: str, _changed: int) -> DisplayProfile:
     """Panels ask on every redraw; the file is read once per change."""
     return load_display(path)
+
+
+def qualities(scene: bpy.types.Scene) -> dict[str, tuple[int, str]]:
+    """Samples and method of each quality preset, on the scene's display."""
+    try:
+        best = default_method(display_of(scene).parallax)
+    except LfsrError:
+        best = DEFAULT_METHOD  # the panel says what is wrong with the display
+    return {name: (samples, best) for name, samples in QUALITY_SAMPLES.items()}
 
 
 def absolute(path: str, what: str) -> Path:
@@ -145,11 +153,19 @@ def check_renderable(scene: bpy.types.Scene) -> None:
     """LfsrError for whatever makes a render impossible before it starts."""
     if bpy.context.preferences.addons.get("cycles") is None:
         raise LfsrError("Cycles is switched off in Blender's preferences: switch the Cycles Render Engine add-on on")
-    scale = int(scene.lfsr.scale)
-    display_of(scene).low_views(scale)
-    check_scale(scene.lfsr.method, scale)
+    check_method(scene)
     find_subject(scene)
     color_settings(scene)
+
+
+def check_method(scene: bpy.types.Scene) -> None:
+    """LfsrError where the display's views cannot be divided by the scale, or the method cannot make them."""
+    display, scale = display_of(scene), int(scene.lfsr.scale)
+    display.low_views(scale)
+    if not MethodName.parse(scene.lfsr.method).works_with(display.parallax):
+        raise LfsrError(f"display {display.name!r} has views in one direction, and this method's network needs two: "
+                        "choose a method without Refine or a network, as Denoise + Bilinear + Recover")
+    check_scale(scene.lfsr.method, scale)
 
 
 def length(scene: bpy.types.Scene, value: float) -> str:

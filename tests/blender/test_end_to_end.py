@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import signal
@@ -18,6 +19,8 @@ from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import to_views
+from lfsr_core.optics.profile_file import write_profile
+from tests.support.panels import SHEETS
 from tests.support.prerequisites import needs_bpy
 
 pytestmark = needs_bpy
@@ -147,3 +150,22 @@ def test_interrupt_ends_a_real_render_soon(scene, tmp_path):
     assert time.monotonic() - sent < 30
     assert list(tmp_path.iterdir()) == []
     assert processes_naming(tmp_path) == [], "Blender must not live on"
+
+
+@pytest.mark.parametrize("kind", ["lenticular", "hexagonal"])
+def test_a_lens_sheet_from_scene_to_panel(scene, tmp_path, kind):
+    views = (8, 1) if kind == "lenticular" else (4, 4)
+    write_profile(tmp_path / "own.toml", dataclasses.replace(SHEETS[kind](), lenses=(48, 32), views=views))
+    answer = lfsr("render", scene, "-o", tmp_path / "frame", "--display", tmp_path / "own.toml", "--scale", "2",
+                  "--spp", "4")
+    assert answer.returncode == 0, answer.stderr
+    panel = read_png(tmp_path / "frame" / "panel.png")
+    assert panel.shape == (160, 240, 3) and panel.std() > 10
+    answer = lfsr("views", tmp_path / "frame", "--eye=0,0,300")
+    assert answer.returncode == 0, answer.stderr
+    middle = to_views(read_png(tmp_path / "frame" / "eia.png"), (48, 32))[views[1] // 2, views[0] // 2]
+    seen = read_png(tmp_path / "frame" / "eye.png")
+    # The same picture, at another resolution: the simulated eye looks from the middle of the views.
+    rows, columns = (np.linspace(0, size - 1, count).astype(int)
+                     for size, count in zip(seen.shape, (32, 48), strict=False))
+    assert np.corrcoef(seen[rows][:, columns].ravel(), middle.ravel())[0, 1] > 0.8

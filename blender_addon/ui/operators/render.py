@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import EIA_FILE
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
 
 from ...background import recipes, session
 from ...results import preview, show_image
@@ -110,7 +110,8 @@ def _show_eia_of(scene_name: str) -> Callable[[Path], None]:
         views = recipes.views_file(folder)
         if scene is not None and views.is_file():
             preview.load(scene, views)
-        show_image.open_file(folder / EIA_FILE)
+        panel = folder / PANEL_FILE
+        show_image.open_file(panel if panel.is_file() else folder / EIA_FILE)
     return finish
 
 
