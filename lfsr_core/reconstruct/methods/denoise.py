@@ -1,7 +1,9 @@
 """Open Image Denoise on a whole EIA.
 
 The EIA, not decoded views: views of the low-resolution array lie far apart, the
-pixels inside one EI do not, so the EIA keeps far more detail (measured). Colour
+pixels inside one EI do not, so the EIA keeps far more detail (measured). Where
+views differ along one axis only the lenses are many and the views few, and whole
+views, one under the other, keep more (docs/reference/displays.md). Colour
 alone: a pixel of an EIA covers a whole lens, so albedo and normal are noisy too,
 and as guides they take away more than they give (docs/results/networks.md).
 """
@@ -79,25 +81,42 @@ def denoise_low_resolution(low: LowResEIA, *, fast: bool = False, guided: bool =
     ``guided``: by its albedo and normal, cleaned first, where it has them. Only the
     rectangle of lenses that shows anything is denoised.
     """
-    part = shown_part(low.color)
+    part = shown_part(low.color, low.parallax)
     guides = [name for name in GUIDES if guided and name in low.layers]
-    layers = {name: from_elemental_images(low.layers[name][part]) for name in guides}
+    layers = {name: _as_image(low.layers[name][part], low.parallax) for name in guides}
     rendered = low.color[part]
     color = low.color.copy()
     if rendered.size:
-        denoised = denoise_eia(from_elemental_images(rendered), **clean_guides(layers), fast=fast)
-        color[part] = to_elemental_images(denoised, rendered.shape[1::-1])
+        denoised = denoise_eia(_as_image(rendered, low.parallax), **clean_guides(layers), fast=fast)
+        color[part] = _as_elemental_images(denoised, rendered.shape, low.parallax)
     return dataclasses.replace(low, color=color, noisy=low.color)
 
 
-def shown_part(color: np.ndarray) -> tuple[slice, slice]:
+def shown_part(color: np.ndarray, parallax: tuple[bool, bool] = (True, True)) -> tuple[slice, slice]:
     """Rows and columns of lenses that hold every EI of ``color`` (sy, sx, h, w, C) that is not of one value.
 
-    With CONTEXT around; empty where all are.
+    With CONTEXT around; empty where all are. ``parallax``: as of LowResEIA.
     """
     pixels = color.reshape(*color.shape[:2], -1, color.shape[-1])
     varies = (pixels.max(2) > pixels.min(2)).any(-1)
-    return _span(varies.any(1), color.shape[2]), _span(varies.any(0), color.shape[3])
+    h, w = color.shape[2:4] if all(parallax) else (1, 1)  # pixels of the image that a lens takes
+    return _span(varies.any(1), h), _span(varies.any(0), w)
+
+
+def _as_image(images: np.ndarray, parallax: tuple[bool, bool]) -> np.ndarray:
+    """EIs (sy, sx, h, w, C) in the order in which they are denoised: the EIA, or views one under the other."""
+    if all(parallax):
+        return from_elemental_images(images)
+    sy, sx, h, w, channels = images.shape
+    return images.transpose(2, 3, 0, 1, 4).reshape(h * w * sy, sx, channels)
+
+
+def _as_elemental_images(image: np.ndarray, shape: tuple[int, ...], parallax: tuple[bool, bool]) -> np.ndarray:
+    """``_as_image`` undone; ``shape`` (sy, sx, h, w, C)."""
+    sy, sx, h, w, channels = shape
+    if all(parallax):
+        return to_elemental_images(image, (sx, sy))
+    return image.reshape(h, w, sy, sx, channels).transpose(2, 3, 0, 1, 4)
 
 
 def _span(wanted: np.ndarray, pixels: int) -> slice:

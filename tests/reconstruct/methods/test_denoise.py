@@ -102,6 +102,19 @@ def test_only_what_shows_something_is_denoised(monkeypatch, guided):
     np.testing.assert_allclose(denoised[part], expected[part], rtol=0.1, atol=0.05)
 
 
+def test_views_along_one_axis_are_denoised_as_whole_views():
+    clean, noisy = noisy_card()
+    # Three views of 64×32 lenses, each a third of the card.
+    views = np.stack(np.split(noisy, 3, axis=1))
+    low = LowResEIA(np.ascontiguousarray(views.transpose(1, 2, 0, 3))[:, :, None],
+                    np.ones((64, 32, 1, 3, 1), np.float32), 16, 4, parallax=(True, False))
+    denoised = denoise_low_resolution(low)
+    expected = denoise_eia(np.concatenate(list(views)))
+    np.testing.assert_array_equal(denoised.color[:, :, 0].transpose(2, 0, 1, 3).reshape(-1, 32, 3), expected)
+    np.testing.assert_array_equal(denoised.noisy, low.color)
+    assert low.finished_views == (1, 12)
+
+
 def test_nothing_to_denoise_stays_as_it_is():
     low, part = framed()
     empty = dataclasses.replace(low, color=np.full_like(low.color, 0.25))
