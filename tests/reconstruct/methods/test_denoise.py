@@ -97,7 +97,7 @@ def test_only_what_shows_something_is_denoised(monkeypatch, guided):
     outside = denoised.copy()
     outside[part] = 0
     assert outside.max() < 0.3, "only what spills over a border"
-    monkeypatch.setattr(denoise, "shown_part", lambda color: (slice(None), slice(None)))
+    monkeypatch.setattr(denoise, "shown_part", lambda color, parallax: (slice(None), slice(None)))
     expected = denoise_low_resolution(low, guided=guided).color
     np.testing.assert_allclose(denoised[part], expected[part], rtol=0.1, atol=0.05)
 
