@@ -68,9 +68,10 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _settings(arguments: argparse.Namespace) -> Settings:
     from lfsr_core.bench.chart.settings import DIRECT_METHODS, Settings, check_methods, default_methods
-    from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+    from lfsr_core.optics.display import load_display
+    from lfsr_core.reconstruct.method_name import default_method
 
-    ours = arguments.ours or DEFAULT_METHOD
+    ours = arguments.ours or default_method(load_display(arguments.display).parallax)
     methods = tuple(dict.fromkeys([ours, *(arguments.methods or default_methods())]))
     chosen = {name: getattr(arguments, name) for name in ("again", "retime")}
     check_methods((ours, *(arguments.methods or ()), *(name for names in chosen.values() if names != EVERY

@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> None:
     frames = arguments.frames or (QUICK_FRAMES if arguments.quick else FRAMES)
     settings = Settings(load_display(arguments.display or DISPLAY_FILE), arguments.scale, samples, frames,
                         arguments.device)
-    methods = arguments.methods or default_methods(settings.scale)
+    methods = arguments.methods or default_methods(settings.scale, settings.display.parallax)
     report = run_suite(Bench(arguments.output, settings, arguments.blender),
                        Choice.of(methods, arguments.dials, arguments.quick))
     print((report.parent / "stress.md").read_text(encoding="utf-8"))

@@ -16,7 +16,7 @@ from lfsr_core.bench.stress.folder import BASELINE, Bench
 from lfsr_core.bench.stress.measure import Scene
 from lfsr_core.bench.stress.page import write_stress_page
 from lfsr_core.bench.stress.report import REPORT_FILE, write_report
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_CHAINS
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_CHAINS, MethodName
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.registry import method
 
@@ -44,13 +44,13 @@ class Choice:
         return {dial: dial.quick if self.quick else dial.values for dial in self.dials}
 
 
-def default_methods(scale: int) -> list[str]:
-    """Bicubic, plain upscaling after each prefilter, the default, and every network with weights at ``scale``."""
+def default_methods(scale: int, parallax: tuple[bool, bool] = (True, True)) -> list[str]:
+    """Bicubic, plain chains, the default, and every network with weights at ``scale``: those that the display can."""
     names = [BASELINE, *PLAIN_CHAINS, DEFAULT_METHOD]
     torch = importlib.util.find_spec("torch") is not None
     names += [f"{entry.after}+{name}" if entry.after else name for name, entry in catalogue.NETWORKS.items()
               if scale in catalogue.trained_scales(name) and (torch or entry.light_field)]
-    return list(dict.fromkeys(names))
+    return [name for name in dict.fromkeys(names) if MethodName.parse(name).works_with(parallax)]
 
 
 def run_suite(bench: Bench, choice: Choice) -> Path:

@@ -1,0 +1,109 @@
+"""Profiles of format 2: what they state, propose and refuse."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lfsr_core.errors import MOST_CHARACTERS, LfsrError
+from lfsr_core.frames.frame import Frame
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.panel.gather import gather_map
+from lfsr_core.optics.sheet import CELL_RULES, Lattice, cell_of
+from lfsr_core.records import from_data, to_data
+from tests.support.panels import CELLS, SHEETS, hexagonal, lenticular, profile
+from tests.support.synthetic import frame_of
+from tests.test_fuzz import ODD, places
+
+
+@pytest.mark.parametrize("sheet", SHEETS)
+def test_a_profile_and_its_frame_are_read_back(sheet):
+    display = SHEETS[sheet]()
+    assert DisplayProfile.from_dict(json.loads(json.dumps(display.to_dict()))) == display
+    frame = frame_of(1, display)
+    assert from_data(Frame, json.loads(json.dumps(to_data(frame))), "frame.json") == frame
+
+
+def test_a_light_field_is_proposed_and_may_be_smaller():
+    display = lenticular()
+    across = display.lenticular.lenses_across(120.0)
+    assert display.lenses == (math.ceil(across), 80)
+    assert display.views == (4 * math.ceil(2 * 3 * 240 / across / 4), 1)
+    assert (hexagonal().lenses, hexagonal().views) == ((24, 19), (12, 12))
+    assert lenticular(lenses=[20, 16], views=[6, 1]).eia_pixels == (120, 16)
+
+
+def test_rotating_shearing_and_packing_a_lattice():
+    plain = Lattice((2.0, 3.0)).matrix("square")
+    np.testing.assert_allclose(plain, [[2, 0], [0, 3]])
+    np.testing.assert_allclose(Lattice((2.0, 3.0), 90.0).matrix("square"), [[0, -3], [2, 0]], atol=1e-12)
+    np.testing.assert_allclose(Lattice((2.0, 3.0)).matrix("hexagonal"), [[2, 1], [0, 3]])
+    np.testing.assert_allclose(Lattice((2.0, 3.0), shear=0.5).matrix("square"), [[2, 1.5], [0, 3]])
+
+
+@pytest.mark.parametrize("rule", CELL_RULES)
+def test_cells_repeat_every_four_pixels(rule):
+    cells = cell_of(rule, np.arange(8)[:, None], np.arange(8)[None])
+    assert cells.shape == (8, 8)
+    np.testing.assert_array_equal(cells[:4, :4], cells[4:, 4:])
+
+
+CYLINDERS, HEX = lenticular().to_dict(), hexagonal().to_dict()
+
+
+@pytest.mark.parametrize(("data", "told"), [
+    ({"format": 3}, "format is 3"),
+    ({"format": 1}, "table subpixels needs format = 2|table lenticular needs format = 2"),
+    ({"weave": "cubic"}, "weave is 'cubic'.*nearest, views, all"),
+    ({"ei_order": "flipped"}, "ei_order is 'flipped'.*leave it out"),
+    ({"views": [8, 2]}, r"views is \[8, 2\].*\[N, 1\]"),
+    ({"lenses": [9000, 80]}, "no more than 65536"),
+    ({"lenticular": {"pitch_mm": 2.7, "slope": -7}}, "unknown field 'slope'"),
+    ({"lenticular": {"pitch_mm": 0}}, "lenticular.pitch_mm is 0"),
+    ({"lenticular": {"pitch_mm": 0.1}}, "pitch_mm is 0.1.*from a pixel"),
+    ({"lenticular": {"pitch_mm": 2.7, "slant": 9.0}}, "lenticular.slant is 9.0"),
+    ({"lenticular": {"pitch_mm": "2.7"}}, "pitch_mm is '2.7'"),
+    ({"lenticular": {}}, "'pitch_mm' is missing"),
+    ({"lenslet": HEX["lenslet"]}, "both a table lenslet and a table lenticular"),
+    ({"lenticular": None}, "table subpixels but no lens sheet|panel_pixels"),
+    ({"subpixels": {"stripes": "gbr"}}, "subpixels.stripes is 'gbr'.*rgb, bgr, white"),
+    ({"subpixels": {"cells": [[0.0] * 5]}}, "subpixels.cells"),
+    ({"subpixels": {"cells": [list(CELLS[0])], "cell_rule": "x%2"}}, "cell_rule is 'x%2'.*needs 2 cells"),
+    ({"subpixels": {"cell_rule": "x%3"}}, "cell_rule is 'x%3'"),
+])
+def test_a_wrong_field_is_named_with_value_and_rule(data, told):
+    with pytest.raises(LfsrError, match=told) as caught:
+        DisplayProfile.from_dict(CYLINDERS | {"subpixels": {"stripes": "rgb"}} | data, source="x.toml")
+    assert str(caught.value).startswith("x.toml: ")
+
+
+@pytest.mark.parametrize(("data", "told"), [
+    ({"packing": "round"}, "lenslet.packing is 'round'"),
+    ({"gap_mm": -1.0}, "lenslet.gap_mm is -1.0"),
+    ({"lenses": {"pitch_mm": [5.0]}}, "pitch_mm"),
+    ({"lenses": {"pitch_mm": [5.0, 5.0], "rotation_deg": 200.0}}, "rotation_deg is 200.0"),
+])
+def test_a_wrong_lattice_is_named(data, told):
+    with pytest.raises(LfsrError, match=told):
+        profile(lenslet=HEX["lenslet"] | data)
+
+
+@given(data=st.data())
+def test_damaged_profiles_work_or_say_why(data):
+    damaged = copy.deepcopy(data.draw(st.sampled_from([CYLINDERS, HEX])))
+    for _ in range(data.draw(st.integers(1, 2))):
+        container, key = data.draw(st.sampled_from(places(damaged)))
+        container[key] = copy.deepcopy(data.draw(ODD | st.floats(-10, 10) | st.integers(-3, 300)))
+    try:
+        found = DisplayProfile.from_dict(damaged)
+    except LfsrError as error:
+        assert len(str(error)) <= MOST_CHARACTERS
+        return
+    if found.is_woven and math.prod(found.panel_pixels) < 10**5:
+        assert gather_map(found, "nearest").first.min() >= 0
