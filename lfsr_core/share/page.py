@@ -134,7 +134,7 @@ def _one_display(frames: dict[Path, Frame]) -> DisplayProfile:
 def _picture(folder: Path, profile: DisplayProfile, quality: int | None, notes: list[str]) -> bytes:
     """The EIA of a folder as WebP, with half the views where that is too large."""
     pixels = read_png(folder / EIA_FILE)
-    width, height = profile.panel_pixels
+    width, height = profile.eia_pixels
     if pixels.shape[:2] != (height, width):
         raise LfsrError(f"{folder / EIA_FILE} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but display "
                         f"{profile.name!r} has {width}×{height}: upscale the folder again")

@@ -59,6 +59,7 @@ function newTexture() {
 function seenPixels(eye, axis) {
   const count = display.lenses[axis], length = display.panel_mm[axis], {distance_mm: far, gap_mm: gap} = display;
   return Int32Array.from({length: count}, (_, index) => {
+    if (display.views[axis] === 1) return index;  // the same from wherever one looks
     const lens = ((index + 0.5) / count - 0.5) * length * far / (far + gap);
     const onPanel = lens + (lens - eye[axis]) * gap / eye[2];
     return Math.floor((onPanel / length + 0.5) * (count * display.views[axis]));
