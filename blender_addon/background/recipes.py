@@ -13,7 +13,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE
 from lfsr_core.frames.job import Job
 from lfsr_core.reconstruct.method_name import MethodName
-from lfsr_core.render.parts import parts_folder
+from lfsr_core.render.parts_folder import parts_folder
 from lfsr_core.render.process import DERIVED_FILES
 from lfsr_core.render.staging import publish
 

@@ -21,7 +21,7 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.records import to_data
-from lfsr_core.render.parts import kept_sentence
+from lfsr_core.render.parts_folder import kept_sentence
 from lfsr_core.render.staging import staging_folder
 
 from . import runtime

@@ -18,7 +18,8 @@ from lfsr_core.frames.job import Job
 from lfsr_core.plan.options import Options
 from lfsr_core.records import to_data
 from lfsr_core.render.content import scene_content
-from lfsr_core.render.parts import digest, has_parts
+from lfsr_core.render.parts import digest
+from lfsr_core.render.parts_folder import has_parts
 from lfsr_core.render.process import Warn
 from lfsr_core.render.staging import LOCK_FILE
 from lfsr_core.render.store import is_complete

@@ -10,7 +10,6 @@ import dataclasses
 import hashlib
 import json
 import os
-import re
 import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -18,10 +17,10 @@ from pathlib import Path
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.images.exr import check_whole
+from lfsr_core.render.parts_folder import RANGE, has_parts
 
 INPUTS_FILE = "inputs.json"
 DIGEST_SIZE = 12  # bytes
-RANGE = re.compile(r"(\d+)-(\d+)-(\d+)$")
 
 
 @dataclasses.dataclass(frozen=True, order=True)
@@ -86,11 +85,6 @@ class ImageParts:
         return f"{self.name}-{digest(dict(self.inputs))}-"
 
 
-def parts_folder(target: Path) -> Path:
-    """Where parts of a render into ``target`` are kept."""
-    return target.with_name(f".{target.name}-parts")
-
-
 def remove_others(folder: Path, inputs: Mapping[str, str]) -> str:
     """Remove the parts in ``folder`` unless they are of the same ``inputs``; a sentence if any were removed."""
     if not folder.is_dir():
@@ -107,17 +101,6 @@ def remove_others(folder: Path, inputs: Mapping[str, str]) -> str:
     other = [name for name, value in inputs.items() if old.get(name) != value]
     return (f"what was kept of an earlier render was made with other {', '.join(other)}: it is removed, and the render "
             "starts from the beginning") if removed else ""
-
-
-def has_parts(folder: Path) -> bool:
-    """True if a next render may find something in ``folder``."""
-    return any(RANGE.search(path.stem) for path in folder.glob("*.exr"))
-
-
-def kept_sentence(folder: Path) -> str:
-    """What to tell somebody whose render ended early; empty where nothing was kept."""
-    return (f"what is whole of it is kept: the same render again goes on from there; remove {folder} to be rid of it"
-            if has_parts(folder) else "")
 
 
 def _part_of(text: str) -> Part | None:

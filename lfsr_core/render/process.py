@@ -20,7 +20,7 @@ from lfsr_core.frames.job import Job
 from lfsr_core.progress import Progress
 from lfsr_core.records import write_record
 from lfsr_core.render.blender import Blender
-from lfsr_core.render.parts import kept_sentence, parts_folder
+from lfsr_core.render.parts_folder import kept_sentence, parts_folder
 from lfsr_core.render.protocol import ENDS_WITH_INPUT, EXIT_BAD_INPUT, LAST_STAGES, parse_progress
 from lfsr_core.render.staging import publish, staging_folder
 

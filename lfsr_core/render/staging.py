@@ -11,7 +11,7 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import CAN_LOCK, locks
-from lfsr_core.render.parts import parts_folder
+from lfsr_core.render.parts_folder import parts_folder
 
 LOCK_FILE = "in-use"
 

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_core.images.exr import write_layers
-from lfsr_core.render.parts import ImageParts, Part, gaps, kept_sentence, parts_folder, remove_others
+from lfsr_core.render.parts import ImageParts, Part, gaps, remove_others
+from lfsr_core.render.parts_folder import kept_sentence, parts_folder
 from lfsr_core.render.staging import publish, staging_folder
 
 INPUTS = {"settings": "abc", "scene file": "def"}

@@ -22,7 +22,7 @@ from lfsr_core.optics.display import load_display
 from lfsr_core.records import to_data
 from lfsr_core.render import process
 from lfsr_core.render.blender import Blender, find_blender
-from lfsr_core.render.parts import parts_folder
+from lfsr_core.render.parts_folder import parts_folder
 from lfsr_core.render.process import run_job
 from lfsr_core.render.protocol import parse_progress
 
