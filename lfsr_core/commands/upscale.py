@@ -64,4 +64,6 @@ def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> 
     finally:
         progress.close()
     times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report.seconds.items())
+    for note in report.notes:
+        progress.note(note)
     print(f"{folder / EIA_FILE}: {method}, {report.foreground_share:.0%} of the lenses are foreground ({times})")

@@ -11,9 +11,11 @@ from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LOW_RES_FILE, MASK_FILE, Frame, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.frames.report import Report, write_report
+from lfsr_core.images.exposure import extreme
 from lfsr_core.images.exr import HALF_MAX, clean, read_layers, write_layers
 from lfsr_core.images.png import write_mask, write_png
 from lfsr_core.images.view_transform import ViewTransform
+from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct import registry
 from lfsr_core.reconstruct.assembly import Assembly, filled, place, upscale_all
@@ -23,6 +25,7 @@ from lfsr_core.reconstruct.method_name import PLAIN_METHOD, MethodName
 from lfsr_core.reconstruct.registry import Method
 
 FILL_METHOD = PLAIN_METHOD
+MOST_JUDGED = 200  # elemental images that say whether the picture is black
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,7 +56,7 @@ def upscale_frame(folder: str | Path, method: str | MethodName | Method,
     pixels, linear = _panel_images(run, show, assembly)
     with run.clock("write"):
         _write(run, pixels, linear, assembly.mask)
-    report = _report(run, assembly, replaced)
+    report = _report(run, assembly, replaced, _exposure_notes(run, show, assembly, pixels))
     write_report(run.folder, report)
     return report
 
@@ -180,12 +183,23 @@ def _write(run: _Run, pixels: np.ndarray, linear: np.ndarray | None, mask: np.nd
     run.options.progress("write", 1.0, EIA_FILE)
 
 
-def _report(run: _Run, assembly: Assembly, replaced: int) -> Report:
+def _exposure_notes(run: _Run, show: ViewTransform, assembly: Assembly, pixels: np.ndarray) -> list[str]:
+    """A sentence if what the finished ``pixels`` show is almost black or almost white."""
+    images = to_elemental_images(pixels, run.frame.rays.tiles)
+    lenses = np.argwhere(assembly.mask | assembly.fill)
+    rows, columns = lenses[::len(lenses) // MOST_JUDGED + 1].T
+    background = show.to_uint8(np.asarray(run.frame.display.background, np.float32)[None])[0]
+    tone = extreme(images[rows, columns], background)
+    change = {"black": "make lights or exposure stronger", "white": "make lights or exposure weaker"}
+    return [f"the picture is almost {tone}: {change[tone]}, or check where the camera looks"] if tone else []
+
+
+def _report(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> Report:
     frame, name, options = run.frame, run.method.name, run.options
     return Report(
         method=name.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds={stage: round(seconds, 4) for stage, seconds in run.clock.seconds.items()},
         peak_bytes=peak_bytes(), foreground_share=float(assembly.mask.mean()),
-        notes=(*name.guide_notes(assembly.low.layers), *assembly.upscaler.notes), replaced_pixels=replaced,
+        notes=(*notes, *name.guide_notes(assembly.low.layers), *assembly.upscaler.notes), replaced_pixels=replaced,
         dilate=options.dilate, layout=frame.layout, device=frame.device,
         weights=str(options.weights) if options.weights else None)
