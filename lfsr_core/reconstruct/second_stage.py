@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 
 import numpy as np
@@ -51,7 +52,7 @@ def upscale_frame(folder: str | Path, method: str | MethodName | Method,
     LfsrError for bad input; then nothing in the folder is half-written.
     """
     run = _begin(folder, method, options)
-    show = ViewTransform(run.frame.color)
+    show = _shown_by(run)
     assembly, replaced = _prepare(run)
     pixels, linear = _panel_images(run, show, assembly)
     with run.clock("write"):
@@ -65,7 +66,7 @@ def panel_image(folder: str | Path, method: str | MethodName | Method,
                 options: UpscaleOptions = DEFAULT) -> np.ndarray:
     """The pixels of eia.png, (H, W, 3) uint8 in panel order. Writes nothing."""
     run = _begin(folder, method, options)
-    show = ViewTransform(run.frame.color)
+    show = _shown_by(run)
     return _panel_images(run, show, _prepare(run)[0])[0]
 
 
@@ -126,6 +127,12 @@ class _Run:
 def _begin(folder: str | Path, method: str | MethodName | Method, options: UpscaleOptions) -> _Run:
     chosen = method if isinstance(method, Method) else registry.method(method, options.weights)
     return _Run(Path(folder), read_frame(folder), chosen, options, StageClock())
+
+
+def _shown_by(run: _Run) -> ViewTransform:
+    tiles, views = run.frame.rays.tiles, run.frame.display.views
+    with run.clock("color"):
+        return ViewTransform(run.frame.color, math.prod((*tiles, *views)))
 
 
 def _filler(method: Method, scale: int) -> Upscaler:
