@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def chosen_method(name: str | None, scale: int) -> MethodName:
-    """The method of this name, or the default for ``scale``; LfsrError if no such method exists."""
+    """The method of this name, or the default for ``scale``; LfsrError if there is none or it does not upscale."""
     from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
     from lfsr_core.reconstruct.methods import denoise
     from lfsr_core.reconstruct.registry import method as load_method
@@ -49,7 +49,9 @@ def chosen_method(name: str | None, scale: int) -> MethodName:
     if name is None:
         name = DEFAULT_METHOD if denoise.is_available() else METHOD_WITHOUT_DENOISER
         name = name if scale > 1 else METHOD_AT_FULL_RESOLUTION
-    return load_method(name).name
+    chosen = load_method(name).name
+    chosen.check_scale(scale)
+    return chosen
 
 
 def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LOW_RES_FILE, MASK_FILE, Frame, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
@@ -76,6 +77,28 @@ def finished_linear(folder: str | Path, method: str | MethodName | Method,
     return linear_and_mask(folder, method, options)[0]
 
 
+def kept_linear(folder: str | Path) -> np.ndarray | None:
+    """The finished EIA as ``finished_linear`` makes it, from the folder's eia.exr; None where there is none.
+
+    To half precision. A second stage that writes no eia.exr removes that of an earlier one.
+    LfsrError where it is damaged or of another size than the folder's eia.png has to be.
+    """
+    path, frame = Path(folder) / EIA_LINEAR_FILE, read_frame(folder)
+    if not path.exists():
+        return None
+    pixels, tiles = read_layers(path)["color"][..., :3].astype(np.float32), frame.rays.tiles
+    size = tuple(count * views for count, views in zip(tiles[::-1], frame.display.views[::-1], strict=True))
+    if pixels.shape[:2] != size:
+        raise LfsrError(f"{path} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but its frame {size[1]}×{size[0]}: "
+                        "finish the frame again with --linear-exr")
+    if frame.display.ei_order != "flipped":
+        return pixels
+    result, images = np.empty_like(pixels), to_elemental_images(pixels, tiles)
+    lenses = np.argwhere(np.ones(tiles[::-1], bool))
+    place(result, tiles, lenses, images[lenses[:, 0], lenses[:, 1]], flipped=True)
+    return result
+
+
 def linear_and_mask(folder: str | Path, method: str | MethodName | Method,
                     options: UpscaleOptions = DEFAULT) -> tuple[np.ndarray, np.ndarray]:
     """``finished_linear`` and the foreground mask (sy, sx) that it was made with. Writes nothing."""
@@ -126,7 +149,9 @@ class _Run:
 
 def _begin(folder: str | Path, method: str | MethodName | Method, options: UpscaleOptions) -> _Run:
     chosen = method if isinstance(method, Method) else registry.method(method, options.weights)
-    return _Run(Path(folder), read_frame(folder), chosen, options, StageClock())
+    frame = read_frame(folder)
+    chosen.name.check_scale(frame.scale)
+    return _Run(Path(folder), frame, chosen, options, StageClock())
 
 
 def _shown_by(run: _Run) -> ViewTransform:
