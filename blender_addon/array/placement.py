@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import bpy
 import mathutils
 import numpy as np
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import Clip
+from lfsr_core.frames.job import FIT
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from . import rig
+from . import motion, rig
 from .spaces import from_blender
 
 FILL = 0.85           # share of the display the subject may fill, seen from the centre
@@ -35,7 +37,15 @@ def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: Iterab
     subject = set(subject)
     if scene.camera is not None and scene.camera.type == "CAMERA":
         return array_of_camera(scene, profile, subject)
-    return fit_array(*bounds(subject), profile)
+    return fit_array(*animated_bounds(scene, subject), profile)
+
+
+def clip_of(scene: bpy.types.Scene) -> Clip | None:
+    """Depths between which the scene's camera sees; None where the array does not stand at an ordinary camera."""
+    if rig.find(scene) is not None or scene.camera is None or scene.camera.type != "CAMERA":
+        return None
+    # The camera's scale does not scale them.
+    return scene.camera.data.clip_start, scene.camera.data.clip_end
 
 
 def fit_array(low: np.ndarray, high: np.ndarray, profile: DisplayProfile) -> Placement:
@@ -70,7 +80,7 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
     camera = scene.camera
     half_width = _half_width(scene, camera.data)
     half_height = half_width * profile.panel_mm[1] / profile.panel_mm[0]
-    sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), camera.matrix_world.normalized())
+    sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), camera.matrix_world.normalized(), clip_of(scene))
     distance = _focus(camera) or _balanced_depth(sight, (half_width, half_height), subject)
     array = CameraArray.for_display(profile, 2 * half_width * distance, distance)
     distance *= _free_share(sight, profile, array)
@@ -82,6 +92,13 @@ def bounds(subject: Iterable[bpy.types.Object]) -> tuple[np.ndarray, np.ndarray]
     corners = [corner for points in world_points(set(subject)) for corner in (points.min(0), points.max(0))]
     if not corners:
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
+    return np.min(corners, axis=0), np.max(corners, axis=0)
+
+
+def animated_bounds(scene: bpy.types.Scene, subject: Iterable[bpy.types.Object]) -> tuple[np.ndarray, np.ndarray]:
+    """``bounds`` over the whole animation, so that every frame of it is seen from the same place."""
+    subject = set(subject)
+    corners = [corner for _ in motion.frames(scene) for corner in bounds(subject)]
     return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
@@ -136,33 +153,47 @@ class _Sight:
     depsgraph: bpy.types.Depsgraph
     # World matrix of the camera, without scale.
     matrix: mathutils.Matrix
+    # Depths between which the camera sees; None: all.
+    clip: Clip | None = None
 
-    def cast(self, direction: tuple[float, ...],
-             reach: float = MOST_REACH) -> tuple[mathutils.Vector, bpy.types.Object] | None:
-        """World place and object that a ray in ``direction`` of the camera's space hits within ``reach``, else None."""
-        turned = self.matrix.to_3x3() @ mathutils.Vector(direction)
-        hit, place, _, _, item, _ = self.scene.ray_cast(self.depsgraph, self.matrix.translation, turned, distance=reach)
+    @property
+    def start(self) -> float:
+        """Depth before which nothing is seen."""
+        return self.clip[0] if self.clip else 0.0
+
+    def look(self, x: float, y: float) -> tuple[mathutils.Vector, bpy.types.Object] | None:
+        """What is seen in the direction of (x, y) at depth 1, else None."""
+        direction = mathutils.Vector((x, y, -1))
+        start, end = self.clip or (0.0, MOST_REACH)
+        return self.cast(direction, min((end - start) * direction.length, MOST_REACH), start * direction)
+
+    def cast(self, direction: Sequence[float], reach: float,
+             start: Sequence[float]) -> tuple[mathutils.Vector, bpy.types.Object] | None:
+        """World place and object that a ray hits within ``reach``, else None; all in the camera's space."""
+        turned, place = self.matrix.to_3x3() @ mathutils.Vector(direction), self.matrix @ mathutils.Vector(start)
+        hit, place, _, _, item, _ = self.scene.ray_cast(self.depsgraph, place, turned, distance=reach)
         return (place, item) if hit else None
 
 
 def _balanced_depth(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Object]) -> float:
     """Depth whose parallax against the nearest and farthest visible point is equal: 2/D = 1/near + 1/far."""
-    hits = [sight.cast((x * half[0], y * half[1], -1))
+    hits = [sight.look(x * half[0], y * half[1])
             for x in np.linspace(-1, 1, PROBES[0]) for y in np.linspace(-1, 1, PROBES[1])]
     toward = sight.matrix.inverted()
     depths = [-(toward @ place).z for place, item in filter(None, hits) if item.original in subject]
     if not depths:
-        raise LfsrError("the scene's camera does not see the subject: turn the camera or choose another subject")
+        raise LfsrError("the scene's camera does not see the subject: turn the camera, or choose another one "
+                        f"or {FIT!r}, or another subject")
     near, far = np.percentile(depths, (2, 98))
     return float(2 / (1 / near + 1 / far))
 
 
 def _free_share(sight: _Sight, profile: DisplayProfile, array: CameraArray) -> float:
     """Share of the array's reach that is free of walls, at most 1."""
-    share = 1.0
+    share, start = 1.0, (0, 0, -sight.start)
     for axis, direction in ((0, (-1, 0, 0)), (0, (1, 0, 0)), (1, (0, -1, 0)), (1, (0, 1, 0))):
         reach = profile.views[axis] * array.spacing / 2
-        hit = sight.cast(direction, reach / WALL_MARGIN)
+        hit = sight.cast(direction, reach / WALL_MARGIN, start)
         if hit is not None:
-            share = min(share, (hit[0] - sight.matrix.translation).length * WALL_MARGIN / reach)
+            share = min(share, (hit[0] - sight.matrix @ mathutils.Vector(start)).length * WALL_MARGIN / reach)
     return share

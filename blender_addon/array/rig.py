@@ -37,6 +37,13 @@ def find(scene: bpy.types.Scene) -> bpy.types.Object | None:
     return min(arrays, key=lambda item: item.name, default=None)
 
 
+def forget(scene: bpy.types.Scene) -> None:
+    """Make every camera array of the scene an ordinary camera."""
+    for item in scene.objects:
+        if is_array(item):
+            del item[SPACING]
+
+
 def plane_of(array: bpy.types.Object) -> bpy.types.Object | None:
     """The handle on the display plane, None if it was deleted."""
     return next((item for item in array.children if PLANE in item), None)

@@ -16,6 +16,7 @@ from lfsr_core.frames.job import Job, read_job
 from lfsr_core.render.content import scene_content, stamp
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit
 
+from ..array.cameras import choice_notice, choose_camera
 from ..render.frame_folder import render_job
 from ..render.inputs import Opened
 from ..scene.notices import notices
@@ -45,6 +46,10 @@ def run(job: Job) -> Path:
     scene, content = _open(job)
     if job.scene_name is not None:
         scene = choose_scene(job.scene_name)
+    if job.camera is not None:
+        choose_camera(scene, job.camera)
+    elif not job.scene.endswith(".blend") and scene.camera is not None and job.scene:
+        warn(choice_notice(scene))
     for sentence in notices(scene):
         warn(sentence)
     opened = Opened(time.perf_counter() - started, content)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
+from lfsr_core.frames.frame import Clip
 from lfsr_core.images import exr
 from lfsr_core.optics.rays import RayLayout
 from lfsr_core.render.parts import ImageParts
@@ -20,6 +22,7 @@ from .. import compat
 from ..array.spaces import Matrix, to_blender
 from . import devices, passes
 from .bands import render_in_bands
+from .curtain import curtain, without_places
 from .lens_card import card_camera, without_misses
 from .osl_camera import set_ray_layout
 from .overrides import overridden
@@ -67,6 +70,13 @@ class Shot:
     matrix_world: Matrix
     # Who sends them in one pass, "one-pass" (the OSL camera) or "lens-card".
     way: str = "one-pass"
+    # Depths from the camera plane between which things are seen; None: all.
+    clip: Clip | None = None
+
+    @property
+    def clip_start(self) -> float:
+        """Depth at which rays start."""
+        return self.clip[0] if self.clip else 0.0
 
 
 def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, path: str | Path,
@@ -86,25 +96,37 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
     -------
     Seconds it took.
     """
-    with encoded_camera(scene, shot), cycles_settings(scene, settings, shot.layout.size):
+    with (encoded_camera(scene, shot), _ended(scene, shot) as ended,
+          cycles_settings(scene, settings, shot.layout.size)):
         # A denoiser would see the edges of bands.
         seconds = render_kept(scene, path, progress, parts if "denoised" not in settings.layers else None)
-    if shot.way == "lens-card" and "position" in settings.layers:
+    if (shot.way == "lens-card" or ended) and "position" in settings.layers:
         layers = exr.read_layers(path)
-        layers["position"] = without_misses(layers["position"], shot.matrix_world)
+        layers["position"] = _without_misses(layers["position"], shot, bool(ended))
         exr.write_layers(path, layers, settings.half)
     return seconds
+
+
+def _ended(scene: bpy.types.Scene, shot: Shot) -> AbstractContextManager[bool | None]:
+    """Inside the block nothing is seen beyond the shot's clipped depths; True if anything lies there."""
+    return curtain(scene, shot.layout, shot.matrix_world, shot.clip[1]) if shot.clip else nullcontext()
+
+
+def _without_misses(position: np.ndarray, shot: Shot, ended: bool) -> np.ndarray:
+    if shot.way == "lens-card":
+        position = without_misses(position, shot.matrix_world)
+    return without_places(position, shot.matrix_world, shot.clip[1]) if ended else position
 
 
 @contextmanager
 def encoded_camera(scene: bpy.types.Scene, shot: Shot) -> Iterator[None]:
     """Inside the block the scene's camera sends the rays of ``shot``."""
     if shot.way == "lens-card":
-        with card_camera(scene, shot.layout, shot.matrix_world):
+        with card_camera(scene, shot.layout, shot.matrix_world, shot.clip_start):
             yield
         return
     with temporary_camera(scene, shot.matrix_world, shot.layout.array.distance) as camera:
-        set_ray_layout(camera.data, shot.layout)
+        set_ray_layout(camera.data, shot.layout, shot.clip_start)
         yield
 
 

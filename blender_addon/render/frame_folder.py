@@ -15,9 +15,10 @@ from lfsr_core.frames.job import Job
 from lfsr_core.render.parts import ImageParts, remove_others
 
 from ..array import placement
-from ..scene.light import lit
+from ..scene.light import has_light, is_certain, is_meant, lit
 from ..scene.subject import find_subject, has_background_meshes
 from . import animation, devices, passes
+from .arrival import is_dark
 from .color import color_settings
 from .cycles import RenderSettings, Shot, render_encoded
 from .inputs import Opened, inputs
@@ -47,7 +48,7 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
     """
     job = dataclasses.replace(job, device=devices.resolved(job.device))
     opened = opened or Opened()
-    with prepared(scene, job) as frame:
+    with prepared(scene, job, warn) as frame:
         keep = _keeping(scene, job, frame, opened, warn)
         seconds = {"open": opened.seconds, "render": _render(scene, job, frame, keep, progress)}
     seconds = {name: round(value, 3) for name, value in seconds.items()}
@@ -56,12 +57,31 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
 
 
 @contextmanager
-def prepared(scene: bpy.types.Scene, job: Job) -> Iterator[Frame]:
+def prepared(scene: bpy.types.Scene, job: Job, warn: Callable[[str], None] = print) -> Iterator[Frame]:
     """The job's frame, with ``scene`` at its time, lit, and its objects indexed inside the block."""
     with _at_frame(scene, job.frame):
         subject = find_subject(scene, job.subject)
-        with lit(scene) as own_light, animation.resting(scene), passes.pass_indices(subject):
-            yield describe(scene, job, subject, own_light)
+        with animation.resting(scene), passes.pass_indices(subject):
+            own_light = _has_own_light(scene, job, subject, warn)
+            with lit(scene, own_light):
+                yield describe(scene, job, subject, own_light)
+
+
+def _has_own_light(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object],
+                   warn: Callable[[str], None]) -> bool:
+    """True if the scene is rendered in its own light; ``warn`` where that is none, or next to none."""
+    if not has_light(scene):
+        warn("nothing in the scene shines: it is lit with one of Blender's own world images")
+        return False
+    if is_certain(scene) or not is_dark(scene, job, subject):
+        return True
+    # A file from elsewhere has its own units: a sun of 3 lux was not meant to be as dark as night.
+    if is_meant(scene) and Path(job.scene).suffix in ("", ".blend"):
+        warn("almost no light arrives where the array looks, so that the picture will be almost black: make the lights "
+             "or the exposure stronger")
+        return True
+    warn("almost no light arrives where the array looks: it is lit with one of Blender's own world images")
+    return False
 
 
 def describe(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], own_light: bool = True) -> Frame:
@@ -87,6 +107,7 @@ def describe(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], o
         display=job.display, scale=1 if reference else job.scale, array=array, matrix_world=matrix_world,
         samples=job.spp, seed=job.seed, frame=scene.frame_current, convention=job.convention,
         view_aperture=job.view_aperture, lens_list=job.lens_list, layout=_layout(job), layers=layers,
+        clip=placement.clip_of(scene),
         world_visible=world_visible, color=color_settings(scene, world_visible),
         scene=os.path.basename(job.scene or bpy.data.filepath), subject=job.subject or "",
         blender=bpy.app.version_string, device=job.device)
@@ -142,6 +163,6 @@ def _keeping(scene: bpy.types.Scene, job: Job, frame: Frame, opened: Opened, war
 def _render(scene: bpy.types.Scene, job: Job, frame: Frame, keep: Keep, progress: Progress | None) -> float:
     """Render every image of the job; seconds."""
     render = render_views if frame.layout == "view-by-view" else render_encoded
-    shot, images = Shot(frame.rays, frame.matrix_world, frame.layout), _images(job, frame)
+    shot, images = Shot(frame.rays, frame.matrix_world, frame.layout, frame.clip), _images(job, frame)
     return sum(render(scene, shot, settings, Path(job.output, name), part(progress, number, len(images)), keep(name))
                for number, (name, settings) in enumerate(images))

@@ -42,18 +42,24 @@ class _Place:
     gap: float
     # How much the camera sees before the card.
     clear: float
+    # Where rays start, as a share of the way from the camera plane to the display plane.
+    start: float
 
 
 _VISIBILITY = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 
 
 @contextmanager
-def card_camera(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix) -> Iterator[bpy.types.Object]:
-    """Inside the block the scene's camera looks at the card of ``layout``; nothing of both is left after it."""
+def card_camera(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix,
+                clip_start: float = 0.0) -> Iterator[bpy.types.Object]:
+    """Inside the block the scene's camera looks at the card of ``layout``; its rays start at the depth ``clip_start``.
+
+    Nothing of both is left after it.
+    """
     frame = to_blender(matrix_world)
     # Cycles asks at the card which volumes a path begins in.
     card = lens_card(layout, distance_to_volume(scene, frame.translation))
-    place = _place(layout, frame.translation.length)
+    place = _place(layout, frame.translation.length, clip_start)
     made: list[bpy.types.ID] = []
     try:
         camera = _camera(made, card, layout, place)
@@ -69,10 +75,10 @@ def card_camera(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix)
         bpy.data.batch_remove(made)
 
 
-def _place(layout: RayLayout, far: float) -> _Place:
+def _place(layout: RayLayout, far: float, clip_start: float) -> _Place:
     """For an array ``far`` from the world's origin."""
     clear = max(CLEAR * max(far, layout.array.distance), LEAST_CLEAR)
-    return _Place(max(GAP * layout.array.distance, 4 * clear), clear)
+    return _Place(max(GAP * layout.array.distance, 4 * clear), clear, clip_start / layout.array.distance)
 
 
 def without_misses(position: np.ndarray, matrix_world: Matrix) -> np.ndarray:
@@ -105,7 +111,7 @@ def _card(made: list[bpy.types.ID], card: LensCard, distance: float, place: _Pla
     screen = bpy.data.objects.new(NAME, mesh)
     made += [mesh, screen]
     _fill(mesh, card, distance + place.gap)
-    mesh.materials.append(_material(made, card, place.gap))
+    mesh.materials.append(_material(made, card, place))
     for kind in _VISIBILITY:
         setattr(screen, f"visible_{kind}", False)
     return screen
@@ -130,7 +136,7 @@ def _with_z(points: np.ndarray, z: float) -> np.ndarray:
     return np.column_stack([points, np.full(len(points), z)]).astype("f4").ravel()
 
 
-def _material(made: list[bpy.types.ID], card: LensCard, gap: float) -> bpy.types.Material:
+def _material(made: list[bpy.types.ID], card: LensCard, place: _Place) -> bpy.types.Material:
     group = ray_group(card.place_in_pixel)
     material = bpy.data.materials.new(NAME)
     made += [group, material]
@@ -142,8 +148,9 @@ def _material(made: list[bpy.types.ID], card: LensCard, gap: float) -> bpy.types
     rays.node_tree, rays.label = group, "Ray of this pixel"
     # Incoming spans ± SLANT, which stands for ± half the cell.
     spread = [side / (2 * SLANT) for side in card.aperture]
-    for name, value in (("Lens Step", (*card.lens_step, 0)), ("First View", (*card.first_view, gap)),
-                        ("View Step", (*card.view_step, 0)), ("Aperture", (*spread, 0))):
+    for name, value in (("Lens Step", (*card.lens_step, 0)), ("First View", (*card.first_view, place.gap)),
+                        ("View Step", (*card.view_step, 0)), ("Aperture", (*spread, 0)),
+                        ("Start", (place.start,) * 3)):
         rays.inputs[name].default_value = value
     for name in ("Position", "Direction"):
         tree.links.new(rays.outputs[name], portal.inputs[name])
@@ -156,7 +163,7 @@ def _material(made: list[bpy.types.ID], card: LensCard, gap: float) -> bpy.types
 def ray_group(place_in_pixel: bool) -> bpy.types.NodeTree:
     """Node group of ``lfsr_core.optics.lens_card.card_rays``: from the card's attributes to a world-space ray."""
     tree = bpy.data.node_groups.new(NAME, "ShaderNodeTree")
-    for name in ("Lens Step", "First View", "View Step", "Aperture"):
+    for name in ("Lens Step", "First View", "View Step", "Aperture", "Start"):
         tree.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketVector")
     for name in ("Position", "Direction"):
         tree.interface.new_socket(name, in_out="OUTPUT", socket_type="NodeSocketVector")
@@ -179,10 +186,11 @@ class _Wiring:
         start = self.math("MULTIPLY_ADD", slant, self.constants["Aperture"], centre)
         end = self.math("MULTIPLY_ADD", place, self.constants["Lens Step"], lens)
         output = self.node("NodeGroupOutput").inputs
-        self.tree.links.new(self.transform(start, "POINT", "CAMERA", "WORLD"), output["Position"])
+        way = self.math("SUBTRACT", end, start)
+        begin = self.math("MULTIPLY_ADD", way, self.constants["Start"], start)
+        self.tree.links.new(self.transform(begin, "POINT", "CAMERA", "WORLD"), output["Position"])
         # As a normal the direction comes out with length 1, which Cycles needs before 5.2.
-        self.tree.links.new(self.transform(self.math("SUBTRACT", end, start), "NORMAL", "CAMERA", "WORLD"),
-                            output["Direction"])
+        self.tree.links.new(self.transform(way, "NORMAL", "CAMERA", "WORLD"), output["Direction"])
         return self.tree
 
     def node(self, kind: str) -> bpy.types.Node:

@@ -19,9 +19,9 @@ from . import devices
 SOURCE = Path(__file__).with_name("ray_layout.osl")
 
 
-def set_ray_layout(camera: bpy.types.Camera, layout: RayLayout) -> None:
-    """Make ``camera`` send the rays of ``layout``; LfsrError if Cycles cannot compile it."""
-    set_shader(camera, layout_source(layout), layout_parameters(layout))
+def set_ray_layout(camera: bpy.types.Camera, layout: RayLayout, clip_start: float = 0.0) -> None:
+    """Make ``camera`` send the rays of ``layout`` from ``clip_start`` on; LfsrError if it does not compile."""
+    set_shader(camera, layout_source(layout), layout_parameters(layout, clip_start))
 
 
 def layout_source(layout: RayLayout) -> str:
@@ -36,7 +36,7 @@ def layout_source(layout: RayLayout) -> str:
     return source
 
 
-def layout_parameters(layout: RayLayout) -> dict[str, int | float]:
+def layout_parameters(layout: RayLayout, clip_start: float = 0.0) -> dict[str, int | float]:
     """Values of the shader's parameters."""
     array = layout.array
     pairs = {"lenses": layout.lenses, "views": layout.views, "tiles": layout.tiles}
@@ -44,7 +44,8 @@ def layout_parameters(layout: RayLayout) -> dict[str, int | float]:
     return numbers | {"listed": int(layout.lens_list is not None), "paper": int(layout.convention == "paper"),
                       "half_width": float(array.half_width), "half_height": float(array.half_height),
                       "plane_distance": float(array.distance), "spacing": float(layout.spacing),
-                      "cell_x": float(layout.cell[0]), "cell_y": float(layout.cell[1])}
+                      "cell_x": float(layout.cell[0]), "cell_y": float(layout.cell[1]),
+                      "clip_start": float(clip_start)}
 
 
 def set_shader(camera: bpy.types.Camera, source: str, parameters: Mapping[str, Any]) -> None:

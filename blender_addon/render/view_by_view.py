@@ -132,6 +132,8 @@ def aim(camera: bpy.types.Object, shot: Shot, view: tuple[int, int]) -> None:
     lens.shift_x = (lens_right - right) / (2 * array.half_width)
     lens.shift_y = (down - lens_down) / (2 * array.half_width)
     open_aperture(lens, layout)
+    if shot.clip:
+        lens.clip_start, lens.clip_end = shot.clip
     camera.matrix_world = to_blender(shot.matrix_world) @ mathutils.Matrix.Translation((right, -down, 0))
 
 

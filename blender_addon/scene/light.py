@@ -13,6 +13,7 @@ from lfsr_core.errors import LfsrError
 from .. import compat
 
 DEFAULT_LIGHT = "city.exr"   # neutral, from all sides: glass and skin both read well
+CERTAIN_SUN, CERTAIN_WORLD = 0.5, 0.05   # W/m² and radiance: a white surface is well above black
 
 
 def has_light(scene: bpy.types.Scene) -> bool:
@@ -41,15 +42,41 @@ def _emits(node: bpy.types.Node) -> bool:
     return lit and (strength.is_linked or strength.default_value > 0)
 
 
+def is_certain(scene: bpy.types.Scene) -> bool:
+    """True if light arrives without looking: a world that shines all over, or a sun, at the scene's exposure."""
+    factor = 2.0**scene.view_settings.exposure
+    suns = [item.data.energy for item in scene.objects if item.type == "LIGHT" and item.data.type == "SUN"
+            and not item.hide_render and any(item.data.color)]
+    return max(suns, default=0.0) * factor >= CERTAIN_SUN or _plain_world(scene.world) * factor >= CERTAIN_WORLD
+
+
+def is_meant(scene: bpy.types.Scene) -> bool:
+    """True if someone has lit the scene: with a lamp or a world, not just by something that glows a little."""
+    lamps = any(item.type == "LIGHT" and not item.hide_render and item.data.energy for item in scene.objects)
+    return lamps or (scene.world is not None and _shines(scene.world.node_tree, scene.world.color))
+
+
+def _plain_world(world: bpy.types.World | None) -> float:
+    """Radiance of a world of one colour, 0 of any other."""
+    if world is None:
+        return 0.0
+    if world.node_tree is None:
+        return max(world.color)
+    if any(node.type not in {"BACKGROUND", "OUTPUT_WORLD"} for node in world.node_tree.nodes):
+        return 0.0
+    return max((max(node.inputs["Color"].default_value[:3]) * node.inputs["Strength"].default_value
+                for node in world.node_tree.nodes if _emits(node)), default=0.0)
+
+
 @contextmanager
-def lit(scene: bpy.types.Scene, name: str = DEFAULT_LIGHT) -> Iterator[bool]:
-    """Inside the block ``scene`` has light, if need be from Blender's own HDRI; True if it is the scene's own."""
-    if has_light(scene):
-        yield True
+def lit(scene: bpy.types.Scene, is_own: bool, name: str = DEFAULT_LIGHT) -> Iterator[None]:
+    """Inside the block ``scene`` has light: its own, or that of Blender's own HDRI."""
+    if is_own:
+        yield
         return
     before, world = scene.world, add_light(scene, name)
     try:
-        yield False
+        yield
     finally:
         scene.world = before
         images = [node.image for node in world.node_tree.nodes if node.type == "TEX_ENVIRONMENT"]

@@ -51,6 +51,13 @@ def _open_blend(path: str) -> None:
 def _import_gltf(path: str) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=path)
+    # The importer makes none of the file's cameras the active one.
+    bpy.context.scene.camera = _first_camera(bpy.context.scene)
+
+
+def _first_camera(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """The first, in the file's order, that an array can stand at, else None."""
+    return next((item for item in scene.objects if item.type == "CAMERA" and item.data.type == "PERSP"), None)
 
 
 def _import_obj(path: str) -> None:

@@ -32,6 +32,9 @@ def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
                         help="share of a view's cell its rays cover, default: %(default)s")
     parser.add_argument("--seed", type=int, default=0, metavar="N")
     parser.add_argument("--frame", type=int, metavar="N", help="default: the scene's current frame")
+    parser.add_argument("--camera", metavar="NAME",
+                        help="stand at this camera; `fit`: before the subject; default: the scene's active camera, "
+                             "of a glTF file its first")
     parser.add_argument("--subject", metavar="COLLECTION",
                         help="the foreground; default: everything but the world and a collection called Background")
     parser.add_argument("--world-visible", action=argparse.BooleanOptionalAction,
@@ -48,7 +51,7 @@ def _device(text: str) -> str:
 def make_job(arguments: argparse.Namespace, **values: Any) -> Job:
     """Validated job of the parsed arguments; ``values`` add to them or replace them."""
     shared = ("output", "spp", "layout", "convention", "view_aperture", "seed", "frame", "subject", "device",
-              "world_visible")
+              "world_visible", "camera")
     given = {name: getattr(arguments, name) for name in shared if name not in values}
     given |= {"scene": check_scene(arguments.scene), "display": load_display(arguments.display)} | values
     return Job(**given | {"output": str(given["output"])})

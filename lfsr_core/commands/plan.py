@@ -29,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="what the sample may cost, as a share of the costliest candidate's frame, default: 0.05")
     parser.add_argument("--lenses", type=int, metavar="N", help="sample just so many, whatever the budget")
     parser.add_argument("--reference-spp", type=int, metavar="N", help="of the sampled lenses, default: 256")
+    parser.add_argument("--details", action="store_true", help="show every measured candidate, not ten lines")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
     parser.add_argument("--work", type=Path, metavar="DIR", help="keep the sample's renders and go on from them; "
                         "default: they are kept until the plan is made")
@@ -58,7 +59,7 @@ def run(arguments: argparse.Namespace) -> None:
             planned = make_plan(job, options, rendering(blender, progress.note), folder, progress)
     finally:
         progress.close()
-    print(table(planned, options))
+    print(table(planned, options, arguments.details))
     if arguments.json:
         write_record(arguments.json, plan_report(planned, options, job))
     if planned.choice.chosen is not None:

@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def chosen_method(name: str | None, scale: int, display: DisplayProfile) -> MethodName:
-    """The method of this name, or the default for ``scale`` and display; LfsrError if no such method exists."""
+    """The method of this name, or the default for scale and display; LfsrError if there is none or it upscales nothing."""
     from lfsr_core.reconstruct.method_name import PLAIN_METHOD, default_method
     from lfsr_core.reconstruct.methods import denoise
     from lfsr_core.reconstruct.registry import method as load_method
@@ -51,7 +51,9 @@ def chosen_method(name: str | None, scale: int, display: DisplayProfile) -> Meth
         without = METHOD_WITHOUT_DENOISER if all(display.parallax) else PLAIN_METHOD
         name = default_method(display.parallax) if denoise.is_available() else without
         name = name if scale > 1 else METHOD_AT_FULL_RESOLUTION
-    return load_method(name).name
+    chosen = load_method(name).name
+    chosen.check_scale(scale)
+    return chosen
 
 
 def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> None:
@@ -66,6 +68,8 @@ def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> 
     finally:
         progress.close()
     times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report.seconds.items())
+    for note in report.notes:
+        progress.note(note)
     if read_frame(folder).display.is_woven:
         print(f"{folder / PANEL_FILE}: the panel's image, woven for its lens sheet")
     print(f"{folder / EIA_FILE}: {method}, {report.foreground_share:.0%} of the lenses are foreground ({times})")

@@ -24,6 +24,7 @@ VIEWER_FILE = "view.html"
 LOW_RES_FILE, MASK_FILE, EIA_FILE, EIA_LINEAR_FILE = "lr_eia.exr", "mask.png", "eia.png", "eia.exr"
 PANEL_FILE = "panel.png"
 REFERENCE_FILES = ("reference_a.exr", "reference_b.exr")
+Clip = tuple[float, float]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,6 +44,7 @@ class Frame:
     view_aperture: float = 1.0
     lens_list: tuple[tuple[int, int], ...] | None = None  # (row, column) of the lenses that were rendered, None for all
     layout: str = "one-pass"
+    clip: Clip | None = None  # depths from the camera plane between which things are seen, None for all
     layers: tuple[str, ...] = ()  # auxiliary layers in the EXR
     world_visible: bool = False  # whether the world shows behind the subject
     color: ColorSettings = dataclasses.field(default_factory=ColorSettings)  # how Blender would show the scene
@@ -61,6 +63,8 @@ class Frame:
             raise LfsrError(f"samples are {self.samples} and layout is {self.layout[:20]!r}, but it must be 1 or more "
                             f"samples and one of {', '.join(LAYOUTS)}")
         _check_array(self.array)
+        if self.clip is not None and not 0 <= self.clip[0] < self.clip[1] <= 1 / LEAST_LENGTH:
+            raise LfsrError(f"clip is {self.clip}, but it must be two depths, the nearer one first")
         lenses = self.display.lenses[0] * self.display.lenses[1]
         if len(self.rays.lens_list or ()) > lenses:
             raise LfsrError(f"lens_list names {len(self.lens_list)} lenses, but the display has {lenses}")

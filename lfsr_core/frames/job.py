@@ -13,6 +13,7 @@ from lfsr_core.optics.rays import CONVENTIONS
 from lfsr_core.records import from_data
 
 KINDS = ("render", "reference")
+FIT = "fit"  # a camera that is none: the array is fitted to the subject
 AUTO = "auto"  # the best device of the machine that renders
 DEVICES = ("CPU", "OPTIX", "CUDA", "HIP", "ONEAPI", "METAL")
 LAYERS = ("albedo", "normal", "position", "index", "denoised")
@@ -44,6 +45,8 @@ class Job:
     device: str = "CPU"  # Cycles' device, or AUTO
     clamp_indirect: float | None = None  # None for Cycles' default, 0 for none
     world_visible: bool | None = None  # None for the scene's own film setting
+    # name of the camera to stand at, FIT to stand before the subject, None for the scene's own
+    camera: str | None = None
     scene_name: str | None = None  # scene in the file, None for the one that is open in it
     parts: str | None = None  # folder that keeps what is whole of a long render for the next, None to keep nothing
 

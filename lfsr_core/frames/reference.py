@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ from lfsr_core.frames.low_res import over_background
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import to_elemental_images
+
+MOST_NAME = 60  # characters of a scene's in a message
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,11 +103,27 @@ def check_reference(frame: Frame, reference: Frame) -> None:
             raise LfsrError(f"the reference was rendered with {name} {shown[1]}, but the frame with {shown[0]}: "
                             "render the reference of the same frame")
     if not _same_place(frame, reference):
-        raise LfsrError(f"the reference's cameras are at {reference.array}, but the frame's at {frame.array}, or they "
-                        "face elsewhere: render the reference of the same frame")
+        raise LfsrError(_elsewhere(frame, reference))
     if frame.lens_list is not None and frame.lens_list != reference.lens_list:
         raise LfsrError(f"the reference shows other lenses than the {len(frame.lens_list)} of the frame: "
                         "render it for the same list")
+
+
+def _elsewhere(frame: Frame, reference: Frame) -> str:
+    """Why a reference whose cameras stand elsewhere shows another picture."""
+    if frame.scene != reference.scene:
+        return (f"the reference shows another scene, {_file(reference)}, but the frame {_file(frame)}: compare with "
+                "the reference of the same scene")
+    distances = [of.array.distance for of in (reference, frame)]
+    if math.isclose(*distances, rel_tol=1e-5):
+        where = "its cameras stand or face elsewhere, as with another --camera or --subject"
+    else:
+        where = f"its display plane is {distances[0]:.4g} from the cameras, the frame's {distances[1]:.4g}"
+    return f"the reference does not show what the frame shows: {where}. Render both of the same scene in the same way"
+
+
+def _file(frame: Frame) -> str:
+    return frame.scene[:MOST_NAME] or "one without a name"
 
 
 def _same_place(frame: Frame, reference: Frame) -> bool:

@@ -11,26 +11,34 @@ import numpy as np
 import PyOpenColorIO as ocio
 
 from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.images.baked_color import BRIGHTEST, bake
 from lfsr_core.images.color_settings import ColorSettings
 
 CONFIG_IN_BLENDER = "datafiles/colormanagement/config.ocio"
 NO_LOOK = ("", "None")
 LEAST_GAMMA = 1e-3  # Blender allows 0
+LEAST_BAKED = 1 << 22  # pixels from which on a table costs less than it saves
+CHEAP_VIEWS = ("Standard", "Raw", "Filmic", "Filmic Log")  # without a look not dearer than a table
 
 
 class ViewTransform:
     """How Blender would show scene-linear colour under ``settings``, without dither.
 
     The order is Blender's: exposure, look, view and display, gamma. May be called
-    from several threads at once. LfsrError where the configuration is not found
-    (the plain sRGB view needs none) or does not know a name.
+    from several threads at once. Where so many ``pixels`` are to be shown that it pays,
+    bytes come from a table of the chain (baked_color.py): nearly all within 1 of 255 of
+    Blender's, none beyond 3; a chain of which no table is so near stays exact.
+    LfsrError where the configuration is not found (the plain sRGB view needs none) or
+    does not know a name.
     """
 
-    def __init__(self, settings: ColorSettings) -> None:
+    def __init__(self, settings: ColorSettings, pixels: int = 0) -> None:
         processor = _plain_processor() if _needs_no_config(settings) else _processor(settings)
         flags = ocio.OPTIMIZATION_DEFAULT
+        self._baked = None
         self._to_float = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_F32, flags)
         self._to_bytes = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, flags)
+        self._baked = bake(self, self.to_uint8) if pixels >= LEAST_BAKED and not _is_cheap(settings) else None
 
     def __call__(self, linear: np.ndarray) -> np.ndarray:
         """Display values, float32 (..., W, 3), of scene-linear (..., W, 3); 0 to 1 is what the display can show."""
@@ -43,8 +51,22 @@ class ViewTransform:
         """Display values, uint8 (..., W, 3), of scene-linear (..., W, 3), rounded as Blender rounds."""
         source = np.ascontiguousarray(linear, np.float32)
         result = np.empty(source.shape, np.uint8)
-        self._to_bytes.apply(_image(source), _image(result))
+        (self._baked or self._to_bytes).apply(_image(source), _image(result))
+        if self._baked and source.size and not (source.min() >= 0 and source.max() <= BRIGHTEST):
+            self._correct(source.reshape(-1, 3), result.reshape(-1, 3))
         return result
+
+    def _correct(self, source: np.ndarray, result: np.ndarray) -> None:
+        """Show pixels (n, 3) that are not in the table exactly, in place."""
+        outside = ~((source >= 0) & (source <= BRIGHTEST)).all(1)
+        pixels = np.ascontiguousarray(source[outside][None])
+        shown = np.empty(pixels.shape, np.uint8)
+        self._to_bytes.apply(_image(pixels), _image(shown))
+        result[outside] = shown[0]
+
+
+def _is_cheap(settings: ColorSettings) -> bool:
+    return settings.look in NO_LOOK and settings.view_transform in CHEAP_VIEWS
 
 
 def _processor(settings: ColorSettings) -> ocio.Processor:

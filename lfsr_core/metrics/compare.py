@@ -15,7 +15,7 @@ from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.frames.report import read_report, write_report
 from lfsr_core.images.png import read_mask
 from lfsr_core.metrics.eia_metrics import compare
-from lfsr_core.reconstruct.second_stage import UpscaleOptions, finished_linear
+from lfsr_core.reconstruct.second_stage import UpscaleOptions, finished_linear, kept_linear
 
 LEAST_SAMPLES = 8
 
@@ -24,13 +24,16 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
     """Metrics of ``folder`` against ``reference``, also written into its report.json.
 
     Keys as in docs/reference/frame-folder.md. The foreground is the reference's where it
-    shows every lens: a mask that lost some must not hide them from the metrics.
+    shows every lens: a mask that lost some must not hide them from the metrics. The finished
+    picture is read from eia.exr where that was kept, else made once more.
     LfsrError where either folder is incomplete or the two show different pictures.
     """
     folder, frame = Path(folder), read_frame(folder)
     check_reference(frame, read_frame(reference))
     report = read_report(folder)
-    image = finished_linear(folder, report.method, UpscaleOptions(dilate=report.dilate, weights=report.weights))
+    image = kept_linear(folder)
+    if image is None:
+        image = finished_linear(folder, report.method, UpscaleOptions(dilate=report.dilate, weights=report.weights))
     known, mask = Reference.read(reference), read_mask(folder / MASK_FILE, frame.display.lenses)
     metrics = compare(image, (known.half_a, known.half_b), frame.display.lenses, known.foreground_mask(mask),
                       known.lens_list)

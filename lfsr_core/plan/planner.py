@@ -11,6 +11,8 @@ import numpy as np
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.frames.job import Job
+from lfsr_core.images.exposure import extreme
+from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.plan import sample as plan_sample
 from lfsr_core.plan.candidates import Choice, Rated, choose, low_pixels, samples_of
 from lfsr_core.plan.measurements import LensSample, Measurements, Question, Report
@@ -134,7 +136,18 @@ def _reference(question: Question, sample: LensSample, renders: SampleRenders, r
         quarters, frame = renders.reference(part, question.options.reference_spp, lenses)
         files += quarters
         frames.append(frame)
-    return SampledReference.read(files, frames[0], len(lenses))
+    reference = SampledReference.read(files, frames[0], len(lenses))
+    _check_exposure(reference)
+    return reference
+
+
+def _check_exposure(reference: SampledReference) -> None:
+    """LfsrError where the picture is almost black or white: then every candidate is perfect, and none of use."""
+    tone = extreme(srgb_encode(np.mean(reference.quarters, 0)[reference.hits]))
+    if tone:
+        change = "stronger" if tone == "black" else "weaker"
+        raise LfsrError(f"the sampled lenses are almost {tone}, so that every setting would seem perfect: make the "
+                        f"scene's lights {change}, or check where the camera looks")
 
 
 def _facts(measured: Measurements) -> SampleFacts:

@@ -10,16 +10,33 @@ from lfsr_core.plan.estimate import Estimate
 from lfsr_core.plan.options import Options
 from lfsr_core.plan.planner import Planned, SampleFacts
 
+MOST_ROWS = 5  # so that heading, rows, what it cost, the sentence and the command are ten lines
 HEADINGS = ("", "scale", "spp", "method", "seconds", "accuracy", "95 % above", "")
 
 
-def table(planned: Planned, options: Options) -> str:
-    """Measured candidates and the chosen one, cheapest first, what the sample cost, the choice in a sentence."""
+def table(planned: Planned, options: Options, details: bool = True) -> str:
+    """Measured candidates and the chosen one, cheapest first, what the sample cost, the choice in a sentence.
+
+    Without ``details`` ten lines: of the candidates those that no cheaper one equals, around the choice.
+    """
     shown = [row for row in planned.rated if row.note != BETWEEN or row is planned.choice.chosen]
+    shown = shown if details else _front(shown, planned.choice)
     rows = [HEADINGS, *(_row(row, planned.choice, options) for row in shown)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(HEADINGS))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     return "\n".join([*lines, "", cost(planned), sentence(planned.choice, options)])
+
+
+def _front(rows: list[Rated], choice: Choice) -> list[Rated]:
+    """At most MOST_ROWS: each more accurate than all cheaper ones, up to the choice and one beyond it."""
+    best, front = float("-inf"), []
+    for row in rows:
+        low = row.estimate.low if row.estimate is not None else float("-inf")
+        if low > best or row is choice.chosen:
+            best = max(best, low)
+            front.append(row)
+    last = next((place for place, row in enumerate(front) if row is (choice.chosen or choice.best)), len(front) - 1)
+    return front[:last + 2][-MOST_ROWS:]
 
 
 def cost(planned: Planned) -> str:

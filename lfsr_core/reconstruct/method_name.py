@@ -120,6 +120,13 @@ class MethodName:
         """Whether it works on a display whose views differ along those axes: networks want both."""
         return not self.network or all(parallax)
 
+    def check_scale(self, scale: int) -> None:
+        """LfsrError where it upscales nothing, but the render's ``scale`` asks for that."""
+        if scale > 1 and self.upscaler == AS_RENDERED:
+            other = "+".join((*self.prefilters, PLAIN_METHOD, *((RECOVERY,) if self.recovers else ())))
+            raise LfsrError(f"method {self.text!r} upscales nothing, but what is rendered at scale {scale} needs that: "
+                            f"add an upscaler, as in {other!r}, or render at scale 1")
+
     def without_upscaler(self) -> MethodName:
         """What is left of it for a render of every view: its denoisers."""
         kept = [part if part in DENOISERS else DENOISERS[0] for part in self.prefilters]

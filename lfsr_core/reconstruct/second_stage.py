@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import (
     EIA_FILE,
@@ -19,9 +21,11 @@ from lfsr_core.frames.frame import (
 )
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.frames.report import Report, write_report
+from lfsr_core.images.exposure import extreme
 from lfsr_core.images.exr import HALF_MAX, clean, read_layers, write_layers
 from lfsr_core.images.png import write_mask, write_png
 from lfsr_core.images.view_transform import ViewTransform
+from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.panel.kept import map_of
 from lfsr_core.optics.panel.weave import weave
 from lfsr_core.progress import Progress, silent
@@ -33,6 +37,7 @@ from lfsr_core.reconstruct.method_name import PLAIN_METHOD, MethodName
 from lfsr_core.reconstruct.registry import Method
 
 FILL_METHOD = PLAIN_METHOD
+MOST_JUDGED = 200  # elemental images that say whether the picture is black
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,14 +65,14 @@ def upscale_frame(folder: str | Path, method: str | MethodName | Method,
     LfsrError for bad input; then nothing in the folder is half-written.
     """
     run = _begin(folder, method, options)
-    show = ViewTransform(run.frame.color)
+    show = _shown_by(run)
     assembly, replaced = _prepare(run)
     pixels, linear = _panel_images(run, show, assembly)
     panel = _woven(run, pixels)
     with run.clock("write"):
         _write_panel(run, panel)
         _write(run, pixels, linear, assembly.mask)
-    report = _report(run, assembly, replaced)
+    report = _report(run, assembly, replaced, _exposure_notes(run, show, assembly, pixels))
     write_report(run.folder, report)
     return report
 
@@ -76,7 +81,7 @@ def panel_image(folder: str | Path, method: str | MethodName | Method,
                 options: UpscaleOptions = DEFAULT) -> np.ndarray:
     """The pixels of eia.png, (H, W, 3) uint8 in panel order. Writes nothing."""
     run = _begin(folder, method, options)
-    show = ViewTransform(run.frame.color)
+    show = _shown_by(run)
     return _panel_images(run, show, _prepare(run)[0])[0]
 
 
@@ -84,6 +89,28 @@ def finished_linear(folder: str | Path, method: str | MethodName | Method,
                     options: UpscaleOptions = DEFAULT) -> np.ndarray:
     """The finished EIA, (H, W, 3) float32, scene-linear, in view order: what metrics compare. Writes nothing."""
     return linear_and_mask(folder, method, options)[0]
+
+
+def kept_linear(folder: str | Path) -> np.ndarray | None:
+    """The finished EIA as ``finished_linear`` makes it, from the folder's eia.exr; None where there is none.
+
+    To half precision. A second stage that writes no eia.exr removes that of an earlier one.
+    LfsrError where it is damaged or of another size than the folder's eia.png has to be.
+    """
+    path, frame = Path(folder) / EIA_LINEAR_FILE, read_frame(folder)
+    if not path.exists():
+        return None
+    pixels, tiles = read_layers(path)["color"][..., :3].astype(np.float32), frame.rays.tiles
+    size = tuple(count * views for count, views in zip(tiles[::-1], frame.display.views[::-1], strict=True))
+    if pixels.shape[:2] != size:
+        raise LfsrError(f"{path} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but its frame {size[1]}×{size[0]}: "
+                        "finish the frame again with --linear-exr")
+    if frame.display.ei_order != "flipped":
+        return pixels
+    result, images = np.empty_like(pixels), to_elemental_images(pixels, tiles)
+    lenses = np.argwhere(np.ones(tiles[::-1], bool))
+    place(result, tiles, lenses, images[lenses[:, 0], lenses[:, 1]], flipped=True)
+    return result
 
 
 def linear_and_mask(folder: str | Path, method: str | MethodName | Method,
@@ -135,7 +162,15 @@ class _Run:
 
 def _begin(folder: str | Path, method: str | MethodName | Method, options: UpscaleOptions) -> _Run:
     chosen = method if isinstance(method, Method) else registry.method(method, options.weights)
-    return _Run(Path(folder), read_frame(folder), chosen, options, StageClock())
+    frame = read_frame(folder)
+    chosen.name.check_scale(frame.scale)
+    return _Run(Path(folder), frame, chosen, options, StageClock())
+
+
+def _shown_by(run: _Run) -> ViewTransform:
+    tiles, views = run.frame.rays.tiles, run.frame.display.views
+    with run.clock("color"):
+        return ViewTransform(run.frame.color, math.prod((*tiles, *views)))
 
 
 def _filler(method: Method, scale: int) -> Upscaler:
@@ -212,12 +247,23 @@ def _write(run: _Run, pixels: np.ndarray, linear: np.ndarray | None, mask: np.nd
     run.options.progress("write", 1.0, EIA_FILE)
 
 
-def _report(run: _Run, assembly: Assembly, replaced: int) -> Report:
+def _exposure_notes(run: _Run, show: ViewTransform, assembly: Assembly, pixels: np.ndarray) -> list[str]:
+    """A sentence if what the finished ``pixels`` show is almost black or almost white."""
+    images = to_elemental_images(pixels, run.frame.rays.tiles)
+    lenses = np.argwhere(assembly.mask | assembly.fill)
+    rows, columns = lenses[::len(lenses) // MOST_JUDGED + 1].T
+    background = show.to_uint8(np.asarray(run.frame.display.background, np.float32)[None])[0]
+    tone = extreme(images[rows, columns], background)
+    change = {"black": "make lights or exposure stronger", "white": "make lights or exposure weaker"}
+    return [f"the picture is almost {tone}: {change[tone]}, or check where the camera looks"] if tone else []
+
+
+def _report(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> Report:
     frame, name, options = run.frame, run.method.name, run.options
     return Report(
         method=name.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds={stage: round(seconds, 4) for stage, seconds in run.clock.seconds.items()},
         peak_bytes=peak_bytes(), foreground_share=float(assembly.mask.mean()),
-        notes=(*name.guide_notes(assembly.low.layers), *assembly.upscaler.notes), replaced_pixels=replaced,
+        notes=(*notes, *name.guide_notes(assembly.low.layers), *assembly.upscaler.notes), replaced_pixels=replaced,
         dilate=options.dilate, layout=frame.layout, device=frame.device,
         weights=str(options.weights) if options.weights else None)

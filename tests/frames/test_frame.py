@@ -19,6 +19,7 @@ IDENTITY = tuple(tuple(float(row == column) for column in range(4)) for row in r
 FRAME = Frame(
     display=MINI, scale=2, array=CameraArray.for_display(MINI, 2.0), matrix_world=IDENTITY, samples=7, seed=3, frame=5,
     convention="paper", view_aperture=0.5, lens_list=((1, 2), (3, 4)), layout="view-by-view",
+    clip=(0.25, 30.0),
     layers=("albedo", "normal"), world_visible=True,
     color=ColorSettings("Rec.2020", "AgX", "AgX - Punchy", 0.5, 1.1, "config.ocio"),
     scene="scene.blend", subject="Things", blender="5.0.1", device="OPTIX", seconds={"render": 1.5})
@@ -76,3 +77,9 @@ def test_damaged_frame_is_refused(tmp_path, change, message):
 def test_folder_without_frame_is_named(tmp_path):
     with pytest.raises(LfsrError, match=r"frame.json does not exist, expected the frame.json of a rendered"):
         read_frame(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("clip", [(-1.0, 2.0), (2.0, 1.0), (0.0, float("inf"))])
+def test_depths_that_nothing_lies_between_are_refused(clip):
+    with pytest.raises(LfsrError, match="two depths"):
+        dataclasses.replace(FRAME, clip=clip)

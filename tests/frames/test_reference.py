@@ -11,7 +11,8 @@ from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import to_elemental_images
-from tests.support.synthetic import frame_of, light_field, write_reference
+from lfsr_core.optics.rays import CameraArray
+from tests.support.synthetic import MINI, frame_of, light_field, write_reference
 
 LISTED = tuple((row, column) for row in range(1, 9) for column in (2, 7, 8))[:23]
 
@@ -101,3 +102,15 @@ def test_halves_that_are_the_same_picture_are_refused(tmp_path):
     second.write_bytes(first.read_bytes())
     with pytest.raises(LfsrError, match="both halves in .* are the same picture"):
         Reference.read(folder)
+
+
+def test_reference_of_another_place_or_scene_is_told_in_words():
+    frame = dataclasses.replace(frame_of(2), scene="one.blend")
+    nearer = dataclasses.replace(frame_of(1), scene="one.blend", array=CameraArray.for_display(MINI, 0.8))
+    with pytest.raises(LfsrError, match=r"its display plane is [\d.]+ from the cameras, the frame's [\d.]+\. "):
+        check_reference(frame, nearer)
+    with pytest.raises(LfsrError, match=r"shows another scene, two\.glb, but the frame one\.blend"):
+        check_reference(frame, dataclasses.replace(nearer, scene="two.glb"))
+    matrix = ((1.0, 0.0, 0.0, 0.5), *frame.matrix_world[1:])
+    with pytest.raises(LfsrError, match="stand or face elsewhere"):
+        check_reference(frame, dataclasses.replace(frame_of(1), scene="one.blend", matrix_world=matrix))

@@ -127,3 +127,41 @@ def test_damaged_configuration_is_one_sentence(tmp_path):
 def test_numbers_that_show_nothing_are_refused(numbers):
     with pytest.raises(LfsrError, match="exposure is .* and gamma .*, but they must be between"):
         ColorSettings(**numbers)
+
+
+MANY = 1 << 25
+
+
+def colors(count=200_000, most=8.0):
+    """(1, count, 3) scene-linear colours, other ones than those that a table is tried on."""
+    random = np.random.default_rng(7)
+    stops = random.uniform(-14, 5, (1, count, 1)) + random.normal(0, 1.2, (1, count, 3))
+    return np.minimum(2**stops, most).astype(np.float32)
+
+
+@pytest.mark.parametrize(("view", "look"), [("AgX", "Punchy"), ("AgX", "None"), ("Filmic", "High Contrast")])
+def test_table_shows_what_the_chain_shows(view, look):
+    settings = ColorSettings(view_transform=view, look=look)
+    exact, baked = ViewTransform(settings), ViewTransform(settings, MANY)
+    values = colors()
+    assert baked._baked is not None
+    steps = np.abs(exact.to_uint8(values).astype(int) - baked.to_uint8(values)).max(-1)
+    assert steps.max() <= 3 and np.mean(steps <= 1) >= 0.999 and (steps > 0).any(), "else it is no table"
+    np.testing.assert_array_equal(exact(values), baked(values))
+
+
+def test_what_lies_outside_the_table_is_exact():
+    settings = ColorSettings(view_transform="AgX", look="Punchy")
+    exact, baked = ViewTransform(settings), ViewTransform(settings, MANY)
+    values = colors(1000)
+    values[0, ::2] = [[20.0, 0.1, 0.3]]
+    values[0, 1] = [-0.5, 0.2, 0.2]
+    outside = (values < 0).any(-1) | (values > 8).any(-1)
+    np.testing.assert_array_equal(baked.to_uint8(values)[outside], exact.to_uint8(values)[outside])
+
+
+def test_chain_that_no_table_shows_stays_exact_and_so_do_small_pictures():
+    false_color = ColorSettings(view_transform="False Color")
+    assert ViewTransform(false_color, MANY)._baked is None
+    assert ViewTransform(ColorSettings(view_transform="AgX", look="Punchy"), 10_000)._baked is None
+    assert ViewTransform(ColorSettings(), MANY)._baked is None, "the plain view costs less than a table"

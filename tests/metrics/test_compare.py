@@ -6,10 +6,12 @@ import pytest
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json
 from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE
+from lfsr_core.images.exr import write_layers
 from lfsr_core.images.png import read_mask, write_mask
 from lfsr_core.metrics import compare as compare_module
 from lfsr_core.metrics.compare import compare_folders, sampled_recall
-from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.optics.display import load_display
+from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
 from tests.support.synthetic import write_reference, write_render
 
 
@@ -59,3 +61,27 @@ def test_sampled_recall_is_unknown_with_few_samples_outside_the_mask():
     mask[0] = True
     listed = tuple((row, column) for row, columns in ((0, 20), (1, 3)) for column in range(columns))
     assert sampled_recall(mask, np.ones(len(listed), bool), listed) is None
+
+
+@pytest.mark.parametrize("display", ["mini", "small"])
+def test_kept_linear_picture_is_read_instead_of_made_again(tmp_path, monkeypatch, display):
+    display = load_display(display)
+    assert display.ei_order == "flipped"
+    folder = write_render(tmp_path / "f", display=display)
+    reference = write_reference(tmp_path / "r", display=display)
+    upscale_frame(folder, "bicubic")
+    made = compare_folders(folder, reference)
+    upscale_frame(folder, "bicubic", UpscaleOptions(linear_exr=True))
+    monkeypatch.setattr(compare_module, "finished_linear", lambda *_: 1 / 0)
+    kept = compare_folders(folder, reference)
+    for name, value in made.items():
+        assert kept[name] == (pytest.approx(value, abs=2e-3 if "psnr" in name else 2e-4)
+                              if isinstance(value, float) else value), name
+
+
+def test_kept_linear_picture_of_another_size_is_refused(tmp_path):
+    folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
+    upscale_frame(folder, "bicubic")
+    write_layers(folder / "eia.exr", {"color": np.zeros((8, 8, 3), np.float16)}, half=True)
+    with pytest.raises(LfsrError, match="finish the frame again with --linear-exr"):
+        compare_folders(folder, reference)

@@ -11,7 +11,7 @@ import pytest
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE
 from lfsr_core.frames.job import Job
-from lfsr_core.images.exr import write_layers
+from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.eia import to_elemental_images
@@ -193,3 +193,15 @@ def test_recovery_is_judged_and_timed_like_any_method(tmp_path):
 def test_stage_time_grows_with_the_frame(tmp_path):
     planned = make_plan(JOB, dataclasses.replace(OPTIONS, scales=(4,), spps=(4,)), render, tmp_path / "sample")
     assert all(row.seconds > 1.0 for row in planned.rated), "the scene takes a second to open"
+
+
+def test_black_picture_is_no_perfect_one(tmp_path):
+    def black(job):
+        render(job)
+        for path in Path(job.output).glob("*.exr"):
+            layers = read_layers(path)
+            layers["color"][..., :3] *= 1e-5
+            write_layers(path, layers)
+
+    with pytest.raises(LfsrError, match="almost black, so that every setting would seem perfect"):
+        make_plan(JOB, OPTIONS, black, tmp_path)

@@ -7,7 +7,7 @@ import pytest
 from lfsr_core.plan import score
 from lfsr_core.plan.options import Options
 from lfsr_core.plan.planner import make_plan
-from lfsr_core.plan.report import PlanReport, plan_report, table
+from lfsr_core.plan.report import PlanReport, _front, plan_report, table
 from lfsr_core.records import read_record, write_record
 from tests.support.noisy_renders import JOB, render
 
@@ -32,3 +32,10 @@ def test_report_says_everything(tmp_path):
     assert report.chosen.method == chosen.candidate.method and len(report.candidates) == 12
     assert report.sample.lenses["foreground"] + report.sample.lenses["edge"] == 40
     assert report.sample.cost_ratio >= 1 and report.sample.costliest.startswith("s2-spp64")
+    assert text == table(planned, options, details=True)
+    short = table(planned, options, details=False).splitlines()
+    assert len(short) <= 9, "ten with the command to render"
+    assert any(line.startswith("→") and chosen.candidate.method in line for line in short)
+    assert short[-2:] == text.splitlines()[-2:]
+    lows = [row.estimate.low for row in _front(list(planned.rated), planned.choice) if row.estimate]
+    assert lows == sorted(set(lows)), "nothing is shown that a cheaper one equals"

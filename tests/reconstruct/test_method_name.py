@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import pytest
 
@@ -82,3 +83,12 @@ def test_a_missing_guide_is_noted():
     assert MethodName.parse("oidn-guided+bilinear").guide_notes({"albedo", "normal"}) == []
     assert "the layers normal, which" in MethodName.parse("oidn-guided+bilinear").guide_notes({"albedo"})[0]
     assert MethodName.parse("oidn+bilinear").guide_notes(()) == []
+
+
+@pytest.mark.parametrize(("name", "other"), [("oidn+epi", "oidn+bilinear+epi"), ("oidn", "oidn+bilinear"),
+                                             ("none", "bilinear")])
+def test_method_that_upscales_nothing_is_told_with_one_that_does(name, other):
+    MethodName.parse(name).check_scale(1)
+    with pytest.raises(LfsrError, match=rf"method '{re.escape(name)}' upscales nothing.* as in '{re.escape(other)}'"):
+        MethodName.parse(name).check_scale(4)
+    MethodName.parse(other).check_scale(4)

@@ -253,7 +253,7 @@ class OneAtATime:
         self.overlapped |= self.running > 1
         self.calls.append(len(lenses))
         self.running -= 1
-        return np.ones((len(lenses), 8, 8, 3), np.float32)
+        return np.full((len(lenses), 8, 8, 3), 0.5, np.float32)
 
 
 def test_an_upscaler_that_is_not_thread_safe_runs_alone_in_steps(tmp_path):
@@ -298,3 +298,10 @@ def test_missing_guides_are_told(tmp_path):
     notes = second_stage.upscale_frame(tmp_path, "oidn-guided+bilinear").notes
     assert len(notes) == 1 and "albedo, normal" in notes[0] and "--layers albedo,normal" in notes[0]
     assert second_stage.upscale_frame(tmp_path, "oidn+bilinear").notes == ()
+
+
+@pytest.mark.parametrize(("exposure", "tone"), [(-12, "black"), (0, ""), (12, "white")])
+def test_almost_black_and_almost_white_pictures_say_so(tmp_path, exposure, tone):
+    folder = write_render(tmp_path, color=ColorSettings(exposure=exposure))
+    notes = " ".join(second_stage.upscale_frame(folder, "bilinear").notes)
+    assert (f"almost {tone}" in notes) if tone else "almost" not in notes

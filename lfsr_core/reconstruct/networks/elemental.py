@@ -15,7 +15,7 @@ from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.encoding import encode
 from lfsr_core.reconstruct.methods.interpolation import interpolate
 from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.networks.numpy_network import ElementalNetwork, conserve, load, mean_light, network_inputs
+from lfsr_core.reconstruct.networks.numpy_network import ElementalNetwork, conserve, load, network_inputs, steady_light
 
 EIS_IN_CACHE = 4  # per step: the widest layer's patches of 20×20 pixels stay near 1 MB
 KERNEL = "linear"
@@ -72,7 +72,7 @@ class ElementalUpscaler:
         if network is not None and busy.any():
             cleaned = network(*network_inputs(network, low, lenses[busy]))
             rendered = low.rendered if "oidn" in network.inputs else low.color
-            images[busy] = conserve(cleaned, mean_light(rendered[lenses[busy, 0], lenses[busy, 1]]))
+            images[busy] = conserve(cleaned, steady_light(rendered[lenses[busy, 0], lenses[busy, 1]], cleaned))
         with self._lock:
             self.counts["network"] += int(busy.sum())
             self.counts["linear"] += int((~busy).sum())

@@ -23,6 +23,10 @@ from lfsr_core.records import from_data
 
 MAX_LOG2_SAMPLES = 12.0
 LEAST_LIGHT, MAX_GAIN = 1e-4, 2.0
+# What makes a firefly, measured on three scenes (docs/results/networks.md): times the brightest neighbour, times this
+# quantile of an EI's deviations, and by how much of the mean, and of light, it moves the mean at least.
+FIREFLY, MOST_NOISE, NOISE_QUANTILE = 4.0, 5.0, 0.9
+LEAST_SHARE, LEAST_MOVE = 0.05, 0.002
 MOST_BLOCKS = 64
 ENCODED = ("oidn", "guided", "color")
 
@@ -35,6 +39,34 @@ def conserve(encoded: np.ndarray, light: np.ndarray) -> np.ndarray:
     linear = decode(encoded)
     gain = (light + LEAST_LIGHT) / (mean_light(linear) + LEAST_LIGHT)
     return encode(linear * np.clip(gain, 1 / MAX_GAIN, MAX_GAIN))
+
+
+def steady_light(rendered: np.ndarray, encoded: np.ndarray) -> np.ndarray:
+    """Mean scene-linear light (N, 1, 1, 3) of ``rendered`` EIs (N, h, w, 3), without their fireflies.
+
+    One path that met a lamp by chance would brighten its whole EI. A value is such a firefly where it alone moves
+    that mean and exceeds by far what a network's result, ``encoded``, has around it, and the EI's own noise: light
+    that many pixels carry in turn, as leaves before a sky do at few samples, is kept. It counts as the result there.
+    """
+    clean = decode(encoded)
+    excess = rendered - clean
+    noise = np.quantile(np.abs(excess), NOISE_QUANTILE, axis=(1, 2), keepdims=True)
+    alone = excess > FIREFLY * _brightest_around(clean) + MOST_NOISE * noise
+    count = rendered.shape[1] * rendered.shape[2]
+    moves = excess / count > LEAST_SHARE * mean_light(clean) + LEAST_MOVE
+    return mean_light(np.where(alone & moves, clean, rendered))
+
+
+def _brightest_around(images: np.ndarray) -> np.ndarray:
+    """Largest value among a pixel and its eight neighbours, (N, h, w, 3)."""
+    for axis in (1, 2):
+        padding = [(0, 0)] * 4
+        padding[axis] = (1, 1)
+        padded = np.pad(images, padding, mode="edge")
+        count = images.shape[axis]
+        images = functools.reduce(np.maximum, (np.take(padded, range(start, start + count), axis)
+                                               for start in range(3)))
+    return images
 
 
 def mean_light(images: np.ndarray) -> np.ndarray:

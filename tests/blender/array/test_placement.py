@@ -7,7 +7,7 @@ import mathutils
 import numpy as np
 import pytest
 
-from blender_addon.array import placement, spaces
+from blender_addon.array import motion, placement, spaces
 from blender_addon.scene import subject
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import builtin_names, load_display
@@ -129,3 +129,39 @@ def test_bounds_see_modifiers_and_instances(scene):
     low, high = placement.bounds(subject.find_subject(scene))
     assert low == pytest.approx((-0.5, -0.5, -0.5)) and high == pytest.approx((2.5, 0.5, 4.1))
     assert placement.bounds({empty})[1] == pytest.approx((0.1, 0.1, 4.1)), "what shows the instance is enough"
+
+
+def test_array_is_fitted_to_the_whole_animation_whatever_the_frame(scene):
+    box = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    for number, place in ((1, 0), (40, 6)):
+        box.location.x = place
+        box.keyframe_insert("location", frame=number)
+    found = []
+    for number in (1, 40, 200):
+        scene.frame_set(number, subframe=0.25)
+        found.append(placement.place_array(scene, SMALL, {box}))
+        assert (scene.frame_current, scene.frame_subframe) == (number, 0.25)
+    assert found[0] == found[1] == found[2]
+    low, high = placement.animated_bounds(scene, {box})
+    assert low == pytest.approx((-0.5, -0.5, -0.5)) and high == pytest.approx((6.5, 0.5, 0.5))
+
+
+def test_frames_that_stand_for_an_animation(scene):
+    assert list(motion.frames(scene)) == [1], "nothing moves"
+    assert motion.chosen(3, 5) == [3, 4, 5]
+    many = motion.chosen(1, 1000)
+    assert len(many) == motion.MOST_FRAMES and (many[0], many[-1]) == (1, 1000)
+
+
+def test_camera_sees_its_subject_through_a_clipped_wall(scene):
+    box = add_box(scene, tuple(CENTRE), tuple(HALF))
+    add_box(scene, (1, -4.9, 3), (2, 0.02, 2))
+    camera = add_camera(scene)
+    with pytest.raises(LfsrError, match="does not see the subject"):
+        placement.place_array(scene, SMALL, {box})
+    camera.data.clip_start = 0.5
+    assert placement.place_array(scene, SMALL, {box})[0].distance == pytest.approx(7 - HALF[1], abs=0.05)
+    assert placement.clip_of(scene) == pytest.approx((0.5, camera.data.clip_end))
+    camera.data.clip_end = 3.0
+    with pytest.raises(LfsrError, match="does not see the subject"):
+        placement.place_array(scene, SMALL, {box})

@@ -191,7 +191,7 @@ def test_distance_to_volume(scene):
 
 def test_group_is_small(scene):
     group = lens_card.ray_group(place_in_pixel=True)
-    assert group.name == lens_card.NAME and len(group.nodes) == 14
+    assert group.name == lens_card.NAME and len(group.nodes) == 15
     assert all(link.is_valid for link in group.links)
     bpy.data.node_groups.remove(group)
 

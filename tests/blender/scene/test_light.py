@@ -38,8 +38,8 @@ def test_own_black_world_is_put_back(scene, tmp_path):
     for node in black.node_tree.nodes if black.node_tree else ():
         if node.type == "BACKGROUND":
             node.inputs["Strength"].default_value = 0.0
-    with light.lit(scene) as own_light:
-        assert not own_light and scene.world != black
+    with light.lit(scene, is_own=light.has_light(scene)):
+        assert scene.world != black
     assert scene.world == black
 
 
@@ -60,3 +60,46 @@ def test_what_counts_as_light(scene, kind, lit):
             background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
             background.inputs["Strength"].default_value = 0.0 if "black" in kind else 1.0
     assert light.has_light(scene) == lit
+
+
+def with_sun(scene, strength):
+    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+    sun.data.energy, sun.rotation_euler = strength, (1.0, 0, 0.3)
+    scene.collection.objects.link(sun)
+
+
+def brightness(stage, tmp_path, **options):
+    """Brightest pixel of a render, and what was said."""
+    said = []
+    frame_folder.render_job(stage, Job(str(tmp_path / "out"), MINI, spp=1, **options), warn=said.append)
+    color = exr.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
+    return color[..., :3].max(), " ".join(said)
+
+
+def test_glow_that_lights_nothing_counts_as_no_light(scene, tmp_path):
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    add_box(scene, (0, 40, 0), (0.01, 0.01, 0.01), emission((0.01, 0.01, 0.01)))
+    scene.collection.children.link(bpy.data.collections.new("box"))
+    scene.collection.children["box"].objects.link(scene.objects["item"])
+    assert light.has_light(scene)
+    brightest, said = brightness(scene, tmp_path, subject="box")
+    assert brightest > 0.05 and "almost no light arrives" in said and "lit with" in said
+
+
+@pytest.mark.parametrize(("file", "lit"), [("", False), ("sun.glb", True)])
+def test_sun_of_next_to_nothing_is_left_to_the_artist_and_replaced_in_files_from_elsewhere(scene, tmp_path, file, lit):
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    with_sun(scene, 3 / 683)
+    brightest, said = brightness(scene, tmp_path, scene=file)
+    assert "almost no light arrives" in said
+    assert brightest > 0.05 if lit else brightest < 0.01
+
+
+def test_lamp_that_arrives_is_left_alone(scene, tmp_path):
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "POINT"))
+    lamp.data.energy, lamp.location = 100, (0, -3, 1)
+    scene.collection.objects.link(lamp)
+    assert not light.is_certain(scene)
+    brightest, said = brightness(scene, tmp_path)
+    assert brightest > 0.05 and not said and scene.world is None

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import bpy
 import numpy as np
 import pytest
 
-from blender_addon.array import placement
+from blender_addon.array import edit, placement, rig
+from blender_addon.array.cameras import choice_notice, choose_camera
 from blender_addon.scene.open import open_scene
 from blender_addon.scene.subject import find_subject
 from lfsr_core.errors import LfsrError
-from tests.support.scenes import save_box
+from tests.support.scenes import MINI, add_box, add_camera, fresh_scene, save_box
 
 # Box of the test files: not centred, not a cube, deeper than wide in no axis.
 CENTRE, HALF = np.array((1.0, 2.0, 3.0)), np.array((0.5, 0.3, 0.4))
@@ -54,3 +56,33 @@ def test_an_importers_long_traceback_is_one_short_sentence(tmp_path):
     with pytest.raises(LfsrError, match=r"scene\.gltf cannot be read \(TypeError: .*the file is whole") as caught:
         open_scene(path)
     assert len(str(caught.value)) <= 300
+
+
+def save_cameras(path, names):
+    """A glTF file with a box and cameras before it, none of them active."""
+    scene = fresh_scene()
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    for number, name in enumerate(names):
+        add_camera(scene, (0.1 * number, -5, 0)).name = name
+    bpy.ops.export_scene.gltf(filepath=str(path), export_cameras=True)
+    return path
+
+
+def test_first_camera_of_a_gltf_file_is_used_and_others_by_name(tmp_path):
+    scene = open_scene(save_cameras(tmp_path / "cameras.glb", ("zeta", "alpha")))
+    assert scene.camera.name == "zeta"
+    assert "'zeta'" in choice_notice(scene) and "alpha" in choice_notice(scene)
+    choose_camera(scene, "alpha")
+    assert scene.camera.name == "alpha"
+    with pytest.raises(LfsrError, match=r"no camera 'alhpa': did you mean 'alpha'\? Choose one of zeta, alpha"):
+        choose_camera(scene, "alhpa")
+    choose_camera(scene, "fit")
+    assert scene.camera is None
+
+
+def test_camera_by_name_comes_before_an_array(scene):
+    camera = add_camera(scene)
+    array = edit.add(scene, MINI)
+    assert rig.find(scene) == array
+    choose_camera(scene, camera.name)
+    assert rig.find(scene) is None and scene.camera == camera

@@ -10,7 +10,7 @@ import torch
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
-from lfsr_core.reconstruct.encoding import decode
+from lfsr_core.reconstruct.encoding import decode, encode
 from lfsr_core.reconstruct.networks import catalogue, numpy_network
 from lfsr_core.reconstruct.networks.elemental import ElementalUpscaler, needs_network
 from lfsr_core.reconstruct.networks.numpy_network import ElementalNetwork, network_inputs
@@ -178,3 +178,43 @@ def test_wrong_files_are_told(tmp_path, file):
     file.write_bytes(file.read_bytes()[:-40])
     with pytest.raises(LfsrError, match="cannot be read as safetensors"):
         numpy_network.load(file)
+
+
+def rendered_images(samples, count=40, size=5, seed=0):
+    """EIs (N, h, w, 3) of a gradient with a dark part, noise-free and with that of so many samples."""
+    random = np.random.default_rng(seed)
+    exact = np.linspace(0.02, 0.9, size)[None, None, :, None] * random.uniform(0.2, 1, (count, 1, 1, 3))
+    exact = np.broadcast_to(exact, (count, size, size, 3)).astype(np.float32)
+    noisy = exact * random.gamma(samples, 1 / samples, exact.shape).astype(np.float32)
+    return exact, noisy
+
+
+def light_after(rendered, exact):
+    """Mean light of EIs that a network restored exactly, once they have the light that was rendered."""
+    encoded = encode(exact)
+    light = numpy_network.steady_light(rendered, encoded)
+    return numpy_network.mean_light(decode(numpy_network.conserve(encoded, light)))
+
+
+@pytest.mark.parametrize("samples", [4, 16, 64])
+@pytest.mark.parametrize("value", [10.0, 50.0, 1e4])
+def test_firefly_moves_the_light_of_its_image_by_less_than_two_percent(samples, value):
+    exact, noisy = rendered_images(samples)
+    noisy[:, 2, 1] = exact[:, 2, 1]
+    flash = noisy.copy()
+    flash[:, 2, 1] = value
+    without, found = light_after(noisy, exact), light_after(flash, exact)
+    assert np.abs(found / without - 1).max() < 0.02
+    plain = numpy_network.mean_light(decode(numpy_network.conserve(encode(exact), numpy_network.mean_light(flash))))
+    assert (plain / without).min() > 1.2, "the plain mean flashes"
+
+
+def test_images_without_fireflies_keep_the_light_they_were_rendered_with():
+    for samples in (4, 16, 10_000):
+        exact, noisy = rendered_images(samples, count=400)
+        light = numpy_network.steady_light(noisy, encode(exact))
+        np.testing.assert_allclose(light, numpy_network.mean_light(noisy), rtol=1e-5)
+    spark = exact.copy()
+    spark[:, 3, 3] = 20.0
+    light = numpy_network.steady_light(spark, encode(spark))
+    np.testing.assert_allclose(light, numpy_network.mean_light(spark), rtol=1e-5, err_msg="seen by the network too")

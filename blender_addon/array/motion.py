@@ -1,0 +1,50 @@
+"""The frames of a scene's animation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+import numpy as np
+
+MOST_FRAMES = 24   # that stand for a whole animation
+
+
+def frames(scene: bpy.types.Scene) -> Iterator[int]:
+    """Frames that stand for the whole animation, each of them the scene's while it is looked at.
+
+    Of a scene in which nothing moves it is the current one. The same whatever the current frame is; that
+    is the scene's again afterwards.
+    """
+    if not is_animated():
+        yield scene.frame_current
+        return
+    before = scene.frame_current, scene.frame_subframe
+    try:
+        for number in chosen(*frame_range(scene)):
+            scene.frame_set(number)
+            yield number
+    finally:
+        scene.frame_set(before[0], subframe=before[1])
+
+
+def is_animated() -> bool:
+    """True if keyframes, drivers or caches may move something."""
+    driven = any(item.animation_data and item.animation_data.drivers for item in bpy.data.objects)
+    return driven or any(action.users for action in bpy.data.actions) or bool(bpy.data.cache_files)
+
+
+def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
+    """First and last frame: the scene's, of which files from elsewhere move in a part only."""
+    ranges = [tuple(action.frame_range) for action in bpy.data.actions if action.users]
+    if not ranges or bpy.data.cache_files:
+        return scene.frame_start, scene.frame_end
+    first, last = int(min(low for low, _ in ranges)), int(np.ceil(max(high for _, high in ranges)))
+    first, last = max(first, scene.frame_start), min(last, scene.frame_end)
+    return (first, last) if first <= last else (scene.frame_start, scene.frame_end)
+
+
+def chosen(first: int, last: int) -> list[int]:
+    """At most MOST_FRAMES frames from ``first`` to ``last``, evenly, with both."""
+    count = min(last - first + 1, MOST_FRAMES)
+    return sorted({round(number) for number in np.linspace(first, last, count)})

@@ -1,0 +1,72 @@
+"""A dear chain of colour transforms as a shaper and one 3D table, where that shows the same.
+
+Looks cost up to ten times what their view costs. Sampled on a grid that is even in log light, with tetrahedra
+between its points, every view of Blender's costs the same; OpenColorIO runs both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import PyOpenColorIO as ocio
+
+# Scene-linear light from 0 to 2^STOPS[1], even in log2(light + 2^STOPS[0]); what is brighter is not in the table.
+STOPS, GRID = (-7.0, 3.0), 97
+BRIGHTEST = 2.0**STOPS[1] - 2.0**STOPS[0]
+# What a table has to keep on TRIED random colours: steps of 255, one less than what is promised of all colours,
+# and the share of colours within one of them.
+MOST_STEPS, WITHIN_ONE, TRIED = 2, 0.999, 1 << 17
+THREADS = 4
+
+Apply = Callable[[np.ndarray], np.ndarray]
+
+
+def bake(to_float: Apply, to_bytes: Apply) -> ocio.CPUProcessor | None:
+    """From scene-linear floats to bytes by a table; None where that would show other colours.
+
+    Parameters
+    ----------
+    to_float, to_bytes : the exact chain, (..., W, 3) scene-linear to display values
+    """
+    table = ocio.GroupTransform([_shaper(), _table(to_float)])
+    processor = ocio.Config.CreateRaw().getProcessor(table).getOptimizedCPUProcessor(
+        ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, ocio.OPTIMIZATION_DEFAULT)
+    colors = _random_colors()
+    baked = np.empty(colors.shape, np.uint8)
+    processor.apply(ocio.PackedImageDesc(colors, TRIED, 1, 3),
+                    ocio.PackedImageDesc(baked, TRIED, 1, 3, ocio.BIT_DEPTH_UINT8, 1, 3, 3 * TRIED))
+    steps = np.abs(baked.astype(np.int16) - to_bytes(colors)).max(-1)
+    return processor if steps.max() <= MOST_STEPS and np.mean(steps <= 1) >= WITHIN_ONE else None
+
+
+def _shaper() -> ocio.LogAffineTransform:
+    low, high = STOPS
+    return ocio.LogAffineTransform(logSideSlope=[1 / (high - low)] * 3, logSideOffset=[-low / (high - low)] * 3,
+                                   linSideSlope=[1.0] * 3, linSideOffset=[2.0**low] * 3)
+
+
+def _table(to_float: Apply) -> ocio.Lut3DTransform:
+    low, high = STOPS
+    light = (2 ** np.linspace(low, high, GRID) - 2.0**low).astype(np.float32)
+
+    def slab(red: np.float32) -> np.ndarray:
+        """Display values (green, blue, 3) for one red."""
+        colors = np.empty((GRID, GRID, 3), np.float32)
+        colors[..., 0], colors[..., 1], colors[..., 2] = red, light[:, None], light
+        return to_float(colors)
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        values = np.stack(list(pool.map(slab, light)))
+    table = ocio.Lut3DTransform(gridSize=GRID)
+    table.setInterpolation(ocio.INTERP_TETRAHEDRAL)
+    table.setData(values.ravel())
+    return table
+
+
+def _random_colors() -> np.ndarray:
+    """(1, TRIED, 3) scene-linear colours of every lightness and saturation, the same each time."""
+    random = np.random.default_rng(0)
+    stops = random.uniform(STOPS[0] - 4, STOPS[1], (1, TRIED, 1)) + random.normal(0, 1.2, (1, TRIED, 3))
+    return np.minimum(2**stops, BRIGHTEST).astype(np.float32)
