@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def chosen_method(name: str | None, scale: int, display: DisplayProfile) -> MethodName:
-    """The method of this name, or the default for scale and display; LfsrError if there is none or it upscales nothing."""
+    """The method of this name, else the default; LfsrError if there is none, or it upscales nothing at this scale."""
     from lfsr_core.reconstruct.method_name import PLAIN_METHOD, default_method
     from lfsr_core.reconstruct.methods import denoise
     from lfsr_core.reconstruct.registry import method as load_method
