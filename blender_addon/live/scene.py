@@ -89,7 +89,9 @@ def show(live: bpy.types.Scene, view: View) -> None:
     region = view.region
     live.render.resolution_x, live.render.resolution_y = region.size
     live.render.use_border = region.drawn != region.size
-    live.render.border_max_x, live.render.border_max_y = (region.drawn[axis] / region.size[axis] for axis in (0, 1))
+    # Half a pixel more, for Cycles rounds down.
+    live.render.border_max_x, live.render.border_max_y = (
+        min(1.0, (region.drawn[axis] + 0.5) / region.size[axis]) for axis in (0, 1))
     _add_card(live, view)
     if nodes.can_interpolate():
         before = set(bpy.data.node_groups)
