@@ -49,6 +49,9 @@ class LiveRegion:
             return None
         (width, height), (wide, high) = self.size, self.profile.panel_pixels
         found = f"the live window shows {width}×{height} pixels, but display {self.profile.name!r} has {wide}×{high}"
+        if self.drawn != self.size:
+            return (f"{found}, and its sides are no multiples of the pixel size {self.scale}, so that views mix: make "
+                    "the window full screen on the display, or change its size")
         if width >= wide and height >= high:
             return f"{found}: the image is in the middle of a border; make the window full screen on the display"
         return (f"{found}: a centred part is shown; drag the window to the display, make it full screen, and set that "

@@ -32,7 +32,8 @@ def test_panel_is_in_the_middle_of_whole_rendered_pixels(width, height, scale):
 
 
 @pytest.mark.parametrize(("size", "words"), [
-    ((960, 540), "centred part"), ((640, 480), "centred part"), ((1920, 1080), "in the middle of a border")])
+    ((960, 540), "centred part"), ((640, 480), "centred part"), ((1920, 1080), "in the middle of a border"),
+    ((1281, 1000), "views mix"), ((640, 479), "views mix")])
 def test_another_size_says_what_is_and_what_should_be(size, words):
     sentence = LiveRegion(SMALL, size, 4).sentence()
     assert words in sentence and f"{size[0]}×{size[1]}" in sentence and "960×560" in sentence
