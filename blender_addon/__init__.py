@@ -22,10 +22,10 @@ bl_info = {
 }
 
 # Each of these may list Blender classes to register in CLASSES, and have a register() and unregister() of its own.
-MODULES = ("ui.preferences", "settings.properties", "results.preview", "background.session",
+MODULES = ("ui.preferences", "settings.properties", "results.preview", "background.session", "live.session",
            "ui.operators.render", "ui.operators.array", "ui.operators.check", "ui.operators.plan",
-           "ui.operators.share", "ui.presets",
-           "ui.panels", "ui.overlay")
+           "ui.operators.share", "ui.operators.live", "ui.presets",
+           "ui.panels", "ui.live_panel", "ui.overlay")
 
 if importlib.util.find_spec("lfsr_core") is None:
     # As an extension Blender puts lfsr_core's wheel on the path; in a checkout it lies beside this package.

@@ -34,8 +34,10 @@ LEAST_CLEAR = 1e-6            # scene units: Blender clips nothing nearer
 # Half the side of the square that the camera's own aperture shows, as a share of its distance to the card: small, so
 # that rays meet the card within their pixel, and large enough for single precision.
 SLANT = 2e-3
+
+
 @dataclasses.dataclass(frozen=True)
-class _Place:
+class Place:
     """Where things stand along the array's axis, in scene units."""
 
     # From the camera to the camera plane; the card is half way.
@@ -59,11 +61,11 @@ def card_camera(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix,
     frame = to_blender(matrix_world)
     # Cycles asks at the card which volumes a path begins in.
     card = lens_card(layout, distance_to_volume(scene, frame.translation))
-    place = _place(layout, frame.translation.length, clip_start)
+    place = place_of(layout, frame.translation.length, clip_start)
     made: list[bpy.types.ID] = []
     try:
-        camera = _camera(made, card, layout, place)
-        screen = _card(made, card, layout.array.distance, place)
+        camera = new_camera(made, card, layout, place)
+        screen = new_card(made, card, layout.array.distance, place)
         for item, behind in ((camera, place.gap), (screen, place.gap / 2)):
             item.matrix_world = frame @ mathutils.Matrix.Translation((0, 0, behind))
             scene.collection.objects.link(item)
@@ -75,10 +77,10 @@ def card_camera(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix,
         bpy.data.batch_remove(made)
 
 
-def _place(layout: RayLayout, far: float, clip_start: float) -> _Place:
-    """For an array ``far`` from the world's origin."""
+def place_of(layout: RayLayout, far: float, clip_start: float = 0.0) -> Place:
+    """Where things stand for an array ``far`` from the world's origin whose rays start at the depth ``clip_start``."""
     clear = max(CLEAR * max(far, layout.array.distance), LEAST_CLEAR)
-    return _Place(max(GAP * layout.array.distance, 4 * clear), clear, clip_start / layout.array.distance)
+    return Place(max(GAP * layout.array.distance, 4 * clear), clear, clip_start / layout.array.distance)
 
 
 def without_misses(position: np.ndarray, matrix_world: Matrix) -> np.ndarray:
@@ -91,7 +93,8 @@ def without_misses(position: np.ndarray, matrix_world: Matrix) -> np.ndarray:
     return np.where((depth > 0)[..., None], position, np.float32(0))
 
 
-def _camera(made: list[bpy.types.ID], card: LensCard, layout: RayLayout, place: _Place) -> bpy.types.Object:
+def new_camera(made: list[bpy.types.ID], card: LensCard, layout: RayLayout, place: Place) -> bpy.types.Object:
+    """The camera, in no scene and at no place yet; it and its data are added to ``made``."""
     data = bpy.data.cameras.new(NAME)
     camera = bpy.data.objects.new(NAME, data)
     made += [data, camera]
@@ -106,7 +109,8 @@ def _camera(made: list[bpy.types.ID], card: LensCard, layout: RayLayout, place: 
     return camera
 
 
-def _card(made: list[bpy.types.ID], card: LensCard, distance: float, place: _Place) -> bpy.types.Object:
+def new_card(made: list[bpy.types.ID], card: LensCard, distance: float, place: Place) -> bpy.types.Object:
+    """The card, as ``new_camera``; ``distance`` is the display plane's."""
     mesh = bpy.data.meshes.new(NAME)
     screen = bpy.data.objects.new(NAME, mesh)
     made += [mesh, screen]
@@ -136,7 +140,7 @@ def _with_z(points: np.ndarray, z: float) -> np.ndarray:
     return np.column_stack([points, np.full(len(points), z)]).astype("f4").ravel()
 
 
-def _material(made: list[bpy.types.ID], card: LensCard, place: _Place) -> bpy.types.Material:
+def _material(made: list[bpy.types.ID], card: LensCard, place: Place) -> bpy.types.Material:
     group = ray_group(card.place_in_pixel)
     material = bpy.data.materials.new(NAME)
     made += [group, material]

@@ -25,6 +25,7 @@ from .methods import method_items
 from .scene_settings import SCALES, profile_items, qualities
 
 MAX_EYE_STEP = 10
+LIVE_SCALES = (1, 2, 4, 8)   # Blender's viewport knows these pixel sizes
 
 
 def _draws(_settings: SceneSettings, context: bpy.types.Context) -> None:
@@ -151,6 +152,22 @@ class SceneSettings(bpy.types.PropertyGroup):
     eye_up: FloatProperty(
         name="Eye Up", description="Where the eye stands in the viewing zone, from its bottom (-1) to its top (1)",
         subtype="FACTOR", min=-1.0, max=1.0, step=MAX_EYE_STEP, update=_look, options={"SKIP_SAVE"})
+
+    live_scale: EnumProperty(
+        name="Pixel Size", description="Scale of the live view: one rendered view stands for so many each way",
+        items=[(f"{s}", f"{s}×", f"Render 1 of {s}×{s} views" if s > 1 else "Render every view", s)
+               for s in LIVE_SCALES],
+        default="4")
+    live_samples: IntProperty(
+        name="Samples", description="Paths per rendered pixel after which the live view rests; 0 goes on for ever",
+        min=0, soft_max=4096, default=256)
+    live_smooth: BoolProperty(
+        name="Interpolate", description="Interpolate the views between the rendered ones, inside each elemental image",
+        default=True)
+    live_denoise: BoolProperty(
+        name="Denoise", description="Denoise the rendered views with Cycles' viewport denoiser", default=True)
+    live_denoise_start: IntProperty(
+        name="From Sample", description="First sample that is denoised", min=1, soft_max=64, default=1)
 
     applying: BoolProperty(
         name="Applying", description="A preset is being applied", default=False, options={"HIDDEN", "SKIP_SAVE"})

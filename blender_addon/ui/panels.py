@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
-
 import bpy
 
 from lfsr_core.errors import LfsrError
@@ -13,18 +11,10 @@ from ..background import session
 from ..results import preview
 from ..settings import scene_settings
 from . import summary
+from .drawing import LightFieldPanel, columns, facts, sentence
 from .presets import LFSR_PT_presets
 
-PIXELS_PER_LETTER = 6.6
 SEVERITY_ICONS = {"ERROR": "ERROR", "WARNING": "ERROR", "INFO": "INFO"}
-
-
-class LightFieldPanel:
-    """Place of every panel of the tab."""
-
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Light Field"
 
 
 class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
@@ -40,17 +30,17 @@ class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Profile, scale and what they mean."""
-        layout, lfsr = _columns(self.layout), context.scene.lfsr
+        layout, lfsr = columns(self.layout), context.scene.lfsr
         layout.prop(lfsr, "display", text="Profile")
         if lfsr.display == scene_settings.PROFILE_FILE:
             layout.prop(lfsr, "profile_file", text="File")
         layout.prop(lfsr, "scale")
         try:
-            facts = summary.display_facts(scene_settings.display_of(context.scene), int(lfsr.scale))
+            found = summary.display_facts(scene_settings.display_of(context.scene), int(lfsr.scale))
         except LfsrError as error:
-            _sentence(self.layout, str(error), "ERROR", context)
+            sentence(self.layout, str(error), "ERROR", context)
             return
-        _facts(self.layout, facts)
+        facts(self.layout, found)
 
 
 class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
@@ -74,7 +64,7 @@ class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
         self._draw_settings(context, array)
 
     def _draw_settings(self, context: bpy.types.Context, array: bpy.types.Object) -> None:
-        column = _columns(self.layout).column()
+        column = columns(self.layout).column()
         column.enabled = rig.why_not_editable(array) is None
         row = column.row(align=True)
         row.prop(context.scene.lfsr, "distance", text="Distance")
@@ -82,11 +72,11 @@ class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
         column.prop(context.scene.lfsr, "spacing", text="Spacing", slider=True)
         column.prop(context.scene.lfsr, "show_frustum", text="Show Frustum")
         try:
-            facts = summary.depth_facts(context.scene)
+            found = summary.depth_facts(context.scene)
         except LfsrError as error:
-            _sentence(self.layout, str(error), "ERROR", context)
+            sentence(self.layout, str(error), "ERROR", context)
             return
-        _facts(self.layout, facts)
+        facts(self.layout, found)
 
 
 class LFSR_PT_check(LightFieldPanel, bpy.types.Panel):
@@ -118,14 +108,14 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Preset, samples, method, output."""
         lfsr = context.scene.lfsr
-        layout = _columns(self.layout)
+        layout = columns(self.layout)
         layout.prop(lfsr, "quality", text="Preset")
         layout.prop(lfsr, "samples")
         layout.prop(lfsr, "method")
         layout.prop(lfsr, "seed")
         if hasattr(context.scene, "cycles"):
             layout.prop(context.scene.cycles, "device")
-            _facts(self.layout, summary.device_facts(context.scene))
+            facts(self.layout, summary.device_facts(context.scene))
         layout.separator()
         layout.prop(lfsr, "output")
         layout.prop(lfsr, "linear_exr", text="Linear EXR")
@@ -142,13 +132,13 @@ class LFSR_PT_plan(LightFieldPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Target, the button, what it found last."""
         state = context.window_manager.lfsr
-        _columns(self.layout).prop(context.scene.lfsr, "plan_target")
+        columns(self.layout).prop(context.scene.lfsr, "plan_target")
         row = self.layout.row()
         row.enabled = session.current() is None
         row.operator("lfsr.plan", icon="VIEWZOOM")
         if state.plan_scene != context.scene.name:
             return
-        _sentence(self.layout, state.plan_text, "CHECKMARK" if state.plan_method else "INFO", context)
+        sentence(self.layout, state.plan_text, "CHECKMARK" if state.plan_method else "INFO", context)
         if state.plan_method:
             self.layout.operator("lfsr.plan_use")
 
@@ -170,10 +160,10 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         column.scale_y = 1.2
         column.operator("lfsr.render_eia", icon="RENDER_STILL")
         column.operator("lfsr.render_animation", icon="RENDER_ANIMATION")
-        _columns(layout).prop(context.scene.lfsr, "use_overwrite")
+        columns(layout).prop(context.scene.lfsr, "use_overwrite")
         message = context.window_manager.lfsr.message
         if message:
-            _sentence(layout, message, "ERROR", context)
+            sentence(layout, message, "ERROR", context)
 
 
 class LFSR_PT_reference(LightFieldPanel, bpy.types.Panel):
@@ -186,15 +176,15 @@ class LFSR_PT_reference(LightFieldPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Samples, lenses, the button, the last metrics."""
-        layout, lfsr = _columns(self.layout), context.scene.lfsr
+        layout, lfsr = columns(self.layout), context.scene.lfsr
         layout.prop(lfsr, "reference_samples")
         layout.prop(lfsr, "reference_lenses")
         row = self.layout.row()
         row.enabled = session.current() is None
         row.operator("lfsr.render_reference", icon="RENDERLAYERS")
-        facts = summary.metric_facts(context.scene)
-        if facts:
-            _facts(self.layout, facts)
+        found = summary.metric_facts(context.scene)
+        if found:
+            facts(self.layout, found)
 
 
 class LFSR_PT_preview(LightFieldPanel, bpy.types.Panel):
@@ -209,7 +199,7 @@ class LFSR_PT_preview(LightFieldPanel, bpy.types.Panel):
         row = self.layout.row()
         row.enabled = session.current() is None
         row.operator("lfsr.preview_view", icon="HIDE_OFF")
-        column = _columns(self.layout).column(align=True)
+        column = columns(self.layout).column(align=True)
         column.enabled = preview.is_loaded(context.scene)
         column.prop(context.scene.lfsr, "eye_right", slider=True)
         column.prop(context.scene.lfsr, "eye_up", text="Up", slider=True)
@@ -230,23 +220,6 @@ class LFSR_PT_share(LightFieldPanel, bpy.types.Panel):
         row.menu("LFSR_MT_export", icon="EXPORT")
 
 
-def _columns(layout: bpy.types.UILayout) -> bpy.types.UILayout:
-    """Labels left and values right, as in Blender's own panels."""
-    column = layout.column()
-    column.use_property_split = True
-    column.use_property_decorate = False
-    return column
-
-
-def _facts(layout: bpy.types.UILayout, facts: list[tuple[str, str]]) -> None:
-    column = layout.column(align=True)
-    column.scale_y = 0.8
-    for name, value in facts:
-        split = column.split(factor=0.4)
-        left = split.row()
-        left.alignment = "RIGHT"
-        left.label(text=name)
-        split.label(text=value)
 
 
 def _draw_problem(layout: bpy.types.UILayout, problem: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
@@ -256,21 +229,11 @@ def _draw_problem(layout: bpy.types.UILayout, problem: bpy.types.PropertyGroup, 
     row.label(text=problem.target, icon=SEVERITY_ICONS[problem.severity])
     if problem.is_object:
         row.operator("lfsr.check_select", text="", icon="RESTRICT_SELECT_OFF").target = problem.target
-    _sentence(box, problem.reason, "NONE", context)
+    sentence(box, problem.reason, "NONE", context)
     if problem.fix:
         button = box.operator("lfsr.check_fix", text=problem.fix)
         button.code, button.target = problem.code, problem.target
 
-
-def _sentence(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.types.Context) -> None:
-    """Text over as many lines as the sidebar's width needs."""
-    # The interface has no scale where there is no window.
-    scale = (context.preferences.system.ui_scale or 1.0) * PIXELS_PER_LETTER
-    letters = max(20, int((context.region.width if context.region else 300) / scale) - 6)
-    column = layout.column(align=True)
-    column.scale_y = 0.75
-    for number, line in enumerate(textwrap.wrap(text, letters)):
-        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
 
 
 CLASSES = (LFSR_PT_display, LFSR_PT_array, LFSR_PT_check, LFSR_PT_quality, LFSR_PT_plan, LFSR_PT_render,

@@ -74,6 +74,17 @@ class Window:
         subprocess.run(inside("xdotool", *arguments), env=self._environment, check=True, timeout=30)
         self.settle()
 
+    def windows(self) -> list[str]:
+        """Numbers of Blender's windows on the screen, the newest last."""
+        found = subprocess.run(inside("xdotool", "search", "--onlyvisible", "--name", "Blender"), env=self._environment,
+                               check=True, timeout=30, capture_output=True, text=True)
+        return found.stdout.split()
+
+    def place(self, number: str, width: int, height: int) -> None:
+        """Move a window to the screen's upper left corner and give it this size, as a window manager does."""
+        self.xdotool("windowsize", number, width, height)
+        self.xdotool("windowmove", number, 0, 0)
+
     def click(self, x: int, y: int) -> None:
         """Press the left button at pixel (x, y) from the top left."""
         # In two steps, so that Blender notices which button is under the pointer.

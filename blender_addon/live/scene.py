@@ -1,0 +1,198 @@
+"""The live scene: a scene of its own that shows the artist's as its background set, through the lens card.
+
+The artist's scene is never changed. Everything here is marked, so that all of it can be found and removed again,
+also after an undo brought it back or a file was recovered that was saved in the middle of a crash.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import bpy
+import mathutils
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.lens_card import lens_card
+from lfsr_core.optics.live_region import LiveRegion
+from lfsr_core.optics.rays import CameraArray, RayLayout
+
+from .. import compat
+from ..array import rig
+from ..render import devices
+from ..render.cycles import CLAMP_INDIRECT
+from ..render.lens_card import new_camera, new_card, place_of
+from ..scene.volumes import distance_to_volume
+from ..settings.scene_settings import display_of
+from . import nodes
+
+NAME, MARK = "LFSR Live", "lfsr_live"
+KINDS = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups")
+# Of the artist's scene, what decides how Cycles and Blender show it.
+COPIED = ("render", "cycles", "view_settings", "display_settings")
+
+
+@dataclasses.dataclass(frozen=True)
+class View:
+    """What the live view shows; the scene is made again where one of these changes."""
+
+    region: LiveRegion
+    array: CameraArray
+    # Name of the array's viewing position, which the card follows.
+    follows: str
+    # From the world's origin, rounded up to a power of two.
+    far: float
+    # To the nearest volume; rounded down to a power of two.
+    clear: float
+
+
+def view_of(scene: bpy.types.Scene, size: tuple[int, int]) -> View:
+    """What ``scene`` asks for in a region of ``size``; LfsrError where it has no array or the display no such scale."""
+    profile = display_of(scene)
+    scale = int(scene.lfsr.live_scale)
+    profile.low_views(scale)
+    placed = rig.placement(scene, profile)
+    if placed is None:
+        raise LfsrError("the scene has no camera array for the live view to look through: press Add in Camera Array")
+    array, found = placed[0], rig.find(scene)
+    place = found.matrix_world.translation
+    return View(LiveRegion(profile, size, scale), array, found.name, _above(place.length),
+                _above(distance_to_volume(scene, place)) / 2)
+
+
+def layout_of(view: View) -> RayLayout:
+    """Rays of the panel's rendered views."""
+    return RayLayout.for_display(view.region.profile, view.array, view.region.scale)
+
+
+def _above(length: float) -> float:
+    return 2.0 ** math.ceil(math.log2(length)) if 0 < length < math.inf else length
+
+
+def make(scene: bpy.types.Scene, view: View) -> bpy.types.Scene:
+    """The live scene of ``scene``; whole or not at all."""
+    live = bpy.data.scenes.new(NAME)
+    try:
+        live[MARK] = True
+        live.background_set = scene
+        show(live, view)
+    except BaseException:
+        remove_all()
+        raise
+    return live
+
+
+def show(live: bpy.types.Scene, view: View) -> None:
+    """Let ``live`` show ``view``, in place of what it showed."""
+    _remove([item for item in marked() if not isinstance(item, bpy.types.Scene)])
+    follow(live)
+    region = view.region
+    live.render.resolution_x, live.render.resolution_y = region.size
+    live.render.use_border = region.drawn != region.size
+    # Half a pixel more, for Cycles rounds down.
+    live.render.border_max_x, live.render.border_max_y = (
+        min(1.0, (region.drawn[axis] + 0.5) / region.size[axis]) for axis in (0, 1))
+    _add_card(live, view)
+    if nodes.can_interpolate():
+        before = set(bpy.data.node_groups)
+        tree = nodes.live_group(region, live.background_set.lfsr.live_smooth)
+        for group in set(bpy.data.node_groups) - before:
+            group[MARK] = True
+        live.compositing_node_group = tree
+        nodes.set_scene(tree, live)
+
+
+def follow(live: bpy.types.Scene) -> None:
+    """Take over what may have changed in the artist's scene and needs no new card."""
+    scene = live.background_set
+    for name in COPIED:
+        _copy(getattr(scene, name), getattr(live, name), _own_values(scene).get(name, {}))
+    for name, value in (("world", scene.world), ("frame_current", scene.frame_current)):
+        if getattr(live, name) != value:
+            setattr(live, name, value)
+
+
+def marked() -> list[bpy.types.ID]:
+    """All data of ours in the open file."""
+    return [item for kind in KINDS for item in getattr(bpy.data, kind) if MARK in item]
+
+
+def remove_all() -> None:
+    """Remove it; scenes first, so that no window shows what is gone."""
+    _remove(marked())
+
+
+def _remove(items: list[bpy.types.ID]) -> None:
+    if items:
+        bpy.data.batch_remove(items)
+
+
+def _own_values(scene: bpy.types.Scene) -> dict[str, dict[str, object]]:
+    """Settings in which the live scene differs from the artist's."""
+    lfsr = scene.lfsr
+    render = {"engine": "CYCLES", "preview_pixel_size": lfsr.live_scale, "use_border": None,
+              "film_transparent": scene.render.film_transparent or scene.world is None,
+              "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0, "resolution_x": None, "resolution_y": None,
+              "resolution_percentage": 100, "use_multiview": False, "filepath": None, "border_max_x": None,
+              "border_max_y": None, "border_min_x": 0.0, "border_min_y": 0.0} | compat.whole_textures()
+    cycles = {"preview_samples": lfsr.live_samples, "use_preview_adaptive_sampling": False,
+              "use_preview_denoising": lfsr.live_denoise and devices.has_denoiser(),
+              "preview_denoising_start_sample": lfsr.live_denoise_start, "preview_denoising_input_passes": "RGB",
+              "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0, "sample_clamp_indirect": CLAMP_INDIRECT,
+              "use_camera_cull": False, "film_transparent_glass": False,
+              # The card is one more surface that a path passes through.
+              "transparent_max_bounces": scene.cycles.transparent_max_bounces + 1}
+    # Reading a denoiser that this Blender was built without is warned about.
+    absent = {} if devices.has_denoiser() else {"preview_denoiser": None}
+    return {"render": render, "cycles": cycles | {"denoiser": None} | absent}
+
+
+def _copy(source: bpy.types.bpy_struct, target: bpy.types.bpy_struct, own: dict[str, object]) -> None:
+    """Simple settings of ``source``, but those of ``own``; None leaves the target's; equal ones stay untouched."""
+    for item in source.bl_rna.properties:
+        name = item.identifier
+        if item.is_readonly or item.type not in {"BOOLEAN", "INT", "FLOAT", "ENUM"} or own.get(name, 0) is None:
+            continue
+        value = own[name] if name in own else getattr(source, name)
+        plain = tuple(value) if getattr(item, "is_array", False) else value
+        now = getattr(target, name)
+        if (tuple(now) if getattr(item, "is_array", False) else now) != plain:
+            try:
+                setattr(target, name, plain)
+            except (TypeError, AttributeError):   # a choice that this scene does not have now
+                continue
+
+
+def _add_card(live: bpy.types.Scene, view: View) -> None:
+    layout = layout_of(view)
+    card = lens_card(layout, view.clear)
+    if view.region.profile.ei_order == "flipped":
+        card = dataclasses.replace(card, cells=layout.views - card.cells)
+    made: list[bpy.types.ID] = []
+    try:
+        place = place_of(layout, view.far)
+        camera, screen = new_camera(made, card, layout, place), new_card(made, card, view.array.distance, place)
+    finally:
+        for item in made:
+            item[MARK] = True
+    for item in (camera, screen):
+        live.collection.objects.link(item)
+    _aim(camera, view.region, card.pixel / view.region.scale)
+    # Both stand where the array stands; how far behind is in the mesh and in the camera's own place.
+    screen.data.transform(mathutils.Matrix.Translation((0, 0, place.gap / 2)))
+    camera.parent, camera.location = screen, (0, 0, place.gap)
+    _follow_object(screen, bpy.data.objects[view.follows])
+    live.camera = camera
+
+
+def _aim(camera: bpy.types.Object, region: LiveRegion, pixel: float) -> None:
+    """Let the camera's frame be the region, with the card where the panel belongs; ``pixel`` is the panel's."""
+    camera.data.ortho_scale = region.size[0] * pixel
+    # Shares of the frame's width, both: the camera itself must not move, for its place is the rays' origin.
+    camera.data.shift_x, camera.data.shift_y = (-length / region.size[0] for length in region.shift)
+
+
+def _follow_object(item: bpy.types.Object, target: bpy.types.Object) -> None:
+    """Without the target's scale, as rays leave it out."""
+    for kind in ("COPY_LOCATION", "COPY_ROTATION"):
+        item.constraints.new(kind).target = target

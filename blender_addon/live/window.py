@@ -1,0 +1,92 @@
+"""The live window: a main window of its own, so that it can show another scene, with nothing but a 3D view."""
+
+from __future__ import annotations
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+
+from .scene import MARK
+
+
+def find() -> bpy.types.Window | None:
+    """The live window, None if it is closed."""
+    return next((window for window in bpy.context.window_manager.windows if MARK in window.screen), None)
+
+
+def open_window() -> bpy.types.Window:
+    """A new window that is one 3D view from edge to edge."""
+    before = set(bpy.context.window_manager.windows)
+    if bpy.app.background or not before:
+        raise LfsrError("Blender runs without a window, so nothing can be shown live: start Blender with its window")
+    if bpy.ops.wm.window_new_main() != {"FINISHED"}:
+        raise LfsrError("Blender opened no second window: close one and try again")
+    window = next(window for window in bpy.context.window_manager.windows if window not in before)
+    _keep_one_area(window)
+    window.screen[MARK] = True
+    area = window.screen.areas[0]
+    area.type = "VIEW_3D"
+    with _place(window):
+        bpy.ops.screen.screen_full_area(use_hide_panels=True)
+    window.screen[MARK] = True
+    return window
+
+
+def close_window() -> None:
+    """Close it, if it is open."""
+    window = find()
+    if window is None:
+        return
+    if window.screen.show_fullscreen:
+        with bpy.context.temp_override(window=window, area=window.screen.areas[0]):
+            bpy.ops.screen.back_to_previous()
+    if MARK in window.screen:
+        del window.screen[MARK]
+    with bpy.context.temp_override(window=window):
+        bpy.ops.wm.window_close()
+
+
+def region_of(window: bpy.types.Window) -> bpy.types.Region:
+    """Where the 3D view is drawn."""
+    return next(region for region in window.screen.areas[0].regions if region.type == "WINDOW")
+
+
+def show(window: bpy.types.Window, live: bpy.types.Scene) -> None:
+    """Show ``live`` as Cycles renders it, through its camera, pixel by pixel, and nothing else."""
+    window.scene = live
+    space = window.screen.areas[0].spaces.active
+    space.overlay.show_overlays = space.show_gizmo = False
+    space.shading.type = "RENDERED"
+    space.shading.use_compositor = "ALWAYS"
+    space.use_local_camera = False
+    view = space.region_3d
+    view.view_perspective, view.view_camera_offset = "CAMERA", (0.0, 0.0)
+    with _place(window):
+        bpy.ops.view3d.zoom_camera_1_to_1()
+
+
+def hide(window: bpy.types.Window, scene: bpy.types.Scene) -> None:
+    """Show ``scene`` in it, in the plainest way, while there is no live scene."""
+    space = window.screen.areas[0].spaces.active
+    space.shading.type = "SOLID"
+    window.scene = scene
+
+
+def _place(window: bpy.types.Window) -> bpy.types.ContextTempOverride:
+    return bpy.context.temp_override(window=window, area=window.screen.areas[0], region=region_of(window))
+
+
+def _keep_one_area(window: bpy.types.Window) -> None:
+    """Close all areas but the largest; one may have to wait for its neighbour."""
+    while len(window.screen.areas) > 1:
+        areas = sorted(window.screen.areas, key=lambda area: area.width * area.height)
+        if not any(_closed(window, area) for area in areas[:-1]):
+            raise LfsrError("Blender's new window cannot become one view: use the workspace Layout and try again")
+
+
+def _closed(window: bpy.types.Window, area: bpy.types.Area) -> bool:
+    with bpy.context.temp_override(window=window, screen=window.screen, area=area):
+        try:
+            return bpy.ops.screen.area_close() == {"FINISHED"}
+        except RuntimeError:
+            return False

@@ -1,0 +1,48 @@
+"""What the panels share: their place, labels beside values, sentences over lines."""
+
+from __future__ import annotations
+
+import textwrap
+
+import bpy
+
+PIXELS_PER_LETTER = 6.6
+
+
+class LightFieldPanel:
+    """Place of every panel of the tab."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Light Field"
+
+
+def columns(layout: bpy.types.UILayout) -> bpy.types.UILayout:
+    """Labels left and values right, as in Blender's own panels."""
+    column = layout.column()
+    column.use_property_split = True
+    column.use_property_decorate = False
+    return column
+
+
+def facts(layout: bpy.types.UILayout, pairs: list[tuple[str, str]]) -> None:
+    """Names left and values right."""
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for name, value in pairs:
+        split = column.split(factor=0.4)
+        left = split.row()
+        left.alignment = "RIGHT"
+        left.label(text=name)
+        split.label(text=value)
+
+
+def sentence(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.types.Context) -> None:
+    """Text over as many lines as the sidebar's width needs."""
+    # The interface has no scale where there is no window.
+    scale = (context.preferences.system.ui_scale or 1.0) * PIXELS_PER_LETTER
+    letters = max(20, int((context.region.width if context.region else 300) / scale) - 6)
+    column = layout.column(align=True)
+    column.scale_y = 0.75
+    for number, line in enumerate(textwrap.wrap(text, letters)):
+        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))

@@ -1,0 +1,62 @@
+"""The panel of the live view: drawing only."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..live import nodes, session
+from ..render import devices
+from .drawing import LightFieldPanel, columns, sentence
+
+HOW_TO_PLACE = ("Drag the new window to the display and make it full screen: point at it and press Ctrl F11, or "
+                "use the window manager. Everything you change here is shown there")
+
+
+class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
+    """The light field in a window of its own, as it renders."""
+
+    bl_label = "Live"
+    bl_idname = "LFSR_PT_live"
+    bl_order = 5
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The button, the settings, what to do."""
+        layout, lfsr = self.layout, context.scene.lfsr
+        if session.is_on():
+            layout.operator("lfsr.live_stop", icon="PAUSE")
+        else:
+            layout.operator("lfsr.live_start", icon="PLAY")
+        column = columns(layout)
+        column.prop(lfsr, "live_scale")
+        column.prop(lfsr, "live_samples")
+        row = column.row()
+        row.enabled = nodes.can_interpolate()
+        row.prop(lfsr, "live_smooth")
+        self._draw_denoiser(column, lfsr)
+        for text, icon in notes(context.scene):
+            sentence(layout, text, icon, context)
+
+    def _draw_denoiser(self, column: bpy.types.UILayout, lfsr: bpy.types.PropertyGroup) -> None:
+        column = column.column()
+        column.enabled = devices.has_denoiser()
+        column.prop(lfsr, "live_denoise")
+        row = column.row()
+        row.enabled = lfsr.live_denoise
+        row.prop(lfsr, "live_denoise_start")
+
+
+def notes(scene: bpy.types.Scene) -> list[tuple[str, str]]:
+    """Sentences with their icons: what this Blender cannot do, and what is to be done now."""
+    found = []
+    if not nodes.can_interpolate():
+        found.append(("This Blender's viewport compositor cannot interpolate: each rendered view is repeated, "
+                      "as method Nearest does. Blender 5.0 and later can", "INFO"))
+    if scene.lfsr.live_denoise and not devices.has_denoiser():
+        found.append(("This Blender was built without a denoiser: the live view shows its noise", "INFO"))
+    if session.is_on():
+        found.append((session.message(), "ERROR") if session.message() else ("The live window is exact", "CHECKMARK"))
+        found.append((HOW_TO_PLACE, "INFO"))
+    return found
+
+
+CLASSES = (LFSR_PT_live,)

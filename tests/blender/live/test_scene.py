@@ -1,0 +1,176 @@
+"""The live scene: the artist's through the lens card, following it, and nothing left of it."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.array import rig
+from blender_addon.live import nodes, session
+from blender_addon.live import scene as live_scene
+from blender_addon.render import cycles
+from blender_addon.render.lens_card import CELL
+from lfsr_core.errors import LfsrError
+from lfsr_core.images import exr
+from lfsr_core.optics.eia import flip_order
+from lfsr_core.optics.lens_card import RIM
+from lfsr_core.reconstruct.encoding import decode, encode
+from tests.support import panel
+from tests.support.scenes import encoded
+
+SIZE = (128, 96)
+
+
+@pytest.fixture
+def scene(tmp_path):
+    with panel.registered():
+        yield panel.artist_scene(tmp_path)
+
+
+@pytest.fixture
+def shown(scene):
+    scene.lfsr.live_scale = "2"
+    return live_scene.make(scene, live_scene.view_of(scene, SIZE))
+
+
+def test_nothing_is_left_and_nothing_was_changed(scene):
+    before = panel.snapshot(scene)
+    live_scene.make(scene, live_scene.view_of(scene, SIZE))
+    assert len(bpy.data.scenes) == 2
+    now = panel.snapshot(scene)
+    assert {name for name in before if now[name] != before[name]} == {
+        "objects", "cameras", "meshes", "materials", "scenes"}, "only what is ours was added"
+    live_scene.remove_all()
+    assert panel.snapshot(scene) == before
+    assert not [group for group in bpy.data.node_groups if group.name.startswith("LFSR")]
+
+
+def test_failure_leaves_nothing(scene, monkeypatch):
+    before = panel.snapshot(scene)
+    monkeypatch.setattr(live_scene, "_aim", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        live_scene.make(scene, live_scene.view_of(scene, SIZE))
+    assert panel.snapshot(scene) == before
+
+
+def test_it_renders_the_low_resolution_eia_in_panel_order(scene, shown, tmp_path):
+    """The viewport's Cycles cannot run here; the same scene, rendered at the low resolution, is the array's EIA."""
+    view = live_scene.view_of(scene, SIZE)
+    placed = rig.placement(scene, view.region.profile)
+    layout = live_scene.layout_of(view)
+    direct = encoded(scene, layout, tmp_path, placed[1], "lens-card", samples=64)["color"]
+    live = rendered(shown, layout.size, 64, tmp_path)
+    wanted = flip_order(direct, layout.lenses)
+    difference = np.abs(live - wanted).mean()
+    assert difference < 0.25 * np.abs(live - direct).mean(), "elemental images are flipped"
+    assert difference < 0.02
+
+
+def rendered(shown, size, samples, folder):
+    """``shown`` with one pixel per view."""
+    path = folder / "live.exr"
+    settings = cycles.RenderSettings(samples)
+    with cycles.cycles_settings(shown, settings, size):
+        cycles.render_to(shown, path)
+    return exr.read_layers(path)["color"]
+
+
+def test_it_follows_the_array(scene, shown):
+    array, camera = rig.find(scene), shown.camera
+    for place in ((1.0, 2.0, 3.0), (-4.0, 0.5, 0.0)):
+        array.location, array.rotation_euler, array.scale = place, (0.3, place[0], 1), (2, 2, 2)
+        bpy.context.view_layer.update()
+        shown.view_layers[0].update()
+        ours, theirs = camera.matrix_world, array.matrix_world.normalized()
+        assert np.allclose(ours.to_3x3(), theirs.to_3x3(), atol=1e-5)
+        behind = theirs.inverted() @ ours.translation
+        assert np.allclose(behind[:2], 0, atol=1e-4) and 0 < behind[2] < 0.01
+
+
+def test_it_follows_world_frame_and_colours(scene, shown):
+    scene.world, scene.view_settings.exposure = bpy.data.worlds.new("another"), 1.5
+    scene.cycles.max_bounces = 3
+    scene.frame_set(7)
+    live_scene.follow(shown)
+    assert shown.world == scene.world and shown.frame_current == 7
+    assert shown.view_settings.exposure == 1.5 and shown.cycles.max_bounces == 3
+    assert shown.render.preview_pixel_size == "2" and shown.cycles.pixel_filter_type == "BOX"
+
+
+def test_region_of_another_size_keeps_the_card_in_the_middle(scene, shown):
+    live_scene.show(shown, live_scene.view_of(scene, (301, 200)))
+    assert (shown.render.resolution_x, shown.render.resolution_y) == (301, 200)
+    assert shown.render.use_border and shown.render.border_max_x == pytest.approx(300.5 / 301)
+    assert shown.camera.data.shift_x == pytest.approx(-live_scene.view_of(scene, (301, 200)).region.shift[0] / 301)
+
+
+def test_no_array_no_view(scene):
+    bpy.ops.lfsr.array_remove()
+    with pytest.raises(LfsrError, match="no camera array"):
+        live_scene.view_of(scene, SIZE)
+
+
+def test_start_without_a_window_says_so(scene):
+    before = panel.snapshot(scene)
+    with pytest.raises(RuntimeError, match="without a window"):
+        bpy.ops.lfsr.live_start()
+    assert not session.is_on() and panel.snapshot(scene) == before
+
+
+def test_file_of_a_crash_is_tidied(scene, shown, tmp_path):
+    path = tmp_path / "crash.blend"
+    assert not session.is_on()
+    bpy.data.libraries.write(str(path), {scene, shown})
+    with bpy.data.libraries.load(str(path)) as (source, target):
+        target.scenes = source.scenes
+    assert len([one for one in bpy.data.scenes if live_scene.MARK in one]) == 2
+    session._tidy()
+    assert not live_scene.marked()
+
+
+def test_save_in_the_middle_keeps_it_out_of_the_file(scene, shown, tmp_path):
+    path = tmp_path / "saved.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
+    with bpy.data.libraries.load(str(path)) as (source, _):
+        names = [name for kind in ("scenes", "objects", "materials", "node_groups", "meshes", "cameras")
+                 for name in getattr(source, kind)]
+    assert names and not [name for name in names if name.startswith("LFSR")]
+
+
+def test_cells_are_flipped_where_the_display_flips(scene, shown):
+    mesh = next(item for item in shown.objects if item.type == "MESH").data
+    first = mesh.attributes[CELL].data[0].vector
+    assert tuple(first) == pytest.approx((4, 4), abs=1.01 * RIM), "the upper left corner shows the last view"
+
+
+@pytest.mark.skipif(not nodes.can_interpolate(), reason="this Blender's compositor cannot interpolate")
+def test_encoding_is_the_second_stages():
+    values = np.geomspace(1e-4, 50, 40, dtype=np.float32)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    tried = {"encode": (nodes._encode, encode, values), "decode": (nodes._decode, decode, encode(values))}
+    for name, (fill, wanted, given) in tried.items():
+        tree = nodes._scalar(name, fill)
+        assert [evaluate(tree, float(value)) for value in given] == pytest.approx(list(wanted(given)), rel=1e-4)
+
+
+OPERATIONS = {"MINIMUM": min, "MAXIMUM": max, "SQRT": lambda x: x**0.5, "POWER": pow, "MULTIPLY": lambda x, y: x * y,
+              "LOGARITHM": lambda x, base: np.log(x) / np.log(base), "EXPONENT": np.exp,
+              "MULTIPLY_ADD": lambda x, y, z: x * y + z}
+
+
+def evaluate(tree, value):
+    """What a tree of Math nodes makes of ``value``."""
+    def of(socket):
+        if not socket.is_linked:
+            return socket.default_value
+        node = socket.links[0].from_node
+        if node.bl_idname == "NodeGroupInput":
+            return value
+        function = OPERATIONS[node.operation]
+        return function(*[of(item) for item in list(node.inputs)[:function_arity(node)]])
+    return of(next(node for node in tree.nodes if node.bl_idname == "NodeGroupOutput").inputs[0])
+
+
+def function_arity(node):
+    return sum(1 for item in node.inputs if item.enabled)

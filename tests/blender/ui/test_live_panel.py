@@ -1,0 +1,41 @@
+"""The panel Live says what this Blender can do and what is to be done now."""
+
+from __future__ import annotations
+
+import bpy
+import pytest
+
+from blender_addon.live import nodes, session
+from blender_addon.render import devices
+from blender_addon.ui import live_panel
+from tests.blender.ui.test_panels import draw, labels, operators, properties
+from tests.support import panel
+
+
+@pytest.fixture
+def scene(tmp_path):
+    with panel.registered():
+        yield panel.artist_scene(tmp_path)
+
+
+def test_off(scene):
+    drawn = draw(live_panel.LFSR_PT_live)
+    assert operators(drawn) == {"lfsr.live_start"}
+    assert {"live_scale", "live_samples", "live_smooth", "live_denoise", "live_denoise_start"} <= properties(drawn)
+
+
+def test_on(scene, monkeypatch):
+    monkeypatch.setattr(session, "_shown", bpy.context.scene.session_uid)
+    assert "exact" in labels(draw(live_panel.LFSR_PT_live))
+    monkeypatch.setattr(session, "_message", "the live window shows 5×5 pixels")
+    drawn = draw(live_panel.LFSR_PT_live)
+    assert operators(drawn) == {"lfsr.live_stop"}
+    assert "5×5" in labels(drawn) and "full screen" in labels(drawn) and "exact" not in labels(drawn)
+    monkeypatch.setattr(session, "_shown", None)
+
+
+def test_what_this_blender_cannot_do(scene, monkeypatch):
+    monkeypatch.setattr(nodes, "can_interpolate", lambda: False)
+    monkeypatch.setattr(devices, "has_denoiser", lambda: False)
+    text = labels(draw(live_panel.LFSR_PT_live))
+    assert "cannot interpolate" in text and "without a denoiser" in text

@@ -1,0 +1,247 @@
+"""The live view in a real window: right, following, out of the way of the file, and gone without a trace.
+
+    LFSR_WINDOW_BLENDER=DIR python -m pytest -m window tests/blender/ui/test_live_window.py
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+
+import numpy as np
+import pytest
+
+from lfsr_core.images.png import read_png
+from lfsr_core.optics.display import load_display
+from lfsr_core.optics.eia import to_elemental_images
+from tests.support.window.desktop import VARIABLE, Window, blender_window
+
+pytestmark = [pytest.mark.window, pytest.mark.skipif(
+    VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
+SAMPLES = 256
+SECONDS_TO_RENDER = 400
+SECONDS_BETWEEN_PICTURES = 2
+SCENE = """
+def make_scene(path):
+    scene = bpy.context.scene
+    for item in list(scene.objects):
+        bpy.data.objects.remove(item)
+    bpy.ops.mesh.primitive_monkey_add(location=(0, 0, 1))
+    bpy.ops.object.shade_smooth()
+    paint = bpy.data.materials.new("Paint")
+    paint.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.8, 0.25, 0.06, 1)
+    bpy.context.object.data.materials.append(paint)
+    bpy.ops.mesh.primitive_plane_add(size=60, location=(0, 0, -0.2))
+    bpy.ops.object.light_add(type="AREA", radius=3, location=(3, -4, 5))
+    bpy.context.object.data.energy = 600
+    scene.render.engine, scene.render.film_transparent = "CYCLES", True
+    for item in scene.objects:
+        item.select_set(item.name == "Suzanne")
+    lfsr = scene.lfsr
+    lfsr.display, lfsr.scale, lfsr.live_scale, lfsr.method = "mini", "2", "2", "bilinear"
+    lfsr.samples = lfsr.live_samples = SAMPLES
+    lfsr.live_denoise = False
+    bpy.ops.lfsr.array_fit('EXEC_DEFAULT', True)
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+"""
+STATE = """
+def state():
+    scene = bpy.context.scene
+    kinds = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups", "worlds", "collections", "images")
+    owners = {"scene": scene, "render": scene.render, "cycles": scene.cycles, "view": scene.view_settings,
+              "space": bpy.context.space_data.shading, "region": bpy.context.space_data.region_3d}
+    plain = {f"{name}.{item.identifier}": str(getattr(owner, item.identifier)) for name, owner in owners.items()
+             for item in owner.bl_rna.properties if item.type in {"BOOLEAN", "INT", "FLOAT", "STRING"}
+             and not getattr(item, "is_array", False)}
+    held = {kind: sorted(item.name for item in getattr(bpy.data, kind)) for kind in kinds}
+    windows = [[w.scene.name, w.screen.name, [a.type for a in w.screen.areas]]
+               for w in bpy.context.window_manager.windows]
+    return plain | held | {"windows": windows, "camera": scene.camera and scene.camera.name,
+                           "marked": [item.name for item in live_scene.marked()]}
+"""
+IMPORTS = ("from bl_ext.user_default.lfsr.live import scene as live_scene, session as live, window as live_window\n"
+           f"SAMPLES = {SAMPLES}\n")
+LIVE = "next(s for s in bpy.data.scenes if 'lfsr_live' in s)"
+
+
+@pytest.fixture(scope="module")
+def blender(tmp_path_factory):
+    """One Blender for all tests."""
+    folder = tmp_path_factory.mktemp("live")
+    with blender_window(folder) as window:
+        window.run(IMPORTS + SCENE + STATE)
+        yield window
+    kept = os.environ.get("LFSR_SCREENSHOTS")
+    for picture in folder.glob("*.png") if kept else ():
+        shutil.copy(picture, kept)
+
+
+@pytest.fixture
+def window(blender):
+    """A fresh file, and no live view after the test."""
+    fresh_file(blender)
+    yield blender
+    blender.run("live.stop()")
+    blender.settle()
+
+
+def fresh_file(window: Window) -> None:
+    """The scene of these tests in a file of its own; with the file the 3D view is another one."""
+    window.run("bpy.ops.wm.read_homefile(use_factory_startup=True)")
+    window.settle()
+    window.run(f"make_scene({str(window.folder / 'scene.blend')!r})")
+    window.settle()
+
+
+def start(window: Window, size: tuple[int, int] | None = None) -> None:
+    """Start the live view, in a window of ``size`` in the screen's upper left corner."""
+    assert window.get("list(bpy.ops.lfsr.live_start())") == ["FINISHED"]
+    window.settle()
+    if size is not None:
+        window.place(window.windows()[-1], *size)
+        window.until(f"live.live().render.resolution_x == {size[0]}", 10)
+    window.settle()
+
+
+def resting(window: Window, name: str) -> np.ndarray:
+    """Picture of the screen when two in a row are the same: all samples are there."""
+    before, ends = None, time.monotonic() + SECONDS_TO_RENDER
+    while True:
+        now = read_png(window.screenshot(name))[..., :3]
+        if before is not None and np.array_equal(now, before):
+            return now
+        assert time.monotonic() < ends
+        before = now
+        time.sleep(SECONDS_BETWEEN_PICTURES)
+
+
+def part(picture: np.ndarray, window: Window, display) -> np.ndarray:
+    """What the picture shows of the panel; the live window lies in the upper left corner."""
+    width, height = display.panel_pixels
+    left, bottom = window.get("list(live._view.region.corner)")
+    top = window.get("live._view.region.size[1]") - bottom - height
+    return picture[top:top + height, left:left + width]
+
+
+@pytest.mark.parametrize(("name", "scale", "size"), [
+    ("mini", "2", (128, 96)), ("mini", "4", (304, 208)), ("small", "4", (960, 560))])
+def test_it_is_the_offline_image(window, name, scale, size):
+    """The same samples offline, ``bilinear``: at most 2 of 255 apart in the mean, also at the edges of EIs."""
+    window.run(f"lfsr = bpy.context.scene.lfsr; lfsr.display, lfsr.scale = {name!r}, {scale!r}")
+    window.run("lfsr.live_scale = lfsr.scale")
+    window.run(f"lfsr.output = '//{name}{scale}'; bpy.ops.lfsr.array_fit('EXEC_DEFAULT', True)")
+    assert window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))") == ["FINISHED"]
+    window.until("addon.background.session.current() is None", SECONDS_TO_RENDER)
+    offline = read_png(window.folder / f"{name}{scale}" / "Scene" / "0001" / "eia.png").astype(float)
+    start(window, size)
+    display = load_display(name)
+    live = part(resting(window, f"live-{name}-{scale}"), window, display).astype(float)
+    exact = size == display.panel_pixels
+    assert (window.get("live.message()") == "") == exact
+    difference = np.abs(live - offline)
+    tiles = to_elemental_images(difference, display.lenses)
+    edge = np.concatenate([tiles[:, :, 0], tiles[:, :, -1], tiles[..., 0, :], tiles[..., -1, :]], axis=2)
+    print(f"{name} {scale}: mean {difference.mean((0, 1)).round(2)}, edges {edge.mean((0, 1, 2)).round(2)}")
+    assert difference.mean((0, 1)).max() <= 2
+    assert edge.mean((0, 1, 2)).max() <= 2
+    for axis in (0, 1):
+        for step in (-1, 1):
+            assert np.abs(np.roll(live, step, axis) - offline).mean() > difference.mean()
+
+
+def test_start_and_stop_leave_everything_as_it_was(window):
+    before = window.get("state()")
+    start(window)
+    during = window.get("state()")
+    assert len(during["windows"]) == 2 and during["marked"]
+    assert {key for key in before if key.split(".")[0] in {"scene", "render", "cycles", "view", "space", "region"}
+            and during[key] != before[key]} <= {"scene.users"}
+    window.run("bpy.ops.lfsr.live_stop()")
+    window.settle()
+    assert window.get("state()") == before
+
+
+def test_closing_the_window_by_hand_stops_it(window):
+    before = window.get("state()")
+    start(window)
+    window.run("with bpy.context.temp_override(window=live_window.find()): bpy.ops.wm.window_close()")
+    window.until("not live.is_on()", 10)
+    window.settle()
+    assert window.get("state()") == before
+
+
+def test_a_save_in_the_middle_holds_nothing_of_it(window):
+    path = str(window.folder / "middle.blend")
+    plain = window.run(f"bpy.ops.wm.save_as_mainfile(filepath={path!r}, copy=True)\n" + HELD.format(path=path))
+    start(window)
+    held = window.run(f"bpy.ops.wm.save_as_mainfile(filepath={path!r}, copy=True)\n" + HELD.format(path=path))
+    assert held == plain
+    window.settle()
+    assert window.get("live.is_on()") and window.get(f"live_window.find().scene == {LIVE}")
+
+
+HELD = """
+with bpy.data.libraries.load({path!r}) as (source, _):
+    value = {{kind: sorted(getattr(source, kind)) for kind in dir(source) if kind not in ("screens", "workspaces")}}
+"""
+
+
+def test_undo_in_the_middle_and_after(window):
+    window.run("bpy.ops.ed.undo_push(message='before')")
+    start(window)
+    window.run("bpy.ops.mesh.primitive_cube_add('EXEC_DEFAULT', True)")
+    window.settle()
+    for step in ("undo", "undo", "redo"):
+        window.run(f"bpy.ops.ed.{step}()")
+        window.settle()
+        window.until("sum('lfsr_live' in s for s in bpy.data.scenes) == 1", 10)
+        window.until(f"live_window.find().scene == {LIVE}", 10)
+        assert window.get(f"{LIVE}.background_set.name") == "Scene"
+    window.run("bpy.ops.lfsr.live_stop()")
+    for step in ("undo", "redo"):
+        window.run(f"bpy.ops.ed.{step}()")
+        window.settle()
+        assert window.get("live_scene.marked() == [] and len(bpy.context.window_manager.windows) == 1")
+
+
+def test_another_file_and_a_disabled_extension_end_it(window):
+    start(window)
+    window.run("bpy.ops.wm.read_homefile(use_factory_startup=True)")
+    window.settle()
+    assert window.get("not live.is_on() and live_scene.marked() == []")
+    assert window.get("len(bpy.context.window_manager.windows)") == 1
+    fresh_file(window)
+    start(window)
+    window.run("bpy.ops.preferences.addon_disable(module='bl_ext.user_default.lfsr')")
+    window.settle()
+    assert window.get("not live.is_on() and live_scene.marked() == []")
+    assert window.get("len(bpy.context.window_manager.windows)") == 1
+    window.run("bpy.ops.preferences.addon_enable(module='bl_ext.user_default.lfsr')")
+    window.run(IMPORTS)
+
+
+def test_edits_are_followed(window):
+    window.run("bpy.context.scene.lfsr.live_samples = 16")
+    start(window, (128, 96))
+    first = resting(window, "edit-1")[:96, :128].astype(int)
+    window.run("bpy.data.materials['Paint'].node_tree.nodes['Principled BSDF'].inputs['Base Color'].default_value "
+               "= (0.05, 0.1, 0.8, 1)")
+    painted = resting(window, "edit-2")[:96, :128].astype(int)
+    assert (painted - first)[..., 2].max() > 60 and (painted - first)[..., 0].min() < -60
+    window.run("next(item for item in bpy.data.objects if 'lfsr_spacing' in item).rotation_euler.z += 1")
+    turned = resting(window, "edit-3")[:96, :128].astype(int)
+    assert np.abs(turned - painted).mean() > 5
+    window.run("bpy.context.scene.lfsr.live_scale = '4'")
+    window.until(f"{LIVE}.render.preview_pixel_size == '4'", 10)
+
+
+def test_playback_is_followed(window):
+    start(window, (128, 96))
+    window.run("bpy.context.scene.frame_set(12)")
+    assert window.get(f"{LIVE}.frame_current") == 12
+    window.run("bpy.ops.screen.animation_play()")
+    window.until("bpy.context.scene.frame_current > 15", 30)
+    window.run("bpy.ops.screen.animation_cancel(restore_frame=False)")
+    window.settle()
+    assert window.get(f"{LIVE}.frame_current == bpy.context.scene.frame_current")
