@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -14,12 +15,12 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
 from lfsr_core.images import exr
 from lfsr_core.optics.rays import RayLayout
-from lfsr_core.render.parts import ImageParts
+from lfsr_core.render.parts import ImageParts, Part
 
 from .. import compat
 from ..array.spaces import Matrix, to_blender
 from . import devices, passes
-from .bands import render_in_bands
+from .bands import Target, border, render_in_bands
 from .lens_card import card_camera, without_misses
 from .osl_camera import set_ray_layout
 from .overrides import overridden
@@ -67,6 +68,8 @@ class Shot:
     matrix_world: Matrix
     # Who sends them in one pass, "one-pass" (the OSL camera) or "lens-card".
     way: str = "one-pass"
+    # Rows of pixels of the image to render; None for all.
+    rows: Part | None = None
 
 
 def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, path: str | Path,
@@ -88,7 +91,8 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
     """
     with encoded_camera(scene, shot), cycles_settings(scene, settings, shot.layout.size):
         # A denoiser would see the edges of bands.
-        seconds = render_kept(scene, path, progress, parts if "denoised" not in settings.layers else None)
+        seconds = render_kept(scene, shot.rows or Part(0, shot.layout.size[1]), path, progress,
+                              parts if "denoised" not in settings.layers else None)
     if shot.way == "lens-card" and "position" in settings.layers:
         layers = exr.read_layers(path)
         layers["position"] = without_misses(layers["position"], shot.matrix_world)
@@ -108,12 +112,14 @@ def encoded_camera(scene: bpy.types.Scene, shot: Shot) -> Iterator[None]:
         yield
 
 
-def render_kept(scene: bpy.types.Scene, path: str | Path, progress: Progress | None = None,
+def render_kept(scene: bpy.types.Scene, rows: Part, path: str | Path, progress: Progress | None = None,
                 parts: ImageParts | None = None) -> float:
-    """``render_to``, but with ``parts`` a long render goes on where an earlier one ended; seconds, of both."""
-    if parts is None:
+    """``render_to`` of ``rows``, with ``parts`` a long render goes on where an earlier one ended; seconds of both."""
+    if parts is not None:
+        return render_in_bands(functools.partial(render_to, scene), Target(scene, rows, Path(path)), progress, parts)
+    shown = border(rows, scene.render.resolution_y) if rows.size < scene.render.resolution_y else {}
+    with overridden(scene.render, shown):
         return render_to(scene, path, progress)
-    return render_in_bands(render_to, scene, Path(path), progress, parts)
 
 
 def render_to(scene: bpy.types.Scene, path: str | Path, progress: Progress | None = None) -> float:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 
 from lfsr_core.commands import upscale
-from lfsr_core.commands.arguments import add_scene_arguments, make_job, render
+from lfsr_core.commands.arguments import add_rows_argument, add_scene_arguments, make_job, render
 from lfsr_core.frames.foreground import check_dilate
 from lfsr_core.frames.job import LAYERS
+from lfsr_core.optics.lens_rows import shown
 
 NAME = "render"
 HELP = "render a scene's low-resolution EIA with Blender and upscale it to eia.png"
@@ -23,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--layers", type=_layers, metavar="NAME,NAME",
                         help=f"auxiliary layers from the same render, of {', '.join(LAYERS)}, "
                              "or `none`; default: those that the method looks at")
+    add_rows_argument(parser)
     upscale.add_method_arguments(parser)
 
 
@@ -33,6 +35,9 @@ def run(arguments: argparse.Namespace) -> None:
     layers = method.layers if arguments.layers is None else arguments.layers
     job = make_job(arguments, scale=arguments.scale, layers=layers)
     render(arguments, job)
+    if job.rows is not None:
+        print(f"{arguments.output}: rows {shown(job.rows)} of {job.display.lenses[1]}; join the parts by `lfsr merge`")
+        return
     upscale.upscale(arguments.output, method, arguments)
 
 
