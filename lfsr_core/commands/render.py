@@ -1,14 +1,21 @@
-"""``lfsr render SCENE -o DIR``: from a scene to the finished EIA."""
+"""``lfsr render SCENE -o DIR``: from a scene to the finished EIA, of one frame or of an animation."""
 
 from __future__ import annotations
 
 import argparse
+import time
+from typing import TYPE_CHECKING
 
 from lfsr_core.commands import upscale
 from lfsr_core.commands.arguments import add_rows_argument, add_scene_arguments, make_job, render
+from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import check_dilate
-from lfsr_core.frames.job import LAYERS
+from lfsr_core.frames.job import LAYERS, Job
 from lfsr_core.optics.lens_rows import shown
+from lfsr_core.progress import ProgressBar
+
+if TYPE_CHECKING:
+    from lfsr_core.reconstruct.method_name import MethodName
 
 NAME = "render"
 HELP = "render a scene's low-resolution EIA with Blender and upscale it to eia.png"
@@ -25,6 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help=f"auxiliary layers from the same render, of {', '.join(LAYERS)}, "
                              "or `none`; default: those that the method looks at")
     add_rows_argument(parser)
+    parser.add_argument("--frames", metavar="A-B|A-BxN|A,B,C",
+                        help="an animation: frames A to B, every Nth, or a list, each in a folder of DIR such as 0001; "
+                             "those that are done are kept")
+    parser.add_argument("--overwrite", action="store_true", help="with --frames, make frames that are done again too")
     upscale.add_method_arguments(parser)
 
 
@@ -34,6 +45,9 @@ def run(arguments: argparse.Namespace) -> None:
     method = upscale.chosen_method(arguments.method, arguments.scale)
     layers = method.layers if arguments.layers is None else arguments.layers
     job = make_job(arguments, scale=arguments.scale, layers=layers)
+    if arguments.frames is not None:
+        _render_frames(arguments, job, method)
+        return
     render(arguments, job)
     if job.rows is not None:
         print(f"{arguments.output}: rows {shown(job.rows)} of {job.display.lenses[1]}; join the parts by `lfsr merge`")
@@ -41,8 +55,30 @@ def run(arguments: argparse.Namespace) -> None:
     upscale.upscale(arguments.output, method, arguments)
 
 
+def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) -> None:
+    from lfsr_core.sequence.engine import FAILED, Tools, render_shot
+    from lfsr_core.sequence.numbers import parse_frames
+    from lfsr_core.sequence.shot import SecondStage, shot_of
+    from lfsr_core.sequence.summary import summary
+
+    for name in ("frame", "rows"):
+        if getattr(arguments, name) is not None:
+            raise LfsrError(f"--frames {arguments.frames} and --{name} were both given: leave out one of them")
+    weights = str(arguments.weights) if arguments.weights else None
+    second = SecondStage(str(method), arguments.dilate, weights, arguments.step, arguments.linear_exr)
+    shot = shot_of(job, parse_frames(arguments.frames), second)
+    started, bar = time.monotonic(), ProgressBar()
+    try:
+        results = render_shot(shot, Tools(arguments.blender, bar, bar.note, overwrite=arguments.overwrite))
+    finally:
+        bar.close()
+    print(summary(results, time.monotonic() - started))
+    failed = [result for result in results if result.state == FAILED]
+    if failed:
+        raise LfsrError(f"{len(failed)} of {len(results)} frames failed, first frame {failed[0].frame} "
+                        f"({failed[0].error}): the same command makes what is missing")
+
+
 def _layers(text: str) -> tuple[str, ...]:
     names = tuple(name.strip() for name in text.split(",") if name.strip())
     return () if names == ("none",) else names
-
-
