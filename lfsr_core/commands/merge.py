@@ -13,18 +13,24 @@ HELP = "join parts of `lfsr render --rows` or `lfsr reference --rows`, or averag
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
-    parser.add_argument("parts", type=Path, nargs="+", metavar="PART", help="folder of a part, in any order")
+    parser.add_argument("parts", type=Path, nargs="+", metavar="PART",
+                        help="folder of a part, in any order, or a folder of such folders")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="frame folder to write")
+    parser.add_argument("--numbered", action="store_true",
+                        help="write to a folder of DIR with the frame's number, such as 0001")
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Join them and say what to do next."""
-    from lfsr_core.render.merge import merge
+    from lfsr_core.frames.frame import frame_folder, read_part
+    from lfsr_core.render.merge import merge, part_folders
 
-    progress = ProgressBar()
+    parts, output, progress = part_folders(arguments.parts), arguments.output, ProgressBar()
+    if arguments.numbered:
+        output = frame_folder(output, read_part(parts[0]).frame)
     try:
-        frame = merge(arguments.parts, arguments.output, progress)
+        frame = merge(parts, output, progress)
     finally:
         progress.close()
-    print(f"{arguments.output}: {len(arguments.parts)} parts, {frame.samples} samples, rendered in "
+    print(f"{output}: {len(parts)} parts, {frame.samples} samples, rendered in "
           f"{frame.seconds.get('render', 0.0):.1f} s in all")

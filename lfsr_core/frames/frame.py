@@ -82,6 +82,11 @@ def _check_array(array: CameraArray) -> None:
             raise LfsrError(f"array.{name} is {value!r}, but it must be a length above 0")
 
 
+def frame_folder(output: Path, number: int) -> Path:
+    """Where frame ``number`` of an animation goes."""
+    return output / f"{number:04d}"
+
+
 def write_frame(folder: str | Path, frame: Frame) -> None:
     """Write ``frame.json`` into ``folder``."""
     write_json(Path(folder) / FRAME_FILE, to_data(frame) | {"format": FORMAT})

@@ -16,7 +16,7 @@ import numpy as np
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
-from lfsr_core.frames.frame import REFERENCE_FILES, Frame, read_part, write_frame
+from lfsr_core.frames.frame import FRAME_FILE, REFERENCE_FILES, Frame, read_part, write_frame
 from lfsr_core.images import exr
 from lfsr_core.optics.lens_rows import check_cover, pixel_rows, shown
 from lfsr_core.progress import Progress, silent
@@ -28,6 +28,15 @@ FREE = {"rows", "seconds", "device", "content"}
 FREE_SEEDS = FREE | {"seed", "samples"}
 DEVICES_JOINED = "+"
 Fill = Callable[[list["_Found"], str, Path], None]
+
+
+def part_folders(folders: Sequence[Path]) -> list[Path]:
+    """``folders``, those that hold no part themselves replaced by the folders in them that do."""
+    found: list[Path] = []
+    for folder in folders:
+        inner = [] if (folder / FRAME_FILE).exists() else [path.parent for path in folder.glob(f"*/{FRAME_FILE}")]
+        found += sorted(inner) or [folder]
+    return found
 
 
 @dataclasses.dataclass(frozen=True)

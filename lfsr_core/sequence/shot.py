@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LAYOUTS, Frame, read_part
+from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LAYOUTS, Frame, frame_folder, read_part
 from lfsr_core.frames.job import AUTO, Job
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.exr import check_whole
@@ -54,11 +54,6 @@ def shot_of(job: Job, frames: Iterable[int], second: SecondStage) -> Shot:
         raise LfsrError(f"{output} is a frame folder itself: choose another folder for the frames of an animation")
     jobs = tuple(dataclasses.replace(job, frame=number, output=str(frame_folder(output, number))) for number in frames)
     return Shot(jobs, second, scene_content(job.scene))
-
-
-def frame_folder(output: Path, number: int) -> Path:
-    """Where frame ``number`` goes."""
-    return output / f"{number:04d}"
 
 
 def state(shot: Shot, job: Job) -> str:
