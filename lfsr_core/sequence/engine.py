@@ -19,6 +19,7 @@ from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.second_stage import upscale_frame
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import CrashError, Listener, Warn, run_jobs
+from lfsr_core.render.staging import remove_dead
 from lfsr_core.sequence.shot import DONE, TO_RENDER, SecondStage, Shot, state
 
 CHUNK = 16  # frames of one Blender
@@ -91,7 +92,9 @@ class _Run:
         found = TO_RENDER if self.tools.overwrite else state(self.shot, job)
         if found == TO_RENDER:
             self.waiting.append(job)
-        elif found == DONE:
+            return
+        remove_dead(Path(job.output))
+        if found == DONE:
             self.kept.add(job.output)
         else:
             self.finishing.add(job)
