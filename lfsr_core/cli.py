@@ -17,8 +17,10 @@ from lfsr_core.commands import (
     compare,
     displays,
     export,
+    farm,
     fit,
     import_views,
+    merge,
     plan,
     reference,
     render,
@@ -32,8 +34,8 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import check_name, system_errors
 
 # A verb is a module with NAME, HELP, add_arguments(parser) and run(args); it imports what is slow inside run.
-VERBS = (displays, render, upscale, view, export, import_views, views, plan, reference, compare, chart, stress,
-         train, fit)
+VERBS = (displays, render, merge, upscale, view, export, import_views, views, farm, plan, reference, compare, chart,
+         stress, train, fit)
 
 EXIT_BAD_INPUT, EXIT_INTERRUPTED = 2, 130
 ENDINGS = ("SIGTERM", "SIGHUP", "SIGQUIT")  # as Ctrl-C: a closed terminal too

@@ -1,7 +1,7 @@
-"""Run one render job in another Blender, or encode a film there.
+"""Run render jobs in another Blender, or encode a film there.
 
-    python entry.py -- FOLDERS JOB.json                              (bpy wheel)
-    blender --background --python entry.py -- FOLDERS JOB.json
+    python entry.py -- FOLDERS JOB.json...                           (bpy wheel)
+    blender --background --python entry.py -- FOLDERS JOB.json...
     blender --background --python entry.py -- FOLDERS encode FRAMES FILE.mp4
 
 FOLDERS, joined as in PATH, are where lfsr_core lies. This package is loaded under

@@ -1,11 +1,13 @@
-"""Runs one job inside Blender, a render or the encoding of a film; its progress goes to standard output."""
+"""Runs jobs inside Blender, renders or the encoding of a film; their progress goes to standard output."""
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import bpy
@@ -14,24 +16,26 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
 from lfsr_core.frames.job import Job, read_job
 from lfsr_core.render.content import scene_content, stamp
-from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit
+from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, RENDERED_STAGE, emit
 
 from ..array.cameras import choice_notice, choose_camera
 from ..render.frame_folder import render_job
 from ..render.inputs import Opened
+from ..render.overrides import overridden
 from ..scene.notices import notices
 from ..scene.open import choose_scene, open_scene
 from . import encode, stopping
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the job file named in ``arguments``, or ``encode`` what follows; the process's exit code."""
+    """Run the job files named in ``arguments``, or ``encode`` what follows; the process's exit code."""
     stopping.on_signals(_stop)
     try:
-        if len(arguments) != (3 if arguments[:1] == [encode.NAME] else 1):
-            raise LfsrError(f"expected one argument, the job file, and got {len(arguments)}")
+        is_film = arguments[:1] == [encode.NAME]
+        if not arguments or (is_film and len(arguments) != 3):
+            raise LfsrError(f"expected job files, or encode and two paths, and got {len(arguments)} arguments")
         with system_errors():
-            folder = encode.run(arguments[1:]) if len(arguments) == 3 else run(read_job(arguments[0]))
+            folder = encode.run(arguments[1:]) if is_film else run_all([read_job(path) for path in arguments])
     except LfsrError as error:
         emit(stage="error", message=str(error))
         return EXIT_BAD_INPUT
@@ -39,8 +43,26 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def run(job: Job) -> Path:
-    """Open the job's scene if it names one, render it, and return the frame folder."""
+def run_all(jobs: Sequence[Job]) -> Path:
+    """Render ``jobs``, opening a scene where it is another than before; the last one's frame folder."""
+    scene, opened, last = None, Opened(), None
+    with ExitStack() as stack:
+        for job in jobs:
+            if last is None or (job.scene, job.scene_name) != (last.scene, last.scene_name):
+                stack.close()
+                scene, opened = _opened(job)
+                if len(jobs) > 1:
+                    # Switching it off after each frame would make Cycles build everything again.
+                    stack.enter_context(overridden(scene.render, {"use_persistent_data": True}))
+            folder, last = render_job(scene, job, opened, progress=_progress, warn=warn), job
+            opened = dataclasses.replace(opened, seconds=0.0)
+            if len(jobs) > 1:
+                emit(stage=RENDERED_STAGE, folder=str(folder))
+    return folder
+
+
+def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:
+    """The job's scene, opened if it names one."""
     started = time.perf_counter()
     emit(stage="open", fraction=0.0, message=job.scene or "the open scene")
     scene, content = _open(job)
@@ -52,8 +74,7 @@ def run(job: Job) -> Path:
         warn(choice_notice(scene))
     for sentence in notices(scene):
         warn(sentence)
-    opened = Opened(time.perf_counter() - started, content)
-    return render_job(scene, job, opened, progress=_progress, warn=warn)
+    return scene, Opened(time.perf_counter() - started, content)
 
 
 def _open(job: Job) -> tuple[bpy.types.Scene, str]:

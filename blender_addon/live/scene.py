@@ -20,8 +20,8 @@ from lfsr_core.optics.rays import CameraArray, RayLayout
 from .. import compat
 from ..array import rig
 from ..render import devices
-from ..render.cycles import CLAMP_INDIRECT
 from ..render.lens_card import new_camera, new_card, place_of
+from ..render.overrides import CLAMP_INDIRECT
 from ..scene.volumes import distance_to_volume
 from ..settings.scene_settings import display_of
 from . import nodes

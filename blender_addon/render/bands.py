@@ -7,7 +7,6 @@ bands below each other are the image to the byte (measured in 5.0, every layer, 
 from __future__ import annotations
 
 import dataclasses
-import functools
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -25,28 +24,36 @@ from .progress import Progress, sample_fraction, share
 
 WIDEST_TILE = 8192  # Cycles times tiles, not images: a band has to be one tile
 # Renders the scene as it is set up into a file; seconds.
-Render = Callable[[bpy.types.Scene, Path, Progress | None], float]
+Render = Callable[[Path, Progress | None], float]
 
 
-def render_in_bands(render: Render, scene: bpy.types.Scene, path: Path, progress: Progress | None,
-                    parts: ImageParts) -> float:
-    """Render the image that ``scene`` is set up for, in bands if it takes long.
+@dataclasses.dataclass(frozen=True)
+class Target:
+    """What is to be rendered, and where to."""
+
+    scene: bpy.types.Scene  # set up for the image
+    rows: Part  # of the image, all or some
+    path: Path  # EXR to write
+
+
+def render_in_bands(render: Render, target: Target, progress: Progress | None, parts: ImageParts) -> float:
+    """Render an image, or some of its rows, in bands if it takes long.
 
     Parameters
     ----------
-    render : renders the image, or the part of it inside the border that is set, into a file
-    scene : set up for the image
-    path : EXR to write
-    progress : of the whole image
+    render : renders the part of the image inside the border that is set into a file
+    target : the image
+    progress : of all that is to be rendered
     parts : keeps bands that are whole, and has those of an earlier run
 
     Returns
     -------
     Seconds it took, those of kept bands too.
     """
-    pace = Pace(scene.render.resolution_x, scene.render.resolution_y, scene.cycles.samples)
+    scene = target.scene
+    pace = Pace(scene.render.resolution_x, target.rows.size, scene.cycles.samples)
     with overridden(scene.cycles, _timed(pace)):
-        image = _Image(functools.partial(render, scene), scene, path, progress, pace, parts)
+        image = _Image(render, target, progress, pace, parts)
         try:
             return image.rendered(parts.kept(pace.rows))
         finally:
@@ -61,14 +68,23 @@ def _timed(pace: Pace) -> dict[str, object]:
 
 @dataclasses.dataclass(frozen=True)
 class _Image:
-    """One image that may take long."""
+    """One image that may take long; its rows are counted from the first that is asked for."""
 
-    render: Callable[[Path, Progress | None], float]
-    scene: bpy.types.Scene
-    path: Path
+    render: Render
+    target: Target
     progress: Progress | None
     pace: Pace
     parts: ImageParts
+
+    @property
+    def path(self) -> Path:
+        """Where it goes."""
+        return self.target.path
+
+    @property
+    def scene(self) -> bpy.types.Scene:
+        """Set up for it."""
+        return self.target.scene
 
     @property
     def band_file(self) -> Path:
@@ -125,7 +141,9 @@ class _Image:
         return time.perf_counter() - started
 
     def _render(self, band: Part, path: Path, progress: Progress | None) -> _Done:
-        with overridden(self.scene.render, border(band, self.pace.rows)), _watched() as seen:
+        first = self.target.rows.first
+        shown = border(Part(first + band.first, first + band.last), self.scene.render.resolution_y)
+        with overridden(self.scene.render, shown), _watched() as seen:
             seconds = self.render(path, progress)
         is_whole = seen.whole or seconds < self.pace.timeout
         sampling = time.perf_counter() - seen.since if seen.since else seconds

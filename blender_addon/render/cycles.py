@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
@@ -16,19 +17,18 @@ from lfsr_core.files import atomic_path
 from lfsr_core.frames.frame import Clip
 from lfsr_core.images import exr
 from lfsr_core.optics.rays import RayLayout
-from lfsr_core.render.parts import ImageParts
+from lfsr_core.render.parts import ImageParts, Part
 
 from .. import compat
 from ..array.spaces import Matrix, to_blender
 from . import devices, passes
-from .bands import render_in_bands
+from .bands import Target, border, render_in_bands
 from .curtain import curtain, without_places
 from .lens_card import card_camera, without_misses
 from .osl_camera import set_ray_layout
-from .overrides import overridden
+from .overrides import CLAMP_INDIRECT, overridden
 from .progress import Progress, following
 
-CLAMP_INDIRECT = 10.0   # Cycles' default: fewer fireflies at low sample counts
 LEAST_PIXELS = 4        # Blender renders nothing narrower
 NEAR, FAR = 1e-4, 1e4   # clipping, as shares of the display distance
 # Files and folders that a render is writing now; a process that must die at once removes them.
@@ -73,6 +73,9 @@ class Shot:
     # Depths from the camera plane between which things are seen; None: all.
     clip: Clip | None = None
 
+    # Rows of pixels of the image to render; None for all.
+    rows: Part | None = None
+
     @property
     def clip_start(self) -> float:
         """Depth at which rays start."""
@@ -99,7 +102,8 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
     with (encoded_camera(scene, shot), _ended(scene, shot) as ended,
           cycles_settings(scene, settings, shot.layout.size)):
         # A denoiser would see the edges of bands.
-        seconds = render_kept(scene, path, progress, parts if "denoised" not in settings.layers else None)
+        seconds = render_kept(scene, shot.rows or Part(0, shot.layout.size[1]), path, progress,
+                              parts if "denoised" not in settings.layers else None)
     if (shot.way == "lens-card" or ended) and "position" in settings.layers:
         layers = exr.read_layers(path)
         layers["position"] = _without_misses(layers["position"], shot, bool(ended))
@@ -130,12 +134,14 @@ def encoded_camera(scene: bpy.types.Scene, shot: Shot) -> Iterator[None]:
         yield
 
 
-def render_kept(scene: bpy.types.Scene, path: str | Path, progress: Progress | None = None,
+def render_kept(scene: bpy.types.Scene, rows: Part, path: str | Path, progress: Progress | None = None,
                 parts: ImageParts | None = None) -> float:
-    """``render_to``, but with ``parts`` a long render goes on where an earlier one ended; seconds, of both."""
-    if parts is None:
+    """``render_to`` of ``rows``, with ``parts`` a long render goes on where an earlier one ended; seconds of both."""
+    if parts is not None:
+        return render_in_bands(functools.partial(render_to, scene), Target(scene, rows, Path(path)), progress, parts)
+    shown = border(rows, scene.render.resolution_y) if rows.size < scene.render.resolution_y else {}
+    with overridden(scene.render, shown):
         return render_to(scene, path, progress)
-    return render_in_bands(render_to, scene, Path(path), progress, parts)
 
 
 def render_to(scene: bpy.types.Scene, path: str | Path, progress: Progress | None = None) -> float:

@@ -12,7 +12,8 @@ import bpy
 
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, Frame, write_frame
 from lfsr_core.frames.job import Job
-from lfsr_core.render.parts import ImageParts, remove_others
+from lfsr_core.optics.lens_rows import pixel_rows
+from lfsr_core.render.parts import ImageParts, Part, remove_others
 
 from ..array import placement
 from ..scene.light import has_light, is_certain, is_meant, lit
@@ -52,7 +53,7 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
         keep = _keeping(scene, job, frame, opened, warn)
         seconds = {"open": opened.seconds, "render": _render(scene, job, frame, keep, progress)}
     seconds = {name: round(value, 3) for name, value in seconds.items()}
-    write_frame(job.output, dataclasses.replace(frame, seconds=seconds))
+    write_frame(job.output, dataclasses.replace(frame, content=opened.content, seconds=seconds))
     return Path(job.output)
 
 
@@ -106,10 +107,10 @@ def describe(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], o
     return Frame(
         display=job.display, scale=1 if reference else job.scale, array=array, matrix_world=matrix_world,
         samples=job.spp, seed=job.seed, frame=scene.frame_current, convention=job.convention,
-        view_aperture=job.view_aperture, lens_list=job.lens_list, layout=_layout(job), layers=layers,
+        view_aperture=job.view_aperture, lens_list=job.lens_list, rows=job.rows, layout=_layout(job), layers=layers,
         clip=placement.clip_of(scene),
         world_visible=world_visible, color=color_settings(scene, world_visible),
-        scene=os.path.basename(job.scene or bpy.data.filepath), subject=job.subject or "",
+        scene=os.path.basename(job.scene or bpy.data.filepath), subject=job.subject or "", camera=job.camera or "",
         blender=bpy.app.version_string, device=job.device)
 
 
@@ -160,9 +161,13 @@ def _keeping(scene: bpy.types.Scene, job: Job, frame: Frame, opened: Opened, war
     return lambda name: ImageParts(folder, Path(name).stem, found, another_follows=name == REFERENCE_FILES[0])
 
 
+def _rows(frame: Frame) -> Part | None:
+    return None if frame.rows is None else Part(*pixel_rows(frame.rows, frame.rays.views[1]))
+
+
 def _render(scene: bpy.types.Scene, job: Job, frame: Frame, keep: Keep, progress: Progress | None) -> float:
     """Render every image of the job; seconds."""
     render = render_views if frame.layout == "view-by-view" else render_encoded
-    shot, images = Shot(frame.rays, frame.matrix_world, frame.layout, frame.clip), _images(job, frame)
+    shot, images = Shot(frame.rays, frame.matrix_world, frame.layout, frame.clip, _rows(frame)), _images(job, frame)
     return sum(render(scene, shot, settings, Path(job.output, name), part(progress, number, len(images)), keep(name))
                for number, (name, settings) in enumerate(images))

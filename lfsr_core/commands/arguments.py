@@ -8,6 +8,7 @@ from typing import Any
 
 from lfsr_core.frames.job import AUTO, DEVICES, LAYOUTS, Job, check_scene
 from lfsr_core.optics.display import load_display
+from lfsr_core.optics.lens_rows import parse_rows
 from lfsr_core.optics.rays import CONVENTIONS
 from lfsr_core.render.store import with_blender
 
@@ -20,6 +21,12 @@ def add_scene_arguments(parser: argparse.ArgumentParser, samples: int) -> None:
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="frame folder to write")
     parser.add_argument("--spp", type=int, default=samples, metavar="N", help="samples per pixel, default: %(default)s")
     add_geometry_arguments(parser)
+
+
+def add_rows_argument(parser: argparse.ArgumentParser) -> None:
+    """Which rows of lenses, where it is not all of them."""
+    parser.add_argument("--rows", metavar="A-B|K/N", help="render only these rows of lenses, counted from 1, or the "
+                                                          "Kth of N equal shares, for `lfsr merge`; default: all")
 
 
 def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,7 +60,10 @@ def make_job(arguments: argparse.Namespace, **values: Any) -> Job:
     shared = ("output", "spp", "layout", "convention", "view_aperture", "seed", "frame", "subject", "device",
               "world_visible", "camera")
     given = {name: getattr(arguments, name) for name in shared if name not in values}
-    given |= {"scene": check_scene(arguments.scene), "display": load_display(arguments.display)} | values
+    display = load_display(arguments.display)
+    if getattr(arguments, "rows", None) is not None:
+        given["rows"] = parse_rows(arguments.rows, display.lenses[1])
+    given |= {"scene": check_scene(arguments.scene), "display": display} | values
     return Job(**given | {"output": str(given["output"])})
 
 

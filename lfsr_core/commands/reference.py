@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.commands.arguments import add_scene_arguments, make_job, render
+from lfsr_core.commands.arguments import add_rows_argument, add_scene_arguments, make_job, render
+from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.lens_sampling import check_count, choose_lenses
@@ -27,18 +28,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scene_arguments(parser, DEFAULT_SAMPLES)
     parser.add_argument("--lenses", type=int, metavar="N",
                         help="only N random lenses, spread over the foreground; default: all")
+    add_rows_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Choose lenses if asked to, then render them at full resolution, unclamped."""
     job = make_job(arguments, kind="reference", scale=1, clamp_indirect=0.0)
+    if arguments.lenses is not None and job.rows is not None:
+        raise LfsrError(f"--lenses {arguments.lenses} and --rows {arguments.rows} were both given: leave out one")
     if arguments.lenses is not None:
         check_count(arguments.lenses, math.prod(job.display.lenses))
         lens_list = choose_lenses(_quick_mask(arguments, job), arguments.lenses, arguments.seed)
         job = dataclasses.replace(job, lens_list=lens_list)
     render(arguments, job)
-    count = len(job.lens_list) if job.lens_list else math.prod(job.display.lenses)
-    print(f"{arguments.output}: {count} lenses, two halves of {job.spp // 2} samples")
+    print(f"{arguments.output}: {_count(job)} lenses, two halves of {job.spp // 2} samples")
+
+
+def _count(job: Job) -> int:
+    if job.rows is not None:
+        return job.display.lenses[0] * (job.rows[1] - job.rows[0] + 1)
+    return len(job.lens_list) if job.lens_list else math.prod(job.display.lenses)
 
 
 def _quick_mask(arguments: argparse.Namespace, reference: Job) -> np.ndarray:

@@ -1,18 +1,30 @@
-"""``lfsr render SCENE -o DIR``: from a scene to the finished EIA."""
+"""``lfsr render SCENE -o DIR``: from a scene to the finished EIA, of one frame or of an animation."""
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
+import os
+import time
+from typing import TYPE_CHECKING
 
 from lfsr_core.commands import upscale
-from lfsr_core.commands.arguments import add_scene_arguments, make_job, render
+from lfsr_core.commands.arguments import add_rows_argument, add_scene_arguments, make_job, render
+from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import check_dilate
-from lfsr_core.frames.job import LAYERS
+from lfsr_core.frames.job import LAYERS, Job
 from lfsr_core.optics.display import load_display
+from lfsr_core.optics.lens_rows import shown
+from lfsr_core.progress import ProgressBar
+
+if TYPE_CHECKING:
+    from lfsr_core.reconstruct.method_name import MethodName
+    from lfsr_core.sequence.cluster import Cluster
 
 NAME = "render"
 HELP = "render a scene's low-resolution EIA with Blender and upscale it to eia.png"
 DEFAULT_SAMPLES = 16
+MOST_WORKERS = 256
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,21 +36,83 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--layers", type=_layers, metavar="NAME,NAME",
                         help=f"auxiliary layers from the same render, of {', '.join(LAYERS)}, "
                              "or `none`; default: those that the method looks at")
+    add_rows_argument(parser)
+    parser.add_argument("--frames", metavar="A-B|A-BxN|A,B,C",
+                        help="an animation: frames A to B, every Nth, or a list, each in a folder of DIR such as 0001; "
+                             "those that are done are kept")
+    parser.add_argument("--overwrite", action="store_true", help="with --frames, make frames that are done again too")
+    parser.add_argument("--workers", type=int, metavar="N", help="with --frames, on N workers of this machine")
+    parser.add_argument("--cluster", metavar="ADDRESS",
+                        help="with --frames, on the workers of this Dask scheduler, such as tcp://host:8786")
     upscale.add_method_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Render, then upscale; a bad method is refused before any time is spent on rendering."""
     check_dilate(arguments.dilate)
+    _check_frames(arguments)
     method = upscale.chosen_method(arguments.method, arguments.scale, load_display(arguments.display))
     layers = method.layers if arguments.layers is None else arguments.layers
     job = make_job(arguments, scale=arguments.scale, layers=layers)
+    if arguments.frames is not None:
+        _render_frames(arguments, job, method)
+        return
     render(arguments, job)
+    if job.rows is not None:
+        print(f"{arguments.output}: rows {shown(job.rows)} of {job.display.lenses[1]}; join the parts by `lfsr merge`")
+        return
     upscale.upscale(arguments.output, method, arguments)
+
+
+def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) -> None:
+    from lfsr_core.sequence.cluster import render_on
+    from lfsr_core.sequence.engine import FAILED, Tools, render_shot
+    from lfsr_core.sequence.numbers import parse_frames
+    from lfsr_core.sequence.shot import SecondStage, shot_of
+    from lfsr_core.sequence.summary import summary
+
+    cluster = _cluster(arguments)
+    # Workers have folders of their own to start from.
+    job = dataclasses.replace(job, output=os.path.abspath(job.output))
+    weights = os.path.abspath(arguments.weights) if arguments.weights else None
+    second = SecondStage(str(method), arguments.dilate, weights, arguments.step, arguments.linear_exr)
+    shot = shot_of(job, parse_frames(arguments.frames), second)
+    started, bar = time.monotonic(), ProgressBar()
+    tools = Tools(arguments.blender, bar, bar.note, overwrite=arguments.overwrite)
+    try:
+        results = render_on(cluster, shot, tools) if cluster else render_shot(shot, tools)
+    finally:
+        bar.close()
+    print(summary(results, time.monotonic() - started))
+    failed = [result for result in results if result.state == FAILED]
+    if failed:
+        raise LfsrError(f"{len(failed)} of {len(results)} frames failed, first frame {failed[0].frame} "
+                        f"({failed[0].error}): the same command makes what is missing")
+
+
+def _check_frames(arguments: argparse.Namespace) -> None:
+    """LfsrError where options were given that do not go together."""
+    others = {"--frame": arguments.frame, "--rows": arguments.rows}
+    alone = {"--overwrite": arguments.overwrite or None, "--workers": arguments.workers, "--cluster": arguments.cluster}
+    for name, value in (alone if arguments.frames is None else others).items():
+        if value is not None:
+            raise LfsrError(f"{name} was given without --frames: say which frames, as in --frames 1-48"
+                            if arguments.frames is None else
+                            f"--frames {arguments.frames} and {name} were both given: leave out one of them")
+
+
+def _cluster(arguments: argparse.Namespace) -> Cluster | None:
+    from lfsr_core.sequence.cluster import Cluster
+
+    if arguments.workers is not None and arguments.cluster is not None:
+        raise LfsrError(f"--workers {arguments.workers} and --cluster were both given: leave out one of them")
+    if arguments.workers is not None and not 1 <= arguments.workers <= MOST_WORKERS:
+        raise LfsrError(f"workers are {arguments.workers}, but they must be 1 to {MOST_WORKERS}")
+    if arguments.cluster is not None:
+        return Cluster(arguments.cluster)
+    return Cluster(workers=arguments.workers) if arguments.workers else None
 
 
 def _layers(text: str) -> tuple[str, ...]:
     names = tuple(name.strip() for name in text.split(",") if name.strip())
     return () if names == ("none",) else names
-
-

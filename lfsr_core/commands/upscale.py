@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, frame_folder, read_frame
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.progress import ProgressBar
 
@@ -21,6 +21,7 @@ METHOD_WITHOUT_DENOISER, METHOD_AT_FULL_RESOLUTION = "light", "oidn"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="frame folder of `lfsr render`")
+    parser.add_argument("--frame", type=int, metavar="N", help="DIR holds an animation: only its frame N")
     add_method_arguments(parser)
 
 
@@ -37,8 +38,9 @@ def add_method_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Upscale the folder and print where the picture is."""
-    frame = read_frame(arguments.folder)
-    upscale(arguments.folder, chosen_method(arguments.method, frame.scale, frame.display), arguments)
+    folder = arguments.folder if arguments.frame is None else frame_folder(arguments.folder, arguments.frame)
+    frame = read_frame(folder)
+    upscale(folder, chosen_method(arguments.method, frame.scale, frame.display), arguments)
 
 
 def chosen_method(name: str | None, scale: int, display: DisplayProfile) -> MethodName:

@@ -12,6 +12,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.lens_rows import check_rows, shown
 from lfsr_core.optics.rays import CameraArray, RayLayout
 from lfsr_core.records import from_data, to_data
 
@@ -43,6 +44,7 @@ class Frame:
     convention: str = "centred"
     view_aperture: float = 1.0
     lens_list: tuple[tuple[int, int], ...] | None = None  # (row, column) of the lenses that were rendered, None for all
+    rows: tuple[int, int] | None = None  # first and last row of lenses, from 1, of a part of the frame; None for all
     layout: str = "one-pass"
     clip: Clip | None = None  # depths from the camera plane between which things are seen, None for all
     layers: tuple[str, ...] = ()  # auxiliary layers in the EXR
@@ -51,6 +53,8 @@ class Frame:
     # scene, subject: names of the file and of the foreground's collection
     scene: str = ""
     subject: str = ""
+    content: str = ""  # digest of what the scene's file held, see render.content; empty where it is not known
+    camera: str = ""  # that was asked for by name, empty for the scene's own
     # blender, device: what rendered it
     blender: str = ""
     device: str = "CPU"
@@ -68,6 +72,8 @@ class Frame:
         lenses = self.display.lenses[0] * self.display.lenses[1]
         if len(self.rays.lens_list or ()) > lenses:
             raise LfsrError(f"lens_list names {len(self.lens_list)} lenses, but the display has {lenses}")
+        if self.rows is not None:
+            check_rows(self.rows, self.display.lenses[1])
 
     @property
     def rays(self) -> RayLayout:
@@ -82,13 +88,27 @@ def _check_array(array: CameraArray) -> None:
             raise LfsrError(f"array.{name} is {value!r}, but it must be a length above 0")
 
 
+def frame_folder(output: Path, number: int) -> Path:
+    """Where frame ``number`` of an animation goes."""
+    return output / f"{number:04d}"
+
+
 def write_frame(folder: str | Path, frame: Frame) -> None:
     """Write ``frame.json`` into ``folder``."""
     write_json(Path(folder) / FRAME_FILE, to_data(frame) | {"format": FORMAT})
 
 
 def read_frame(folder: str | Path) -> Frame:
-    """Read ``frame.json``; LfsrError if absent, of another format, or incomplete."""
+    """Read ``frame.json``; LfsrError if absent, of another format, incomplete, or of a part of a frame."""
+    frame = read_part(folder)
+    if frame.rows is not None:
+        raise LfsrError(f"{folder} holds rows {shown(frame.rows)} of {frame.display.lenses[1]} alone: join it with the "
+                        "other parts by `lfsr merge`")
+    return frame
+
+
+def read_part(folder: str | Path) -> Frame:
+    """As ``read_frame``, but it may be a part of a frame."""
     path = Path(folder) / FRAME_FILE
     data = read_json(path, "the frame.json of a rendered frame folder")
     if not isinstance(data, dict) or data.pop("format", None) != FORMAT:

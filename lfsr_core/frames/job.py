@@ -9,6 +9,7 @@ from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.files import read_json
 from lfsr_core.frames.frame import LAYOUTS
 from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.lens_rows import Rows, check_rows, shown
 from lfsr_core.optics.rays import CONVENTIONS
 from lfsr_core.records import from_data
 
@@ -42,6 +43,7 @@ class Job:
     frame: int | None = None  # number of the frame, None for the scene's current one
     subject: str | None = None  # collection that is the foreground, None for all but one called Background
     lens_list: tuple[tuple[int, int], ...] | None = None  # (row, column) of the lenses to render, None for all
+    rows: tuple[int, int] | None = None  # first and last row of lenses, from 1, of a part of the frame, None for all
     device: str = "CPU"  # Cycles' device, or AUTO
     clamp_indirect: float | None = None  # None for Cycles' default, 0 for none
     world_visible: bool | None = None  # None for the scene's own film setting
@@ -57,6 +59,8 @@ class Job:
             _check_choice("layer", layer, LAYERS)
         _check_numbers(self)
         self.display.low_views(self.scale)
+        if self.rows is not None:
+            _check_rows(self, self.rows)
 
 
 def read_job(path: str | Path) -> Job:
@@ -81,6 +85,16 @@ def _check_choice(field: str, value: str, choices: tuple[str, ...]) -> None:
     if value not in choices:
         raise LfsrError(f"{field} is {value!r}: {did_you_mean(str(value), choices)}"
                         f"It must be one of {', '.join(choices)}")
+
+
+def _check_rows(job: Job, rows: Rows) -> None:
+    check_rows(rows, job.display.lenses[1])
+    whole = {"a list of lenses": job.lens_list is not None, "the layout view-by-view": job.layout == "view-by-view",
+             "the layer denoised": "denoised" in job.layers}
+    for name, asked in whole.items():
+        if asked:
+            raise LfsrError(f"rows {shown(rows)} alone were asked for, but {name} is not rendered by rows: "
+                            "leave out one of the two")
 
 
 def _check_numbers(job: Job) -> None:

@@ -100,7 +100,7 @@ def join_rows(paths: Sequence[str | Path], path: str | Path, half: bool = False)
     ------
     LfsrError : where one cannot be read, has other layers or another width, or the result cannot be written
     """
-    rows = sum(_height(part) for part in paths)
+    rows = sum(size(part)[1] for part in paths)
     first, at = read_layers(paths[0]), 0
     with _output(path, first, rows, half) as output:
         for part in paths:
@@ -112,13 +112,14 @@ def join_rows(paths: Sequence[str | Path], path: str | Path, half: bool = False)
             at = below
 
 
-def _height(path: str | Path) -> int:
+def size(path: str | Path) -> tuple[int, int]:
+    """Width and height in pixels, as the file's header says; LfsrError where it cannot be read."""
     source = oiio.ImageInput.open(str(path))
     if source is None:
         raise _unreadable(Path(path), oiio.geterror())
-    height = source.spec().height
+    width, height = source.spec().width, source.spec().height
     source.close()
-    return height
+    return width, height
 
 
 def _stacked(layers: Mapping[str, np.ndarray], half: bool) -> np.ndarray:

@@ -22,9 +22,9 @@ class Blender:
 
     executable: str | None = None  # path of Blender, None for the bpy wheel of this Python
 
-    def command(self, job_file: Path) -> list[str]:
-        """Command line that runs the render job in ``job_file``."""
-        return self.script_command(entry_script(), os.pathsep.join(_package_folders()), str(job_file))
+    def command(self, *job_files: Path) -> list[str]:
+        """Command line that runs the render jobs in ``job_files`` one after the other."""
+        return self.script_command(entry_script(), os.pathsep.join(_package_folders()), *map(str, job_files))
 
     def script_command(self, script: Path, *arguments: str) -> list[str]:
         """Command line that runs a Python ``script`` inside Blender."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import collections
+import contextlib
 import dataclasses
 import os
 import shutil
 import signal
 import subprocess
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from lfsr_core.progress import Progress
 from lfsr_core.records import write_record
 from lfsr_core.render.blender import Blender
 from lfsr_core.render.parts_folder import kept_sentence, parts_folder
-from lfsr_core.render.protocol import ENDS_WITH_INPUT, EXIT_BAD_INPUT, LAST_STAGES, parse_progress
+from lfsr_core.render.protocol import ENDS_WITH_INPUT, EXIT_BAD_INPUT, LAST_STAGES, RENDERED_STAGE, parse_progress
 from lfsr_core.render.staging import publish, staging_folder
 
 LOG_FILE = "blender.log"
@@ -52,26 +53,111 @@ def run_job(job: Job, blender: Blender, progress: Progress | None = None, warn: 
         after a crash
     KeyboardInterrupt : once Blender is stopped
     """
-    folder = Path(job.output)
-    check_folder(folder, job.kind)
-    parts = parts_folder(folder).resolve()
-    with staging_folder(folder) as staging, _told(parts, warn), system_errors():
-        staged = staging / "frame"
-        staged.mkdir()
-        job_file, log_file = staging / "job.json", staging / LOG_FILE
-        write_record(job_file, dataclasses.replace(job, output=str(staged.resolve()), parts=str(parts)))
-        _run(blender.command(job_file), log_file, folder, _listener(progress, warn))
-        publish(staged, folder, DERIVED_FILES)
+    run_jobs([job], blender, Listener(progress, warn))
+
+
+class CrashError(LfsrError):
+    """Blender ended without a sentence of its own: another try may do."""
+
+
+def _nothing(_job: Job) -> None:
+    pass
+
+
+@dataclasses.dataclass(frozen=True)
+class Listener:
+    """Who wants to know how renders go."""
+
+    progress: Progress | None = None  # called with (stage, fraction, message)
+    warn: Warn | None = None  # called with a sentence that the user should know
+    rendered: Callable[[Job], None] = _nothing  # called with each job whose folder is complete
+
+
+def run_jobs(jobs: Sequence[Job], blender: Blender, listener: Listener) -> None:
+    """Render ``jobs`` one after the other in one Blender, which keeps the scene open between those of one file.
+
+    Each folder is published as soon as it is rendered. Errors as of ``run_job``, about the first job that is not.
+    """
+    for job in jobs:
+        check_folder(Path(job.output), job.kind)
+    with contextlib.ExitStack() as stack:
+        chunk = _Chunk([_Staged(job, stack.enter_context(staging_folder(Path(job.output)))) for job in jobs], listener)
+        stack.enter_context(_told(chunk))
+        stack.enter_context(system_errors())
+        files = [staged.write() for staged in chunk.staged]
+        _run(blender.command(*files), chunk)
+        while chunk.waiting:  # of a Blender that does not say when one of several is rendered
+            chunk.publish()
+
+
+@dataclasses.dataclass(frozen=True)
+class _Staged:
+    """A job and the hidden folder in which it is made."""
+
+    job: Job
+    staging: Path
+
+    @property
+    def frame(self) -> Path:
+        return self.staging / "frame"
+
+    @property
+    def folder(self) -> Path:
+        return Path(self.job.output)
+
+    @property
+    def parts(self) -> Path:
+        return parts_folder(self.folder).resolve()
+
+    def write(self) -> Path:
+        """The file that tells Blender what to do."""
+        self.frame.mkdir()
+        path = self.staging / "job.json"
+        write_record(path, dataclasses.replace(self.job, output=str(self.frame.resolve()), parts=str(self.parts)))
+        return path
+
+
+class _Chunk:
+    """Jobs of one Blender."""
+
+    def __init__(self, staged: list[_Staged], listener: Listener) -> None:
+        self.staged, self.listener = staged, listener
+        self.waiting = list(staged)
+        self.log_file = staged[-1].staging / LOG_FILE
+
+    @property
+    def current(self) -> _Staged:
+        """The one in work."""
+        return self.waiting[0] if self.waiting else self.staged[-1]
+
+    def publish(self) -> None:
+        """The one in work is whole."""
+        done = self.waiting.pop(0)
+        publish(done.frame, done.folder, DERIVED_FILES)
+        if self.waiting:  # nobody would look for what a dead run left beside a finished frame
+            shutil.rmtree(done.staging)
+        self.listener.rendered(done.job)
+
+    def listen(self, record: dict[str, Any]) -> None:
+        """Do what an LFSR record asks for."""
+        stage, message = str(record["stage"]), str(record.get("message", ""))
+        if stage == RENDERED_STAGE:
+            self.publish()
+        elif record.get("warning"):
+            if self.listener.warn:
+                self.listener.warn(message)
+        elif self.listener.progress and stage not in LAST_STAGES:
+            self.listener.progress(stage, float(record.get("fraction", 0)), message)
 
 
 @contextmanager
-def _told(parts: Path, warn: Warn | None) -> Iterator[None]:
-    """Whatever ends the block early, ``warn`` of what is kept."""
+def _told(chunk: _Chunk) -> Iterator[None]:
+    """Whatever ends the block early, warn of what is kept."""
     try:
         yield
     except BaseException:
-        if warn and (sentence := kept_sentence(parts)):
-            warn(sentence)
+        if chunk.listener.warn and (sentence := kept_sentence(chunk.current.parts)):
+            chunk.listener.warn(sentence)
         raise
 
 
@@ -85,27 +171,15 @@ def check_folder(folder: Path, kind: str) -> None:
             raise LfsrError(f"{folder} already holds a {other}, but a {kind} was asked for: choose another folder")
 
 
-def _listener(progress: Progress | None, warn: Warn | None) -> Callable[[dict[str, Any]], None]:
-    """What to do with one LFSR record."""
-    def listen(record: dict[str, Any]) -> None:
-        stage, message = str(record["stage"]), str(record.get("message", ""))
-        if record.get("warning"):
-            if warn:
-                warn(message)
-        elif progress and stage not in LAST_STAGES:
-            progress(stage, float(record.get("fraction", 0)), message)
-    return listen
-
-
-def _run(command: list[str], log_file: Path, folder: Path, listen: Callable[[dict[str, Any]], None]) -> None:
+def _run(command: list[str], chunk: _Chunk) -> None:
     # Its own process group: Ctrl-C reaches this program only, which then stops Blender.
     # A pipe for its input, which ends with this program, whatever ends that; then Blender ends too.
     child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                              text=True, errors="replace", start_new_session=True,
                              env=os.environ | {"PYTHONUNBUFFERED": "1", ENDS_WITH_INPUT: "1"})
-    with child, log_file.open("w", encoding="utf-8") as log:
+    with child, chunk.log_file.open("w", encoding="utf-8") as log:
         try:
-            last = _follow(child.stdout or (), log.write, listen)
+            last = _follow(child.stdout or (), log.write, chunk.listen)
             code = child.wait()
         except BaseException:
             _stop(child)
@@ -113,7 +187,7 @@ def _run(command: list[str], log_file: Path, folder: Path, listen: Callable[[dic
     if code == EXIT_BAD_INPUT and last.get("stage") == "error":
         raise LfsrError(str(last.get("message")))
     if code != 0 or last.get("stage") != "done":
-        raise _crash(code, log_file, folder)
+        raise _crash(code, chunk.log_file, chunk.current.folder)
 
 
 def _follow(lines: Iterable[str], log: Callable[[str], Any],
@@ -139,7 +213,7 @@ def _stop(child: subprocess.Popen[str]) -> None:
         os.killpg(child.pid, signal.SIGKILL)
 
 
-def _crash(code: int, log_file: Path, folder: Path) -> LfsrError:
+def _crash(code: int, log_file: Path, folder: Path) -> CrashError:
     kept = folder / LOG_FILE
     with atomic_path(kept) as temporary:
         shutil.copyfile(log_file, temporary)
@@ -147,5 +221,5 @@ def _crash(code: int, log_file: Path, folder: Path) -> LfsrError:
         lines = collections.deque((line.strip() for line in log if line.strip()), maxlen=LINES_IN_MESSAGE)
     reason = f"signal {-code}" if code < 0 else f"exit code {code}"
     last = (" / ".join(lines) or "nothing")[-MOST_LAST_WORDS:]
-    return LfsrError(f"Blender stopped with {reason} before the render was done, last saying {last!r}: "
-                     f"the whole log is {kept}")
+    return CrashError(f"Blender stopped with {reason} before the render was done, last saying {last!r}: "
+                      f"the whole log is {kept}")

@@ -10,6 +10,7 @@ import sys
 from typing import Any
 
 PROGRESS_PREFIX = "LFSR "
+RENDERED_STAGE = "rendered"  # one of several jobs is whole in its folder
 LAST_STAGES = ("done", "error", "cancelled")
 EXIT_BAD_INPUT, EXIT_CANCELLED = 2, 130
 # Environment variable that tells a process to end when its standard input does.

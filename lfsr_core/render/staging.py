@@ -39,6 +39,11 @@ def staging_folder(target: Path) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
+def remove_dead(target: Path) -> None:
+    """Remove what a dead run left beside a ``target`` that it had just published."""
+    _in_use(target.parent, f".{target.name}-")
+
+
 def publish(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
     """Move finished files into ``folder``; ``stale`` ones of an earlier run go, and parts that were kept for this."""
     folder.mkdir(exist_ok=True)

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import FRAME_FILE, LAYOUTS, Frame, read_frame
+from lfsr_core.frames.frame import FRAME_FILE, LAYOUTS, Frame, read_part
 from lfsr_core.frames.job import Job, check_scene
 from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.lens_rows import shown
 from lfsr_core.progress import ProgressBar
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import RENDERED_FILES, run_job
@@ -37,7 +38,7 @@ def check_same(folder: Path, job: Job) -> None:
     A reference may have other samples and lenses: all that use one ask it which. A device that
     does not run the OSL camera renders through the lens card where one pass was asked for.
     """
-    found, wanted = fingerprint(read_frame(folder)), fingerprint(job)
+    found, wanted = fingerprint(read_part(folder)), fingerprint(job)
     free = {"samples", "lens_list"} if job.kind == "reference" else set()
     free |= {"layout"} if job.layout == LAYOUTS[0] else set()
     for name in (name for name in wanted if name not in free):
@@ -50,7 +51,7 @@ def fingerprint(render: Job | Frame) -> dict[str, Any]:
     """What a finished render and the job it was made for have in common, and two different renders do not."""
     return {"display": render.display, "scale": render.scale, "convention": render.convention,
             "layout": render.layout, "samples": render.spp if isinstance(render, Job) else render.samples,
-            "lens_list": render.lens_list}
+            "lens_list": render.lens_list, "rows": render.rows}
 
 
 def with_blender(executable: str | None = None, announce: bool = True) -> Render:
@@ -69,6 +70,8 @@ def with_blender(executable: str | None = None, announce: bool = True) -> Render
 
 def _shown(value: Any, other: Any) -> Any:
     """``value`` in a sentence: displays by name, or by what differs under one name, lists of lenses by their number."""
+    if any(isinstance(of, tuple) and isinstance(of[0], int) for of in (value, other)):
+        return shown(value) if value else "1 to the last"
     if isinstance(value, tuple) or value is None:
         return f"of {len(value)} lenses" if value else "of all lenses"
     if not isinstance(value, DisplayProfile) or value.name != other.name:

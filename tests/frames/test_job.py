@@ -21,8 +21,8 @@ JOB = Job("out", MINI, scene="s.blend", kind="reference", scale=2, spp=9, layers
 def test_json_round_trip_keeps_every_field(tmp_path):
     plain = Job("out", MINI)
     same = {key for key, value in to_data(plain).items() if to_data(JOB)[key] == value}
-    assert same == {"output", "display"}, "a field left at its default could be lost unnoticed"
-    for job in (JOB, plain):
+    assert same == {"output", "display", "rows"}, "a field left at its default could be lost unnoticed"
+    for job in (JOB, plain, Job("out", MINI, rows=(2, 5))):
         write_record(tmp_path / "job.json", job)
         assert read_job(tmp_path / "job.json") == job
 
@@ -43,6 +43,10 @@ def test_json_round_trip_keeps_every_field(tmp_path):
     ({"kind": "film"}, "kind is 'film'"),
     ({"layers": ("albedo", "norma")}, "layer is 'norma': did you mean 'normal'"),
     ({"view_aperture": -0.1}, "view aperture is -0.1"),
+    ({"rows": (0, 3)}, "rows are 0-3, but the display has rows of lenses 1-12"),
+    ({"rows": (2, 2), "layout": "view-by-view"}, "rows 2 alone were asked for, but the layout view-by-view is not"),
+    ({"rows": (1, 5), "lens_list": ((1, 2),)}, "but a list of lenses is not"),
+    ({"rows": (1, 5), "layers": ("denoised",)}, "but the layer denoised is not"),
 ])
 def test_bad_value_is_named(options, message):
     with pytest.raises(LfsrError, match=message):

@@ -10,6 +10,7 @@ import numpy as np
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, write_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.images.exr import write_layers
+from lfsr_core.optics.lens_rows import pixel_rows
 from tests.support.synthetic import MINI, frame_of, light_field, tiles
 
 NOISE = 0.3  # of one sample
@@ -25,15 +26,17 @@ def noisy(image: np.ndarray, spp: int, seed: int) -> np.ndarray:
 def render(job: Job) -> None:
     """What Blender would write for ``job`` of that light field."""
     frame = frame_of(1 if job.kind == "reference" else job.scale, samples=job.spp, lens_list=job.lens_list,
-                     seed=job.seed)
+                     seed=job.seed, rows=job.rows, **({} if job.frame is None else {"frame": job.frame}))
     folder, image = Path(job.output), light_field()
     if job.lens_list is not None:
         image = tiles(image, dataclasses.replace(frame, scale=1))
     height, width, _ = image.shape
     scale = frame.scale
     image = image.reshape(height // scale, scale, width // scale, scale, 4).mean((1, 3))
+    rows = (0, None) if job.rows is None else pixel_rows(job.rows, frame.rays.views[1])
     pairs = [(LOW_RES_FILE, job.spp)] if job.kind == "render" else [(name, job.spp // 2) for name in REFERENCE_FILES]
     for number, (name, spp) in enumerate(pairs):
-        write_layers(folder / name, {"color": noisy(image, spp, job.seed + 10**6 * number)})
+        pixels = noisy(image, spp, job.seed + 10**6 * number)
+        write_layers(folder / name, {"color": pixels[slice(*rows)]})
     seconds = 0.01 + SECONDS_PER_SAMPLE * image[..., 0].size * job.spp
     write_frame(folder, dataclasses.replace(frame, seconds={"open": 1.0, "render": seconds}))

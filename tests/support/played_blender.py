@@ -15,7 +15,11 @@ if "--version" in sys.argv:
     sys.exit()
 from tests.support.noisy_renders import render
 from lfsr_core.frames.job import read_job
-render(read_job(sys.argv[-1]))
+jobs = [read_job(path) for path in sys.argv[sys.argv.index("--") + 2:]]
+for job in jobs:
+    render(job)
+    if len(jobs) > 1:
+        print('LFSR {{"stage": "rendered"}}', flush=True)
 print('LFSR {{"stage": "done", "folder": "."}}')
 """
 

@@ -12,6 +12,7 @@ from blender_addon.render.inputs import Opened
 from lfsr_core.frames.job import LAYERS, Job
 from lfsr_core.images import exr
 from lfsr_core.render.content import scene_content
+from lfsr_core.render.merge import merge
 from lfsr_core.render.pace import Pace
 from lfsr_core.render.parts import Part
 from tests.support.scenes import MINI, add_box, add_camera, emission
@@ -138,3 +139,21 @@ def test_a_copy_of_the_same_scene_has_the_same_content(noisy, tmp_path):
 
 def test_time_limit_is_only_reached_by_long_renders():
     assert 100 < Pace(4, 4, 1, 60.0).timeout < 150, "two in a row must not cost five minutes"
+
+
+@pytest.mark.parametrize("options", [{}, {"layout": "lens-card"}, {"kind": "reference", "scale": 1, "spp": 8},
+                                     {"short": "0.02"}])
+def test_rows_of_lenses_are_the_whole_image(noisy, tmp_path, monkeypatch, options):
+    """Rendered one by one and merged; also where each of them is made of bands."""
+    monkeypatch.setenv("LFSR_SECONDS_PER_PART", options.pop("short", "60"))
+    if options.get("kind") != "reference":
+        options |= {"layers": tuple(name for name in LAYERS if name != "denoised"), "world_visible": True}
+    whole, _ = rendered(noisy, tmp_path / "whole", **options)
+    rows = [(1, 3), (4, 4), (5, 12)]
+    for number, part in enumerate(rows):
+        rendered(noisy, tmp_path / f"part{number}", rows=part, parts=str(tmp_path / f"kept{number}"), **options)
+    if not options.get("kind"):
+        assert exr.size(tmp_path / "part0" / "lr_eia.exr") == (64, 12)
+    merge([tmp_path / f"part{number}" for number in (2, 0, 1)], tmp_path / "merged")
+    images = {path.name: exr.read_layers(path) for path in (tmp_path / "merged").glob("*.exr")}
+    assert_same(images, whole)

@@ -1,0 +1,36 @@
+"""``lfsr merge PARTS… -o DIR``: parts of a frame, rendered on several machines, become one."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from lfsr_core.progress import ProgressBar
+
+NAME = "merge"
+HELP = "join parts of `lfsr render --rows` or `lfsr reference --rows`, or average references of other seeds"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this verb."""
+    parser.add_argument("parts", type=Path, nargs="+", metavar="PART",
+                        help="folder of a part, in any order, or a folder of such folders")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="frame folder to write")
+    parser.add_argument("--numbered", action="store_true",
+                        help="write to a folder of DIR with the frame's number, such as 0001")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Join them and say what to do next."""
+    from lfsr_core.frames.frame import frame_folder, read_part
+    from lfsr_core.render.merge import merge, part_folders
+
+    parts, output, progress = part_folders(arguments.parts), arguments.output, ProgressBar()
+    if arguments.numbered:
+        output = frame_folder(output, read_part(parts[0]).frame)
+    try:
+        frame = merge(parts, output, progress)
+    finally:
+        progress.close()
+    print(f"{output}: {len(parts)} parts, {frame.samples} samples, rendered in "
+          f"{frame.seconds.get('render', 0.0):.1f} s in all")

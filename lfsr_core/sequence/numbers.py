@@ -1,0 +1,36 @@
+"""Numbers of frames, as people write them."""
+
+from __future__ import annotations
+
+import re
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.job import MOST_FRAME
+
+RANGE = re.compile(r"(-?\d{1,8})(?:-(-?\d{1,8})(?:x(\d{1,8}))?)?$")
+MOST_FRAMES = 100_000
+
+
+def parse_frames(text: str) -> tuple[int, ...]:
+    """Frames of ``1-48``, ``1-48x2`` (every second one), ``7``, or several of these with commas between; each once.
+
+    LfsrError where ``text`` is nothing of that kind.
+    """
+    frames: dict[int, None] = {}
+    for word in text.split(","):
+        frames |= dict.fromkeys(_range(word.strip(), text))
+        if len(frames) > MOST_FRAMES:
+            raise LfsrError(f"frames {text[:30]} are more than {MOST_FRAMES}: render them in several runs")
+    return tuple(frames)
+
+
+def _range(word: str, text: str) -> range:
+    found = RANGE.match(word)
+    if found is None:
+        raise LfsrError(f"frames are {text[:50]!r}, but they must be like 1-48, 1-48x2 or 1,5,9")
+    first, last, step = int(found[1]), int(found[2] or found[1]), int(found[3] or 1)
+    if first > last or not step:
+        raise LfsrError(f"frames {word} are none: begin with the smaller number, and count in steps of at least 1")
+    if max(abs(first), abs(last)) > MOST_FRAME:
+        raise LfsrError(f"frames are {word}, but they must be between -{MOST_FRAME} and {MOST_FRAME}")
+    return range(first, last + 1, step)

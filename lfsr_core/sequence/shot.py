@@ -1,0 +1,125 @@
+"""A shot: the frames of an animation, each with a frame folder of its own, and what of them is done already."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from collections.abc import Iterable
+from pathlib import Path
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LAYOUTS, Frame, frame_folder, read_part
+from lfsr_core.frames.job import AUTO, Job
+from lfsr_core.frames.report import read_report
+from lfsr_core.images.exr import check_whole
+from lfsr_core.reconstruct.second_stage import UpscaleOptions
+from lfsr_core.render.content import scene_content
+from lfsr_core.render.process import RENDERED_FILES, check_folder
+from lfsr_core.render.store import check_same, is_complete
+
+PNG_END = b"IEND\xaeB`\x82"
+TO_RENDER, TO_FINISH, DONE = "to render", "to finish", "done"
+
+
+@dataclasses.dataclass(frozen=True)
+class SecondStage:
+    """How a rendered frame is finished."""
+
+    method: str
+    dilate: int = 0
+    # weights, step, linear_exr: as of ``second_stage.UpscaleOptions``
+    weights: str | None = None
+    step: int | None = None
+    linear_exr: bool = False
+
+    @property
+    def options(self) -> UpscaleOptions:
+        """For ``upscale_frame``."""
+        return UpscaleOptions(self.step, self.dilate, weights=self.weights, linear_exr=self.linear_exr)
+
+
+@dataclasses.dataclass(frozen=True)
+class Shot:
+    """Frames to render and to finish."""
+
+    jobs: tuple[Job, ...]  # one per frame, all of one scene
+    second: SecondStage
+    content: str = ""  # of the scene's file, empty where it is not known
+
+
+def shot_of(job: Job, frames: Iterable[int], second: SecondStage) -> Shot:
+    """Frames of the scene of ``job``, in folders such as ``0001`` in its output."""
+    output = Path(job.output)
+    if is_complete(output, "render") or is_complete(output, "reference"):
+        raise LfsrError(f"{output} is a frame folder itself: choose another folder for the frames of an animation")
+    jobs = tuple(dataclasses.replace(job, frame=number, output=str(frame_folder(output, number))) for number in frames)
+    return Shot(jobs, second, scene_content(job.scene))
+
+
+def state(shot: Shot, job: Job) -> str:
+    """What is still to be done for a frame: TO_RENDER, TO_FINISH or DONE; LfsrError where its folder holds another."""
+    folder = Path(job.output)
+    check_folder(folder, job.kind)
+    frame = _readable(folder)
+    if frame is None:
+        return TO_RENDER
+    _check_same(folder, job, frame, shot.content)
+    if not all(_is_whole(folder / name) for name in RENDERED_FILES[job.kind]):
+        return TO_RENDER
+    return DONE if _is_finished(folder, shot.second) else TO_FINISH
+
+
+def _readable(folder: Path) -> Frame | None:
+    with contextlib.suppress(LfsrError):
+        return read_part(folder)
+    return None
+
+
+def _check_same(folder: Path, job: Job, frame: Frame, content: str) -> None:
+    check_same(folder, job)
+    found = {"frame": frame.frame, "seed": frame.seed, "view aperture": frame.view_aperture, "subject": frame.subject,
+             "camera": frame.camera}
+    wanted = {"frame": job.frame, "seed": job.seed, "view aperture": job.view_aperture, "subject": job.subject or "",
+              "camera": job.camera or ""}
+    if job.device != AUTO:
+        found["device"], wanted["device"] = frame.device, job.device
+    if job.layout != LAYOUTS[0]:
+        found["layout"], wanted["layout"] = frame.layout, job.layout
+    for name, value in found.items():
+        if value != wanted[name]:
+            raise LfsrError(f"{folder} was rendered with {name} {value}, but {wanted[name]} is needed: give "
+                            "--overwrite, or choose another folder")
+    missing = sorted(set(job.layers) - set(frame.layers))
+    if missing:
+        raise LfsrError(f"{folder} was rendered without the layer {', '.join(missing)}: give --overwrite, or "
+                        "choose another folder")
+    if content and frame.content and content != frame.content:
+        raise LfsrError(f"{folder} was rendered before {frame.scene} was changed: give --overwrite, or choose another "
+                        "folder")
+
+
+def _is_whole(path: Path) -> bool:
+    try:
+        check_whole(path)
+    except LfsrError:
+        return False
+    return True
+
+
+def _is_finished(folder: Path, second: SecondStage) -> bool:
+    """True if the picture is there, made in this way."""
+    try:
+        report = read_report(folder)
+    except LfsrError:
+        return False
+    if second.linear_exr and not _is_whole(folder / EIA_LINEAR_FILE):
+        return False
+    same = (report.method, report.dilate, report.weights) == (second.method, second.dilate, second.weights)
+    return same and _ends_as_png(folder / EIA_FILE)
+
+
+def _ends_as_png(path: Path) -> bool:
+    with contextlib.suppress(OSError), path.open("rb") as file:
+        file.seek(-min(len(PNG_END), path.stat().st_size), 2)
+        return file.read() == PNG_END
+    return False

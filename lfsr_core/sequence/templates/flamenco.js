@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A job type of Flamenco 3: light-field frames, split by rows of lenses, merged and finished. Put this file into the
+// folder "scripts" beside flamenco-manager and restart it; docs/guide/farms.md says the rest.
+// Every task may be repeated: files appear whole or not at all.
+
+const JOB_TYPE = {
+    label: "LFSR light field",
+    description: "Render frames for a glasses-free 3D display: in parts, merged, and every view made",
+    settings: [
+        { key: "frames", type: "string", required: true, eval: "f'{C.scene.frame_start}-{C.scene.frame_end}'",
+          evalInfo: { showLinkButton: true, description: "Scene frame range" },
+          description: "Frame range, as 47, 1-30 or 3, 5-10" },
+        { key: "parts", type: "int32", default: 1, propargs: { min: 1, max: 1000 },
+          description: "Into how many parts, by rows of lenses, each frame is split" },
+        { key: "output", type: "string", subtype: "dir_path", required: true,
+          description: "Folder that every worker sees; frame 1 goes to its folder 0001" },
+        { key: "display", type: "string", default: "bupt-32in-8k", description: "Display profile" },
+        { key: "scale", type: "int32", default: 4, description: "Views are divided by it for the render" },
+        { key: "samples", type: "int32", default: 16, propargs: { min: 1 }, description: "Samples per pixel" },
+        { key: "seed", type: "int32", default: 0, propargs: { min: 0 } },
+        { key: "device", type: "string", default: "auto", description: "auto, CPU, OPTIX, CUDA, HIP, ONEAPI or METAL" },
+        { key: "method", type: "string", default: "oidn-both+refine+epi", description: "How the other views are made" },
+        { key: "lfsr", type: "string", default: "lfsr", visible: "submission",
+          description: "The command, where it is not on the workers' path" },
+        { key: "blendfile", type: "string", required: true, visible: "web",
+          description: "Scene to render; Flamenco's add-on fills it in" },
+    ],
+};
+
+function compileJob(job) {
+    for (const frame of frameChunker(job.settings.frames, 1)) {
+        const renders = renderTasks(job.settings, frame);
+        const merge = lfsrTask(job.settings, `merge-${frame}`,
+            ["merge", partsFolder(job.settings, frame), "--output", job.settings.output, "--numbered"]);
+        const finish = lfsrTask(job.settings, `finish-${frame}`,
+            ["upscale", job.settings.output, "--frame", frame, "--method", job.settings.method]);
+        for (const render of renders) {
+            merge.addDependency(render);
+            job.addTask(render);
+        }
+        finish.addDependency(merge);
+        job.addTask(merge);
+        job.addTask(finish);
+    }
+}
+
+function renderTasks(settings, frame) {
+    const tasks = [];
+    for (let part = 1; part <= settings.parts; part++) {
+        tasks.push(lfsrTask(settings, `render-${frame}-${part}of${settings.parts}`, [
+            "render", settings.blendfile, "--output", path.join(partsFolder(settings, frame), String(part)),
+            "--frame", frame, "--rows", `${part}/${settings.parts}`, "--display", settings.display,
+            "--scale", String(settings.scale), "--spp", String(settings.samples), "--seed", String(settings.seed),
+            "--device", settings.device, "--method", settings.method]));
+    }
+    return tasks;
+}
+
+function partsFolder(settings, frame) {
+    return path.join(settings.output, "parts", frame);
+}
+
+function lfsrTask(settings, name, args) {
+    const task = author.Task(name, "blender");
+    task.addCommand(author.Command("exec", { exe: settings.lfsr, args: args }));
+    return task;
+}

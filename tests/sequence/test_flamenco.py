@@ -1,0 +1,66 @@
+"""The Flamenco job type, compiled in Node by a stub that follows the documented interface, and its tasks run."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from lfsr_core.cli import main
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from tests.sequence.test_openjd import lfsr
+
+STUB = Path(__file__).with_name("flamenco_stub.js")
+# As Flamenco's documentation lists them.
+TYPES = {"string", "int32", "float", "bool"}
+KEYS = {"key", "type", "subtype", "choices", "propargs", "description", "default", "eval", "evalInfo", "visible",
+        "required", "editable", "label"}
+
+def node() -> str | None:
+    """Node on the path, or the one that comes with Playwright."""
+    spec = importlib.util.find_spec("playwright")
+    own = Path(spec.origin).parent / "driver" / "node" if spec else None
+    return shutil.which("node") or (str(own) if own and own.exists() else None)
+
+
+pytestmark = pytest.mark.skipif(not node() and not os.environ.get("CI"), reason="needs Node")
+
+
+def compiled(folder: Path, **settings) -> dict:
+    assert main(["farm", "flamenco", "-o", str(folder / "lfsr.js")]) == 0
+    (folder / "settings.json").write_text(json.dumps(settings))
+    done = subprocess.run([node(), STUB, folder / "lfsr.js", folder / "settings.json"], capture_output=True, text=True,
+                          check=True)
+    return json.loads(done.stdout)
+
+
+def test_settings_are_of_kinds_that_flamenco_has(tmp_path):
+    found = compiled(tmp_path, frames="1", parts=1, output="/o", blendfile="/s.blend", method="m", lfsr="lfsr",
+                     display="mini", scale=4, samples=1, seed=0, device="CPU")["type"]
+    settings = {setting["key"]: setting for setting in found["settings"]}
+    assert {setting["type"] for setting in settings.values()} <= TYPES
+    assert set().union(*settings.values()) <= KEYS
+    assert settings["method"]["default"] == DEFAULT_METHOD and found["label"]
+
+
+def test_tasks_run_in_the_order_of_their_dependencies(tmp_path):
+    (tmp_path / "scene.glb").touch()
+    output = tmp_path / "film"
+    tasks = compiled(tmp_path, frames="2, 7-8", parts=2, output=str(output), blendfile=str(tmp_path / "scene.glb"),
+                     method="bicubic", lfsr=str(lfsr(tmp_path)), display="mini", scale=2, samples=4, seed=0,
+                     device="CPU")["tasks"]
+    assert len(tasks) == 3 * (2 + 1 + 1)
+    done: set[str] = set()
+    # Only the first frame's: each task starts a Python of its own.
+    for task in (task for task in tasks if task["name"].split("-")[1] == "2"):
+        assert set(task["dependencies"]) <= done and task["type"] == "blender"
+        command, = task["commands"]
+        assert command["name"] == "exec" and all(isinstance(word, str) for word in command["parameters"]["args"])
+        subprocess.run([command["parameters"]["exe"], *command["parameters"]["args"]], check=True, capture_output=True)
+        done.add(task["name"])
+    assert (output / "0002" / "eia.png").is_file()

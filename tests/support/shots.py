@@ -1,0 +1,25 @@
+"""Shots of a synthetic light field, and a Blender that is played by a script."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from lfsr_core.sequence.shot import SecondStage, Shot, shot_of
+from tests.support.noisy_renders import JOB
+
+SECOND = SecondStage("bicubic")
+
+
+def shot(folder: Path, frames: range | tuple[int, ...], second: SecondStage = SECOND, **changes) -> Shot:
+    """Frames of a scene file in ``folder``, to be rendered into its ``film``."""
+    scene = folder / "scene.glb"
+    if not scene.exists():
+        scene.write_text("a scene")
+    job = dataclasses.replace(JOB, **{"scene": str(scene), "output": str(folder / "film"), "scale": 2} | changes)
+    return shot_of(job, frames, second)
+
+
+def pictures(folder: Path) -> dict[str, bytes]:
+    """Bytes of every finished picture under ``folder``, by its frame."""
+    return {path.parent.name: path.read_bytes() for path in folder.glob("*/eia.png")}
