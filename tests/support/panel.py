@@ -39,7 +39,7 @@ def artist_scene(folder: Path | None) -> bpy.types.Scene:
     scene = bpy.context.scene
     add_box(scene, (0.0, 0.0, 0.0), (0.5, 0.3, 0.4)).name = "Box"
     light = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
-    light.data.energy = 3.0
+    light.data.energy, light.rotation_euler = 3.0, (0.9, 0.0, 0.3)
     scene.collection.objects.link(light)
     scene.render.engine = "CYCLES"
     scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method = "mini", "2", 1, "bicubic"

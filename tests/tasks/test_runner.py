@@ -28,7 +28,7 @@ def task(tmp_path: Path, blender: str, **options: object) -> Path:
     job = Job(output=str(tmp_path), display=load_display("mini"), scene="scene.blend")
     options = {"target": 0.5, "scales": [2], "spps": [4], "methods": ["bilinear"], "lenses": 16} | options
     path = tmp_path / "task.json"
-    path.write_text(json.dumps({"task": "plan", "job": to_data(job), "options": options, "command": [blender],
+    path.write_text(json.dumps({"task": "plan", "job": to_data(job), "options": options, "command": [blender, "--", ""],
                                 "work": str(tmp_path / "work")}))
     return path
 
