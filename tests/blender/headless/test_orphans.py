@@ -56,7 +56,7 @@ def wait_for(condition, seconds, what):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
-@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGHUP, signal.SIGQUIT])
+@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGHUP, pytest.param(signal.SIGQUIT, marks=pytest.mark.long)])
 def test_blender_ends_with_the_command(blend, sent):
     program = lfsr(blend, ENDLESS)
     try:
