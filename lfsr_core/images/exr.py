@@ -105,8 +105,10 @@ def join_rows(paths: Sequence[str | Path], path: str | Path, half: bool = False)
     with _output(path, first, rows, half) as output:
         for part in paths:
             layers = read_layers(part) if at else first
-            if list(layers) != list(first) or layers["color"].shape[1] != first["color"].shape[1]:
+            if set(layers) != set(first) or layers["color"].shape[1] != first["color"].shape[1]:
                 raise _unreadable(Path(part), "it has other layers or another width than the part above it")
+            # Blender's files and ours have their layers in another order.
+            layers = {name: layers[name] for name in first}
             below = at + layers["color"].shape[0]
             _check_written(path, output, output.write_scanlines(at, below, 0, _stacked(layers, half)))
             at = below

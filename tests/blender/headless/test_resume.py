@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
@@ -49,6 +50,15 @@ def parts(folder):
     return sorted(folder.with_name(f".{folder.name}-parts").glob("*-*-*-*.exr"))
 
 
+def written(folder):
+    """When each part was written; none of those that the render removes at this moment."""
+    times = {}
+    for path in parts(folder):
+        with suppress(FileNotFoundError):
+            times[path.name] = path.stat().st_mtime_ns
+    return times
+
+
 def wait_for_parts(folder, count, program):
     while len(parts(folder)) < count:
         assert program.poll() is None, program.communicate()
@@ -75,11 +85,11 @@ def test_a_killed_render_goes_on_where_it_was(blend, tmp_path, way):
     wait_for_parts(folder, 2, program)
     end_group(program, signal.SIGKILL)
     assert not folder.exists()
-    done = {path.name: path.stat().st_mtime_ns for path in parts(folder)}
+    done = written(folder)
     program = start(blend, folder, *WAYS[way])
     again = {}
     while program.poll() is None:
-        again |= {path.name: path.stat().st_mtime_ns for path in parts(folder)}
+        again |= written(folder)
         time.sleep(0.05)
     assert program.returncode == 0, program.stdout.read()
     assert {name: again.get(name) for name in done} == done, "what was whole is not rendered again"
@@ -120,12 +130,12 @@ def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, m
         panel.wait_for(lambda: len(parts(folder)) >= 2)
         task = session.cancel()
         assert f"remove {folder.with_name(f'.{folder.name}-parts')} to be rid of it" in task.kept
-        done = {path.name: path.stat().st_mtime_ns for path in parts(folder)}
+        done = written(folder)
         task = session.start("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]), print)
         seen, fractions = {}, []
 
         def ended():
-            seen.update({path.name: path.stat().st_mtime_ns for path in parts(folder)})
+            seen.update(written(folder))
             fractions.append(task.fraction)
             return session.current() is None
         panel.wait_for(ended)
