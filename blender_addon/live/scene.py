@@ -13,6 +13,7 @@ import bpy
 import mathutils
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.frames.job import CLAMP_INDIRECT
 from lfsr_core.optics.lens_card import lens_card
 from lfsr_core.optics.live_region import LiveRegion
 from lfsr_core.optics.rays import CameraArray, RayLayout
@@ -21,7 +22,6 @@ from .. import compat
 from ..array import rig
 from ..render import devices
 from ..render.lens_card import new_camera, new_card, place_of
-from ..render.overrides import CLAMP_INDIRECT
 from ..scene.volumes import distance_to_volume
 from ..settings.scene_settings import display_of
 from . import nodes

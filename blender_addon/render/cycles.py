@@ -15,6 +15,7 @@ import numpy as np
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
 from lfsr_core.frames.frame import Clip
+from lfsr_core.frames.job import CLAMP_INDIRECT
 from lfsr_core.images import exr
 from lfsr_core.optics.rays import RayLayout
 from lfsr_core.render.parts import ImageParts, Part
@@ -26,7 +27,7 @@ from .bands import Target, border, render_in_bands
 from .curtain import curtain, without_places
 from .lens_card import card_camera, without_misses
 from .osl_camera import set_ray_layout
-from .overrides import CLAMP_INDIRECT, overridden
+from .overrides import overridden
 from .progress import Progress, following
 
 LEAST_PIXELS = 4        # Blender renders nothing narrower

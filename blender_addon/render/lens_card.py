@@ -34,6 +34,7 @@ LEAST_CLEAR = 1e-6            # scene units: Blender clips nothing nearer
 # Half the side of the square that the camera's own aperture shows, as a share of its distance to the card: small, so
 # that rays meet the card within their pixel, and large enough for single precision.
 SLANT = 2e-3
+_VISIBILITY = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,9 +47,6 @@ class Place:
     clear: float
     # Where rays start, as a share of the way from the camera plane to the display plane.
     start: float
-
-
-_VISIBILITY = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 
 
 @contextmanager

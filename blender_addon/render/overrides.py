@@ -6,8 +6,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-CLAMP_INDIRECT = 10.0  # Cycles' default: fewer fireflies at low sample counts
-
 
 @contextmanager
 def overridden(owner: Any, values: Mapping[str, Any]) -> Iterator[None]:

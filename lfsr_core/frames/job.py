@@ -21,6 +21,7 @@ LAYERS = ("albedo", "normal", "position", "index", "denoised")
 # Of Blender: more it would clip without a word.
 MOST_SAMPLES, MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**24, 2**31 - 1, 1_048_574, 10**8
 MOST_DIGITS = 30
+CLAMP_INDIRECT = 10.0  # Cycles' default: fewer fireflies at low sample counts
 SCENE_SUFFIXES = (".blend", ".glb", ".gltf", ".obj")
 
 
