@@ -19,8 +19,9 @@ from ..settings import scene_settings
 from ..settings.scene_settings import length
 
 Facts = list[tuple[str, str]]
-METRICS = {"ssim_eia_fg": "SSIM, foreground", "ssim_views_fg": "SSIM, views", "psnr_fg": "PSNR", "flip": "FLIP",
-           "ssim_eia_plain": "Plain SSIM", "ssim_ceiling": "Its ceiling"}
+METRICS = {"ssim_eia_fg": "SSIM, foreground", "ssim_lens_fg": "SSIM, lens by lens", "ssim_views_fg": "SSIM, views",
+           "psnr_fg": "PSNR", "flip": "FLIP", "ssim_eia_plain": "Plain SSIM", "ssim_ceiling": "Its ceiling",
+           "ssim_lens_plain": "Plain, lens by lens", "ssim_lens_ceiling": "Its ceiling"}
 WAYS = {"one-pass": "by the OSL camera", "lens-card": "through the lens card"}
 IN_DECIBEL = ("psnr_fg",)
 

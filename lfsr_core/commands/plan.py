@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     parser.add_argument("--target", type=float, metavar="0..1", help="accuracy to reach, default: 0.95")
     parser.add_argument("--metric", metavar="NAME",
-                        help="ssim_eia_fg (default) or ssim_eia, see docs/reference/metrics.md")
+                        help="ssim_lens_fg (default) or ssim_lens, see docs/reference/metrics.md")
     parser.add_argument("--scales", type=_numbers, metavar="N,N", help="default: those of 1,2,4,8 the display has")
     parser.add_argument("--spps", type=_numbers, metavar="N,N", help="samples per pixel, default: 4,16,64,256")
     parser.add_argument("--between", type=int, metavar="N",

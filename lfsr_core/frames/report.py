@@ -33,6 +33,11 @@ class Report:
     weights: str | None = None  # file that replaced the weights of the method's network, None for the shipped ones
 
 
+# Metrics of sampled lenses, whose elemental images stand on their own, once had the names of those of a whole EIA.
+ONCE = {"ssim_eia": "ssim_lens", "ssim_eia_fg": "ssim_lens_fg", "ssim_eia_plain": "ssim_lens_plain",
+        "ssim_ceiling": "ssim_lens_ceiling"}
+
+
 def write_report(folder: str | Path, report: Report) -> None:
     """Write ``report.json`` into ``folder``."""
     write_record(Path(folder) / REPORT_FILE, report)
@@ -40,4 +45,12 @@ def write_report(folder: str | Path, report: Report) -> None:
 
 def read_report(folder: str | Path) -> Report:
     """Read ``report.json``; LfsrError if it is absent or damaged."""
-    return read_record(Path(folder) / REPORT_FILE, Report, "the report of `lfsr render` or `lfsr upscale`")
+    report = read_record(Path(folder) / REPORT_FILE, Report, "the report of `lfsr render` or `lfsr upscale`")
+    return dataclasses.replace(report, metrics=_renamed(report.metrics)) if "lenses" in report.metrics else report
+
+
+def _renamed(metrics: dict[str, Any]) -> dict[str, Any]:
+    """Metrics of sampled lenses by the names that they have now."""
+    named = {ONCE.get(name, name): value for name, value in metrics.items()}
+    widths = metrics.get("ci95")
+    return named | {"ci95": _renamed(widths)} if isinstance(widths, dict) else named

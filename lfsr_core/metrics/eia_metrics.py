@@ -14,7 +14,16 @@ import numpy as np
 from lfsr_core.errors import LfsrError
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.intervals import stratified, stratum
-from lfsr_core.metrics.split_ssim import inside_border, mean_of, psnr, split_mse, split_ssim_map, ssim, stacked_ssim
+from lfsr_core.metrics.split_ssim import (
+    inside_border,
+    lens_ssim,
+    mean_of,
+    psnr,
+    split_mse,
+    split_ssim_map,
+    ssim,
+    stacked_ssim,
+)
 from lfsr_core.optics.eia import to_elemental_images, to_views, views_per_lens
 
 try:
@@ -22,7 +31,10 @@ try:
 except ImportError:  # its wheels are bound to one Python version each, so the Blender extension has none
     flip_evaluator = None
 
-METRIC_NAMES = ("p", "ssim_eia", "ssim_eia_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain", "ssim_ceiling", "flip")
+METRIC_NAMES = ("p", "ssim_eia", "ssim_eia_fg", "ssim_lens", "ssim_lens_fg", "psnr_fg", "ssim_views_fg",
+                "ssim_eia_plain", "ssim_ceiling", "flip")
+# Of a reference that shows only some lenses: windows cannot cross into lenses that it does not show.
+SAMPLED_NAMES = ("p", "ssim_lens", "ssim_lens_fg", "psnr_fg", "ssim_lens_plain", "ssim_lens_ceiling", "flip")
 NO_FLIP = "FLIP was not computed: the Python that compared has no package flip-evaluator"
 LensList = tuple[tuple[int, int], ...]
 
@@ -45,7 +57,8 @@ def compare(image: np.ndarray, halves: tuple[np.ndarray, np.ndarray], lenses: tu
 
     Returns
     -------
-    By METRIC_NAMES; without the package flip-evaluator "flip" is None and "notes" reports it
+    By METRIC_NAMES, with ``lens_list`` by SAMPLED_NAMES, and in the latter case "lenses" and "ci95"; without the
+    package flip-evaluator "flip" is None and "notes" reports it
 
     Raises
     ------
@@ -81,9 +94,12 @@ def _compare_whole(x: np.ndarray, a: np.ndarray, b: np.ndarray, lenses: tuple[in
                    mask: np.ndarray) -> dict[str, Any]:
     mean = (a + b) / 2
     px, py = views_per_lens(x, lenses)
+    foreground = np.kron(mask, np.ones((py, px), bool))
     return {
         "p": mean_of(mask),
-        **_foreground_metrics(x, a, b, np.kron(mask, np.ones((py, px), bool))),
+        **_ssim_of_eia(x, a, b, foreground),
+        **_ssim_of_lenses(x, a, b, mask),
+        "psnr_fg": psnr(split_mse(*(values[foreground] for values in (x, a, b)))) if mask.any() else None,
         "ssim_views_fg": _views_ssim(x, a, b, lenses, mask),
         "ssim_eia_plain": ssim(x, mean),
         "ssim_ceiling": ssim(a, b),
@@ -91,14 +107,16 @@ def _compare_whole(x: np.ndarray, a: np.ndarray, b: np.ndarray, lenses: tuple[in
     }
 
 
-def _foreground_metrics(x: np.ndarray, a: np.ndarray, b: np.ndarray, foreground: np.ndarray) -> dict[str, Any]:
-    """Split SSIM of the whole EIA and of the ``foreground`` pixels, and the latter's PSNR."""
+def _ssim_of_eia(x: np.ndarray, a: np.ndarray, b: np.ndarray, foreground: np.ndarray) -> dict[str, Any]:
+    """Split SSIM of the whole EIA and of its ``foreground`` pixels; windows cross from lens to lens."""
     local, inside = inside_border(split_ssim_map(x, a, b)), inside_border(foreground)
-    return {
-        "ssim_eia": mean_of(local),
-        "ssim_eia_fg": mean_of(local[inside]) if inside.any() else None,
-        "psnr_fg": psnr(split_mse(*(values[foreground] for values in (x, a, b)))) if foreground.any() else None,
-    }
+    return {"ssim_eia": mean_of(local), "ssim_eia_fg": mean_of(local[inside]) if inside.any() else None}
+
+
+def _ssim_of_lenses(x: np.ndarray, a: np.ndarray, b: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
+    """Split SSIM of elemental images each on its own, of all lenses and of those in ``mask`` (sy, sx)."""
+    values = lens_ssim(x, a, b, mask.shape[::-1])
+    return {"ssim_lens": mean_of(values), "ssim_lens_fg": mean_of(values[mask]) if mask.any() else None}
 
 
 def _views_ssim(x: np.ndarray, a: np.ndarray, b: np.ndarray, lenses: tuple[int, int],
@@ -118,11 +136,12 @@ def _compare_sampled(image: np.ndarray, halves: tuple[np.ndarray, np.ndarray], l
     values = _per_lens(*stacks)
     in_foreground = mask[rows, columns]
     whole = {name: stratified(values[name], in_foreground, mask) if name in values else (None, None)
-             for name in ("ssim_eia", "ssim_eia_plain", "ssim_ceiling", "flip")}
-    foreground = {f"{name}_fg": stratum(values[name][in_foreground], int(mask.sum())) for name in ("ssim_eia", "psnr")}
-    estimates = whole | foreground | {"ssim_views_fg": (None, None)}
+             for name in ("ssim_lens", "ssim_lens_plain", "ssim_lens_ceiling", "flip")}
+    foreground = {f"{name}_fg": stratum(values[name][in_foreground], int(mask.sum())) for name in ("ssim_lens", "psnr")}
+    estimates = whole | foreground
     estimates["psnr_fg"] = _decibels(*estimates["psnr_fg"])
-    return {"p": mean_of(mask), **{name: value for name, (value, _) in estimates.items()},
+    found = {"p": mean_of(mask)} | {name: value for name, (value, _) in estimates.items()}
+    return {**{name: found[name] for name in SAMPLED_NAMES},
             "lenses": len(lens_list), "ci95": {name: width for name, (_, width) in estimates.items()}}
 
 
@@ -139,9 +158,9 @@ def _per_lens(x: np.ndarray, a: np.ndarray, b: np.ndarray) -> dict[str, np.ndarr
     mean = (a + b) / 2
     flip = {"flip": np.array([mean_flip(*pair) for pair in zip(x, mean, strict=True)])} if flip_evaluator else {}
     return {
-        "ssim_eia": stacked_ssim(x, a, b).mean((1, 2)),
-        "ssim_eia_plain": stacked_ssim(x, mean, mean).mean((1, 2)),
-        "ssim_ceiling": stacked_ssim(a, b, b).mean((1, 2)),
+        "ssim_lens": stacked_ssim(x, a, b).mean((1, 2)),
+        "ssim_lens_plain": stacked_ssim(x, mean, mean).mean((1, 2)),
+        "ssim_lens_ceiling": stacked_ssim(a, b, b).mean((1, 2)),
         "psnr": np.mean((x - a) * (x - b), (1, 2, 3), dtype=np.float64),
     } | flip
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.metrics.split_ssim import mean_of, split_ssim_map
+from lfsr_core.metrics.split_ssim import lens_ssim, mean_of, split_ssim_map
 from lfsr_core.optics.eia import to_elemental_images
 
 BLOCK = 3  # lenses along each side
@@ -22,7 +22,7 @@ NORMAL_ONE_SIDED = 1.644854  # standard errors below which 95 % of many samples 
 
 def lens_intervals(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray, lenses: tuple[int, int],
                    mask: np.ndarray) -> dict[str, float | None]:
-    """Half-widths of the 95 % intervals of ssim_eia, ssim_eia_fg and psnr_fg (in dB, first order), from whole images.
+    """Half-widths of the 95 % intervals of SSIM and psnr_fg (in dB, first order), from whole images.
 
     Parameters
     ----------
@@ -36,12 +36,15 @@ def lens_intervals(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray, le
     """
     x, a, b = (srgb_encode(values) for values in (image, half_a, half_b))
     similarity = _per_lens(split_ssim_map(x, a, b), lenses)
+    alone = lens_ssim(x, a, b, lenses)
     error = _per_lens((x - a) * (x - b), lenses)
     everything = np.ones_like(mask)
     mean_error, width = block_interval(error, mask)
     decibels = 10 / math.log(10) * width / mean_error if width is not None and mean_error > 0 else None
     return {"ssim_eia": block_interval(similarity, everything)[1],
-            "ssim_eia_fg": block_interval(similarity, mask)[1], "psnr_fg": decibels}
+            "ssim_eia_fg": block_interval(similarity, mask)[1],
+            "ssim_lens": block_interval(alone, everything)[1],
+            "ssim_lens_fg": block_interval(alone, mask)[1], "psnr_fg": decibels}
 
 
 def block_interval(values: np.ndarray, mask: np.ndarray) -> tuple[float, float | None]:

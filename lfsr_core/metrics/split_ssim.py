@@ -11,6 +11,8 @@ import math
 
 import numpy as np
 
+from lfsr_core.optics.eia import to_elemental_images
+
 SSIM_SIGMA, SSIM_WINDOW = 1.5, 11
 SSIM_BORDER = SSIM_WINDOW // 2
 SSIM_C1, SSIM_C2 = 0.01**2, 0.03**2  # for data in [0, 1], Wang et al. 2004
@@ -57,6 +59,13 @@ def stacked_ssim(images: np.ndarray, halves_a: np.ndarray, halves_b: np.ndarray)
         local = split_ssim_map(*flat).reshape(height, width, -1, channels).mean(-1)
         parts.append(np.moveaxis(local, 2, 0))
     return np.concatenate(parts)
+
+
+def lens_ssim(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray, lenses: tuple[int, int]) -> np.ndarray:
+    """Split SSIM (sy, sx) of every elemental image of EIAs (H, W, C) on its own; ``lenses``: (sx, sy)."""
+    stacks = [to_elemental_images(values, lenses) for values in (image, half_a, half_b)]
+    flat = [stack.reshape(-1, *stack.shape[2:]) for stack in stacks]
+    return stacked_ssim(*flat).mean((1, 2), dtype=np.float64).reshape(lenses[::-1])
 
 
 def split_mse(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> float:

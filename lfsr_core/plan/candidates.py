@@ -19,7 +19,7 @@ from lfsr_core.reconstruct.methods import denoise
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.registry import method
 
-METRICS = ("ssim_eia_fg", "ssim_eia")
+METRICS = ("ssim_lens_fg", "ssim_lens")
 SCALES, SAMPLES = (1, 2, 4, 8), (4, 16, 64, 256)
 BETWEEN = "between two that were measured"
 AS_GOOD = 1.05  # times of candidates that count as equal: then the simpler method is taken

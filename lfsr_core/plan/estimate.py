@@ -65,7 +65,7 @@ def estimate(strata: Sequence[Stratum], z: float = NORMAL_ONE_SIDED) -> Estimate
 
 def _check(strata: Sequence[Stratum]) -> None:
     if not any(stratum.inside.any() for stratum in strata):
-        raise LfsrError("no sampled lens shows any foreground: choose another subject, or --metric ssim_eia")
+        raise LfsrError("no sampled lens shows any foreground: choose another subject, or --metric ssim_lens")
     for stratum in strata:
         if len(stratum.values) < min(2, stratum.population):
             raise LfsrError(f"{len(stratum.values)} lens stands for {stratum.population}, but at least 2 must: "

@@ -40,7 +40,7 @@ class Question:
     @property
     def whole(self) -> bool:
         """True where every lens counts, not only those of the foreground."""
-        return self.options.metric == "ssim_eia"
+        return self.options.metric == "ssim_lens"
 
     @property
     def costliest(self) -> Candidate:

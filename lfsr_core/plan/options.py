@@ -32,7 +32,8 @@ class Options:
         if not 0 < self.target < 1:
             raise LfsrError(f"target is {self.target}, but an accuracy lies between 0 and 1, as 0.95")
         if self.metric not in METRICS:
-            raise LfsrError(f"metric is {self.metric!r}, but it must be one of {', '.join(METRICS)}")
+            raise LfsrError(f"metric is {self.metric!r}, but a plan looks at single lenses: choose "
+                            f"{' or '.join(METRICS)}")
         if not 0 < self.share <= 1:
             raise LfsrError(f"budget is {self.share}, but it must be a share above 0 and at most 1")
         if self.lenses is not None and self.lenses < 4:

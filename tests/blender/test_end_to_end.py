@@ -80,7 +80,7 @@ def test_reference_and_comparison(scene, frame, tmp_path):
     assert answer.returncode == 0, answer.stderr
     metrics = json.loads((frame / "report.json").read_text())["metrics"]
     assert 0.4 < metrics["p"] < 0.8
-    assert metrics["ssim_eia_fg"] > 0.6
+    assert metrics["ssim_lens_fg"] > 0.6
     assert metrics["psnr_fg"] > 18
 
 

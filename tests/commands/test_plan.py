@@ -77,7 +77,7 @@ def test_plan_ends_with_the_command_that_renders_the_choice(scene, blender, tmp_
 def test_plan_that_finds_nothing_says_why_and_names_no_command(scene, blender, capsys):
     assert main(["plan", scene, "--target", "0.999", *FEW, "--blender", blender]) == 0
     out = capsys.readouterr().out
-    assert "nothing reaches ssim_eia_fg 0.999" in out and "Limit: " in out and "lfsr render" not in out
+    assert "nothing reaches ssim_lens_fg 0.999" in out and "Limit: " in out and "lfsr render" not in out
 
 
 @pytest.mark.parametrize(("options", "message"), [

@@ -52,7 +52,8 @@ def test_an_image_whose_error_varies_has_an_interval_and_one_without_error_has_n
     mask = np.ones(MINI.lenses[::-1], bool)
     noisy = truth + np.random.default_rng(3).normal(0, 0.1, truth.shape).astype(np.float32).clip(0)
     found = lens_intervals(noisy, truth, truth, MINI.lenses, mask)
-    assert all(0 < found[name] < limit for name, limit in (("ssim_eia_fg", 0.2), ("ssim_eia", 0.2), ("psnr_fg", 5)))
+    assert all(0 < found[name] < limit for name, limit in (("ssim_eia_fg", 0.2), ("ssim_eia", 0.2), ("ssim_lens", 0.2),
+                                                             ("ssim_lens_fg", 0.2), ("psnr_fg", 5)))
     assert lens_intervals(truth, truth, truth, MINI.lenses, mask)["psnr_fg"] is None
 
 

@@ -105,7 +105,7 @@ def test_an_unreachable_target_names_the_best_and_the_limit(tmp_path):
     assert planned.choice.chosen is None
     assert planned.choice.best.candidate.spp == 64
     assert "upscaling" in planned.choice.limit or "noise" in planned.choice.limit
-    assert sentence(planned.choice, options).startswith("nothing reaches ssim_eia_fg 0.9999")
+    assert sentence(planned.choice, options).startswith("nothing reaches ssim_lens_fg 0.9999")
 
 
 def test_an_interrupted_plan_goes_on_where_it_stopped(tmp_path, rendered):

@@ -66,4 +66,4 @@ def measured_cell(role: str, method: str, samples: int, render: float, second: t
     return Cell(role, method, 1 if role == DIRECT else 4, samples, (render,), 0.9, second,
                 {"load": 0.1, "mask": 0.0, "upscale": second[0] - 0.05, "assemble": 0.0, "color": 0.0, "write": 0.05},
                 Spread(render + second[len(second) // 2], render + min(second), render + max(second)), metrics,
-                {"ssim_eia_fg": 0.01, "ssim_eia": 0.004, "psnr_fg": 0.3}, (), 0.5, "CPU")
+                {"ssim_eia_fg": 0.01, "ssim_eia": 0.004, "ssim_lens_fg": 0.01, "psnr_fg": 0.3}, (), 0.5, "CPU")

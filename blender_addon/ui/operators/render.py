@@ -66,7 +66,7 @@ class LFSR_OT_render_reference(TaskOperator, bpy.types.Operator):
 
     @staticmethod
     def _report_ssim(metrics: dict[str, Any]) -> None:
-        ssim = metrics.get("ssim_eia_fg")
+        ssim = metrics.get("ssim_eia_fg", metrics.get("ssim_lens_fg"))
         print(f"Light Field: SSIM of the foreground {ssim:.4f}" if ssim is not None else "Light Field: no SSIM")
 
 

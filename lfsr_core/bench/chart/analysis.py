@@ -11,6 +11,7 @@ from lfsr_core.bench.chart.records import (
     CEILING,
     DIRECT,
     LOW,
+    MAIN_METRICS,
     Analysis,
     Ceiling,
     Cell,
@@ -22,8 +23,7 @@ from lfsr_core.bench.chart.records import (
 )
 
 LOWER_IS_BETTER = frozenset({"flip"})
-MAIN_METRIC = "ssim_eia_fg"
-METRICS = (MAIN_METRIC, "ssim_views_fg", "ssim_eia", "psnr_fg", "flip")
+METRICS = (*MAIN_METRICS, "ssim_views_fg", "ssim_eia", "ssim_lens", "psnr_fg", "flip")
 TARGET, STRETCH = 1 / 4, 1 / 8
 TARGET_SAMPLES = (1, 4)
 RIVAL = (DIRECT, "oidn")
@@ -136,7 +136,7 @@ def ceiling(cells: Iterable[Cell], metric: str) -> Ceiling | None:
     return best and Ceiling(best.method, best.samples, best.value(metric))
 
 
-def analyse(cells: Sequence[Cell], ours: str, metric: str = MAIN_METRIC) -> Analysis:
+def analyse(cells: Sequence[Cell], ours: str, metric: str = MAIN_METRICS[0]) -> Analysis:
     """Everything about one scene and one metric."""
     found, opened = curves(points(cells, metric)), curves(points(cells, metric, with_opening=True))
     us, rival = (LOW, ours), found.get(RIVAL, [])

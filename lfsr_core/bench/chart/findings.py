@@ -8,9 +8,9 @@ import statistics
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 
-from lfsr_core.bench.chart.analysis import MAIN_METRIC, RIVAL, STRETCH, TARGET, mean_points, pareto_front
+from lfsr_core.bench.chart.analysis import RIVAL, STRETCH, TARGET, mean_points, pareto_front
 from lfsr_core.bench.chart.panels import label
-from lfsr_core.bench.chart.records import DIRECT, Chart, Duel, Key, Point, SceneRow
+from lfsr_core.bench.chart.records import DIRECT, Analysis, Chart, Duel, Key, Point, SceneRow
 from lfsr_core.bench.plots import time_text
 
 LITTLE_MORE, LEAST_GAIN = 1.15, 0.005  # steps of advice smaller than these are not worth a line
@@ -29,7 +29,7 @@ class GoalRow:
 
 def advice(chart: Chart) -> list[tuple[str, str, str]]:
     """(from how many seconds on, which method and samples, what it reaches): the front of the mean, in steps."""
-    front = worth_a_step(pareto_front(mean_points(chart.scenes, MAIN_METRIC)))
+    front = worth_a_step(pareto_front(mean_points(chart.scenes, chart.metric)))
     steps = []
     for key, group in groupby(front, key=lambda point: point.curve):
         run = list(group)
@@ -55,11 +55,11 @@ def worth_a_step(front: Sequence[Point]) -> list[Point]:
 
 def goals(chart: Chart) -> list[GoalRow]:
     """The target, scene by scene."""
-    return [_goal(scene) for scene in chart.scenes]
+    return [_goal(scene, scene.by(chart.metric)) for scene in chart.scenes]
 
 
-def _goal(scene: SceneRow) -> GoalRow:
-    plain, opened, others = scene.main.target, scene.main.target_with_opening, scene.main.targets_of_others
+def _goal(scene: SceneRow, main: Analysis) -> GoalRow:
+    plain, opened, others = main.target, main.target_with_opening, main.targets_of_others
     ratios = {method: goal.worst_ratio for method, goal in others.items() if goal and goal.worst_ratio is not None}
     best = min(ratios, key=lambda method: ratios[method], default=None)
     return GoalRow(scene.scene, plain is not None, plain and plain.worst_ratio, opened and opened.worst_ratio,
@@ -89,7 +89,7 @@ def losses(chart: Chart) -> list[str]:
     """A sentence for every method that our default loses to somewhere, most often first; one if there is none."""
     ours, lost, played = chart.settings.ours, collections.defaultdict(dict), collections.Counter()
     for scene in chart.scenes:
-        for duel in scene.main.versus:
+        for duel in scene.by(chart.metric).versus:
             played[duel.curve] += 1
             if duel.outcome == "loss":
                 lost[duel.curve].setdefault(scene.scene, []).append(duel.samples)
@@ -109,7 +109,7 @@ def opening(chart: Chart) -> str:
     return f"{min(seconds):.1f} to {max(seconds):.1f} s" if len(seconds) > 1 else f"{seconds[0]:.1f} s"
 
 
-def duels_with(scene: SceneRow, role: str) -> list[Duel]:
+def duels_with(main: Analysis, role: str) -> list[Duel]:
     """Our method against those of a role, the denoised direct render first."""
-    found = [duel for duel in scene.main.versus if duel.role == role]
+    found = [duel for duel in main.versus if duel.role == role]
     return sorted(found, key=lambda duel: (duel.curve != RIVAL, duel.samples)) if role == DIRECT else found

@@ -33,7 +33,7 @@ from lfsr_core.metrics.intervals import lens_intervals
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
 
-CELL_FORMAT = 2
+CELL_FORMAT = 3
 STAGES = ("load", "mask", "upscale", "assemble", "color", "write")
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from lfsr_core.bench import plots
-from lfsr_core.bench.chart.analysis import MAIN_METRIC, RIVAL, curves, mean_points, pareto_front, points, sign_of
+from lfsr_core.bench.chart.analysis import RIVAL, curves, mean_points, pareto_front, points, sign_of
 from lfsr_core.bench.chart.records import DIRECT, LOW, Cell, Chart, Key, Point, SceneRow
 from lfsr_core.bench.plots import Curve
 
@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
 STYLES = list(zip(plots.COLORS, plots.MARKERS, strict=True))
 FRONT = "#f3dfa2"
-AXES = {"ssim_eia_fg": "SSIM of the subject", "ssim_views_fg": "SSIM of the views", "ssim_eia": "SSIM of everything",
-        "psnr_fg": "PSNR in dB", "flip": "−FLIP"}
+AXES = {"ssim_eia_fg": "SSIM of the subject", "ssim_lens_fg": "SSIM of the subject, lens by lens",
+        "ssim_views_fg": "SSIM of the views", "ssim_eia": "SSIM of everything",
+        "ssim_lens": "SSIM of everything, lens by lens", "psnr_fg": "PSNR in dB", "flip": "−FLIP"}
 
 
 def label(key: Key, ours: str) -> str:
@@ -46,20 +47,21 @@ class Panel:
 def styles(chart: Chart) -> dict[Key, tuple[str, str]]:
     """Colour and marker of every method that is drawn with its name: ours, direct rendering, and who is on a front."""
     fixed = [(LOW, chart.settings.ours), RIVAL, (DIRECT, "none")]
-    seen = collections.Counter(point.curve for scene in chart.scenes for point in scene.main.front)
+    seen = collections.Counter(point.curve for scene in chart.scenes for point in scene.by(chart.metric).front)
     more = [key for key, _ in seen.most_common() if key not in fixed]
     return dict(zip([*fixed, *more], STYLES, strict=False))
 
 
-def scene_panel(chart: Chart, scene: SceneRow, metric: str = MAIN_METRIC) -> Panel:
-    """Panel of one scene, with intervals and the ceiling."""
+def scene_panel(chart: Chart, scene: SceneRow, metric: str) -> Panel:
+    """Panel of one scene by a metric, with intervals and the ceiling."""
     cells = {cell.key: cell for cell in scene.cells}
     panel = _panel(chart, points(scene.cells, metric), metric, cells)
     return dataclasses.replace(panel, title=scene.scene, ceiling=_ceiling([scene], metric))
 
 
-def mean_panel(chart: Chart, metric: str = MAIN_METRIC) -> Panel | None:
+def mean_panel(chart: Chart) -> Panel | None:
     """Panel of the mean over scenes; None where the scenes share no cell."""
+    metric = chart.metric
     shared = mean_points(chart.scenes, metric)
     if not shared:
         return None
@@ -95,7 +97,7 @@ def _ceiling(scenes: Sequence[SceneRow], metric: str) -> tuple[float, str] | Non
 def panels(chart: Chart) -> list[Panel]:
     """The mean where there are several scenes, then every scene."""
     mean = mean_panel(chart) if len(chart.scenes) > 1 else None
-    return [panel for panel in (mean, *(scene_panel(chart, scene) for scene in chart.scenes)) if panel]
+    return [panel for panel in (mean, *(scene_panel(chart, scene, chart.metric) for scene in chart.scenes)) if panel]
 
 
 def picture(chart: Chart) -> str:

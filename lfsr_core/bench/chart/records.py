@@ -14,6 +14,7 @@ from lfsr_core.records import from_data
 
 FORMAT = 1
 LOW, DIRECT, CEILING = "low", "direct", "ceiling"
+MAIN_METRICS = ("ssim_eia_fg", "ssim_lens_fg")  # whole EIAs; else lenses each on its own, which every reference gives
 Role = Literal["low", "direct", "ceiling"]
 Key = tuple[str, str]
 """Role and method of a curve."""
@@ -41,15 +42,19 @@ class ChartSettings:
 class Metrics:
     """Every metric of docs/reference/metrics.md; None stands for what is not known."""
 
-    p: float | None
-    ssim_eia: float | None
-    ssim_eia_fg: float | None
-    psnr_fg: float | None
-    ssim_views_fg: float | None
-    ssim_eia_plain: float | None
-    ssim_ceiling: float | None
-    flip: float | None
-    recall: float | None
+    p: float | None = None
+    ssim_eia: float | None = None
+    ssim_eia_fg: float | None = None
+    ssim_lens: float | None = None
+    ssim_lens_fg: float | None = None
+    psnr_fg: float | None = None
+    ssim_views_fg: float | None = None
+    ssim_eia_plain: float | None = None
+    ssim_ceiling: float | None = None
+    ssim_lens_plain: float | None = None
+    ssim_lens_ceiling: float | None = None
+    flip: float | None = None
+    recall: float | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -150,7 +155,7 @@ class Ceiling:
 class Analysis:
     """What follows from the cells of a scene by one metric; values whose less is better have their sign turned."""
 
-    metric: Literal["ssim_eia_fg", "ssim_views_fg", "ssim_eia", "psnr_fg", "flip"]
+    metric: Literal["ssim_eia_fg", "ssim_lens_fg", "ssim_views_fg", "ssim_eia", "ssim_lens", "psnr_fg", "flip"]
     ceiling: Ceiling | None  # None where it was not measured
     front: tuple[Point, ...]  # the points that no other beats in both time and accuracy
     target: Goal | None  # of our method
@@ -185,10 +190,16 @@ class SceneRow:
     cells: tuple[Cell, ...]
     analysis: tuple[Analysis, ...]
 
-    @property
-    def main(self) -> Analysis:
-        """By the main metric."""
-        return self.analysis[0]
+    def by(self, metric: str) -> Analysis:
+        """The analysis by one metric; LfsrError where the scene was not analysed by it."""
+        found = next((part for part in self.analysis if part.metric == metric), None)
+        if found is None:
+            raise LfsrError(f"scene {self.scene} was not analysed by {metric}: measure the chart again")
+        return found
+
+    def knows(self, metric: str) -> bool:
+        """True if any cell has the metric: a reference of sampled lenses gives no ``ssim_eia_fg``."""
+        return any(cell.value(metric) is not None for cell in self.cells)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -211,6 +222,11 @@ class Chart:
     methods: tuple[MethodCost, ...]
     skipped: tuple[str, ...]  # sentences on what was left out
     scenes: tuple[SceneRow, ...]
+
+    @property
+    def metric(self) -> str:
+        """What the chart is judged by: the first of MAIN_METRICS that all of its scenes know."""
+        return next((name for name in MAIN_METRICS if all(scene.knows(name) for scene in self.scenes)), MAIN_METRICS[0])
 
 
 def read_chart(path: Path) -> Chart:

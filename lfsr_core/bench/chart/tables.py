@@ -5,13 +5,13 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Iterator, Sequence
 
-from lfsr_core.bench.chart.analysis import MAIN_METRIC
 from lfsr_core.bench.chart.records import DIRECT, Cell, Chart, Duel, MethodCost, SceneRow
 from lfsr_core.bench.tables import UNKNOWN, count, markdown_table, number
 
-METRICS = ("ssim_eia", "ssim_eia_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain", "ssim_ceiling", "flip")
+METRICS = ("ssim_eia", "ssim_eia_fg", "ssim_lens", "ssim_lens_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain",
+           "ssim_ceiling", "ssim_lens_plain", "ssim_lens_ceiling", "flip")
 DIGITS = {"psnr_fg": 1}
-HEAD = ("method", "spp", "s", "render s", "second stage ms", "method ms", "multiply-adds", "parameters", *METRICS)
+HEAD = ("method", "spp", "s", "render s", "second stage ms", "method ms", "multiply-adds", "parameters")
 DUELS = ("scene", "rival", "spp", "its value", "its s", "ours needs s", "ours / its", "outcome")
 
 
@@ -20,14 +20,19 @@ def markdown(chart: Chart) -> str:
     costs = {cost.method: cost for cost in chart.methods}
     parts = [] if len(chart.scenes) < 2 else [
         f"## Mean of {len(chart.scenes)} scenes ({', '.join(scene.scene for scene in chart.scenes)})", "",
-        *markdown_table(HEAD, (_row(cells, costs) for cells in shared_cells(chart.scenes))), ""]
-    parts += [f"## {chart.settings.ours} against direct high-resolution rendering, {MAIN_METRIC}", "",
+        *_table(list(shared_cells(chart.scenes)), costs, known_metrics(chart.scenes)), ""]
+    parts += [f"## {chart.settings.ours} against direct high-resolution rendering, {chart.metric}", "",
               *markdown_table(DUELS, _duels(chart)), ""]
     for scene in chart.scenes:
         parts += [f"## {scene.scene}", "", f"p = {scene.p:.3f}; reference of {scene.reference.samples} samples, "
                   f"{scene.reference.shown}; ± is the 95 % interval over lenses.", "",
-                  *markdown_table(HEAD, (_row([cell], costs) for cell in scene.cells)), ""]
+                  *_table([[cell] for cell in scene.cells], costs, known_metrics([scene])), ""]
     return "\n".join(parts) + "\n"
+
+
+def known_metrics(scenes: Sequence[SceneRow]) -> list[str]:
+    """Those of METRICS that any of the scenes has: whole references and sampled ones give different ones."""
+    return [name for name in METRICS if any(scene.knows(name) for scene in scenes)]
 
 
 def shared_cells(scenes: Sequence[SceneRow]) -> Iterator[list[Cell]]:
@@ -38,13 +43,17 @@ def shared_cells(scenes: Sequence[SceneRow]) -> Iterator[list[Cell]]:
             yield [table[key] for table in tables]
 
 
-def _row(cells: Sequence[Cell], costs: dict[str, MethodCost]) -> list[object]:
+def _table(rows: Sequence[Sequence[Cell]], costs: dict[str, MethodCost], metrics: Sequence[str]) -> list[str]:
+    return markdown_table((*HEAD, *metrics), (_row(cells, costs, metrics) for cells in rows))
+
+
+def _row(cells: Sequence[Cell], costs: dict[str, MethodCost], metrics: Sequence[str]) -> list[object]:
     """One line: geometric means of times, means of metrics; a single cell has its intervals."""
     first, cost = cells[0], costs.get(cells[0].method)
     render, second, own = (_geometric(values) for values in (
         [cell.render for cell in cells], [cell.second_stage for cell in cells],
         [cell.stage_seconds["upscale"] for cell in cells]))
-    values = [metric_text(first, name) if len(cells) == 1 else _mean(cells, name) for name in METRICS]
+    values = [metric_text(first, name) if len(cells) == 1 else _mean(cells, name) for name in metrics]
     return [first.method, first.samples, first.scale, f"{render:.2f}", f"{1000 * second:.0f}", f"{1000 * own:.1f}",
             count(cost and cost.multiply_adds_per_low_pixel), count(cost and cost.parameters), *values]
 
@@ -66,7 +75,7 @@ def metric_text(cell: Cell, name: str) -> str:
 def _duels(chart: Chart) -> Iterator[list[object]]:
     """Our default against direct rendering, by scene."""
     for scene in chart.scenes:
-        for duel in scene.main.versus:
+        for duel in scene.by(chart.metric).versus:
             if duel.role == DIRECT:
                 yield [scene.scene, duel.method, duel.samples, f"{duel.value:.4f}", f"{duel.seconds:.2f}",
                        *needs(duel, "{:.2f}".format, 3), duel.outcome]

@@ -14,6 +14,7 @@ from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.bench.paper.verdict import Difference, paired
 
 Measured = TypeVar("Measured", bound=Results)
+MAIN_METRICS = ("ssim_eia_fg", "ssim_lens_fg")
 ALIKE = 1.5  # times as many crops as another network has seen
 CROPS_SEEN = re.compile(r"^(?P<kind>[^:]*): (?P<epochs>\d+) epochs of (?P<crops>\d+) (?P<size>\d+)-pixel crops per "
                         r"photograph, rate (?P<rate>\S+ \w+),")
@@ -37,6 +38,18 @@ class Figure(Generic[Measured]):
 def metric(row: Row, name: str, digits: int = 3) -> str:
     """One metric that was measured, with its interval where it has one."""
     return tables.number(row.metrics.get(name), row.ci95.get(name), digits)
+
+
+def known(rows: Iterable[Any], names: Iterable[str]) -> list[str]:
+    """Those of ``names`` that a row has: of a reference that shows every lens, or of one that shows some."""
+    found = [row.metrics for row in rows if row.metrics]
+    return [name for name in names if any(metrics.get(name) is not None for metrics in found)]
+
+
+def main_metric(rows: Sequence[Any]) -> str:
+    """What accuracy is drawn: ``ssim_eia_fg``, or ``ssim_lens_fg`` where a row's reference shows only some lenses."""
+    return next((name for name in MAIN_METRICS
+                 if all(name in row.metrics for row in rows if row.metrics)), MAIN_METRICS[0])
 
 
 def measured(rows: Iterable[Any]) -> dict[tuple[str, str], Any]:

@@ -17,8 +17,8 @@ from lfsr_core.bench.paper.settings import Settings
 from lfsr_core.frames.frame import Frame, read_frame
 from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.metrics.eia_metrics import METRIC_NAMES, compare
-from lfsr_core.metrics.split_ssim import split_ssim_map, stacked_ssim
+from lfsr_core.metrics.eia_metrics import METRIC_NAMES, SAMPLED_NAMES, compare
+from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.registry import Method
@@ -74,7 +74,8 @@ def accuracy(seen: Picture, _file: Path | None = None) -> Row:
     check_reference(frame, reference.frame)
     metrics = compare(seen.image, (reference.half_a, reference.half_b), frame.display.lenses,
                       reference.foreground_mask(seen.mask), reference.lens_list)
-    return Row(metrics={name: metrics.get(name) for name in METRIC_NAMES}, ci95=metrics.get("ci95", {}),
+    names = METRIC_NAMES if reference.lens_list is None else SAMPLED_NAMES
+    return Row(metrics={name: metrics[name] for name in names}, ci95=metrics.get("ci95", {}),
                error=_errors(reference, seen.image, frame.scale),
                lens_ssim_fg=tuple(round(float(value), 6) for value in _per_lens(reference, seen.image)))
 
@@ -95,14 +96,8 @@ def middle_lenses(reference: Reference, count: int) -> np.ndarray:
 
 
 def _per_lens(reference: Reference, image: np.ndarray) -> np.ndarray:
-    """Split SSIM of the reference's foreground lenses, the same ones for every image.
-
-    Windows cross into the next lens exactly where they do in ``compare``.
-    """
+    """Split SSIM of the reference's foreground lenses each on its own, the same lenses for every image."""
     lenses = reference.frame.display.lenses
-    if reference.lens_list is None:
-        local = split_ssim_map(*(srgb_encode(pixels) for pixels in (image, reference.half_a, reference.half_b)))
-        return to_elemental_images(local, lenses).mean((2, 3, 4))[reference.hits]
     rows, columns = reference.lenses[reference.foreground].T
     half_a, half_b = (half[reference.foreground] for half in reference.elemental_images())
     ours = srgb_encode(to_elemental_images(image, lenses)[rows, columns])
@@ -126,7 +121,8 @@ def _errors(reference: Reference, image: np.ndarray, margin: int) -> SplitError 
 def inputs(settings: Settings, shot: Shot, name: str, **more: Any) -> dict[str, Any]:
     """What a kept measurement of accuracy depends on."""
     reference = read_frame(renders.reference(settings, shot.scene))
-    return {"scene": shot.scene.stem, "method": name, "display": settings.display.to_dict(), "scale": settings.scale,
+    return {"metrics": list(METRIC_NAMES),
+            "scene": shot.scene.stem, "method": name, "display": settings.display.to_dict(), "scale": settings.scale,
             "convention": settings.convention, "reference_spp": reference.samples,
             "weights": weights.fingerprints(settings, name),
             "lenses": None if reference.lens_list is None else len(reference.lens_list), "spp": shot.spp, **more}

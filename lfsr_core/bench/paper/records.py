@@ -35,7 +35,7 @@ class Row:
     metrics: dict[str, float | None] | None = None  # None where one cannot be computed; altogether without weights
     ci95: dict[str, float | None] = dataclasses.field(default_factory=dict)  # half-widths, where lenses were sampled
     error: SplitError | None = None  # None without foreground
-    lens_ssim_fg: tuple[float, ...] = ()  # split SSIM of every foreground lens, the same lenses for every method
+    lens_ssim_fg: tuple[float, ...] = ()  # split SSIM of every foreground lens on its own
     picture: str | None = None  # file name of what is shown of it
 
 

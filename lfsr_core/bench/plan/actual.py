@@ -84,7 +84,7 @@ def actual(scene: Path, candidate: Candidate, metric: str, cache: Path) -> Actua
 def _accuracy(folder: Path, reference: Path, method: str, metric: str) -> float:
     check_reference(read_frame(folder), read_frame(reference))
     known, halves = _reference(reference)
-    counted = known.foreground if metric == "ssim_eia_fg" else np.ones_like(known.foreground)
+    counted = known.foreground if metric == "ssim_lens_fg" else np.ones_like(known.foreground)
     rows, columns = known.lenses[counted].T
     images = to_elemental_images(finished_linear(folder, method), known.frame.display.lenses)[rows, columns]
     return float(stacked_ssim(srgb_encode(images), *(half[counted] for half in halves)).mean())

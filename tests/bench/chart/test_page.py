@@ -11,7 +11,7 @@ import pytest
 from lfsr_core.bench.chart import findings, panels, tables
 from lfsr_core.bench.chart import page as chart_page
 from lfsr_core.bench.chart.analysis import METRICS
-from lfsr_core.bench.chart.records import LOW, Point
+from lfsr_core.bench.chart.records import LOW, Metrics, Point
 from tests.support.chart_example import LOW_METHODS, example, scene_row
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -64,7 +64,8 @@ def test_the_page_stands_alone_and_its_tables_are_whole(chart):
 
 def test_losses_are_named_as_wins_are(chart):
     page, duels = chart_page.page(chart), [duel for scene in chart.scenes
-                                           for duel in (*scene.main.versus, *scene.main.reverse)]
+                                           for part in [scene.by(chart.metric)]
+                                           for duel in (*part.versus, *part.reverse)]
     for outcome, mark in (("win", "✔ win"), ("loss", "✘ loss")):
         count = sum(duel.outcome == outcome for duel in duels)
         assert count > 0 and page.count(mark) == count
@@ -72,9 +73,22 @@ def test_losses_are_named_as_wins_are(chart):
 
 
 def test_the_headline_counts_what_the_analysis_found(chart):
-    ratios = [scene.main.target.worst_ratio for scene in chart.scenes]
+    ratios = [scene.by(chart.metric).target.worst_ratio for scene in chart.scenes]
     assert f"{min(ratios):.0%} to {max(ratios):.0%}" in findings.headline(chart)
     assert f"A quarter or less: {sum(ratio <= 0.25 for ratio in ratios)} of 6 scenes" in findings.headline(chart)
+
+
+def test_where_a_reference_shows_only_some_lenses_all_scenes_are_judged_lens_by_lens(chart):
+    whole, sampled = chart.scenes[:2]
+    known = ("p", "ssim_lens", "ssim_lens_fg", "psnr_fg", "flip")
+    cells = tuple(dataclasses.replace(cell, metrics=Metrics(**{name: cell.value(name) for name in known}))
+                  for cell in sampled.cells)
+    mixed = dataclasses.replace(chart, scenes=(whole, scene_row("Sampled", cells)))
+    assert (chart.metric, mixed.metric) == ("ssim_eia_fg", "ssim_lens_fg")
+    assert "lens by lens" in " ".join(texts(panels.picture(mixed)))
+    assert "each lens on its own" in chart_page.page(mixed) and "on the whole picture" in chart_page.page(chart)
+    tables_of = tables.markdown(mixed).split("## Sampled")
+    assert "ssim_eia_fg" not in tables_of[1] and "ssim_eia_fg" in tables_of[0]
 
 
 def test_a_chart_without_direct_rendering_or_ceiling_is_still_a_page():

@@ -169,7 +169,8 @@ def test_sampled_lenses_have_intervals_and_no_views(tmp_path, no_start):
     scene = measured(folder)["scenes"][0]
     assert scene["reference"]["lenses"] == len(LENSES)
     for cell in scene["cells"]:
-        assert cell["metrics"]["ssim_views_fg"] is None and cell["ci95"]["ssim_eia_fg"] > 0
+        assert cell["metrics"]["ssim_views_fg"] is None and cell["ci95"]["ssim_lens_fg"] > 0
+        assert cell["metrics"]["ssim_eia_fg"] is None and cell["metrics"]["ssim_lens_fg"] is not None
 
 
 def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, no_start, capsys):

@@ -12,7 +12,7 @@ import numpy as np
 from lfsr_core.bench import plots
 from lfsr_core.bench.paper import quality, timing, weights
 from lfsr_core.bench.paper.cells import Cells, highest
-from lfsr_core.bench.paper.figure import Figure, cautions, gains, measured, metric, scenes_of
+from lfsr_core.bench.paper.figure import Figure, cautions, gains, main_metric, measured, metric, scenes_of
 from lfsr_core.bench.paper.records import NetworkTimes, Results, Row
 from lfsr_core.bench.paper.renders import Shot
 from lfsr_core.bench.paper.settings import Settings
@@ -142,12 +142,12 @@ def draw(results: Networks, _output: Path) -> plots.Figure:
     found = measured(results.rows)
     methods = list(dict.fromkeys(row.method for row in results.rows))
     for index, scene in enumerate(scenes_of(found.values())):
-        places = [(place, found[scene, name].metrics["ssim_eia_fg"]) for place, name in enumerate(methods)
+        places = [(place, found[scene, name].metrics[main_metric(results.rows)]) for place, name in enumerate(methods)
                   if (scene, name) in found]
         accuracy.plot(*zip(*places, strict=True), "o-", ms=4, lw=0.8, label=scene,
                       color=plots.COLORS[index % len(plots.COLORS)])
     accuracy.set_xticks(range(len(methods)), methods)
-    accuracy.set_ylabel("split SSIM, foreground")
+    accuracy.set_ylabel(f"split SSIM, foreground ({main_metric(results.rows)})")
     if found:
         accuracy.legend(frameon=False, fontsize=7)
     for axis in grid[0]:
@@ -161,7 +161,7 @@ def table(results: Networks) -> list[str]:
     rows = []
     for name in dict.fromkeys(row.method for row in results.rows):
         ms = results.median_ms(name) if name in results.times.seconds else None
-        accuracies = [metric(found[scene, name], "ssim_eia_fg", 4) if (scene, name) in found else None
+        accuracies = [metric(found[scene, name], main_metric(results.rows), 4) if (scene, name) in found else None
                       for scene in scenes]
         rows.append([name, number(ms, digits=1), *accuracies])
     return markdown_table(["network", "ms", *scenes], rows)

@@ -11,7 +11,7 @@ import numpy as np
 from lfsr_core.bench import plots
 from lfsr_core.bench.paper import quality
 from lfsr_core.bench.paper.cells import FOLDER, Cells
-from lfsr_core.bench.paper.figure import Figure, cautions, gains, metric, scenes_of
+from lfsr_core.bench.paper.figure import Figure, cautions, gains, known, main_metric, metric, scenes_of
 from lfsr_core.bench.paper.records import Results, Row
 from lfsr_core.bench.paper.renders import Shot
 from lfsr_core.bench.paper.settings import Settings
@@ -28,7 +28,8 @@ PADDING = "borders, where zeros are padded, are a part of the reason"
 NOTABLE = 1.5  # times the others' error per pixel that border views must have to be a reason
 PARTS = (("paper", "bicubic"), ("paper-gan", "paper"))
 CLAIM = "Generator with adversary is closer to the reference than the generator alone, and that closer than bicubic."
-COLUMNS = ("ssim_eia", "ssim_eia_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain", "ssim_ceiling")
+COLUMNS = ("ssim_eia", "ssim_eia_fg", "ssim_lens", "ssim_lens_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain",
+           "ssim_ceiling", "ssim_lens_plain", "ssim_lens_ceiling")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -84,7 +85,7 @@ def draw(results: Residuals, output: Path) -> plots.Figure:
             axis.set_ylabel(row.scene, fontsize=8)
         if row.metrics:
             axis.imshow(read_png(output / FOLDER / ID / row.picture), interpolation="nearest")
-            axis.set_title(f"{row.method}  {metric(row, 'ssim_eia_fg')}", fontsize=8)
+            axis.set_title(f"{row.method}  {metric(row, main_metric(rows))}", fontsize=8)
         else:
             axis.set_title(f"{row.method}: no weights", fontsize=8)
             axis.set_frame_on(False)
@@ -93,9 +94,10 @@ def draw(results: Residuals, output: Path) -> plots.Figure:
 
 def table(results: Residuals) -> list[str]:
     """Metrics of every scene, sample count and method."""
-    rows = [[row.scene, row.samples, row.method, *(metric(row, name) for name in COLUMNS)]
+    columns = known(results.rows, COLUMNS)
+    rows = [[row.scene, row.samples, row.method, *(metric(row, name) for name in columns)]
             for row in results.rows if row.metrics]
-    return markdown_table(["scene", "samples", "method", *COLUMNS], rows)
+    return markdown_table(["scene", "samples", "method", *columns], rows)
 
 
 def line(results: Residuals) -> str:

@@ -41,7 +41,7 @@ def test_plan_is_found_shown_and_used(scene):
     assert bpy.ops.lfsr.plan() == {"FINISHED"}
     assert panel.snapshot(scene) == before
     state = bpy.context.window_manager.lfsr
-    assert state.plan_scene == scene.name and "ssim_eia_fg 0.5" in state.plan_text
+    assert state.plan_scene == scene.name and "ssim_lens_fg 0.5" in state.plan_text
     drawn = draw(panels.LFSR_PT_plan)
     assert "s2-spp1" in labels(drawn) and operators(drawn) == {"lfsr.plan", "lfsr.plan_use"}
     assert bpy.ops.lfsr.plan_use() == {"FINISHED"}
@@ -50,7 +50,7 @@ def test_plan_is_found_shown_and_used(scene):
 
 
 def test_a_plan_that_finds_nothing_has_nothing_to_use(scene):
-    plan.show(scene.name, Found("nothing reaches ssim_eia_fg 0.95", None))
+    plan.show(scene.name, Found("nothing reaches ssim_lens_fg 0.95", None))
     drawn = draw(panels.LFSR_PT_plan)
     assert "nothing reaches" in labels(drawn) and operators(drawn) == {"lfsr.plan"}
     with pytest.raises(RuntimeError, match="nothing was found"):
