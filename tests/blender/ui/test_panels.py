@@ -92,12 +92,12 @@ def test_with_problems_of_every_kind(scene):
 
 
 def test_while_a_task_runs(scene, monkeypatch):
-    task = SimpleNamespace(stage="Rendering", fraction=0.42, seconds_left=31.4)
+    task = SimpleNamespace(stage="Rendering", fraction=0.42, seconds_left=31.4, message="frame 3, 2 of 5")
     monkeypatch.setattr(session, "_current", task)
     drawn = draw_all()["Render"]
     assert "lfsr.cancel" in operators(drawn)
     texts = [named.get("text") for name, named in drawn if name in {"progress", "label"}]
-    assert "Rendering 42%, 0:31 left" in texts
+    assert "Rendering 42%, 0:31 left" in texts and "frame 3, 2 of 5" in texts
     header = SimpleNamespace(layout=RecordingLayout())
     session.draw_status(header, bpy.context)
     assert "lfsr.cancel" in operators(header.layout.drawn)
