@@ -57,5 +57,5 @@ def _warn_of_older(shot: Shot, results: Sequence[Result]) -> None:
     older = [job.frame for job, result in zip(shot.jobs, results, strict=True)
              if result.state == KEPT and is_older(shot, job)]
     if older:
-        emit_warning(f"{len(older)} frames, the first {older[0]}, were rendered before this file was changed and are "
-                     "kept: tick Overwrite if the change shows in them")
+        emit_warning(f"of the frames that are kept {len(older)}, beginning with frame {older[0]}, were rendered before "
+                     "this file was changed: tick Overwrite if the change shows in them")

@@ -45,8 +45,7 @@ def test_frames_of_another_device_or_an_older_scene_are_kept(film, capsys):
     for name, changes in (("0001", {"content": "of yesterday"}), ("0002", {"device": "OPTIX"})):
         write_frame(film / name, dataclasses.replace(read_frame(film / name), **changes))
     assert press(film, [1, 2], blender="/must/not/run", device="CPU")["sentence"].startswith("2 frames: 0 made, 2 kept")
-    assert "1 frames, the first 1, were rendered before this file was changed and are kept: tick" in (
-        capsys.readouterr().out)
+    assert "kept 1, beginning with frame 1, were rendered before this file was changed" in capsys.readouterr().out
 
 
 def test_a_frame_that_fails_is_said(film):
