@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import EIA_FILE
+from lfsr_core.frames.frame import EIA_FILE, frame_folder
 from lfsr_core.frames.job import Job
 from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.records import to_data
 from lfsr_core.render.parts_folder import parts_folder
 from lfsr_core.render.process import DERIVED_FILES
 from lfsr_core.render.staging import publish
@@ -20,7 +20,7 @@ from lfsr_core.render.staging import publish
 from ..array import rig
 from ..settings import scene_settings
 from . import runtime
-from .steps import PANEL_TASKS, Steps, file_copy, render_step, second_stage_step, staging
+from .steps import PANEL_TASKS, Steps, file_copy, render_step, rendering_step, second_stage_step, staging
 
 RENDER_SHARE = 0.85
 
@@ -57,36 +57,64 @@ def frame_recipe(scene: bpy.types.Scene, number: int | None = None) -> FrameReci
     return FrameRecipe(folder, job, scene.lfsr.method, scene.lfsr.linear_exr)
 
 
-def animation_recipes(scene: bpy.types.Scene) -> tuple[list[FrameRecipe], int]:
-    """Recipes of the frames of the timeline's range that are to be rendered, and how many are complete already."""
-    numbers = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
-    recipes = [frame_recipe(scene, number) for number in numbers]
-    missing = [recipe for recipe in recipes if scene.lfsr.use_overwrite or not recipe.complete]
-    return missing, len(recipes) - len(missing)
+@dataclasses.dataclass(frozen=True)
+class AnimationRecipe:
+    """The timeline's frames as their scene asked for when the button was pressed."""
+
+    first: FrameRecipe
+    frames: tuple[int, ...]
+    overwrite: bool  # frames that are done are made again
+
+    @property
+    def last_folder(self) -> Path:
+        """Frame folder of the last frame."""
+        return frame_folder(self.first.folder.parent, self.frames[-1])
 
 
-def render_frames(recipes: Sequence[FrameRecipe]) -> Steps:
-    """Render and finish ``recipes``; the result is the last one's folder."""
+def animation_recipe(scene: bpy.types.Scene) -> AnimationRecipe:
+    """Recipe of the frames of the timeline's range; LfsrError where they cannot be rendered."""
+    frames = tuple(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
+    return AnimationRecipe(frame_recipe(scene, frames[0]), frames, scene.lfsr.use_overwrite)
+
+
+def render_animation(recipe: AnimationRecipe) -> Steps:
+    """Render and finish the frames that are not done; the result is the last one's folder and a sentence."""
+    first = recipe.first
     with file_copy() as copy:
-        if MethodName.parse(recipes[0].method).networks:
-            yield second_stage_step("Checking method", 0.0, copy.parent, "check", method=recipes[0].method)
-        for number, recipe in enumerate(recipes):
-            title = f" {number + 1}/{len(recipes)}" if len(recipes) > 1 else ""
-            yield from _render_frame(copy, recipe, title, 1 / len(recipes))
-    return recipes[-1].folder
+        yield from _check_method(first.method, copy.parent)
+        job = dataclasses.replace(first.job, scene=str(copy), output=str(first.folder.parent))
+        second = {"method": first.method, "linear_exr": first.linear_exr}
+        done = yield rendering_step("Rendering animation", 0.98, copy.parent, "animation", job=to_data(job),
+                                    frames=recipe.frames, second=second, overwrite=recipe.overwrite)
+    print(done["table"])
+    if done["failed"]:
+        raise LfsrError(f"{done['sentence']}; {done['failed']}; press Render Animation again to make what is missing")
+    if not is_decoded(recipe.last_folder):
+        yield from decode_views(recipe.last_folder, 0.02)
+    return recipe.last_folder, done["sentence"]
 
 
-def _render_frame(copy: Path, recipe: FrameRecipe, title: str, share: float) -> Steps:
-    with staging(recipe.folder) as folder:
-        staged = folder / "frame"
-        staged.mkdir()
-        job = dataclasses.replace(recipe.job, scene=str(copy), output=str(staged),
-                                  parts=str(parts_folder(recipe.folder)))
-        yield render_step(job, folder, share * RENDER_SHARE, "Rendering" + title)
-        yield second_stage_step(
-            "Upscaling" + title, share * (1 - RENDER_SHARE), folder, "upscale", folder=str(staged),
-            method=recipe.method, linear_exr=recipe.linear_exr, views=str(views_file(recipe.folder)))
-        publish(staged, recipe.folder, DERIVED_FILES)
+def render_frame(recipe: FrameRecipe) -> Steps:
+    """Render and finish one frame; the result is its folder."""
+    with file_copy() as copy:
+        yield from _check_method(recipe.method, copy.parent)
+        with staging(recipe.folder) as folder:
+            staged = folder / "frame"
+            staged.mkdir()
+            job = dataclasses.replace(recipe.job, scene=str(copy), output=str(staged),
+                                      parts=str(parts_folder(recipe.folder)))
+            yield render_step(job, folder, RENDER_SHARE, "Rendering")
+            yield second_stage_step(
+                "Upscaling", 1 - RENDER_SHARE, folder, "upscale", folder=str(staged),
+                method=recipe.method, linear_exr=recipe.linear_exr, views=str(views_file(recipe.folder)))
+            publish(staged, recipe.folder, DERIVED_FILES)
+    return recipe.folder
+
+
+def _check_method(method: str, work: Path) -> Steps:
+    """A network that cannot run should be an error before the render, not after it."""
+    if MethodName.parse(method).networks:
+        yield second_stage_step("Checking method", 0.0, work, "check", method=method)
 
 
 def reference_recipe(scene: bpy.types.Scene) -> tuple[FrameRecipe, Job]:
@@ -117,11 +145,14 @@ def render_reference(recipe: FrameRecipe, job: Job, lenses: int) -> Steps:
     return done["metrics"]
 
 
-def decode_views(folder: Path) -> Steps:
-    """Decode the finished frame in ``folder`` for the preview; the result is the file of its views."""
+def decode_views(folder: Path, share: float = 1.0) -> Steps:
+    """Decode the finished frame in ``folder`` for the preview; the result is the file of its views.
+
+    ``share``: of the whole task's time.
+    """
     views = views_file(folder)
     with staging(views) as work:
-        yield second_stage_step("Decoding views", 1.0, work, "decode", folder=str(folder), views=str(views))
+        yield second_stage_step("Decoding views", share, work, "decode", folder=str(folder), views=str(views))
     return views
 
 

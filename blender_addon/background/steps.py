@@ -185,7 +185,7 @@ def file_copy() -> Iterator[Path]:
     folder = Path(tempfile.mkdtemp(prefix="lfsr-", dir=bpy.app.tempdir or None))
     path = folder / f"{Path(bpy.data.filepath).stem or 'untitled'}.blend"
     try:
-        _save_copy(path)
+        save_copy(path)
         yield path
     finally:
         shutil.rmtree(folder, ignore_errors=True)
@@ -198,7 +198,8 @@ def _render_command(job_file: Path) -> list[str]:
     return command
 
 
-def _save_copy(path: Path) -> None:
+def save_copy(path: Path) -> None:
+    """Save the file as it is now under another name, and stay in this one; LfsrError where that fails."""
     try:
         # Uncompressed, so that a later copy of the same scene is recognised.
         bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, compress=False)

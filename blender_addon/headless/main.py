@@ -16,7 +16,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
 from lfsr_core.frames.job import Job, read_job
 from lfsr_core.render.content import scene_content, stamp
-from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, RENDERED_STAGE, emit
+from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, RENDERED_STAGE, emit, emit_warning
 
 from ..array.cameras import choice_notice, choose_camera
 from ..render.frame_folder import render_job
@@ -54,7 +54,7 @@ def run_all(jobs: Sequence[Job]) -> Path:
                 if len(jobs) > 1:
                     # Switching it off after each frame would make Cycles build everything again.
                     stack.enter_context(overridden(scene.render, {"use_persistent_data": True}))
-            folder, last = render_job(scene, job, opened, progress=_progress, warn=warn), job
+            folder, last = render_job(scene, job, opened, progress=_progress, warn=emit_warning), job
             opened = dataclasses.replace(opened, seconds=0.0)
             if len(jobs) > 1:
                 emit(stage=RENDERED_STAGE, folder=str(folder))
@@ -71,9 +71,9 @@ def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:
     if job.camera is not None:
         choose_camera(scene, job.camera)
     elif not job.scene.endswith(".blend") and scene.camera is not None and job.scene:
-        warn(choice_notice(scene))
+        emit_warning(choice_notice(scene))
     for sentence in notices(scene):
-        warn(sentence)
+        emit_warning(sentence)
     return scene, Opened(time.perf_counter() - started, content)
 
 
@@ -86,11 +86,6 @@ def _open(job: Job) -> tuple[bpy.types.Scene, str]:
     scene = open_scene(job.scene)
     content = scene_content(file) if job.parts else ""
     return scene, content if stamp(file) == before else ""
-
-
-def warn(message: str) -> None:
-    """Something the user should know that does not stop the render."""
-    emit(stage="render", fraction=0.0, message=message, warning=True)
 
 
 def _progress(fraction: float, message: str = "") -> None:

@@ -155,11 +155,15 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         layout, task = self.layout, session.current()
         if task is not None:
             session.draw_progress(layout.row(align=True), task)
+            if task.message:
+                layout.label(text=task.message)
         column = layout.column()
         column.enabled = task is None
         column.scale_y = 1.2
         column.operator("lfsr.render_eia", icon="RENDER_STILL")
-        column.operator("lfsr.render_animation", icon="RENDER_ANIMATION")
+        row = column.row(align=True)
+        row.operator("lfsr.render_animation", icon="RENDER_ANIMATION")
+        row.menu("LFSR_MT_submit")
         columns(layout).prop(context.scene.lfsr, "use_overwrite")
         message = context.window_manager.lfsr.message
         if message:
@@ -220,8 +224,6 @@ class LFSR_PT_share(LightFieldPanel, bpy.types.Panel):
         row.menu("LFSR_MT_export", icon="EXPORT")
 
 
-
-
 def _draw_problem(layout: bpy.types.UILayout, problem: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     box = layout.box().column()
     row = box.row()
@@ -233,7 +235,6 @@ def _draw_problem(layout: bpy.types.UILayout, problem: bpy.types.PropertyGroup, 
     if problem.fix:
         button = box.operator("lfsr.check_fix", text=problem.fix)
         button.code, button.target = problem.code, problem.target
-
 
 
 CLASSES = (LFSR_PT_display, LFSR_PT_array, LFSR_PT_check, LFSR_PT_quality, LFSR_PT_plan, LFSR_PT_render,

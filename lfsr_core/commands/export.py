@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 
 from lfsr_core.progress import ProgressBar
 from lfsr_core.share.format_names import DESCRIPTIONS, FILM_TYPES, VIEW_TYPES
 
 NAME = "export"
-HELP = "write a finished frame as quilt, stereo pair, film or folder of views"
+HELP = "write a finished frame or an animation as quilt, stereo pair, film or folder of views"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
-    parser.add_argument("folder", type=Path, metavar="DIR", help="finished frame folder")
+    parser.add_argument("folder", type=Path, metavar="DIR", help="finished frame folder, or an animation's folder")
     parser.add_argument("--format", required=True, choices=DESCRIPTIONS,
                         help="; ".join(f"{name}: {text}" for name, text in DESCRIPTIONS.items()))
     parser.add_argument("-o", "--output", type=Path, metavar="FOLDER", help="default: DIR/export/FORMAT")
@@ -25,13 +26,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--eyes-mm", type=float, metavar="MM", help="between the eyes of a stereo pair, default: 63")
     parser.add_argument("--type", choices=sorted({*VIEW_TYPES, *FILM_TYPES}),
                         help="views: png or exr; sway: mp4, gif, webp or png")
+    parser.add_argument("--fps", type=float, metavar="N", help="frames a second of a film; default of an animation: 24")
     parser.add_argument("--seconds", type=float, metavar="S", help="of one sway to and fro, default: 4")
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Write the export and say where it is."""
     from lfsr_core.share.formats import export
+    from lfsr_core.share.frame_folders import is_sequence
     from lfsr_core.share.options import ExportOptions
+    from lfsr_core.share.sequences import export_sequence
 
     progress = ProgressBar()
     views = arguments.views
@@ -40,14 +44,15 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.grid and len(arguments.grid) == 1:
         arguments.grid = (arguments.grid[0], 1)
     options = ExportOptions(views, arguments.grid, arguments.eyes_mm, arguments.width, arguments.type,
-                            arguments.seconds, progress)
+                            arguments.seconds, arguments.fps, progress)
     try:
-        files, notes = export(arguments.folder, arguments.format, arguments.output, options)
+        write = export_sequence if is_sequence(arguments.folder) else export
+        files, notes = write(arguments.folder, arguments.format, arguments.output, options)
         for note in notes:
             progress.note(note)
     finally:
         progress.close()
-    print(files[0] if len(files) == 1 else f"{files[0].parent}: {len(files)} files")
+    print(files[0] if len(files) == 1 else f"{os.path.commonpath([file.parent for file in files])}: {len(files)} files")
 
 
 def _pair(text: str) -> tuple[int, ...]:

@@ -6,12 +6,10 @@ import argparse
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path
+from lfsr_core.sequence.farms import TEMPLATES, write_template
 
 NAME = "farm"
 HELP = "write the job template of a render farm: openjd, or flamenco"
-TEMPLATES = {"openjd": "openjd.yaml", "flamenco": "flamenco.js"}
-FOLDER = Path(__file__).parents[1] / "sequence" / "templates"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,6 +26,5 @@ def run(arguments: argparse.Namespace) -> None:
     output = arguments.output or Path(f"lfsr-{name}")
     if output.is_dir():
         raise LfsrError(f"{output} is a folder, but the template is a file: name one in it, as {output / name}")
-    with atomic_path(output) as temporary:
-        temporary.write_bytes((FOLDER / name).read_bytes())
+    write_template(arguments.farm, output)
     print(f"{output}: see docs/guide/farms.md")

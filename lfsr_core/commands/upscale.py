@@ -33,7 +33,8 @@ def add_method_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--weights", type=Path, metavar="FILE", help="weights of `lfsr fit` or `lfsr train` "
                                                                     "for the method's network")
     parser.add_argument("--step", type=int, metavar="N", help="elemental images per call of the method")
-    parser.add_argument("--linear-exr", action="store_true", help="also write the scene-linear eia.exr")
+    parser.add_argument("--linear-exr", action=argparse.BooleanOptionalAction, default=False,
+                        help="also write the scene-linear eia.exr")
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -10,10 +10,18 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Protocol
 
 from lfsr_core.errors import LfsrError
 
 OLDEST_BLENDER = (4, 5)
+
+
+class Starts(Protocol):
+    """Whatever says how to start Blender."""
+
+    def command(self, *job_files: Path) -> list[str]:
+        """Command line that runs the render jobs in ``job_files`` one after the other."""
 
 
 @dataclasses.dataclass(frozen=True)

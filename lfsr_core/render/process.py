@@ -20,7 +20,7 @@ from lfsr_core.frames import frame
 from lfsr_core.frames.job import Job
 from lfsr_core.progress import Progress
 from lfsr_core.records import write_record
-from lfsr_core.render.blender import Blender
+from lfsr_core.render.blender import Starts
 from lfsr_core.render.parts_folder import kept_sentence, parts_folder
 from lfsr_core.render.protocol import ENDS_WITH_INPUT, EXIT_BAD_INPUT, LAST_STAGES, RENDERED_STAGE, parse_progress
 from lfsr_core.render.staging import publish, staging_folder
@@ -35,7 +35,7 @@ DERIVED_FILES = (frame.EIA_FILE, frame.EIA_LINEAR_FILE, frame.PANEL_FILE, frame.
 Warn = Callable[[str], None]
 
 
-def run_job(job: Job, blender: Blender, progress: Progress | None = None, warn: Warn | None = None) -> None:
+def run_job(job: Job, blender: Starts, progress: Progress | None = None, warn: Warn | None = None) -> None:
     """Render ``job`` and put what it wrote into its folder, all of it or nothing.
 
     Of a long render that ends early the parts that are whole are kept, and the same job goes on from them.
@@ -73,7 +73,7 @@ class Listener:
     rendered: Callable[[Job], None] = _nothing  # called with each job whose folder is complete
 
 
-def run_jobs(jobs: Sequence[Job], blender: Blender, listener: Listener) -> None:
+def run_jobs(jobs: Sequence[Job], blender: Starts, listener: Listener) -> None:
     """Render ``jobs`` one after the other in one Blender, which keeps the scene open between those of one file.
 
     Each folder is published as soon as it is rendered. Errors as of ``run_job``, about the first job that is not.

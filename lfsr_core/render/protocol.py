@@ -29,6 +29,11 @@ def emit_progress(stage: str, fraction: float, message: str) -> None:
     emit(stage=stage, fraction=round(fraction, 4), message=message)
 
 
+def emit_warning(message: str) -> None:
+    """Something the user should know that stops nothing."""
+    emit(stage="render", fraction=0.0, message=message, warning=True)
+
+
 def parse_progress(line: str) -> dict[str, Any] | None:
     """The record of one line, None for any other line of Blender's output.
 

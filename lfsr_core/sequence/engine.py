@@ -17,7 +17,7 @@ from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
 from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.second_stage import upscale_frame
-from lfsr_core.render.blender import find_blender
+from lfsr_core.render.blender import Starts, find_blender
 from lfsr_core.render.process import CrashError, Listener, Warn, run_jobs
 from lfsr_core.render.staging import remove_dead
 from lfsr_core.sequence.shot import DONE, TO_RENDER, SecondStage, Shot, state
@@ -44,7 +44,8 @@ class Result:
 class Tools:
     """What a shot is rendered with, and who is told."""
 
-    blender: str | None = None  # executable, None for the best there is
+    # executable, None for the best there is, or what has Blender's command lines
+    blender: str | Starts | None = None
     progress: Progress = silent  # called with (stage, fraction, message)
     warn: Warn = lambda sentence: None
     chunk: int = CHUNK
@@ -103,7 +104,7 @@ class _Run:
         """Render what waits, chunk by chunk."""
         if not self.waiting:
             return
-        blender, crashes = find_blender(self.tools.blender), collections.Counter[str]()
+        blender, crashes = self._blender(), collections.Counter[str]()
         self.clock.start(len(self.waiting))
         listener = Listener(self._progress, self.tools.warn, self._rendered)
         while self.waiting:
@@ -114,6 +115,10 @@ class _Run:
                 crashes[current.output] += 1
                 if crashes[current.output] >= TRIES:
                     self._leave_out(self.waiting.pop(0), str(error))
+
+    def _blender(self) -> Starts:
+        given = self.tools.blender
+        return find_blender(given) if given is None or isinstance(given, str) else given
 
     def _leave_out(self, job: Job, sentence: str) -> None:
         self.failed[job.output] = sentence
@@ -129,10 +134,9 @@ class _Run:
             self.told(f"frame {self.waiting[0].frame}, {self.clock.left(fraction)}", fraction)
 
     def told(self, message: str, fraction: float = 0.0) -> None:
-        """Show how much of all frames is done."""
-        count = len(self.shot.jobs)
-        done = count - len(self.waiting) + (fraction if self.waiting else 0.0)
-        self.tools.progress("frames", done / count, message)
+        """Show how much is done of what this run renders."""
+        done = self.clock.count - len(self.waiting) + (fraction if self.waiting else 0.0)
+        self.tools.progress("frames", done / self.clock.count if self.clock.count else 1.0, message)
 
     def result(self, job: Job) -> Result:
         """What became of a frame."""

@@ -45,15 +45,16 @@ class Shot:
     jobs: tuple[Job, ...]  # one per frame, all of one scene
     second: SecondStage
     content: str = ""  # of the scene's file, empty where it is not known
+    lenient: bool = False  # frames of other settings are made again; those of another device or content are kept
 
 
-def shot_of(job: Job, frames: Iterable[int], second: SecondStage) -> Shot:
-    """Frames of the scene of ``job``, in folders such as ``0001`` in its output."""
+def shot_of(job: Job, frames: Iterable[int], second: SecondStage, lenient: bool = False) -> Shot:
+    """Frames of the scene of ``job``, in folders such as ``0001`` in its output; ``lenient``: as of ``Shot``."""
     output = Path(job.output)
     if is_complete(output, "render") or is_complete(output, "reference"):
         raise LfsrError(f"{output} is a frame folder itself: choose another folder for the frames of an animation")
     jobs = tuple(dataclasses.replace(job, frame=number, output=str(frame_folder(output, number))) for number in frames)
-    return Shot(jobs, second, scene_content(job.scene))
+    return Shot(jobs, second, scene_content(job.scene), lenient)
 
 
 def state(shot: Shot, job: Job) -> str:
@@ -63,16 +64,35 @@ def state(shot: Shot, job: Job) -> str:
     frame = _readable(folder)
     if frame is None:
         return TO_RENDER
-    _check_same(folder, job, frame, shot.content)
+    if shot.lenient:
+        if not _is_same(folder, job, frame):
+            return TO_RENDER
+    else:
+        _check_same(folder, job, frame, shot.content)
     if not all(_is_whole(folder / name) for name in RENDERED_FILES[job.kind]):
         return TO_RENDER
     return DONE if _is_finished(folder, shot.second) else TO_FINISH
+
+
+def is_older(shot: Shot, job: Job) -> bool:
+    """True if a finished frame was rendered from the scene before its file was changed."""
+    frame = _readable(Path(job.output))
+    return bool(shot.content and frame and frame.content and frame.content != shot.content)
 
 
 def _readable(folder: Path) -> Frame | None:
     with contextlib.suppress(LfsrError):
         return read_part(folder)
     return None
+
+
+def _is_same(folder: Path, job: Job, frame: Frame) -> bool:
+    """True if the frame was rendered with the settings of ``job``, on whatever device."""
+    try:
+        _check_same(folder, dataclasses.replace(job, device=AUTO, layout=LAYOUTS[0]), frame, "")
+    except LfsrError:
+        return False
+    return True
 
 
 def _check_same(folder: Path, job: Job, frame: Frame, content: str) -> None:

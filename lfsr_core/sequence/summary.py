@@ -4,15 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lfsr_core.sequence.engine import FAILED, KEPT, Result, duration
+from lfsr_core.sequence.engine import FAILED, KEPT, MADE, Result, duration
 
 
 def summary(results: Sequence[Result], seconds: float) -> str:
     """A line per frame, and one of all; ``seconds`` passed."""
-    lines = [f"{'frame':>7}  {'state':6}  {'render':>9}  {'finish':>9}"]
-    lines += [_line(result) for result in results]
-    counts = [f"{sum(result.state == state for result in results)} {state}" for state in ("made", KEPT, FAILED)]
-    return "\n".join([*lines, f"{len(results)} frames: {', '.join(counts)}, in {duration(seconds)}"])
+    return f"{table(results)}\n{counts(results, seconds)}"
+
+
+def table(results: Sequence[Result]) -> str:
+    """A line per frame below a line of titles."""
+    return "\n".join([f"{'frame':>7}  {'state':6}  {'render':>9}  {'finish':>9}", *map(_line, results)])
+
+
+def counts(results: Sequence[Result], seconds: float) -> str:
+    """How many frames are in which state after ``seconds``."""
+    found = [f"{sum(result.state == state for result in results)} {state}" for state in (MADE, KEPT, FAILED)]
+    return f"{len(results)} frames: {', '.join(found)}, in {duration(seconds)}"
 
 
 def _line(result: Result) -> str:

@@ -27,15 +27,19 @@ class Format:
     write: Callable[[LightField, Path, ExportOptions], list[str]]
     options: tuple[str, ...]  # names of the options that it looks at
     numbered: tuple[str, ...] = ()  # patterns of files of which an earlier export may have more: those go
+    one_file: bool = False  # of a frame: those of an animation lie in one folder
+    # Fills an empty folder with one film of so many frames; None where each frame is written on its own.
+    write_film: Callable[[Iterator[LightField], int, Path, ExportOptions], list[str]] | None = None
 
 
 FORMATS = {
-    "quilt": Format(quilt.write, ("views", "grid", "width")),
+    "quilt": Format(quilt.write, ("views", "grid", "width"), one_file=True),
     "hci": Format(hci.write, ("views",), ("input_Cam*.png", hci.DISPARITY_FILE)),
     "stanford": Format(folders.write_stanford, ("views",), ("out_*_*_*_*_.png",)),
-    "stereo": Format(stereo.write, ("eyes_mm", "width")),
+    "stereo": Format(stereo.write, ("eyes_mm", "width"), one_file=True),
     "views": Format(folders.write_views, ("views", "type"), ("view_*_*.png",)),
-    "sway": Format(sway.write, ("width", "type", "seconds"), ("*_sway_*.png",)),
+    "sway": Format(sway.write, ("width", "type", "seconds", "fps"), ("*_sway_*.png",),
+                   write_film=sway.write_film),
     "pleno": Format(folders.write_pleno, ("views",), ("[0-9][0-9][0-9]_[0-9][0-9][0-9].ppm",)),
 }
 
@@ -59,19 +63,27 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
     ------
     LfsrError : for bad input; nothing half-written is left then, and an earlier export stays
     """
-    chosen = _format(name, options)
+    chosen = find_format(name, options)
     target = default_target(folder, name) if target is None else Path(target)
+    written = write_whole(target, chosen, lambda staged: chosen.write(read_light_field(folder), staged, options))
+    options.progress("export", 1.0, name)
+    return written
+
+
+def write_whole(target: Path, chosen: Format, write: Callable[[Path], list[str]]) -> tuple[list[Path], list[str]]:
+    """Let ``write`` fill an empty folder and move its files into ``target``, all or none; the files and notes.
+
+    LfsrError where ``target`` cannot be written.
+    """
     check_name(target)
     if target.exists() and not target.is_dir():
         raise LfsrError(f"{target} is a file, but an export goes into a folder: choose another name")
-    field = read_light_field(folder)
     with _no_empty_folder(target.parent), staging_folder(target) as work, system_errors(target):
-        staged = work / name
+        staged = work / "export"
         staged.mkdir()
-        notes = chosen.write(field, staged, options)
+        notes = write(staged)
         files = sorted(path.name for path in staged.iterdir())
         publish(staged, target, _left_by_earlier(target, files, chosen.numbered))
-    options.progress("export", 1.0, name)
     return [target / file for file in files], notes
 
 
@@ -94,7 +106,8 @@ def _left_by_earlier(target: Path, files: list[str], patterns: tuple[str, ...]) 
     return [path.name for pattern in written for path in target.glob(pattern)]
 
 
-def _format(name: str, options: ExportOptions) -> Format:
+def find_format(name: str, options: ExportOptions) -> Format:
+    """The format of this name; LfsrError where there is none, or for an option that it has not."""
     if name not in FORMATS:
         raise LfsrError(f"unknown format {name!r}: {did_you_mean(name, FORMATS)}Choose from {', '.join(FORMATS)}")
     for option in options.given():

@@ -10,6 +10,7 @@ from lfsr_core.progress import Progress, silent
 MOST_VIEWS = 1000  # a side
 WIDEST_EYES_MM = 1000.0
 MOST_SECONDS = 60.0
+MOST_FPS = 240.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,6 +23,7 @@ class ExportOptions:
     width: int | None = None  # pixels of a picture, or of a quilt's tile
     type: str | None = None  # of the file, where a format has several
     seconds: float | None = None  # of one sway to and fro
+    fps: float | None = None  # frames a second of a film
     progress: Progress = silent  # called with (stage, fraction, message)
 
     def __post_init__(self) -> None:
@@ -29,7 +31,7 @@ class ExportOptions:
             pair = getattr(self, name)
             if pair is not None and not all(1 <= count <= MOST_VIEWS for count in pair):
                 raise LfsrError(f"{name} is {pair[0]}x{pair[1]}, but both must be from 1 to {MOST_VIEWS}")
-        for name, most in (("eyes_mm", WIDEST_EYES_MM), ("seconds", MOST_SECONDS)):
+        for name, most in (("eyes_mm", WIDEST_EYES_MM), ("seconds", MOST_SECONDS), ("fps", MOST_FPS)):
             value = getattr(self, name)
             if value is not None and not 0 < value <= most:
                 raise LfsrError(f"{name} is {value}, but it must be above 0 and at most {most:g}")

@@ -21,12 +21,13 @@ import OpenImageIO as oiio
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
-from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, VIEWER_FILE, Frame, read_frame
+from lfsr_core.frames.frame import EIA_FILE, VIEWER_FILE, Frame, read_frame
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.eye import gap_mm
 from lfsr_core.progress import Progress, silent
+from lfsr_core.share.frame_folders import frame_folders, one_display
 
 PARTS = Path(__file__).parent / "viewer"
 BEST, USUAL_QUALITY = 100, 95
@@ -91,7 +92,7 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
         raise LfsrError(f"quality is {quality}, but it must be from 1 to {BEST}, which loses nothing")
     path = Path(output) if output else Path(folders[0]) / VIEWER_FILE
     frames = {folder: read_frame(folder) for given in folders for folder in frame_folders(given)}
-    profile = _one_display(frames)
+    profile = one_display(frames)
     images, notes = [], []
     for number, folder in enumerate(frames):
         progress("view", number / len(frames), str(folder))
@@ -108,27 +109,6 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
         notes.append(f"the page has {size / 1e6:.0f} MB: phones and mail may refuse it; a lower --quality makes it "
                      "smaller")
     return Page(path, size, tuple(dict.fromkeys(notes)))
-
-
-def frame_folders(folder: str | Path) -> list[Path]:
-    """``folder`` if it holds a frame, else the finished frame folders in it, by name; LfsrError where none is."""
-    folder = Path(folder)
-    if (folder / FRAME_FILE).is_file() or not folder.is_dir():
-        return [folder]
-    found = sorted(path.parent for path in folder.glob(f"*/{FRAME_FILE}") if (path.parent / EIA_FILE).is_file())
-    if not found:
-        raise LfsrError(f"{folder} is no frame folder and holds none with an {EIA_FILE}: give one that `lfsr render` "
-                        "made")
-    return found
-
-
-def _one_display(frames: dict[Path, Frame]) -> DisplayProfile:
-    (first, frame), *others = frames.items()
-    for folder, other in others:
-        if other.display != frame.display:
-            raise LfsrError(f"{folder} is for display {other.display.name!r} and {first} for {frame.display.name!r}, "
-                            "but one page shows one display: give frames of one")
-    return frame.display
 
 
 def _picture(folder: Path, profile: DisplayProfile, quality: int | None, notes: list[str]) -> bytes:

@@ -7,18 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.plan.candidates import Candidate
-from lfsr_core.render.protocol import emit, emit_progress
-
-
-@dataclasses.dataclass(frozen=True)
-class RenderCommand:
-    """How the add-on starts a render: ``words``, then the job file; stands for a render.blender.Blender."""
-
-    words: tuple[str, ...]
-
-    def command(self, job_file: Path) -> list[str]:
-        """Command line that runs ``job_file``."""
-        return [*self.words, str(job_file)]
+from lfsr_core.render.protocol import emit_progress, emit_warning
+from lfsr_core.tasks.render_command import RenderCommand
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,11 +42,7 @@ def plan(job: dict[str, Any], options: dict[str, Any], command: list[str], work:
     from lfsr_core.records import from_data, to_data
 
     wanted = from_data(Options, options, "options of the plan")
-    render = rendering(RenderCommand(tuple(command)), _warn)
+    render = rendering(RenderCommand(tuple(command)), emit_warning)
     planned = make_plan(from_data(Job, job, "job of the plan"), wanted, render, Path(work), emit_progress)
     chosen = planned.choice.chosen
     return to_data(Found(sentence(planned.choice, wanted), chosen and chosen.candidate))
-
-
-def _warn(message: str) -> None:
-    emit(stage="plan", fraction=0.0, message=message, warning=True)

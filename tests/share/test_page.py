@@ -90,7 +90,7 @@ def test_quality_that_cannot_be(folder, tmp_path, quality):
 
 
 def test_refused(folder, tmp_path):
-    with pytest.raises(LfsrError, match="one page shows one display"):
+    with pytest.raises(LfsrError, match="shown together on one: give frames of one display"):
         write_page([folder, finished(tmp_path / "direct", DIRECT)], tmp_path / "page.html")
     (tmp_path / "empty").mkdir()
     with pytest.raises(LfsrError, match="is no frame folder and holds none"):

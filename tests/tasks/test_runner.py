@@ -56,12 +56,21 @@ def test_task_with_bad_options_ends_with_one_sentence(tmp_path, blender):
     assert record["stage"] == "error" and "target is 2.0" in record["message"]
 
 
-@pytest.mark.parametrize("how", ["signal", "end of input"])
-def test_task_takes_its_render_along_when_it_ends(tmp_path, how):
+def animation(tmp_path: Path, blender: str) -> Path:
+    (tmp_path / "scene.blend").touch()
+    job = Job(output=str(tmp_path / "film"), display=load_display("mini"), scene=str(tmp_path / "scene.blend"), scale=2)
+    path = tmp_path / "task.json"
+    path.write_text(json.dumps({"task": "animation", "job": to_data(job), "frames": [1, 2],
+                                "second": {"method": "bicubic"}, "command": [blender, "--", ""]}))
+    return path
+
+
+@pytest.mark.parametrize(("how", "written"), [("signal", task), ("end of input", task), ("signal", animation)])
+def test_task_takes_its_render_along_when_it_ends(tmp_path, how, written):
     sleeper = tmp_path / "blender"
     sleeper.write_text(f"#!/bin/sh\necho $$ > {tmp_path}/pid\nexec sleep 60\n")
     sleeper.chmod(0o755)
-    with run_task(task(tmp_path, str(sleeper))) as process:
+    with run_task(written(tmp_path, str(sleeper))) as process:
         while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text().strip():
             assert process.poll() is None
         time.sleep(0.2)  # until it listens to what it started
@@ -70,6 +79,7 @@ def test_task_takes_its_render_along_when_it_ends(tmp_path, how):
     pid = int((tmp_path / "pid").read_text())
     assert not Path(f"/proc/{pid}").exists()
     assert not (tmp_path / "work" / "quick").exists()
+    assert not list(tmp_path.glob("film/*")) and not list(tmp_path.glob("film/.*"))
 
 
 @pytest.mark.parametrize(("method", "code", "record"), [

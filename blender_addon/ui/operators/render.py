@@ -32,24 +32,19 @@ class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
         """One frame, then its image."""
         scene = context.scene
         recipe = recipes.frame_recipe(scene)
-        return recipes.render_frames([recipe]), _show_eia_of(scene.name)
+        return recipes.render_frame(recipe), _show_eia_of(scene.name)
 
 
 class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
-    """Render the timeline's frame range, skipping frames that are complete"""
+    """Render the timeline's frame range; frames that are complete are kept"""
 
     bl_idname = "lfsr.render_animation"
     bl_label = "Render Animation"
 
-    def prepare(self, context: bpy.types.Context) -> Prepared | None:
-        """The frames that are missing, then the last one's image."""
+    def prepare(self, context: bpy.types.Context) -> Prepared:
+        """The frames that are missing, then the last one's image and what became of all."""
         scene = context.scene
-        missing, complete = recipes.animation_recipes(scene)
-        if not missing:
-            self.report({"INFO"}, f"All {complete} frames are complete already")
-            return None
-        self.report({"INFO"}, f"Rendering {len(missing)} frames, {complete} are complete already")
-        return recipes.render_frames(missing), _show_eia_of(scene.name)
+        return recipes.render_animation(recipes.animation_recipe(scene)), _end_animation_of(scene.name)
 
 
 class LFSR_OT_render_reference(TaskOperator, bpy.types.Operator):
@@ -112,6 +107,16 @@ def _show_eia_of(scene_name: str) -> Callable[[Path], None]:
             preview.load(scene, views)
         panel = folder / PANEL_FILE
         show_image.open_file(panel if panel.is_file() else folder / EIA_FILE)
+    return finish
+
+
+def _end_animation_of(scene_name: str) -> Callable[[tuple[Path, str]], None]:
+    show = _show_eia_of(scene_name)
+
+    def finish(result: tuple[Path, str]) -> None:
+        folder, sentence = result
+        show(folder)
+        session.tell(sentence, "INFO")
     return finish
 
 

@@ -20,6 +20,8 @@ const JOB_TYPE = {
         { key: "seed", type: "int32", default: 0, propargs: { min: 0 } },
         { key: "device", type: "string", default: "auto", description: "auto, CPU, OPTIX, CUDA, HIP, ONEAPI or METAL" },
         { key: "method", type: "string", default: "oidn-both+refine+epi", description: "How the other views are made" },
+        { key: "linear", type: "string", default: "--no-linear-exr", choices: ["--no-linear-exr", "--linear-exr"],
+          description: "Whether the image before the view transform is written too" },
         { key: "lfsr", type: "string", default: "lfsr", visible: "submission",
           description: "The command, where it is not on the workers' path" },
         { key: "blendfile", type: "string", required: true, visible: "web",
@@ -33,7 +35,8 @@ function compileJob(job) {
         const merge = lfsrTask(job.settings, `merge-${frame}`,
             ["merge", partsFolder(job.settings, frame), "--output", job.settings.output, "--numbered"]);
         const finish = lfsrTask(job.settings, `finish-${frame}`,
-            ["upscale", job.settings.output, "--frame", frame, "--method", job.settings.method]);
+            ["upscale", job.settings.output, "--frame", frame, "--method", job.settings.method,
+                job.settings.linear]);
         for (const render of renders) {
             merge.addDependency(render);
             job.addTask(render);

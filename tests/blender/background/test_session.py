@@ -23,7 +23,7 @@ def scene(tmp_path):
 @pytest.mark.parametrize("stage", ["Rendering", "Upscaling"])
 def test_cancel_is_quick_and_leaves_nothing(scene, tmp_path, stage):
     before = panel.snapshot(scene)
-    steps = recipes.render_frames([recipes.frame_recipe(scene)])
+    steps = recipes.render_frame(recipes.frame_recipe(scene))
     task = session.start("Render EIA", steps, lambda _: pytest.fail("it finished"))
     panel.wait_for(lambda: task.stage.startswith(stage))
     started = time.perf_counter()
@@ -38,7 +38,7 @@ def test_cancel_is_quick_and_leaves_nothing(scene, tmp_path, stage):
 
 def test_a_worker_that_dies_is_reported(scene, tmp_path):
     before = panel.snapshot(scene)
-    task = session.start("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]), print)
+    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
     os.killpg(task.worker.pid, signal.SIGKILL)
     panel.wait_for(lambda: session.current() is None)
     message = bpy.context.window_manager.lfsr.message
@@ -48,7 +48,7 @@ def test_a_worker_that_dies_is_reported(scene, tmp_path):
 
 
 def test_progress_and_time_left(scene):
-    task = session.start("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]), print)
+    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
     task._take({"stage": "render", "fraction": 0.5})
     task._started -= 10
     assert task.fraction == pytest.approx(0.5 * recipes.RENDER_SHARE)

@@ -126,12 +126,12 @@ def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, m
         scene = panel.artist_scene(tmp_path)
         scene.lfsr.samples = 800
         folder = recipes.frame_recipe(scene).folder
-        session.start("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]), print)
+        session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
         panel.wait_for(lambda: len(parts(folder)) >= 2)
         task = session.cancel()
         assert f"remove {folder.with_name(f'.{folder.name}-parts')} to be rid of it" in task.kept
         done = written(folder)
-        task = session.start("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]), print)
+        task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
         seen, fractions = {}, []
 
         def ended():

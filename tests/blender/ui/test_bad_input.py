@@ -132,12 +132,12 @@ def test_missing_texture(scene, tmp_path):
     check.refresh(scene)
     line = next(line for line in bpy.context.window_manager.lfsr.problems if line.code == "texture")
     assert line.target == "gone.png" and line.severity == "ERROR" and "magenta" in line.reason
-    task = session.run("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]))
+    task = session.run("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)))
     assert [warning for warning in task.warnings if "gone.png" in warning]
 
 
 def test_render_already_running(scene, monkeypatch):
-    task = session.start("Render EIA", recipes.render_frames([recipes.frame_recipe(scene)]), print)
+    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
     for operator in (bpy.ops.lfsr.render_eia, bpy.ops.lfsr.render_animation, bpy.ops.lfsr.render_reference,
                      bpy.ops.lfsr.preview_view):
         with pytest.raises(RuntimeError, match="Render EIA is still running: wait for it or cancel it"):
@@ -191,7 +191,7 @@ def test_second_stage_that_cannot_run_the_method_is_an_error_before_the_render(s
     monkeypatch.setattr(recipes, "render_step", lambda *_: pytest.fail("it renders"))
     recipe = dataclasses.replace(recipes.frame_recipe(scene), method="oidn+fsrcnn+epi")
     with pytest.raises(LfsrError, match="'epi' cannot follow 'fsrcnn'"):
-        session.run("Render EIA", recipes.render_frames([recipe]))
+        session.run("Render EIA", recipes.render_frame(recipe))
 
 
 def test_colours_that_the_image_could_not_show_are_an_error_before_the_render(scene, monkeypatch):

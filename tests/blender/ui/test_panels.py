@@ -59,6 +59,7 @@ def test_with_an_array(scene):
     assert {"distance", "spacing", "show_frustum"} <= properties(drawn["Camera Array"])
     assert {"quality", "samples", "method", "output"} <= properties(drawn["Quality"])
     assert {"lfsr.render_eia", "lfsr.render_animation"} <= operators(drawn["Render"])
+    assert ("menu", {"menu": "LFSR_MT_submit"}) in drawn["Render"]
     assert {"eye_right", "eye_up"} <= properties(drawn["Preview"])
     assert operators(drawn["View and Export"]) == {"lfsr.open_viewer"}
     assert operators(drawn["Reference"]) == {"lfsr.render_reference"}
@@ -92,12 +93,12 @@ def test_with_problems_of_every_kind(scene):
 
 
 def test_while_a_task_runs(scene, monkeypatch):
-    task = SimpleNamespace(stage="Rendering", fraction=0.42, seconds_left=31.4)
+    task = SimpleNamespace(stage="Rendering", fraction=0.42, seconds_left=31.4, message="frame 3, 2 of 5")
     monkeypatch.setattr(session, "_current", task)
     drawn = draw_all()["Render"]
     assert "lfsr.cancel" in operators(drawn)
     texts = [named.get("text") for name, named in drawn if name in {"progress", "label"}]
-    assert "Rendering 42%, 0:31 left" in texts
+    assert "Rendering 42%, 0:31 left" in texts and "frame 3, 2 of 5" in texts
     header = SimpleNamespace(layout=RecordingLayout())
     session.draw_status(header, bpy.context)
     assert "lfsr.cancel" in operators(header.layout.drawn)

@@ -99,20 +99,28 @@ def test_another_file_does_not_show_the_old_ones_views(opened, rendered):
     assert not preview.is_loaded(bpy.context.scene)
 
 
-def test_animation_skips_complete_frames(opened, rendered):
-    folder = frame_one(rendered)
-    untouched = (folder / "eia.png").stat().st_mtime_ns
-    opened.frame_start, opened.frame_end = 1, 2
-    assert len(recipes.animation_recipes(opened)[0]) == 1
+def stamps(folder: Path) -> dict[str, int]:
+    return {path.parent.name: path.stat().st_mtime_ns for path in folder.glob("*/lr_eia.exr")}
+
+
+def test_animation_makes_what_is_missing(opened, rendered, capfd):
+    film = frame_one(rendered).parent
+    opened.frame_start, opened.frame_end = 1, 3
     assert bpy.ops.lfsr.render_animation() == {"FINISHED"}
-    assert (folder / "eia.png").stat().st_mtime_ns == untouched
-    assert read_frame(folder.with_name("0002")).frame == 2
-    assert recipes.animation_recipes(opened) == ([], 2)
+    said = capfd.readouterr().out
+    assert "3 frames: 2 made, 1 kept, 0 failed" in said and "      1  kept " in said
+    # The button sets the range in the copy that it renders, which is not the file of frame 1.
+    assert "kept 1, beginning with frame 1, were rendered before this file was changed" in said
+    assert [read_frame(film / name).frame for name in ("0001", "0002", "0003")] == [1, 2, 3]
+    assert recipes.is_decoded(film / "0003") and preview.is_loaded(opened)
+
+    before = stamps(film)
+    (film / "0002" / "eia.png").unlink()
+    (film / "0003" / "lr_eia.exr").write_bytes((film / "0003" / "lr_eia.exr").read_bytes()[:-9])
     assert bpy.ops.lfsr.render_animation() == {"FINISHED"}
-    opened.lfsr.samples = 3
-    assert len(recipes.animation_recipes(opened)[0]) == 2
-    opened.lfsr.samples, opened.lfsr.use_overwrite = 1, True
-    assert len(recipes.animation_recipes(opened)[0]) == 2
+    after = stamps(film)
+    assert {name for name in before if before[name] != after[name]} == {"0003"}
+    assert (film / "0002" / "eia.png").is_file() and "3 frames: 2 made, 1 kept" in capfd.readouterr().out
 
 
 def test_reference_and_ssim(opened, rendered):

@@ -1,0 +1,45 @@
+"""Finished frame folders of a sequence: found, put in order, and checked to be of one display."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, Frame
+from lfsr_core.optics.display import DisplayProfile
+
+
+def is_sequence(folder: str | Path) -> bool:
+    """True if ``folder`` is no frame folder itself but there."""
+    return Path(folder).is_dir() and not (Path(folder) / FRAME_FILE).is_file()
+
+
+def frame_folders(folder: str | Path) -> list[Path]:
+    """``folder`` if it holds a frame, else the finished frame folders in it, by number; LfsrError where none is."""
+    folder = Path(folder)
+    if not is_sequence(folder):
+        return [folder]
+    found = [path.parent for path in folder.glob(f"*/{FRAME_FILE}") if (path.parent / EIA_FILE).is_file()]
+    if not found:
+        raise LfsrError(f"{folder} is no frame folder and holds none with an {EIA_FILE}: give one that `lfsr render` "
+                        "made")
+    return sorted(found, key=_place)
+
+
+def one_display(frames: Mapping[Path, Frame]) -> DisplayProfile:
+    """The display of ``frames`` by their folders; LfsrError where they are of several."""
+    (first, frame), *others = frames.items()
+    for folder, other in others:
+        if other.display != frame.display:
+            raise LfsrError(f"{folder} is for display {other.display.name!r} and {first} for {frame.display.name!r}, "
+                            "but frames are shown together on one: give frames of one display")
+    return frame.display
+
+
+def _place(folder: Path) -> tuple[bool, int, str]:
+    """Numbers by their value, before names."""
+    try:
+        return False, int(folder.name), ""
+    except ValueError:
+        return True, 0, folder.name
