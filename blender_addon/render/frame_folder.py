@@ -5,20 +5,22 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import bpy
 
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, Frame, write_frame
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, WORLD_FILE, Frame, write_frame
 from lfsr_core.frames.job import Job
+from lfsr_core.frames.world import finished_layout
 from lfsr_core.optics.lens_rows import pixel_rows
+from lfsr_core.optics.world_view import WorldPicture
 from lfsr_core.render.parts import ImageParts, Part, remove_others
 
 from ..array import placement
 from ..scene.light import has_light, is_certain, is_meant, lit
 from ..scene.subject import find_subject, has_background_meshes
-from . import animation, devices, passes
+from . import animation, devices, passes, world
 from .arrival import is_dark
 from .color import color_settings
 from .cycles import RenderSettings, Shot, render_encoded
@@ -51,7 +53,11 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
     opened = opened or Opened()
     with prepared(scene, job, warn) as frame:
         keep = _keeping(scene, job, frame, opened, warn)
-        seconds = {"open": opened.seconds, "render": _render(scene, job, frame, keep, progress)}
+        seconds = {"open": opened.seconds}
+        if frame.world_apart:
+            seconds["world"] = _render_world(scene, job, frame)
+        with world.white_to_camera(scene) if frame.world_apart else nullcontext():
+            seconds["render"] = _render(scene, job, frame, keep, progress)
     seconds = {name: round(value, 3) for name, value in seconds.items()}
     write_frame(job.output, dataclasses.replace(frame, content=opened.content, seconds=seconds))
     return Path(job.output)
@@ -65,7 +71,8 @@ def prepared(scene: bpy.types.Scene, job: Job, warn: Callable[[str], None] = pri
         with animation.resting(scene), passes.pass_indices(subject):
             own_light = _has_own_light(scene, job, subject, warn)
             with lit(scene, own_light):
-                yield describe(scene, job, subject, own_light)
+                frame = describe(scene, job, subject, own_light)
+                yield dataclasses.replace(frame, world_apart=_world_apart(scene, frame, job, warn))
 
 
 def _has_own_light(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object],
@@ -135,6 +142,23 @@ def _world_visible(scene: bpy.types.Scene, job: Job, own_light: bool) -> bool:
     if job.world_visible is not None:
         return job.world_visible and scene.world is not None
     return own_light and scene.world is not None and not scene.render.film_transparent
+
+
+def _world_apart(scene: bpy.types.Scene, frame: Frame, job: Job, warn: Callable[[str], None]) -> bool:
+    """True if the visible world is rendered alone; ``warn`` where it cannot be."""
+    if not frame.world_visible or job.kind != "render" or frame.scale == 1:
+        return False
+    reason = world.reason_against(scene)
+    if reason:
+        warn(f"{reason}, so that the world is rendered with the subject and comes out less sharp")
+    return not reason
+
+
+def _render_world(scene: bpy.types.Scene, job: Job, frame: Frame) -> float:
+    """What the views see of the world alone; seconds."""
+    settings = RenderSettings(world.SAMPLES, frame.seed, device=job.device)
+    picture = WorldPicture.of(finished_layout(frame))
+    return world.render_world(scene, picture, frame.matrix_world, settings, Path(job.output, WORLD_FILE))
 
 
 def _images(job: Job, frame: Frame) -> list[tuple[str, RenderSettings]]:

@@ -24,6 +24,7 @@ FRAME_FILE, REPORT_FILE = "frame.json", "report.json"
 VIEWER_FILE = "view.html"
 LOW_RES_FILE, MASK_FILE, EIA_FILE, EIA_LINEAR_FILE = "lr_eia.exr", "mask.png", "eia.png", "eia.exr"
 PANEL_FILE = "panel.png"
+WORLD_FILE = "world.exr"
 REFERENCE_FILES = ("reference_a.exr", "reference_b.exr")
 Clip = tuple[float, float]
 
@@ -49,6 +50,7 @@ class Frame:
     clip: Clip | None = None  # depths from the camera plane between which things are seen, None for all
     layers: tuple[str, ...] = ()  # auxiliary layers in the EXR
     world_visible: bool = False  # whether the world shows behind the subject
+    world_apart: bool = False  # whether it lies in a file of its own, see optics.world_view
     color: ColorSettings = dataclasses.field(default_factory=ColorSettings)  # how Blender would show the scene
     # scene, subject: names of the file and of the foreground's collection
     scene: str = ""

@@ -10,6 +10,7 @@ import numpy as np
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame
 from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.optics.world_view import WorldView
 
 RENDERED_LAYERS = ("albedo", "normal", "position")
 LAYERS = (*RENDERED_LAYERS, "denoised", "noisy", "guided")
@@ -22,7 +23,7 @@ class LowResEIA:
     Low view k' covers high views s·k' … s·k' + s - 1.
     """
 
-    color: np.ndarray  # scene-linear RGB over the background, finite, >= 0
+    color: np.ndarray  # scene-linear RGB over the background, or before a ``world`` premultiplied; finite, >= 0
     alpha: np.ndarray  # coverage in [0, 1], C = 1
     samples: int  # per pixel, the noise level
     scale: int  # s, high-resolution views per low-resolution view along each axis with parallax
@@ -34,6 +35,11 @@ class LowResEIA:
     noisy: np.ndarray | None = None  # colour as rendered, where a denoiser has changed ``color``
     guided: np.ndarray | None = None  # colour denoised by the guides, beside ``color`` denoised without
     parallax: tuple[bool, bool] = (True, True)  # axes, (horizontal, vertical), along which the display's views differ
+    # A world that is put behind the finished elemental images: what it hides of it (C = 3, in [0, 1]), which lens of
+    # the display each is (sy, sx, 2), row and column, and what those see.
+    opacity: np.ndarray | None = None
+    places: np.ndarray | None = None
+    world: WorldView | None = None
 
     @property
     def layers(self) -> dict[str, np.ndarray]:
@@ -59,6 +65,8 @@ class LowResEIA:
     def each(self, change: Callable[[np.ndarray], np.ndarray]) -> LowResEIA:
         """The same with every array changed in the same way, as by picking lenses."""
         arrays = {"color": self.color, "alpha": self.alpha, **self.layers}
+        if self.world is not None:
+            arrays |= {"opacity": self.opacity, "places": self.places}
         return dataclasses.replace(self, **{name: change(array) for name, array in arrays.items()})
 
 
@@ -66,9 +74,11 @@ def over_background(layers: Mapping[str, np.ndarray], frame: Frame) -> np.ndarra
     """Opaque scene-linear colour (H, W, 3) >= 0 of a render: over the world where visible, else the display's colour.
 
     Cycles has already weighted the environment layer by what shows of it, so it
-    is added as it is. LfsrError where that layer should be there and is not.
+    is added as it is. A world apart is not there yet. LfsrError where that layer should be there and is not.
     """
     color = layers["color"]
+    if frame.world_apart:
+        return np.maximum(color[..., :3], 0)
     if frame.world_visible:
         if "environment" not in layers:
             raise LfsrError("frame.json says that the world is visible, but the EXR has no environment layer: "
@@ -80,8 +90,11 @@ def over_background(layers: Mapping[str, np.ndarray], frame: Frame) -> np.ndarra
     return np.maximum(color[..., :3] + (1 - np.clip(color[..., 3:], 0, 1)) * background, 0)
 
 
-def low_resolution(layers: Mapping[str, np.ndarray], frame: Frame) -> LowResEIA:
-    """What a method sees, from the layers of lr_eia.exr; LfsrError where their size is not the frame's."""
+def low_resolution(layers: Mapping[str, np.ndarray], frame: Frame, world: WorldView | None = None) -> LowResEIA:
+    """What a method sees, from the layers of lr_eia.exr; LfsrError where their size is not the frame's.
+
+    ``world``: what ``frames.world.read_world`` has found beside them.
+    """
     width, height = frame.rays.size
     shape = layers["color"].shape
     if shape[:2] != (height, width):
@@ -93,5 +106,10 @@ def low_resolution(layers: Mapping[str, np.ndarray], frame: Frame) -> LowResEIA:
     if "denoised" in layers:
         alpha = layers["color"][..., 3:]
         images["denoised"] = over_background({**layers, "color": np.concatenate([layers["denoised"], alpha], 2)}, frame)
+    if world is not None:
+        images["opacity"] = 1 - np.clip(layers["environment"], 0, 1)
+        if "albedo" in images:  # Cycles adds the light of the world, which is white then
+            images["albedo"] = np.maximum(images["albedo"] - layers["environment"], 0)
     tiles = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
-    return LowResEIA(**tiles, samples=frame.samples, scale=frame.scale, parallax=frame.display.parallax)
+    return LowResEIA(**tiles, samples=frame.samples, scale=frame.scale, parallax=frame.display.parallax, world=world,
+                     places=None if world is None else frame.rays.shown_lenses)

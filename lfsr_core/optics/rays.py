@@ -87,6 +87,13 @@ class RayLayout:
         return across, math.ceil(len(self.lens_list) / across)
 
     @property
+    def shown_lenses(self) -> np.ndarray:
+        """Row and column on the display of the lens that each tile shows, (rows, columns, 2)."""
+        across, down = self.tiles
+        columns, rows = _lens_of_tile(self, *np.meshgrid(np.arange(across), np.arange(down)))
+        return np.stack([rows, columns], -1)
+
+    @property
     def size(self) -> tuple[int, int]:
         """Rendered image size in pixels, (width, height)."""
         return self.tiles[0] * self.views[0], self.tiles[1] * self.views[1]

@@ -15,6 +15,7 @@ from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.frames.reference import listed_images, read_half
+from lfsr_core.frames.world import read_world
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
@@ -168,7 +169,8 @@ def _sampled(folder: Path, mosaic: Mosaic) -> tuple[LowResEIA, np.ndarray]:
     """The mosaic of a rendered list of lenses and which of its centres are foreground there."""
     frame = read_frame(folder)
     layers, _ = clean(read_layers(folder / LOW_RES_FILE))
-    return mosaic.of_render(low_resolution(layers, frame)), mosaic.of_mask(foreground_mask(layers, frame.rays.tiles))
+    low = low_resolution(layers, frame, read_world(folder, frame))
+    return mosaic.of_render(low), mosaic.of_mask(foreground_mask(layers, frame.rays.tiles))
 
 
 def _mean_ssim(images: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> np.ndarray:

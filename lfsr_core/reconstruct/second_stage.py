@@ -21,6 +21,7 @@ from lfsr_core.frames.frame import (
 )
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.frames.report import Report, write_report
+from lfsr_core.frames.world import read_world
 from lfsr_core.images.exposure import extreme
 from lfsr_core.images.exr import HALF_MAX, clean, read_layers, write_layers
 from lfsr_core.images.png import write_mask, write_png
@@ -35,6 +36,7 @@ from lfsr_core.reconstruct.clock import StageClock, peak_bytes
 from lfsr_core.reconstruct.contract import Upscaler
 from lfsr_core.reconstruct.method_name import PLAIN_METHOD, MethodName
 from lfsr_core.reconstruct.registry import Method
+from lfsr_core.reconstruct.world import BeforeWorld, prepared
 
 FILL_METHOD = PLAIN_METHOD
 MOST_JUDGED = 200  # elemental images that say whether the picture is black
@@ -141,11 +143,11 @@ def finished_lenses(low: LowResEIA, mask: np.ndarray, method: Method, lenses: np
     -------
     (n, py, px, 3) float32, scene-linear
     """
-    prepared = method.prepare(low)
+    ready = prepared(low, method)
     images = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
     for wanted, upscaler in ((mask, method.upscaler), (~mask, _filler(method, low.scale))):
         if wanted.any():
-            images[wanted] = upscaler(prepared, lenses[wanted])
+            images[wanted] = BeforeWorld(upscaler)(ready, lenses[wanted])
     return images
 
 
@@ -185,15 +187,16 @@ def _prepare(run: _Run) -> tuple[Assembly, int]:
     progress("load", 0.0, LOW_RES_FILE)
     with clock("load"):
         layers, replaced = clean(read_layers(run.folder / LOW_RES_FILE))
-        low = low_resolution(layers, frame)
+        low = low_resolution(layers, frame, read_world(run.folder, frame))
     with clock("mask"):
         mask = foreground_mask(layers, frame.rays.tiles, run.options.dilate)
         mask = mask if run.options.selection else np.ones_like(mask)
         fill = ~mask & (low.alpha.any(axis=(2, 3, 4)) | frame.world_visible)
     progress("upscale", 0.0, "+".join(run.method.name.prefilters))
     with clock("upscale"):
-        low = run.method.prepare(low)
-    return Assembly(low, mask, fill, run.method.upscaler, _filler(run.method, frame.scale)), replaced
+        low = prepared(low, run.method)
+    upscalers = (BeforeWorld(upscaler) for upscaler in (run.method.upscaler, _filler(run.method, frame.scale)))
+    return Assembly(low, mask, fill, *upscalers), replaced
 
 
 def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[np.ndarray, np.ndarray | None]:

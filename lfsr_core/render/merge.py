@@ -16,7 +16,7 @@ import numpy as np
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
-from lfsr_core.frames.frame import FRAME_FILE, REFERENCE_FILES, Frame, read_part, write_frame
+from lfsr_core.frames.frame import FRAME_FILE, REFERENCE_FILES, WORLD_FILE, Frame, read_part, write_frame
 from lfsr_core.images import exr
 from lfsr_core.optics.lens_rows import check_cover, pixel_rows, shown
 from lfsr_core.progress import Progress, silent
@@ -150,6 +150,8 @@ def _write(found: list[_Found], fill: Fill, output: Path, frame: Frame, progress
         for number, name in enumerate(names):
             progress("merge", number / len(names), name)
             fill(found, name, staged / name)
+        if frame.world_apart:
+            exr.write_layers(staged / WORLD_FILE, exr.read_layers(found[0].folder / WORLD_FILE))
         write_frame(staged, frame)
         publish(staged, output, DERIVED_FILES)
     progress("merge", 1.0, "")

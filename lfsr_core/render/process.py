@@ -31,7 +31,7 @@ LINES_IN_MESSAGE, MOST_LAST_WORDS = 3, 120
 RENDERED_FILES = {"render": (frame.LOW_RES_FILE,), "reference": frame.REFERENCE_FILES}
 # Made from an older render of the same folder, so they would no longer match it.
 DERIVED_FILES = (frame.EIA_FILE, frame.EIA_LINEAR_FILE, frame.PANEL_FILE, frame.MASK_FILE, frame.REPORT_FILE,
-                 frame.VIEWER_FILE, LOG_FILE)
+                 frame.VIEWER_FILE, frame.WORLD_FILE, LOG_FILE)
 Warn = Callable[[str], None]
 
 

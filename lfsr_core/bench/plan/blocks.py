@@ -17,6 +17,7 @@ import numpy as np
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.frames.reference import Reference, check_reference
+from lfsr_core.frames.world import read_world
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
@@ -35,7 +36,7 @@ def differences(folder: Path, reference: Path, name: str) -> Iterator[tuple[int,
     known = Reference.read(reference)
     lenses = [(int(row), int(column)) for row, column in known.lenses[known.foreground]]
     halves = [half[known.foreground] for half in known.elemental_images()]
-    low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame)
+    low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame, read_world(folder, frame))
     whole = to_elemental_images(finished_linear(folder, name), frame.display.lenses)[tuple(np.array(lenses).T)]
     usual = _ssim(whole, halves)
     for reach in REACHES:
