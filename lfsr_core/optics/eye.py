@@ -46,19 +46,28 @@ def see(eia: np.ndarray, profile: DisplayProfile, eye_mm: tuple[float, float, fl
     ------
     LfsrError : for an eye behind the lenses or an image that is not the profile's
     """
-    columns, rows = profile.panel_pixels
-    if eia.shape[:2] != (rows, columns):
-        raise LfsrError(f"the EIA has {eia.shape[1]}×{eia.shape[0]} pixels, but display {profile.name!r} has "
-                        f"{columns}×{rows}: upscale the folder again")
-    if eye_mm[2] <= 0:
-        raise LfsrError(f"the eye is at z = {eye_mm[2]} mm, but it must be in front of the display, above 0")
+    check_sight(eia, profile, eye_mm)
     if profile.ei_order == "direct":
         # The driver of such a display reverses each EI before the panel shows it.
         eia = flip_order(eia, profile.lenses)
-    column, row = _seen_pixel(profile, eye_mm, 0), rows - 1 - _seen_pixel(profile, eye_mm, 1)[::-1]
-    seen = _pixels_or_black(eia, row, column)
-    times = max(1, width // profile.lenses[0])
-    return seen.repeat(times, axis=0).repeat(times, axis=1)
+    column, row = _seen_pixel(profile, eye_mm, 0), len(eia) - 1 - _seen_pixel(profile, eye_mm, 1)[::-1]
+    return enlarged(_pixels_or_black(eia, row, column), width)
+
+
+def check_sight(image: np.ndarray, profile: DisplayProfile, eye_mm: tuple[float, float, float]) -> None:
+    """LfsrError unless ``image`` (H, W, C) has the panel's size and the eye is in front of the lenses."""
+    columns, rows = profile.panel_pixels
+    if image.shape[:2] != (rows, columns):
+        raise LfsrError(f"the panel's image has {image.shape[1]}×{image.shape[0]} pixels, but display "
+                        f"{profile.name!r} has {columns}×{rows}: upscale the folder again")
+    if eye_mm[2] <= 0:
+        raise LfsrError(f"the eye is at z = {eye_mm[2]} mm, but it must be in front of the display, above 0")
+
+
+def enlarged(picture: np.ndarray, width: int) -> np.ndarray:
+    """A picture (rows, columns, C) with each pixel as many times as fit into ``width``, at least once."""
+    times = max(1, width // picture.shape[1])
+    return picture.repeat(times, axis=0).repeat(times, axis=1)
 
 
 def _seen_pixel(profile: DisplayProfile, eye_mm: tuple[float, float, float], axis: int) -> np.ndarray:

@@ -13,15 +13,14 @@ import math
 
 import numpy as np
 
-from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.eye import DEFAULT_WIDTH, check_sight, enlarged
 from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_places
 from lfsr_core.optics.sheet import Subpixels
 
 SAMPLES = 24  # rays per pixel of the result
 # Bases of the generalised golden ratio in four dimensions: points that fill the unit cube evenly.
 GOLDEN = np.array([0.8566748838545029, 0.733891856627126, 0.6287067210378087, 0.5385972572236101])
-DEFAULT_WIDTH = 960
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,12 +52,7 @@ def see_panel(panel: np.ndarray, profile: DisplayProfile, eye_mm: tuple[float, f
     ------
     LfsrError : for an eye behind the lenses or an image that is not the profile's
     """
-    across, down = profile.panel_pixels
-    if panel.shape[:2] != (down, across):
-        raise LfsrError(f"the panel's image has {panel.shape[1]}×{panel.shape[0]} pixels, but display "
-                        f"{profile.name!r} has {across}×{down}: upscale the folder again")
-    if eye_mm[2] <= 0:
-        raise LfsrError(f"the eye is at z = {eye_mm[2]} mm, but it must be in front of the display, above 0")
+    check_sight(panel, profile, eye_mm)
     columns, rows = _result_size(profile)
     light, count = np.zeros((rows, columns, 3)), np.zeros((rows, columns, 3))
     for sample in range(SAMPLES):
@@ -68,9 +62,7 @@ def see_panel(panel: np.ndarray, profile: DisplayProfile, eye_mm: tuple[float, f
         shown = (seen.channel[..., None] == np.arange(3)) | (seen.channel[..., None] < 0)
         light += values * shown
         count += shown
-    times = max(1, width // columns)
-    image = np.rint(_filled(light) / np.maximum(_filled(count), 1e-12)).astype(np.uint8)
-    return image.repeat(times, axis=0).repeat(times, axis=1)
+    return enlarged(np.rint(_filled(light) / np.maximum(_filled(count), 1e-12)).astype(np.uint8), width)
 
 
 def trace(profile: DisplayProfile, eye_mm: tuple[float, float, float], x: np.ndarray, y: np.ndarray,
