@@ -52,8 +52,8 @@ def test_tasks_run_in_the_order_of_their_dependencies(tmp_path):
     (tmp_path / "scene.glb").touch()
     output = tmp_path / "film"
     tasks = compiled(tmp_path, frames="2, 7-8", parts=2, output=str(output), blendfile=str(tmp_path / "scene.glb"),
-                     method="bicubic", lfsr=str(lfsr(tmp_path)), display="mini", scale=2, samples=4, seed=0, linear="--no-linear-exr",
-                     device="CPU")["tasks"]
+                     method="bicubic", lfsr=str(lfsr(tmp_path)), display="mini", scale=2, samples=4, seed=0,
+                     linear="--no-linear-exr", device="CPU")["tasks"]
     assert len(tasks) == 3 * (2 + 1 + 1)
     done: set[str] = set()
     # Only the first frame's: each task starts a Python of its own.
