@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import io
 import os
 import select
@@ -32,6 +33,7 @@ from lfsr_core.commands import (
 )
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import check_name, system_errors
+from lfsr_core.progress import is_openjd, tell_openjd
 
 # A verb is a module with NAME, HELP, add_arguments(parser) and run(args); it imports what is slow inside run.
 VERBS = (displays, render, merge, upscale, view, export, import_views, views, farm, plan, reference, compare, chart,
@@ -56,6 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
     except LfsrError as error:
         print(f"lfsr {arguments.verb}: {error}", file=sys.stderr)
+        _tell_farm(f"lfsr {arguments.verb}: {error}")
         _drop_output()
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
@@ -90,6 +93,13 @@ def _check_output() -> None:
         poll.register(output, 0)
         if any(event & select.POLLERR for _, event in poll.poll(0)):
             raise LfsrError("whoever read standard output has ended: send it to a file or a terminal")
+
+
+def _tell_farm(sentence: str) -> None:
+    """Show why a task failed where a farm runs it."""
+    if is_openjd():
+        with contextlib.suppress(OSError):
+            tell_openjd(fail=sentence)
 
 
 def _drop_output() -> None:

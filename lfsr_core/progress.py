@@ -1,7 +1,11 @@
-"""Progress on standard error: one moving bar on a terminal, plain lines elsewhere."""
+"""Progress on standard error: one moving bar on a terminal, plain lines elsewhere.
+
+Inside a task of Open Job Description, on standard output in the words that its workers listen for.
+"""
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -9,6 +13,7 @@ from typing import TextIO
 
 BAR_WIDTH = 30
 SECONDS_BETWEEN_LINES = 5.0
+PROGRESS_VARIABLE, OPENJD = "LFSR_PROGRESS", "openjd"  # environment variable, set by our OpenJD template
 
 
 class ProgressBar:
@@ -17,16 +22,24 @@ class ProgressBar:
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = stream or sys.stderr
         self._moving = self._stream.isatty()
-        self._stage, self._shown_at = "", 0.0
+        self._stage, self._shown_at, self._most = "", 0.0, 0.0
 
     def __call__(self, stage: str, fraction: float = 0.0, message: str = "") -> None:
         """Show one state; a new stage, the end, or time since the last line prints a plain line."""
         if self._moving:
             self._draw(stage, fraction, message)
         elif self._worth_a_line(stage, fraction):
-            print(f"{stage:10} {fraction:4.0%}  {message}".rstrip(), file=self._stream, flush=True)
+            if is_openjd():
+                self._tell_openjd(stage, fraction, message)
+            else:
+                print(f"{stage:10} {fraction:4.0%}  {message}".rstrip(), file=self._stream, flush=True)
             self._shown_at = time.monotonic()
         self._stage = stage
+
+    def _tell_openjd(self, stage: str, fraction: float, message: str) -> None:
+        """A farm shows one number for the whole task: it never goes back where a new stage begins."""
+        self._most = max(self._most, min(fraction, 1.0))
+        tell_openjd(progress=f"{100 * self._most:.1f}", status=f"{stage} {message}")
 
     def _worth_a_line(self, stage: str, fraction: float) -> bool:
         return stage != self._stage or fraction >= 1 or time.monotonic() - self._shown_at >= SECONDS_BETWEEN_LINES
@@ -48,6 +61,17 @@ class ProgressBar:
         if self._moving and self._stage:
             print(file=self._stream)
         self._stage = ""
+
+
+def is_openjd() -> bool:
+    """True inside a task of our OpenJD template."""
+    return os.environ.get(PROGRESS_VARIABLE) == OPENJD
+
+
+def tell_openjd(**messages: str) -> None:
+    """Print messages of Open Job Description by their kind: ``progress`` (0 to 100), ``status``, ``fail``."""
+    for kind, message in messages.items():
+        print(f"openjd_{kind}: {' '.join(message.split())}", flush=True)
 
 
 Progress = Callable[[str, float, str], None]

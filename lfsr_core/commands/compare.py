@@ -6,8 +6,6 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.metrics.compare import compare_folders
-
 NAME = "compare"
 HELP = "measure a finished frame against a reference; into report.json and as a table"
 
@@ -36,6 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Compare and print."""
+    from lfsr_core.metrics.compare import compare_folders
+
     print("\n".join(table(compare_folders(arguments.folder, arguments.reference))))
 
 

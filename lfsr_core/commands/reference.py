@@ -5,17 +5,24 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+import os
 import sys
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfsr_core.commands.arguments import add_rows_argument, add_scene_arguments, make_job, render
+from lfsr_core.commands.cluster_arguments import add_cluster_arguments, chosen_cluster
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.lens_sampling import check_count, choose_lenses
+from lfsr_core.progress import ProgressBar
+
+if TYPE_CHECKING:
+    from lfsr_core.sequence.cluster import Cluster
 
 NAME = "reference"
 HELP = "render the high-resolution reference as two independent halves"
@@ -29,19 +36,51 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--lenses", type=int, metavar="N",
                         help="only N random lenses, spread over the foreground; default: all")
     add_rows_argument(parser)
+    add_cluster_arguments(parser)
+    parser.add_argument("--split", choices=("rows", "samples"),
+                        help="workers share rows of lenses, or samples; default: rows, with --lenses samples")
+    parser.add_argument("--shares", type=int, metavar="N", help="into how many, default: two per worker")
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Choose lenses if asked to, then render them at full resolution, unclamped."""
     job = make_job(arguments, kind="reference", scale=1, clamp_indirect=0.0)
+    cluster = chosen_cluster(arguments)
+    _check_split(arguments, cluster)
     if arguments.lenses is not None and job.rows is not None:
         raise LfsrError(f"--lenses {arguments.lenses} and --rows {arguments.rows} were both given: leave out one")
     if arguments.lenses is not None:
         check_count(arguments.lenses, math.prod(job.display.lenses))
         lens_list = choose_lenses(_quick_mask(arguments, job), arguments.lenses, arguments.seed)
         job = dataclasses.replace(job, lens_list=lens_list)
-    render(arguments, job)
+    if cluster is None:
+        render(arguments, job)
+    else:
+        _render_on(cluster, arguments, job)
     print(f"{arguments.output}: {_count(job)} lenses, two halves of {job.spp // 2} samples")
+
+
+def _check_split(arguments: argparse.Namespace, cluster: Cluster | None) -> None:
+    """LfsrError where options were given that do not go together."""
+    if cluster is None:
+        for name in ("split", "shares"):
+            if getattr(arguments, name) is not None:
+                raise LfsrError(f"--{name} was given without --workers or --cluster: say who renders the shares")
+    elif arguments.rows is not None:
+        raise LfsrError(f"--rows {arguments.rows} is a share already: leave it out, or --workers and --cluster")
+
+
+def _render_on(cluster: Cluster, arguments: argparse.Namespace, job: Job) -> None:
+    from lfsr_core.sequence.cluster_reference import ROWS, SAMPLES, Split, reference_on
+
+    # Workers have folders of their own to start from.
+    job = dataclasses.replace(job, output=os.path.abspath(job.output))
+    split = Split(arguments.split or (SAMPLES if job.lens_list else ROWS), arguments.shares)
+    bar = ProgressBar()
+    try:
+        reference_on(cluster, job, split, arguments.blender, bar)
+    finally:
+        bar.close()
 
 
 def _count(job: Job) -> int:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from lfsr_core.commands import upscale
 from lfsr_core.commands.arguments import add_rows_argument, add_scene_arguments, make_job, render
+from lfsr_core.commands.cluster_arguments import add_cluster_arguments, chosen_cluster
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import check_dilate
 from lfsr_core.frames.job import LAYERS, Job
@@ -19,12 +20,10 @@ from lfsr_core.progress import ProgressBar
 
 if TYPE_CHECKING:
     from lfsr_core.reconstruct.method_name import MethodName
-    from lfsr_core.sequence.cluster import Cluster
 
 NAME = "render"
 HELP = "render a scene's low-resolution EIA with Blender and upscale it to eia.png"
 DEFAULT_SAMPLES = 16
-MOST_WORKERS = 256
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,9 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="an animation: frames A to B, every Nth, or a list, each in a folder of DIR such as 0001; "
                              "those that are done are kept")
     parser.add_argument("--overwrite", action="store_true", help="with --frames, make frames that are done again too")
-    parser.add_argument("--workers", type=int, metavar="N", help="with --frames, on N workers of this machine")
-    parser.add_argument("--cluster", metavar="ADDRESS",
-                        help="with --frames, on the workers of this Dask scheduler, such as tcp://host:8786")
+    add_cluster_arguments(parser, "with --frames, ")
     upscale.add_method_arguments(parser)
 
 
@@ -65,13 +62,13 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) -> None:
-    from lfsr_core.sequence.cluster import render_on
+    from lfsr_core.sequence.cluster_shot import render_on
     from lfsr_core.sequence.engine import FAILED, Tools, render_shot
     from lfsr_core.sequence.numbers import parse_frames
     from lfsr_core.sequence.shot import SecondStage, shot_of
     from lfsr_core.sequence.summary import summary
 
-    cluster = _cluster(arguments)
+    cluster = chosen_cluster(arguments)
     # Workers have folders of their own to start from.
     job = dataclasses.replace(job, output=os.path.abspath(job.output))
     weights = os.path.abspath(arguments.weights) if arguments.weights else None
@@ -99,18 +96,6 @@ def _check_frames(arguments: argparse.Namespace) -> None:
             raise LfsrError(f"{name} was given without --frames: say which frames, as in --frames 1-48"
                             if arguments.frames is None else
                             f"--frames {arguments.frames} and {name} were both given: leave out one of them")
-
-
-def _cluster(arguments: argparse.Namespace) -> Cluster | None:
-    from lfsr_core.sequence.cluster import Cluster
-
-    if arguments.workers is not None and arguments.cluster is not None:
-        raise LfsrError(f"--workers {arguments.workers} and --cluster were both given: leave out one of them")
-    if arguments.workers is not None and not 1 <= arguments.workers <= MOST_WORKERS:
-        raise LfsrError(f"workers are {arguments.workers}, but they must be 1 to {MOST_WORKERS}")
-    if arguments.cluster is not None:
-        return Cluster(arguments.cluster)
-    return Cluster(workers=arguments.workers) if arguments.workers else None
 
 
 def _layers(text: str) -> tuple[str, ...]:

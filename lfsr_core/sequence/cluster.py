@@ -1,7 +1,6 @@
-"""A shot on several workers of Dask distributed, which hands out the work and does a dead worker's again.
+"""Work on several workers of Dask distributed, which hands it out and does a dead worker's again.
 
-A task is a few frames that follow each other, rendered and finished as ``engine.render_shot`` does it, or one part of a
-frame. Nothing is sent but jobs and results: scene and folders lie where every worker sees them.
+Nothing is sent but jobs and results: scene and folders lie where every worker sees them.
 """
 
 from __future__ import annotations
@@ -10,15 +9,12 @@ import contextlib
 import dataclasses
 import logging
 import secrets
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
-from lfsr_core.progress import Progress
-from lfsr_core.sequence.engine import Result, Tools, render_shot
-from lfsr_core.sequence.shot import DONE, Shot, state
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -62,76 +58,77 @@ class Cluster:
                             "`dask scheduler` and give its address, as tcp://host:8786") from None
 
 
-def render_on(cluster: Cluster, shot: Shot, tools: Tools) -> list[Result]:
-    """As ``engine.render_shot``, on a cluster.
+@dataclasses.dataclass(frozen=True)
+class Piece:
+    """What one task calls, on a worker; safe to be done again."""
+
+    name: str  # no other piece's
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Site:
+    """What every worker must see under the same path."""
+
+    output: Path  # the folder that they write into
+    scene: str
+
+
+def work_through(cluster: Cluster, site: Site, pieces: Callable[[int], Iterable[Piece]],
+                 took: Callable[[Any], None]) -> None:
+    """Let the workers of a cluster do some work.
+
+    Parameters
+    ----------
+    cluster : whose workers
+    site : what they must see
+    pieces : called with the number of workers; the work
+    took : called with the result of each piece as it comes
 
     Raises
     ------
-    LfsrError : where a worker does not see the scene or the folder, or with a task's own sentence
+    LfsrError : where a worker does not see the scene or the folder, or with a piece's own sentence
     """
-    with cluster.client() as client:
-        return _render(client, shot, tools)
-
-
-def _render(client: Client, shot: Shot, tools: Tools) -> list[Result]:
-    output = Path(shot.jobs[0].output).parent
-    quiet = Tools(tools.blender, chunk=tools.chunk, overwrite=tools.overwrite)
-    with _place(output) as place:
+    with cluster.client() as client, _place(site.output) as place:
         workers = client.scheduler_info(n_workers=-1)["workers"]
         if not workers:
             raise LfsrError("the scheduler has no workers: start some by `dask worker ADDRESS`")
-        _check_workers(client, place, shot.jobs[0].scene)
+        _check_workers(client, place, site.scene)
         uses = all(RESOURCE in worker.get("resources", {}) for worker in workers.values())
-        chunks = list(_chunks(shot, tools, len(workers)))
-        tasks = [client.submit(_work, chunk, quiet, str(place), key=f"lfsr-{chunk.jobs[0].frame}-{place.name[-8:]}",
-                               retries=RETRIES, resources={RESOURCE: 1} if uses else None, pure=False)
-                 for chunk in chunks]
-        return _gathered(tasks, shot, tools.progress, client.loop)
+        tasks = [client.submit(_work, piece.function, piece.arguments, str(place), site.scene,
+                               key=f"lfsr-{piece.name}-{place.name[-8:]}", retries=RETRIES,
+                               resources={RESOURCE: 1} if uses else None, pure=False)
+                 for piece in pieces(len(workers))]
+        _gather(tasks, took, client.loop)
 
 
-def _chunks(shot: Shot, tools: Tools, workers: int) -> Iterator[Shot]:
-    """Neighbouring frames together, as many as one Blender takes, and few enough that all workers have some.
-
-    Frames that are done go last and together, since they cost nothing.
-    """
-    done = [] if tools.overwrite else [job for job in shot.jobs if state(shot, job) == DONE]
-    waiting = [job for job in shot.jobs if job not in done]
-    size = max(1, min(tools.chunk, -(-len(waiting) // (2 * workers))))
-    for first in range(0, len(waiting), size):
-        yield dataclasses.replace(shot, jobs=tuple(waiting[first:first + size]))
-    if done:
-        yield dataclasses.replace(shot, jobs=tuple(done))
-
-
-def _work(shot: Shot, tools: Tools, place: str) -> list[Result]:
+def _work(function: Callable[..., Any], arguments: tuple[Any, ...], place: str, scene: str) -> Any:
     """The task, on a worker."""
-    sentence = _blind(place, shot.jobs[0].scene)
+    sentence = _blind(place, scene)
     if sentence:
         raise LfsrError(f"a worker {sentence}")
-    return render_shot(shot, tools)
+    return function(*arguments)
 
 
-def _gathered(tasks: Sequence[Future], shot: Shot, progress: Progress, loop: Any) -> list[Result]:
+def _gather(tasks: Sequence[Future], took: Callable[[Any], None], loop: Any) -> None:
     from distributed import as_completed
 
-    results: dict[str, Result] = {}
     try:
         for task in as_completed(tasks, loop=loop):
-            results |= {result.folder: result for result in _result(task)}
-            progress("frames", len(results) / len(shot.jobs), f"{len(results)} of {len(shot.jobs)}")
+            took(_result(task))
     finally:
         for task in tasks:
             task.cancel()
-    return [results[job.output] for job in shot.jobs]
 
 
-def _result(task: Future) -> list[Result]:
+def _result(task: Future) -> Any:
     from distributed import KilledWorker
 
     try:
         return task.result()
     except KilledWorker:
-        raise LfsrError(f"{DEATHS + 1} workers died over the same frames, the last over {task.key}: look whether their "
+        raise LfsrError(f"{DEATHS + 1} workers died over the same work, the last over {task.key}: look whether their "
                         "machines have enough memory, and start again, what is done is kept") from None
 
 

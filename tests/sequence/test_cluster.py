@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import signal
 import subprocess
@@ -10,14 +11,25 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from lfsr_core.cli import main
 from lfsr_core.errors import LfsrError
-from lfsr_core.sequence.cluster import PLACE_FILE, RESOURCE, Cluster, render_on
+from lfsr_core.frames.frame import REFERENCE_FILES, read_part
+from lfsr_core.images.exr import read_layers
+from lfsr_core.optics.lens_rows import check_cover
+from lfsr_core.render.blender import find_blender
+from lfsr_core.render.process import run_job
+from lfsr_core.sequence.cluster import PLACE_FILE, RESOURCE, Cluster
+from lfsr_core.sequence.cluster_reference import ROWS, SAMPLES, Split, reference_on, shares
+from lfsr_core.sequence.cluster_shot import render_on
 from lfsr_core.sequence.engine import KEPT, MADE, Tools, render_shot
+from tests.support.noisy_renders import JOB
 from tests.support.played_blender import played_blender
-from tests.support.shots import pictures, shot
+from tests.support.shots import pictures, played_tools, shot, states
 from tests.support.synthetic import fails
 
 distributed = pytest.importorskip("distributed") if not os.environ.get("CI") else __import__("distributed")
@@ -32,26 +44,17 @@ def scheduler(tmp_path_factory):
         yield cluster
 
 
-@pytest.fixture
-def tools(tmp_path):
-    return Tools(played_blender(tmp_path / "blender"), chunk=1)
-
-
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory):
     """Pictures of one process."""
     folder = tmp_path_factory.mktemp("alone")
-    render_shot(shot(folder, FRAMES), Tools(played_blender(folder / "blender")))
+    render_shot(shot(folder, FRAMES), played_tools(folder, 3))
     return pictures(folder / "film")
 
 
-def states(results):
-    return [result.state for result in results]
-
-
-def test_workers_make_the_pictures_of_one_process(scheduler, tmp_path, tools, alone):
+def test_workers_make_the_pictures_of_one_process(scheduler, tmp_path, alone):
     seen = []
-    told = Tools(tools.blender, lambda *state: seen.append(state), chunk=1)
+    told = dataclasses.replace(played_tools(tmp_path, 1), progress=lambda *state: seen.append(state))
     results = render_on(Cluster(scheduler.scheduler_address), shot(tmp_path, FRAMES), told)
     assert states(results) == [MADE] * 3 and [result.frame for result in results] == list(FRAMES)
     assert pictures(tmp_path / "film") == alone
@@ -123,6 +126,72 @@ def test_the_command_on_workers_of_this_machine(tmp_path, alone):
     assert "3 frames: 3 made, 0 kept, 0 failed" in done.stdout and "Traceback" not in done.stderr
     assert pictures(tmp_path / "film") == alone
     assert not list((tmp_path / "film").glob(f"{PLACE_FILE}*"))
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    """The job of a reference, and the folder that one process made of it."""
+    folder = tmp_path_factory.mktemp("reference")
+    (folder / "scene.glb").write_text("a scene")
+    job = dataclasses.replace(JOB, kind="reference", scale=1, spp=22, scene=str(folder / "scene.glb"),
+                              output=str(folder / "alone"))
+    run_job(job, find_blender(played_blender(folder / "blender")))
+    return job, folder
+
+
+def halves(folder):
+    return [read_layers(folder / name)["color"] for name in REFERENCE_FILES]
+
+
+def test_a_reference_by_rows_is_that_of_one_process(scheduler, reference):
+    job, folder = reference
+    seen = []
+    reference_on(Cluster(scheduler.scheduler_address), dataclasses.replace(job, output=str(folder / "rows")),
+                 Split(ROWS, 3), str(folder / "blender"), lambda *state: seen.append(state))
+    for found, whole in zip(halves(folder / "rows"), halves(folder / "alone"), strict=True):
+        # As references are stored, which the played Blender does not care for.
+        np.testing.assert_array_equal(found, whole.astype(np.float16))
+    assert read_part(folder / "rows").rows is None and not list(folder.glob(".rows*"))
+    assert [message for stage, _, message in seen if stage == "reference"] == [f"{k} of 3 shares" for k in (1, 2, 3)]
+
+
+def test_a_reference_by_samples_has_all_of_them_and_goes_on_from_shares_that_are_there(scheduler, reference):
+    job, folder = reference
+    job = dataclasses.replace(job, output=str(folder / "samples"))
+    wanted = shares(job, SAMPLES, 3)
+    assert [share.spp for share in wanted] == [6, 8, 8] and len({share.seed for share in wanted}) == 3
+    for share in wanted:
+        run_job(share, find_blender(str(folder / "blender")))
+    parts = [halves(Path(share.output)) for share in wanted]
+    reference_on(Cluster(scheduler.scheduler_address), job, Split(SAMPLES, 3), "/must/not/run", lambda *_: None)
+    assert read_part(folder / "samples").samples == 22
+    for half, found in enumerate(halves(folder / "samples")):
+        expected = sum(share.spp * part[half] for share, part in zip(wanted, parts, strict=True)) / 22
+        np.testing.assert_allclose(found, expected, atol=2e-3)
+    pairs = zip(halves(folder / "samples"), halves(folder / "alone"), strict=True)
+    assert max(np.var(image - true) for image, true in pairs) < np.var(parts[0][0] - parts[1][0]), "less noise"
+
+
+@given(st.integers(2, 400), st.integers(1, 12), st.sampled_from([ROWS, SAMPLES]))
+def test_shares_are_the_whole(reference, spp, count, by):
+    job = dataclasses.replace(reference[0], spp=spp)
+    count = min(count, spp // 2) if by == SAMPLES else count
+    jobs = shares(job, by, count)
+    assert len({share.output for share in jobs}) == count and all(share.spp >= 2 for share in jobs)
+    if by == ROWS:
+        check_cover((share.rows for share in jobs), job.display.lenses[1])
+    else:
+        assert sum(share.spp for share in jobs) == spp and len({share.seed for share in jobs}) == count
+
+
+@pytest.mark.parametrize(("options", "sentence"), [
+    (["--workers", "2", "--rows", "1/2"], "--rows 1/2 is a share already"),
+    (["--shares", "2"], "--shares was given without --workers"),
+    (["--workers", "1", "--split", "samples", "--shares", "9", "--spp", "4"], "by samples they must be 1 to 2")])
+def test_bad_shares(tmp_path, capsys, options, sentence):
+    (tmp_path / "scene.glb").touch()
+    assert sentence in fails(["reference", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "r"), "--display", "mini",
+                              *options], capsys)
 
 
 @pytest.mark.parametrize(("options", "sentence"), [

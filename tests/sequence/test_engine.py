@@ -21,21 +21,16 @@ from lfsr_core.frames.frame import read_frame, write_frame
 from lfsr_core.sequence.engine import FAILED, KEPT, MADE, Tools, render_shot
 from lfsr_core.sequence.shot import SecondStage
 from tests.support.played_blender import played_blender
-from tests.support.shots import pictures, shot
+from tests.support.shots import pictures, played_tools, shot, states
 from tests.support.synthetic import fails
 
 FRAMES = range(1, 4)
 
 
-@pytest.fixture
-def tools(tmp_path):
-    return Tools(played_blender(tmp_path / "blender"), chunk=2)
-
-
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     folder = tmp_path_factory.mktemp("finished")
-    results = render_shot(shot(folder, FRAMES), Tools(played_blender(folder / "blender"), chunk=2))
+    results = render_shot(shot(folder, FRAMES), played_tools(folder, 2))
     return folder, results
 
 
@@ -46,10 +41,6 @@ def made(finished, tmp_path):
         copy = shutil.copytree if name == "film" else shutil.copy2
         copy(finished[0] / name, tmp_path / name)
     return tmp_path
-
-
-def states(results):
-    return [result.state for result in results]
 
 
 NO_BLENDER = Tools("/must/not/run")
@@ -75,10 +66,10 @@ DAMAGES = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_broken_frame_is_made_again(made, tools, damage):
+def test_a_broken_frame_is_made_again(made, damage):
     before = pictures(made / "film")
     DAMAGES[damage](made / "film" / "0002")
-    assert states(render_shot(shot(made, FRAMES), tools)) == [KEPT, MADE, KEPT]
+    assert states(render_shot(shot(made, FRAMES), played_tools(made, 2))) == [KEPT, MADE, KEPT]
     assert pictures(made / "film") == before and len(before) == 3
 
 
@@ -96,9 +87,9 @@ def test_another_method_finishes_the_same_renders(made):
     assert states(render_shot(shot(made, FRAMES, SecondStage("light")), NO_BLENDER)) == [MADE] * 3
 
 
-def test_overwrite_makes_all_again(made, tools):
+def test_overwrite_makes_all_again(made):
     before = pictures(made / "film")
-    again = Tools(tools.blender, overwrite=True)
+    again = Tools(played_blender(made / "blender"), overwrite=True)
     assert states(render_shot(shot(made, FRAMES, seed=7), again)) == [MADE] * 3
     after = pictures(made / "film")
     assert all(after[name] != before[name] for name in before)

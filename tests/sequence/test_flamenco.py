@@ -41,7 +41,7 @@ def compiled(folder: Path, **settings) -> dict:
 
 def test_settings_are_of_kinds_that_flamenco_has(tmp_path):
     found = compiled(tmp_path, frames="1", parts=1, output="/o", blendfile="/s.blend", method="m", lfsr="lfsr",
-                     display="mini", scale=4, samples=1, seed=0, device="CPU")["type"]
+                     display="mini", scale=4, samples=1, seed=0, device="CPU", linear="--linear-exr")["type"]
     settings = {setting["key"]: setting for setting in found["settings"]}
     assert {setting["type"] for setting in settings.values()} <= TYPES
     assert set().union(*settings.values()) <= KEYS
@@ -53,7 +53,7 @@ def test_tasks_run_in_the_order_of_their_dependencies(tmp_path):
     output = tmp_path / "film"
     tasks = compiled(tmp_path, frames="2, 7-8", parts=2, output=str(output), blendfile=str(tmp_path / "scene.glb"),
                      method="bicubic", lfsr=str(lfsr(tmp_path)), display="mini", scale=2, samples=4, seed=0,
-                     device="CPU")["tasks"]
+                     linear="--no-linear-exr", device="CPU")["tasks"]
     assert len(tasks) == 3 * (2 + 1 + 1)
     done: set[str] = set()
     # Only the first frame's: each task starts a Python of its own.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,8 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.cli import main
+from lfsr_core.progress import OPENJD as OPENJD_PROGRESS
+from lfsr_core.progress import PROGRESS_VARIABLE
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from tests.support.played_blender import played_blender
 
@@ -42,6 +45,11 @@ def lfsr(folder: Path) -> Path:
     return path
 
 
+def messages(log: str) -> list[tuple[str, str]]:
+    """Kind and text of what tasks told the tool, of each task in its order."""
+    return re.findall(r"\topenjd_(\w+): (.*)", log)
+
+
 def test_all_steps_run_in_their_order(template, tmp_path):
     (tmp_path / "scene.glb").touch()
     command = lfsr(tmp_path)
@@ -51,6 +59,10 @@ def test_all_steps_run_in_their_order(template, tmp_path):
     done = subprocess.run([OPENJD, "run", template, *words, "--step", "Finish", "--run-dependencies"], cwd=tmp_path,
                           capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
+    told = messages(done.stdout)
+    progress = [float(text) for kind, text in told if kind == "progress"]
+    assert all(0 <= value <= 100 for value in progress) and progress.count(100) >= 4, "of each merge and finish"
+    assert {"merge lr_eia.exr", "load lr_eia.exr"} <= {text for kind, text in told if kind == "status"}
     film = tmp_path / "film"
     assert sorted(path.name for path in film.iterdir()) == ["0003", "0004", "parts"]
     whole = [str(command), "render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "whole"), "--frames", "3-4",
@@ -58,3 +70,10 @@ def test_all_steps_run_in_their_order(template, tmp_path):
     subprocess.run(whole, check=True, capture_output=True)
     for name in ("0003", "0004"):
         assert (film / name / "eia.png").read_bytes() == (tmp_path / "whole" / name / "eia.png").read_bytes()
+
+
+def test_why_a_task_failed_is_told(monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv(PROGRESS_VARIABLE, OPENJD_PROGRESS)
+    assert main(["merge", str(tmp_path), "-o", str(tmp_path / "frame")]) == 2
+    said = capsys.readouterr()
+    assert said.out == f"openjd_fail: {said.err}"

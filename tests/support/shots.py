@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
+from lfsr_core.sequence.engine import Result, Tools
 from lfsr_core.sequence.shot import SecondStage, Shot, shot_of
 from tests.support.noisy_renders import JOB
+from tests.support.played_blender import played_blender
 
 SECOND = SecondStage("bicubic")
 
@@ -18,6 +21,15 @@ def shot(folder: Path, frames: range | tuple[int, ...], second: SecondStage = SE
         scene.write_text("a scene")
     job = dataclasses.replace(JOB, **{"scene": str(scene), "output": str(folder / "film"), "scale": 2} | changes)
     return shot_of(job, frames, second)
+
+
+def played_tools(folder: Path, chunk: int) -> Tools:
+    """Tools with a played Blender in ``folder``, which takes ``chunk`` frames at a time."""
+    return Tools(played_blender(folder / "blender"), chunk=chunk)
+
+
+def states(results: Sequence[Result]) -> list[str]:
+    return [result.state for result in results]
 
 
 def pictures(folder: Path) -> dict[str, bytes]:
