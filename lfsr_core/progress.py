@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import TextIO
 
 BAR_WIDTH = 30
-SECONDS_BETWEEN_LINES = 5.0
+SECONDS_BETWEEN_LINES = 4.0  # with a record a second from a render, a line comes every five at the latest
 PROGRESS_VARIABLE, OPENJD = "LFSR_PROGRESS", "openjd"  # environment variable, set by our OpenJD template
 
 

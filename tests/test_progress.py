@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import itertools
+import time
 
 from lfsr_core.progress import ProgressBar
 
@@ -49,3 +51,16 @@ def test_closing_an_unused_bar_prints_nothing():
     stream = Terminal()
     ProgressBar(stream).close()
     assert stream.getvalue() == ""
+
+
+def test_a_record_a_second_makes_a_line_every_five_seconds_at_the_latest(monkeypatch):
+    stream, now, shown = io.StringIO(), [100.0], []
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    progress = ProgressBar(stream)
+    for second in range(60):
+        before = len(stream.getvalue())
+        progress("render", 0.0, f"Updating Scene BVH: Building, for {second} s")
+        shown += [second] * (len(stream.getvalue()) > before)
+        now[0] += 1.04
+    assert 12 <= len(shown) < 20
+    assert all(1.04 * (after - before) <= 5 for before, after in itertools.pairwise(shown))

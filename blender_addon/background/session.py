@@ -135,16 +135,17 @@ def draw_status(header: bpy.types.Header, _context: bpy.types.Context) -> None:
 
 
 def draw_progress(row: bpy.types.UILayout, task: Task) -> None:
-    """Stage, time left and the cancel button."""
+    """Stage, time left, what is done at the moment, and the cancel button."""
     row.progress(factor=task.fraction, text=f"{task.stage} {progress_text(task)}")
     row.operator("lfsr.cancel", text="", icon="X")
 
 
 def progress_text(task: Task) -> str:
-    """Percentage and time left, as in "42 %, 0:31 left"."""
+    """Percentage, time left and what is done, as in "42%, 0:31 left, Sample 7/16"."""
     seconds = task.seconds_left
     left = "" if seconds is None else f", {int(seconds) // 60}:{int(seconds) % 60:02d} left"
-    return f"{task.fraction:.0%}{left}"
+    doing = f", {task.message}" if task.message else ""
+    return f"{task.fraction:.0%}{left}{doing}"
 
 
 def _opened(*_: object) -> None:

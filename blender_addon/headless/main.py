@@ -16,7 +16,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
 from lfsr_core.frames.job import Job, read_job
 from lfsr_core.render.content import scene_content, stamp
-from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, RENDERED_STAGE, emit, emit_warning
+from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, RENDERED_STAGE, emit, emit_warning, repeated
 
 from ..array.cameras import choice_notice, choose_camera
 from ..render.frame_folder import render_job
@@ -34,7 +34,7 @@ def main(arguments: Sequence[str]) -> int:
         is_film = arguments[:1] == [encode.NAME]
         if not arguments or (is_film and len(arguments) != 3):
             raise LfsrError(f"expected job files, or encode and two paths, and got {len(arguments)} arguments")
-        with system_errors():
+        with system_errors(), repeated():
             folder = encode.run(arguments[1:]) if is_film else run_all([read_job(path) for path in arguments])
     except LfsrError as error:
         emit(stage="error", message=str(error))

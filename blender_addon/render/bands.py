@@ -97,7 +97,8 @@ class _Image:
             return done.seconds
         rows = self.pace.rows
         if gaps(rows, (part for part, _ in kept)):
-            trial = self._render(self.pace.trial, self.band_file, None).sampling
+            before = sum(part.size for part, _ in kept)
+            trial = self._render(self.pace.trial, self.band_file, share(self.progress, before, 0, rows)).sampling
             if not kept and self.pace.takes_one(trial) and (done := self._at_once()):
                 return done.seconds
             rows = self.pace.after(trial)

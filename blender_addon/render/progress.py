@@ -25,13 +25,16 @@ def following(progress: Progress | None) -> Iterator[None]:
         yield
         return
     stopped: list[BaseException] = []
+    done, said = 0.0, ""
 
     def follow(statistics: str, *_: object) -> None:
-        fraction = sample_fraction(statistics)
-        if fraction is None or stopped:
+        nonlocal done, said
+        fraction, before = sample_fraction(statistics), said
+        done, said = done if fraction is None else fraction, doing(statistics)
+        if stopped or said == before:
             return
         try:
-            progress(fraction, statistics.rsplit("|", 1)[-1].strip())
+            progress(done, said)
         except BaseException as error:
             stopped.append(error)
 
@@ -42,6 +45,12 @@ def following(progress: Progress | None) -> Iterator[None]:
         bpy.app.handlers.render_stats.remove(follow)
     if stopped:
         raise stopped[0]
+
+
+def doing(statistics: str) -> str:
+    """What Cycles does, from its statistics line: samples, or how it makes the scene ready."""
+    parts = [part.strip() for part in statistics.split("|")]
+    return ": ".join(part for part in parts if not part.startswith(("Mem:", "Remaining:", "Time:", "Fra:", "Peak:")))
 
 
 def sample_fraction(statistics: str) -> float | None:

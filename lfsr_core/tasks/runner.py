@@ -16,7 +16,7 @@ import threading
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, system_errors
-from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit
+from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit, repeated
 from lfsr_core.tasks import frame_tasks, plan_task, sequence_task, share_tasks
 from lfsr_core.tasks.task import Task
 
@@ -32,7 +32,7 @@ def main(arguments: list[str]) -> int:
         data = read_json(arguments[0], "a task of the add-on")
         task = TASKS[data.pop("task")]
         _end_on_request(task)
-        with system_errors():
+        with system_errors(), repeated():
             result = task.run(**data)
     except LfsrError as error:
         emit(stage="error", message=str(error))

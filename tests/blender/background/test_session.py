@@ -55,6 +55,8 @@ def test_progress_and_time_left(scene):
     assert task.seconds_left == pytest.approx(10 * (1 - task.fraction) / task.fraction, abs=1)
     assert session.progress_text(task).startswith("42%, 0:13 left")
     assert task.stage == "Rendering"
+    task._take({"stage": "render", "fraction": 0.0, "message": "Updating Scene BVH: Building, for 7 s"})
+    assert session.progress_text(task).startswith("42%, 0:13 left, Updating Scene BVH: Building, for 7 s")
     session.cancel()
 
 

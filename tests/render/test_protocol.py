@@ -1,0 +1,43 @@
+"""What a process says while it has nothing new to say."""
+
+from __future__ import annotations
+
+import time
+
+from lfsr_core.render.protocol import emit, parse_progress, repeated
+
+LONG_ENOUGH = 30  # seconds after which a machine is broken, not slow
+
+
+def said(capsys, count: int) -> list[dict]:
+    """At least so many records."""
+    found, end = [], time.monotonic() + LONG_ENOUGH
+    while len(found) < count and time.monotonic() < end:
+        time.sleep(0.01)
+        found += filter(None, map(parse_progress, capsys.readouterr().out.splitlines()))
+    assert len(found) >= count
+    return found
+
+
+def test_the_last_progress_is_said_again_with_its_age(capsys):
+    with repeated(0.01):
+        emit(stage="render", fraction=0.25, message="Updating Scene BVH: Building")
+        emit(stage="render", fraction=0.0, message="no wood.png", warning=True)
+        first, warning, *again = said(capsys, 5)
+    assert first["message"] == "Updating Scene BVH: Building" and warning["warning"]
+    for record in again:
+        assert (record["stage"], record["fraction"]) == ("render", 0.25)
+        assert record["message"] == "Updating Scene BVH: Building, for 0 s"
+    capsys.readouterr()
+    time.sleep(0.05)
+    assert capsys.readouterr().out == "", "after the block nothing follows what was said last"
+
+
+def test_after_an_end_nothing_is_said_again(capsys):
+    with repeated(0.01):
+        emit(stage="render", fraction=0.25)
+        emit(stage="rendered", folder="frame")
+        time.sleep(0.1)  # for what was under way
+        capsys.readouterr()
+        time.sleep(0.1)
+        assert capsys.readouterr().out == ""
