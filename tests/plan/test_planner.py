@@ -160,7 +160,8 @@ def test_accuracy_of_the_whole_array_counts_every_lens(tmp_path):
 
 def test_a_flat_scene_gets_the_simplest_method_and_the_fewest_samples(tmp_path, monkeypatch):
     monkeypatch.setattr(noisy_renders, "NOISE", 0.002)
-    monkeypatch.setattr(noisy_renders, "light_field", lambda: np.full((96, 128, 4), (0.4, 0.3, 0.2, 1), np.float32))
+    flat = np.full((96, 128, 4), (0.4, 0.3, 0.2, 1), np.float32)
+    monkeypatch.setattr(noisy_renders, "light_field", lambda display: flat)
     options = dataclasses.replace(OPTIONS, target=0.95, scales=(4,), spps=(4, 16),
                                   methods=("oidn+bilinear", "bilinear"))
     chosen = make_plan(JOB, options, render, tmp_path / "sample").choice.chosen

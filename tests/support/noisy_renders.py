@@ -25,14 +25,15 @@ def noisy(image: np.ndarray, spp: int, seed: int) -> np.ndarray:
 
 def render(job: Job) -> None:
     """What Blender would write for ``job`` of that light field."""
-    frame = frame_of(1 if job.kind == "reference" else job.scale, samples=job.spp, lens_list=job.lens_list,
-                     seed=job.seed, rows=job.rows, **({} if job.frame is None else {"frame": job.frame}))
-    folder, image = Path(job.output), light_field()
+    frame = frame_of(1 if job.kind == "reference" else job.scale, job.display, samples=job.spp, lens_list=job.lens_list,
+                     seed=job.seed, rows=job.rows, layout=job.layout,
+                     **({} if job.frame is None else {"frame": job.frame}))
+    folder, image = Path(job.output), light_field(job.display)
     if job.lens_list is not None:
         image = tiles(image, dataclasses.replace(frame, scale=1))
     height, width, _ = image.shape
-    scale = frame.scale
-    image = image.reshape(height // scale, scale, width // scale, scale, 4).mean((1, 3))
+    across, down = (frame.scale if many else 1 for many in job.display.parallax)
+    image = image.reshape(height // down, down, width // across, across, 4).mean((1, 3))
     rows = (0, None) if job.rows is None else pixel_rows(job.rows, frame.rays.views[1])
     pairs = [(LOW_RES_FILE, job.spp)] if job.kind == "render" else [(name, job.spp // 2) for name in REFERENCE_FILES]
     for number, (name, spp) in enumerate(pairs):

@@ -1,0 +1,88 @@
+"""How near a panel's image comes to that of the reference light field: on the panel, and for eyes before it.
+
+The reference is woven as finely as there is; its two halves are independent, so that its noise cancels.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+
+from lfsr_core.bench.displays.ways import Way, panel_image, shown
+from lfsr_core.frames.reference import Reference
+from lfsr_core.metrics.split_ssim import mean_of, psnr, split_mse, split_ssim_map
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.eye import see
+from lfsr_core.optics.panel.trace import see_panel
+
+PLACES = ((0.5, 0.5), (0.2, 0.4), (0.8, 0.6), (0.35, 0.75), (0.65, 0.25))  # of eyes, in the viewing zone
+ONCE = 1  # pixels of the eye's picture: one for each that is seen
+Halves = tuple[np.ndarray, np.ndarray]
+
+
+@dataclasses.dataclass(frozen=True)
+class Accuracy:
+    """How near a panel's image comes to the reference's."""
+
+    psnr_panel: float | None  # decibels over all subpixels; None: below what the reference's noise lets see
+    psnr_eye: float | None  # of what eyes see
+    ssim_eye: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Point:
+    """One way at one number of samples."""
+
+    way: str
+    samples: int
+    render_cpu: float  # seconds on all cores beyond opening the scene
+    finish_cpu: float  # seconds on all cores from the render to the panel's image
+    accuracy: Accuracy
+
+    @property
+    def cpu(self) -> float:
+        """Seconds in all."""
+        return self.render_cpu + self.finish_cpu
+
+
+@dataclasses.dataclass(frozen=True)
+class Target:
+    """What panels are compared with."""
+
+    profile: DisplayProfile
+    panels: Halves  # (H, W, 3) uint8
+    eyes: tuple[Halves, ...]  # what eyes see of them, in [0, 1]
+
+    @classmethod
+    def of(cls, folder: Path) -> Target:
+        """Of a reference's frame folder."""
+        reference = Reference.read(folder)
+        profile = reference.frame.display
+        panels = tuple(shown(half, profile, "all") for half in (reference.half_a, reference.half_b))
+        return cls(profile, panels, tuple(tuple(_seen(panel, profile, place) for panel in panels) for place in PLACES))
+
+    def accuracy(self, panel: np.ndarray) -> Accuracy:
+        """Of a panel's image (H, W, 3) uint8."""
+        seen = [_seen(panel, self.profile, place) for place in PLACES]
+        error = np.mean([split_mse(eye, *halves) for eye, halves in zip(seen, self.eyes, strict=True)])
+        ssim = np.mean([mean_of(split_ssim_map(eye, *halves)) for eye, halves in zip(seen, self.eyes, strict=True)])
+        on_panel = split_mse(panel / 255, *(half / 255 for half in self.panels))
+        return Accuracy(psnr(on_panel), psnr(float(error)), float(ssim))
+
+
+def finish(folder: Path, way: Way) -> tuple[np.ndarray, float]:
+    """The panel's image of a rendered frame and the processor seconds that it took."""
+    started = time.process_time()
+    return panel_image(folder, way), time.process_time() - started
+
+
+def _seen(panel: np.ndarray, profile: DisplayProfile, place: tuple[float, float]) -> np.ndarray:
+    """What an eye at ``place`` of the viewing zone sees, (rows, columns, 3) in [0, 1]."""
+    wide = 2 * profile.viewing_distance_mm * math.tan(math.radians(profile.viewing_angle_deg) / 2)
+    high = profile.camera_spacing_mm * (profile.views[1] if profile.parallax[1] else 0)
+    eye = ((place[0] - 0.5) * wide, (place[1] - 0.5) * high, profile.viewing_distance_mm)
+    return (see_panel if profile.is_woven else see)(panel, profile, eye, ONCE) / 255

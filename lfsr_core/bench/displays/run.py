@@ -1,0 +1,76 @@
+"""The whole comparison: scenes on displays, point by point, and what people read of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from lfsr_core.bench.cells import Cells
+from lfsr_core.bench.displays import page
+from lfsr_core.bench.displays.kinds import FULL_WIDTH, kind
+from lfsr_core.bench.displays.measure import Point, Target, finish
+from lfsr_core.bench.displays.page import Comparison, Row
+from lfsr_core.bench.displays.renders import Shelf
+from lfsr_core.bench.displays.ways import USUAL, Way, measured_at
+from lfsr_core.bench.environment import environment, load_average
+from lfsr_core.bench.page import write_text
+from lfsr_core.bench.plots import svg
+from lfsr_core.records import write_record
+
+RESULTS, TABLE, PICTURE = "displays.json", "displays.md", "displays.svg"
+VERSION = 1  # of how points are measured
+Report = Callable[[str], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """What is compared, and where everything of it lies."""
+
+    folder: Path
+    width: int | None  # pixels of cut-down panels, None for the real ones
+    reference_spp: int
+    blender: str | None = None
+
+
+def compare(settings: Settings, scenes: Sequence[Path], report: Report) -> Comparison:
+    """Measure every scene on every kind of display; what is in the folder is kept, results are written after each."""
+    rows: list[Row] = []
+    for scene in scenes:
+        for name in FULL_WIDTH:
+            shown = kind(name, settings.width)
+            shelf = Shelf(settings.folder / scene.stem / shown.profile.name, scene, shown, settings.reference_spp,
+                          settings.blender)
+            points = tuple(_points(shelf, settings, report))
+            rows.append(Row(scene.stem, name, shown.profile.panel_pixels, shown.scale, points))
+            found = Comparison(settings.width, settings.reference_spp, environment(), tuple(rows))
+            write_record(settings.folder / RESULTS, found)
+    return found
+
+
+def write_pages(folder: Path, found: Comparison) -> list[Path]:
+    """Write what people read beside the results, and name it."""
+    return [write_text(folder / TABLE, page.markdown(found)), write_text(folder / PICTURE, svg(page.picture(found)))]
+
+
+def _points(shelf: Shelf, settings: Settings, report: Report) -> Iterator[Point]:
+    costs, cells, target = shelf.fill(), Cells(shelf.folder / "points", Point), None
+    for way, samples in measured_at():
+        rendered = shelf.path(way, samples)
+        mark = {"version": VERSION, "reference": settings.reference_spp, "render": costs[way.name, samples].cpu}
+        name = f"{way.name}-{samples}".replace(" ", "-")
+        point = cells.read(name, mark)
+        if point is None:
+            target = target or Target.of(shelf.reference)
+            point = _measured(way, samples, rendered, costs[way.name, samples].cpu, target)
+            cells.write(name, mark, point)
+        report(f"{shelf.scene.stem}, {shelf.kind.name}, {way.name}, {samples} samples: {point.cpu:.2f} s, "
+               f"{point.accuracy.ssim_eye:.4f} (load {load_average() or 0:.1f})")
+        yield point
+
+
+def _measured(way: Way, samples: int, rendered: Path, render_cpu: float, target: Target) -> Point:
+    if way.name != USUAL:
+        finish(rendered, way)  # loads libraries; of OIDN for each view that hardly counts
+    panel, seconds = finish(rendered, way)
+    return Point(way.name, samples, render_cpu, seconds, target.accuracy(panel))

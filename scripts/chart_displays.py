@@ -1,0 +1,57 @@
+"""Three kinds of displays: this way of making their images against the usual one, time and accuracy.
+
+    python scripts/chart_displays.py SCENES… -o OUT               the real panels, many hours on a CPU
+    python scripts/chart_displays.py SCENES… -o OUT --width 384   panels of 384×216 pixels with the same sheets
+
+What is complete in OUT is not done again. OUT/displays.json has everything, displays.md tables, displays.svg a picture.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from lfsr_core.bench.displays.kinds import FULL_WIDTH, kind
+from lfsr_core.bench.displays.run import Settings, compare, write_pages
+from lfsr_core.bench.environment import check_packages
+from lfsr_core.errors import LfsrError
+
+STOPPED, BAD_INPUT = 130, 2
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Exit code 0, 2 after bad input, 130 if stopped."""
+    arguments = _parser().parse_args(argv)
+    settings = Settings(arguments.output, arguments.width, arguments.reference_spp, arguments.blender)
+    try:
+        check_packages()
+        for name in FULL_WIDTH:
+            kind(name, arguments.width)
+        found = compare(settings, arguments.scenes, lambda line: print(line, file=sys.stderr, flush=True))
+        print("\n".join(map(str, write_pages(arguments.output, found))))
+    except LfsrError as error:
+        print(f"chart_displays: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("chart_displays: stopped; run the same command again to go on", file=sys.stderr)
+        return STOPPED
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="chart_displays", description=__doc__.splitlines()[0])
+    add = parser.add_argument
+    add("scenes", type=Path, nargs="+", metavar="SCENE", help=".blend, .glb, .gltf or .obj")
+    add("-o", "--output", type=Path, required=True, metavar="OUT", help="folder of everything that is made")
+    add("--width", type=int, metavar="PIXELS", help="of cut-down panels, a multiple of 192; default: the real panels")
+    add("--reference-spp", type=int, default=1024, metavar="N", help="default: %(default)s")
+    add("--blender", metavar="PATH", help="default: the bpy package, then PATH")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())
