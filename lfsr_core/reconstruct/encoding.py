@@ -13,8 +13,11 @@ def encode(linear: np.ndarray) -> np.ndarray:
     Near the eye's response, so that a highlight does not ring over dark
     neighbours, and cheap to undo on every pixel of an 8K image.
     """
-    bright = np.log(np.maximum(linear, 1)) * np.float32(0.5)
-    return np.sqrt(np.minimum(linear, 1)) + bright
+    encoded, bright = np.asarray(np.sqrt(np.minimum(linear, 1))), np.greater(linear, 1)
+    if bright.any():
+        # Highlights are few: only they pay for a logarithm.
+        encoded[bright] += np.log(linear[bright]) * np.float32(0.5)
+    return encoded
 
 
 def decode(encoded: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:

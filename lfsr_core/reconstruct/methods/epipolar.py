@@ -30,6 +30,7 @@ from lfsr_core.reconstruct.methods.shear import averaged, interpolated, sheared
 # little, and what looks like it is what they leave behind (docs/results/networks.md).
 OFF_PLANE = ((1, 3), (1, 2), (2, 3), (1, 1), (3, 2), (2, 1), (5, 2), (3, 1))
 LINES = (*OFF_PLANE, *((-lenses, views) for lenses, views in OFF_PLANE))
+STEEPNESS = np.array([lenses / views for lenses, views in LINES])  # lenses per view
 REACH = 2  # steps to each side of a pixel that its mean along a line takes in, in rows and in columns
 AVERAGED = 2 * REACH + 1
 NEIGHBOURS = 2  # lenses to each side whose covariances count together
@@ -105,14 +106,13 @@ class Recovering:
         if rest.any():
             cleaned[rest] = self._upscaler.clean(low, lenses[rest])
         finished = interpolated(cleaned, self._upscaler.kernel, low.factors)
-        some, line = lost.any((1, 2, 3)), detail.line[rows, columns]
-        for index in np.unique(line[some]):
-            chosen = some & (line == index)
-            steep = LINES[index][0] / LINES[index][1]
-            if abs(steep) <= STEEPEST:
-                finished[chosen] += interpolated(lost[chosen], KERNEL, low.factors)
-            else:
-                finished[chosen] += sheared(detail.lost, detail.covered, lenses[chosen], low.factors, steep)
+        some, steep = lost.any((1, 2, 3)), STEEPNESS[detail.line[rows, columns]]
+        inside = some & (np.abs(steep) <= STEEPEST)
+        if inside.any():
+            finished[inside] += interpolated(lost[inside], KERNEL, low.factors)
+        for slope in np.unique(steep[some & ~inside]):
+            chosen = some & (steep == slope)
+            finished[chosen] += sheared(detail.lost, detail.covered, lenses[chosen], low.factors, float(slope))
         return finished
 
     def _parts(self, covered: np.ndarray) -> list[tuple[slice, slice]]:
@@ -155,11 +155,11 @@ def lost_detail(rendered: np.ndarray, cleaned: np.ndarray, covered: np.ndarray, 
     # Linear for the test, which must not take the mean of noisy roots, too low as it is, for detail.
     share, line = lost_share(residual(rendered, decode(shown)) @ LUMINANCE * covered[:, :, None, None], covered)
     lost = np.zeros_like(cleaned)
+    found = np.clip(encode(rendered) - shown, -LIMIT, LIMIT) * covered[:, :, None, None, None]
     for index in np.unique(line[share > 0]):
         chosen = (line == index) & (share > 0)
         part = _around(chosen, REACH * abs(LINES[index][0]))
-        found = np.clip(encode(rendered[part]) - shown[part], -LIMIT, LIMIT) * covered[part][:, :, None, None, None]
-        mean = _mean_along(found, covered[part], LINES[index])
+        mean = _mean_along(found[part], covered[part], LINES[index])
         lost[part][chosen[part]] = mean[chosen[part]]
     # Wiener's weight: detail against what the mean has left of the noise; it went along axes with several views only.
     averaged_pixels = AVERAGED ** sum(size > 1 for size in rendered.shape[2:4])

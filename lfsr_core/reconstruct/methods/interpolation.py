@@ -115,15 +115,18 @@ def interpolate(encoded: np.ndarray, kernel: str, factors: tuple[int, int], out:
     """
     count, rows, columns, channels = encoded.shape
     down = kernel_matrix(kernel, rows - 2 * margin, factors[1], margin)
-    across = _interleaved(kernel, columns - 2 * margin, factors[0], margin, channels)
+    across = interleaved(kernel, columns - 2 * margin, factors[0], margin, channels)
     tall = (down @ encoded.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
     finished = out.reshape(len(tall), -1)
     decode(np.matmul(tall, across, out=finished), out=finished)
 
 
 @functools.lru_cache(maxsize=16)
-def _interleaved(kernel: str, columns: int, scale: int, margin: int, channels: int) -> np.ndarray:
-    """Matrix that upscales rows of interleaved channels: the same weights for each, zero between them."""
+def interleaved(kernel: str, columns: int, scale: int, margin: int, channels: int) -> np.ndarray:
+    """Matrix (columns·channels + margins, columns·scale·channels) that upscales rows of interleaved channels.
+
+    The same weights for each, zero between them. Other parameters as of ``kernel_matrix``.
+    """
     return np.kron(kernel_matrix(kernel, columns, scale, margin).T, np.eye(channels, dtype=np.float32))
 
 

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from lfsr_core.reconstruct.methods.interpolation import KERNELS, kernel_matrix
+from lfsr_core.reconstruct.methods.interpolation import KERNELS, interleaved, kernel_matrix
 
 LENS_KERNEL = "cubic"  # across lenses, along a line
 
@@ -15,18 +15,17 @@ LENS_KERNEL = "cubic"  # across lenses, along a line
 def interpolated(images: np.ndarray, kernel: str, factors: tuple[int, int]) -> np.ndarray:
     """EIs (N, h, w, 3) -> (N, h·vertical, w·horizontal, 3), in whatever domain; ``factors``: (horizontal, vertical)."""
     count, rows, columns, channels = images.shape
-    down, across = kernel_matrix(kernel, rows, factors[1]), kernel_matrix(kernel, columns, factors[0])
-    tall = (down @ images.reshape(count, rows, -1)).reshape(-1, columns, channels)
-    return np.matmul(across, tall).reshape(count, rows * factors[1], columns * factors[0], channels)
+    down, across = kernel_matrix(kernel, rows, factors[1]), interleaved(kernel, columns, factors[0], 0, channels)
+    tall = (down @ images.reshape(count, rows, -1)).reshape(-1, columns * channels)
+    return (tall @ across).reshape(count, rows * factors[1], columns * factors[0], channels)
 
 
 def averaged(images: np.ndarray, kernel: str, factors: tuple[int, int]) -> np.ndarray:
     """What low-resolution pixels of (sy, sx, h, w, 3) become when they are interpolated and averaged again."""
     down, across = (_blur(kernel, *axis) for axis in zip(images.shape[2:4], factors[::-1], strict=True))
-    flat = images.reshape(-1, *images.shape[2:])
-    count, rows, columns, channels = flat.shape
-    tall = (down @ flat.reshape(count, rows, -1)).reshape(-1, columns, channels)
-    return np.matmul(across, tall).reshape(images.shape)
+    rows, columns, channels = images.shape[2:]
+    tall = (down @ images.reshape(-1, rows, columns * channels)).reshape(-1, columns * channels)
+    return (tall @ np.kron(across.T, np.eye(channels, dtype=np.float32))).reshape(images.shape)
 
 
 def _blur(kernel: str, size: int, scale: int) -> np.ndarray:

@@ -49,12 +49,15 @@ def steady_light(rendered: np.ndarray, encoded: np.ndarray) -> np.ndarray:
     that many pixels carry in turn, as leaves before a sky do at few samples, is kept. It counts as the result there.
     """
     clean = decode(encoded)
-    excess = rendered - clean
-    noise = np.quantile(np.abs(excess), NOISE_QUANTILE, axis=(1, 2), keepdims=True)
-    alone = excess > FIREFLY * _brightest_around(clean) + MOST_NOISE * noise
-    count = rendered.shape[1] * rendered.shape[2]
-    moves = excess / count > LEAST_SHARE * mean_light(clean) + LEAST_MOVE
-    return mean_light(np.where(alone & moves, clean, rendered))
+    excess, count = rendered - clean, rendered.shape[1] * rendered.shape[2]
+    moves = excess > (LEAST_SHARE * mean_light(clean) + LEAST_MOVE) * count
+    light, some = mean_light(rendered), moves.any((1, 2, 3))
+    if some.any():
+        # Few have a value that could be one: only they pay for a quantile.
+        noise = np.quantile(np.abs(excess[some]), NOISE_QUANTILE, axis=(1, 2), keepdims=True)
+        alone = excess[some] > FIREFLY * _brightest_around(clean[some]) + MOST_NOISE * noise
+        light[some] = mean_light(np.where(alone & moves[some], clean[some], rendered[some]))
+    return light
 
 
 def _brightest_around(images: np.ndarray) -> np.ndarray:
