@@ -55,7 +55,7 @@ class Submission:
 
     files: tuple[Path, ...]
     command: str  # that starts it
-    sentence: str  # what to know about it
+    note: str  # a sentence to know with it
 
 
 def write_template(farm: str, output: Path) -> None:
@@ -81,7 +81,7 @@ def _openjd(folder: Path, job: FarmJob) -> Submission:
     write_json(bundle, {"parameterValues": [{"name": name, "value": value} for name, value in values.items()]})
     words = ["openjd", "run", str(template), "-p", f"file://{plain}", "--step", "Finish", "--run-dependencies"]
     return Submission((template, plain, bundle), shlex.join(words),
-                      f"on this machine; AWS Deadline Cloud: deadline bundle gui-submit {shlex.quote(str(folder))}")
+                      f"That runs it on this machine; for AWS Deadline Cloud: deadline bundle gui-submit {folder}")
 
 
 def _flamenco(folder: Path, job: FarmJob) -> Submission:
@@ -95,7 +95,7 @@ def _flamenco(folder: Path, job: FarmJob) -> Submission:
         "settings": {"blendfile": job.job.scene, "frames": ",".join(map(str, job.frames)), "lfsr": "lfsr"} | values})
     words = ["curl", "-H", "Content-Type: application/json", "--data", f"@{data}", "http://MANAGER:8080/api/v3/jobs"]
     return Submission((script, data), shlex.join(words),
-                      f"with your manager's address, once {script.name} is in its folder scripts")
+                      f"Put your manager in place of MANAGER, once {script.name} is in its folder scripts")
 
 
 def _ranges(frames: Sequence[int]) -> str:

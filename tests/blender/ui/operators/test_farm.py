@@ -75,7 +75,7 @@ def test_flamencos_job_compiles_to_its_tasks(scene, tmp_path, capsys):
     assert set(job["settings"]) == {setting["key"] for setting in compiled["type"]["settings"]}
     words = [word for task in compiled["tasks"] for word in task["commands"][0]["parameters"]["args"]]
     assert len(compiled["tasks"]) == 3 * 4 and "undefined" not in words and "--linear-exr" in words
-    command = shlex.split(capsys.readouterr().out.split("scripts: ")[1].split(" (this")[0])
+    command = shlex.split(capsys.readouterr().out.split("clipboard): ")[1].split(" . ")[0])
     assert command[-2] == f"@{tmp_path / 'job' / 'flamenco-job.json'}"
 
 
