@@ -44,6 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=int, metavar="N", help="with --frames, on N workers of this machine")
     parser.add_argument("--cluster", metavar="ADDRESS",
                         help="with --frames, on the workers of this Dask scheduler, such as tcp://host:8786")
+    parser.add_argument("--share-frames", type=int, metavar="N",
+                        help="with --frames, average each frame with the N before and after it where they show the "
+                             "same, and give every frame noise of its own; 2 does well")
     upscale.add_method_arguments(parser)
 
 
@@ -75,7 +78,8 @@ def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) 
     # Workers have folders of their own to start from.
     job = dataclasses.replace(job, output=os.path.abspath(job.output))
     weights = os.path.abspath(arguments.weights) if arguments.weights else None
-    second = SecondStage(str(method), arguments.dilate, weights, arguments.step, arguments.linear_exr)
+    second = SecondStage(str(method), arguments.dilate, weights, arguments.step, arguments.linear_exr,
+                         arguments.share_frames or 0)
     shot = shot_of(job, parse_frames(arguments.frames), second)
     started, bar = time.monotonic(), ProgressBar()
     tools = Tools(arguments.blender, bar, bar.note, overwrite=arguments.overwrite)
@@ -93,7 +97,8 @@ def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) 
 def _check_frames(arguments: argparse.Namespace) -> None:
     """LfsrError where options were given that do not go together."""
     others = {"--frame": arguments.frame, "--rows": arguments.rows}
-    alone = {"--overwrite": arguments.overwrite or None, "--workers": arguments.workers, "--cluster": arguments.cluster}
+    alone = {"--overwrite": arguments.overwrite or None, "--workers": arguments.workers, "--cluster": arguments.cluster,
+             "--share-frames": arguments.share_frames}
     for name, value in (alone if arguments.frames is None else others).items():
         if value is not None:
             raise LfsrError(f"{name} was given without --frames: say which frames, as in --frames 1-48"
@@ -108,6 +113,9 @@ def _cluster(arguments: argparse.Namespace) -> Cluster | None:
         raise LfsrError(f"--workers {arguments.workers} and --cluster were both given: leave out one of them")
     if arguments.workers is not None and not 1 <= arguments.workers <= MOST_WORKERS:
         raise LfsrError(f"workers are {arguments.workers}, but they must be 1 to {MOST_WORKERS}")
+    if arguments.share_frames and (arguments.workers or arguments.cluster):
+        raise LfsrError("--share-frames was given together with several workers, of which each knows its own frames "
+                        "only: leave out one of the two")
     if arguments.cluster is not None:
         return Cluster(arguments.cluster)
     return Cluster(workers=arguments.workers) if arguments.workers else None
