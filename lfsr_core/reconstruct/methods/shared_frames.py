@@ -17,7 +17,7 @@ from lfsr_core.reconstruct.encoding import encode
 
 AVERAGED = ("color", "alpha", "albedo", "normal")
 TESTED = ("albedo", "normal")  # besides colour
-NEAR, WIDE = 100.0, 300.0  # how much a change counts that neighbours share, and one of whole elemental images
+NEAR, WIDE = 30.0, 100.0  # how much a change counts that neighbours share, and one of whole elemental images
 SIGMAS = 2.5  # of its own spread by which a change must stand out from noise
 NEAR_SPREAD, WIDE_SPREAD = 1.25, 2**0.5  # of what white noise pretends to be change, over √pixels and pixels
 REACH = 1  # pixels or lenses to each side that are looked at together

@@ -51,7 +51,7 @@ def test_what_moved_is_untouched_and_the_rest_shared():
     moved[BLOCK] = waves(2.0)[BLOCK]
     ours, other = frame(clean, 0, 0.1), frame(moved, 1, 0.1)
     weight = similarity(ours, other)
-    assert weight[BLOCK].mean() < 0.02 and weight[:, 10:].mean() > 0.9
+    assert weight[BLOCK].mean() < 0.05 and weight[:, 10:].mean() > 0.9
     shared = share(ours, [other] * 4)
     assert np.abs(shared.color - ours.color)[BLOCK].mean() < 0.2 * np.abs(other.color - ours.color)[BLOCK].mean()
 
