@@ -9,7 +9,7 @@ from lfsr_core.bench.environment import environment
 from lfsr_core.bench.shots.measure import Figures, Truth, Window, compare, neighbours
 from lfsr_core.bench.shots.renders import CHANGING, FIXED, Bench, Settings
 from lfsr_core.bench.shots.report import Found, Report, tables_of, write_report
-from lfsr_core.bench.shots.ways import ALONE, FIXED_ALONE, FITS, SHARED
+from lfsr_core.bench.shots.ways import ALONE, FITS, FIXED_ALONE, SHARED
 from lfsr_core.errors import LfsrError
 
 FRAMES, LENSES, SIDE = 5, 30, 12
