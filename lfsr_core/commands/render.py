@@ -41,6 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              "those that are done are kept")
     parser.add_argument("--overwrite", action="store_true", help="with --frames, make frames that are done again too")
     add_cluster_arguments(parser, "with --frames, ")
+    parser.add_argument("--share-frames", type=int, metavar="N",
+                        help="with --frames, average each frame with the N before and after it where they show the "
+                             "same, and give every frame noise of its own; 2 does well")
     upscale.add_method_arguments(parser)
 
 
@@ -72,7 +75,8 @@ def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) 
     # Workers have folders of their own to start from.
     job = dataclasses.replace(job, output=os.path.abspath(job.output))
     weights = os.path.abspath(arguments.weights) if arguments.weights else None
-    second = SecondStage(str(method), arguments.dilate, weights, arguments.step, arguments.linear_exr)
+    second = SecondStage(str(method), arguments.dilate, weights, arguments.step, arguments.linear_exr,
+                         arguments.share_frames or 0)
     shot = shot_of(job, parse_frames(arguments.frames), second)
     started, bar = time.monotonic(), ProgressBar()
     tools = Tools(arguments.blender, bar, bar.note, overwrite=arguments.overwrite)
@@ -90,12 +94,16 @@ def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) 
 def _check_frames(arguments: argparse.Namespace) -> None:
     """LfsrError where options were given that do not go together."""
     others = {"--frame": arguments.frame, "--rows": arguments.rows}
-    alone = {"--overwrite": arguments.overwrite or None, "--workers": arguments.workers, "--cluster": arguments.cluster}
+    alone = {"--overwrite": arguments.overwrite or None, "--workers": arguments.workers, "--cluster": arguments.cluster,
+             "--share-frames": arguments.share_frames}
     for name, value in (alone if arguments.frames is None else others).items():
         if value is not None:
             raise LfsrError(f"{name} was given without --frames: say which frames, as in --frames 1-48"
                             if arguments.frames is None else
                             f"--frames {arguments.frames} and {name} were both given: leave out one of them")
+    if arguments.share_frames and (arguments.workers is not None or arguments.cluster is not None):
+        raise LfsrError("--share-frames was given together with several workers, of which each knows its own frames "
+                        "only: leave out one of the two")
 
 
 def _layers(text: str) -> tuple[str, ...]:

@@ -22,6 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="frame folder of `lfsr render`")
     parser.add_argument("--frame", type=int, metavar="N", help="DIR holds an animation: only its frame N")
+    parser.add_argument("--share-frames", type=int, default=0, metavar="N",
+                        help="average with the N frames before and after it where they show the same, as of an "
+                             "animation rendered with `lfsr render --share-frames`")
     add_method_arguments(parser)
 
 
@@ -40,6 +43,9 @@ def add_method_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Upscale the folder and print where the picture is."""
     folder = arguments.folder if arguments.frame is None else frame_folder(arguments.folder, arguments.frame)
+    from lfsr_core.reconstruct.neighbours import check_shared
+
+    check_shared(arguments.share_frames)
     frame = read_frame(folder)
     upscale(folder, chosen_method(arguments.method, frame.scale, frame.display), arguments)
 
@@ -66,7 +72,8 @@ def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> 
     progress = ProgressBar()
     try:
         options = UpscaleOptions(arguments.step, arguments.dilate, weights=arguments.weights,
-                                 linear_exr=arguments.linear_exr, progress=progress)
+                                 linear_exr=arguments.linear_exr, share_frames=arguments.share_frames or 0,
+                                 progress=progress)
         report = upscale_frame(folder, method, options)
     finally:
         progress.close()

@@ -31,6 +31,8 @@ class Report:
     layout: str = ""
     device: str = ""
     weights: str | None = None  # file that replaced the weights of the method's network, None for the shipped ones
+    share_frames: int = 0  # neighbouring frames to each side that were looked at
+    neighbours: tuple[int, ...] = ()  # their numbers, those that could not be averaged included
 
 
 # Metrics of sampled lenses, whose elemental images stand on their own, once had the names of those of a whole EIA.

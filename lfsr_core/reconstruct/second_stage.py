@@ -35,6 +35,8 @@ from lfsr_core.reconstruct.assembly import Assembly, filled, place, upscale_all
 from lfsr_core.reconstruct.clock import StageClock, peak_bytes
 from lfsr_core.reconstruct.contract import Upscaler
 from lfsr_core.reconstruct.method_name import PLAIN_METHOD, MethodName
+from lfsr_core.reconstruct.methods.shared_frames import share
+from lfsr_core.reconstruct.neighbours import Neighbour, neighbours_of, read_low, seed_notes
 from lfsr_core.reconstruct.registry import Method
 from lfsr_core.reconstruct.world import BeforeWorld, prepared
 
@@ -52,6 +54,7 @@ class UpscaleOptions:
     # file for the method's network instead of the shipped one; for a method given by name
     weights: str | Path | None = None
     linear_exr: bool = False  # whether the scene-linear eia.exr is written too
+    share_frames: int = 0  # frames of the same animation to each side that are averaged where they show the same
     progress: Progress = silent  # called with (stage, fraction, message)
 
 
@@ -160,13 +163,15 @@ class _Run:
     method: Method
     options: UpscaleOptions
     clock: StageClock
+    neighbours: list[Neighbour]  # frames that it may share with
 
 
 def _begin(folder: str | Path, method: str | MethodName | Method, options: UpscaleOptions) -> _Run:
     chosen = method if isinstance(method, Method) else registry.method(method, options.weights)
     frame = read_frame(folder)
     chosen.name.check_scale(frame.scale)
-    return _Run(Path(folder), frame, chosen, options, StageClock())
+    beside = neighbours_of(Path(folder), frame, options.share_frames) if options.share_frames else []
+    return _Run(Path(folder), frame, chosen, options, StageClock(), beside)
 
 
 def _shown_by(run: _Run) -> ViewTransform:
@@ -188,6 +193,7 @@ def _prepare(run: _Run) -> tuple[Assembly, int]:
     with clock("load"):
         layers, replaced = clean(read_layers(run.folder / LOW_RES_FILE))
         low = low_resolution(layers, frame, read_world(run.folder, frame))
+    low = _with_neighbours(run, low)
     with clock("mask"):
         mask = foreground_mask(layers, frame.rays.tiles, run.options.dilate)
         mask = mask if run.options.selection else np.ones_like(mask)
@@ -197,6 +203,14 @@ def _prepare(run: _Run) -> tuple[Assembly, int]:
         low = prepared(low, run.method)
     upscalers = (BeforeWorld(upscaler) for upscaler in (run.method.upscaler, _filler(run.method, frame.scale)))
     return Assembly(low, mask, fill, *upscalers), replaced
+
+
+def _with_neighbours(run: _Run, low: LowResEIA) -> LowResEIA:
+    if not run.options.share_frames:
+        return low
+    run.options.progress("share", 0.0, "neighbouring frames")
+    with run.clock("share"):
+        return share(low, (read_low(each.folder) for each in run.neighbours if each.shares))
 
 
 def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[np.ndarray, np.ndarray | None]:
@@ -267,6 +281,7 @@ def _report(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> R
         method=name.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds={stage: round(seconds, 4) for stage, seconds in run.clock.seconds.items()},
         peak_bytes=peak_bytes(), foreground_share=float(assembly.mask.mean()),
-        notes=(*notes, *name.guide_notes(assembly.low.layers), *assembly.upscaler.notes), replaced_pixels=replaced,
-        dilate=options.dilate, layout=frame.layout, device=frame.device,
-        weights=str(options.weights) if options.weights else None)
+        notes=(*notes, *name.guide_notes(assembly.low.layers), *assembly.upscaler.notes, *seed_notes(run.neighbours)),
+        replaced_pixels=replaced, dilate=options.dilate, layout=frame.layout, device=frame.device,
+        weights=str(options.weights) if options.weights else None, share_frames=options.share_frames,
+        neighbours=tuple(each.number for each in run.neighbours))

@@ -20,7 +20,7 @@ from lfsr_core.reconstruct.second_stage import upscale_frame
 from lfsr_core.render.blender import Starts, find_blender
 from lfsr_core.render.process import CrashError, Listener, Warn, run_jobs
 from lfsr_core.render.staging import remove_dead
-from lfsr_core.sequence.shot import DONE, TO_RENDER, SecondStage, Shot, state
+from lfsr_core.sequence.shot import DONE, TO_RENDER, SecondStage, Shot, beside, state
 
 CHUNK = 16  # frames of one Blender
 TRIES = 2  # of a frame at which Blender crashes
@@ -70,6 +70,7 @@ def render_shot(shot: Shot, tools: Tools) -> list[Result]:
     try:
         for job in shot.jobs:
             run.take(job)
+        run.finish_ready()
         run.render()
         run.finishing.wait(run.told)
     finally:
@@ -83,6 +84,7 @@ class _Run:
     def __init__(self, shot: Shot, tools: Tools) -> None:
         self.shot, self.tools = shot, tools
         self.waiting: list[Job] = []
+        self.rendered: list[Job] = []  # that wait for frames beside them
         self.kept: set[str] = set()
         self.failed: dict[str, str] = {}
         self.finishing = _Finishing(shot.second)
@@ -98,7 +100,15 @@ class _Run:
         if found == DONE:
             self.kept.add(job.output)
         else:
-            self.finishing.add(job)
+            self.rendered.append(job)
+
+    def finish_ready(self) -> None:
+        """Finish the rendered frames beside which nothing is still to be rendered."""
+        missing = {job.output for job in self.waiting}
+        for job in list(self.rendered):
+            if missing.isdisjoint(beside(self.shot, job)):
+                self.rendered.remove(job)
+                self.finishing.add(job)
 
     def render(self) -> None:
         """Render what waits, chunk by chunk."""
@@ -122,12 +132,14 @@ class _Run:
 
     def _leave_out(self, job: Job, sentence: str) -> None:
         self.failed[job.output] = sentence
+        self.finish_ready()
         self.tools.warn(f"frame {job.frame} is left out: {sentence}")
 
     def _rendered(self, job: Job) -> None:
         self.waiting.remove(job)
         self.clock.one_done()
-        self.finishing.add(job)
+        self.rendered.append(job)
+        self.finish_ready()
 
     def _progress(self, stage: str, fraction: float, message: str) -> None:
         if self.waiting and stage == "render":

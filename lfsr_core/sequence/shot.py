@@ -9,9 +9,10 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LAYOUTS, Frame, frame_folder, read_part
-from lfsr_core.frames.job import AUTO, Job
+from lfsr_core.frames.job import AUTO, MOST_SEED, Job
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.exr import check_whole
+from lfsr_core.reconstruct.neighbours import check_shared, numbered_beside
 from lfsr_core.reconstruct.second_stage import UpscaleOptions
 from lfsr_core.render.content import scene_content
 from lfsr_core.render.process import RENDERED_FILES, check_folder
@@ -31,11 +32,13 @@ class SecondStage:
     weights: str | None = None
     step: int | None = None
     linear_exr: bool = False
+    share_frames: int = 0  # neighbouring frames to each side that are averaged where they show the same
 
     @property
     def options(self) -> UpscaleOptions:
         """For ``upscale_frame``."""
-        return UpscaleOptions(self.step, self.dilate, weights=self.weights, linear_exr=self.linear_exr)
+        return UpscaleOptions(self.step, self.dilate, weights=self.weights, linear_exr=self.linear_exr,
+                              share_frames=self.share_frames)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,12 +52,22 @@ class Shot:
 
 
 def shot_of(job: Job, frames: Iterable[int], second: SecondStage, lenient: bool = False) -> Shot:
-    """Frames of the scene of ``job``, in folders such as ``0001`` in its output; ``lenient``: as of ``Shot``."""
+    """Frames of the scene of ``job``, in folders such as ``0001`` in its output.
+
+    Frames that share have seeds of their own, the job's and their number; others have the job's, so that noise stands.
+    ``lenient``: as of ``Shot``.
+    """
     output = Path(job.output)
     if is_complete(output, "render") or is_complete(output, "reference"):
         raise LfsrError(f"{output} is a frame folder itself: choose another folder for the frames of an animation")
-    jobs = tuple(dataclasses.replace(job, frame=number, output=str(frame_folder(output, number))) for number in frames)
+    check_shared(second.share_frames)
+    jobs = tuple(dataclasses.replace(job, frame=number, output=str(frame_folder(output, number)),
+                                     seed=_seed(job, number, second)) for number in frames)
     return Shot(jobs, second, scene_content(job.scene), lenient)
+
+
+def _seed(job: Job, number: int, second: SecondStage) -> int:
+    return (job.seed + number) % (MOST_SEED + 1) if second.share_frames else job.seed
 
 
 def state(shot: Shot, job: Job) -> str:
@@ -71,7 +84,19 @@ def state(shot: Shot, job: Job) -> str:
         _check_same(folder, job, frame, shot.content)
     if not all(_is_whole(folder / name) for name in RENDERED_FILES[job.kind]):
         return TO_RENDER
-    return DONE if _is_finished(folder, shot.second) else TO_FINISH
+    return DONE if _is_finished(folder, shot.second) and _has_shared(shot, job) else TO_FINISH
+
+
+def beside(shot: Shot, job: Job) -> set[str]:
+    """Folders of the frames that ``job`` shares with."""
+    planned = (other.frame for other in shot.jobs if other.frame is not None)
+    return set(map(str, numbered_beside(Path(job.output), shot.second.share_frames, planned)))
+
+
+def _has_shared(shot: Shot, job: Job) -> bool:
+    """True if all that lie beside the frame were there when it was finished."""
+    seen = read_report(job.output).neighbours
+    return all(int(Path(folder).name) in seen for folder in beside(shot, job))
 
 
 def is_older(shot: Shot, job: Job) -> bool:
@@ -134,7 +159,8 @@ def _is_finished(folder: Path, second: SecondStage) -> bool:
         return False
     if second.linear_exr and not _is_whole(folder / EIA_LINEAR_FILE):
         return False
-    same = (report.method, report.dilate, report.weights) == (second.method, second.dilate, second.weights)
+    made = (report.method, report.dilate, report.weights, report.share_frames)
+    same = made == (second.method, second.dilate, second.weights, second.share_frames)
     return same and _ends_as_png(folder / EIA_FILE)
 
 

@@ -1,0 +1,88 @@
+"""What frames of an animation can share, measured by one command that can be stopped and started again.
+
+    python -m lfsr_core.bench.shots -o OUT            everything, about an hour on two cores
+    python -m lfsr_core.bench.shots -o OUT --quick    three frames and few samples, minutes; figures of no worth
+
+What is complete in OUT is not done again. docs/results/animations.md shows OUT/shots.json, shots.md and shots.svg.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from lfsr_core.bench.environment import check_packages, environment
+from lfsr_core.bench.shots.renders import NAMES, Bench, Settings
+from lfsr_core.bench.shots.report import Found, Report, write_report
+from lfsr_core.bench.shots.ways import ALONE, EACH, FITS, WAYS, Shot
+from lfsr_core.errors import LfsrError, did_you_mean
+
+STOPPED, BAD_INPUT = 130, 2
+QUICK = {"frames": 3, "samples": (4,), "more": (), "reference_samples": 16, "reference_lenses": 34}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Exit code 0, 2 after bad input, 130 if stopped."""
+    try:
+        run(_parser().parse_args(argv))
+    except LfsrError as error:
+        print(f"shots: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("shots: stopped; run the same command again to go on", file=sys.stderr)
+        return STOPPED
+    return 0
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Render and measure what is missing, then write the report."""
+    check_packages()
+    settings = Settings(seed=arguments.seed, **(QUICK if arguments.quick else {}))
+    bench = Bench(arguments.output, settings, arguments.blender)
+    bench.claim()
+    found: list[Found] = []
+    for name in _names(arguments.only):
+        bench.render(name)
+        found += _measured(Shot.read(bench, name, 1 if arguments.quick else arguments.fit_seconds))
+    options = f" --quick --seed {arguments.seed}" if arguments.quick else f" --seed {arguments.seed}"
+    command = f"python -m lfsr_core.bench.shots -o OUT{options}"
+    write_report(Report(settings, environment(), command, tuple(found)), arguments.output)
+    print((arguments.output / "shots.md").read_text(encoding="utf-8"))
+
+
+def _measured(shot: Shot) -> Iterator[Found]:
+    settings = shot.bench.settings
+    cells = [(way, spp) for spp in settings.samples for way in WAYS] + [(ALONE, spp) for spp in settings.more]
+    most = settings.samples[-1]
+    cells += [(way, spp) for spp in settings.samples for way in FITS if way.fitted != EACH or spp == most]
+    for way, spp in cells:
+        figures = shot.figures(way, spp)
+        print(f"{shot.name}, {way.name}, {spp} samples: split SSIM {figures.ssim:.4f}, flicker {figures.flicker:.2f}, "
+              f"low-frequency error {figures.offset:.2f}, lag {figures.lag:.2f}", flush=True)
+        yield Found(shot.name, way.name, spp, figures)
+
+
+def _names(text: str | None) -> tuple[str, ...]:
+    names = tuple(text.split(",")) if text else NAMES
+    for name in names:
+        if name not in NAMES:
+            raise LfsrError(f"animation {name[:30]!r} is unknown: {did_you_mean(name, NAMES)}It must be one of "
+                            f"{', '.join(NAMES)}")
+    return names
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m lfsr_core.bench.shots", description=__doc__.splitlines()[0])
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="of everything that is made")
+    parser.add_argument("--only", metavar="NAME,NAME", help=f"of {', '.join(NAMES)}")
+    parser.add_argument("--quick", action="store_true", help="three frames and few samples")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of renders and fits, default: %(default)s")
+    parser.add_argument("--fit-seconds", type=float, default=30, metavar="N", help="of each fit, default: %(default)s")
+    parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,85 @@
+"""The frames beside a frame of an animation, as far as they are rendered."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Collection, Iterable, Sequence
+from pathlib import Path
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, Frame, read_frame
+from lfsr_core.frames.low_res import LowResEIA, low_resolution
+from lfsr_core.frames.world import read_world
+from lfsr_core.images.exr import clean, read_layers
+
+MOST_SHARED = 8  # frames to each side
+NUMBERED = re.compile(r"-?\d{3,}$")  # names as of ``frame_folder``
+# What two frames must have in common for their pixels to be samples of the same rays.
+COMMON = ("display", "scale", "array", "matrix_world", "samples", "convention", "view_aperture", "lens_list", "clip",
+          "world_visible", "world_apart")
+
+
+@dataclasses.dataclass(frozen=True)
+class Neighbour:
+    """A frame near another."""
+
+    folder: Path
+    number: int
+    same_rays: bool  # False where the camera array has moved, or it was rendered otherwise
+    same_seed: bool  # True where its noise is the same, so that a mean over both has no less
+
+    @property
+    def shares(self) -> bool:
+        """True if it can be averaged with."""
+        return self.same_rays and not self.same_seed
+
+
+def check_shared(count: int) -> None:
+    """LfsrError if so many frames to each side cannot be shared."""
+    if not 0 <= count <= MOST_SHARED:
+        raise LfsrError(f"{str(count)[:20]} frames to each side were to be shared, but it must be 0 to {MOST_SHARED}")
+
+
+def neighbours_of(folder: Path, frame: Frame, count: int) -> list[Neighbour]:
+    """Up to ``count`` rendered frames before and as many after the one in ``folder``, which lie beside it."""
+    return [_neighbour(beside, frame) for beside in numbered_beside(folder, count)]
+
+
+def numbered_beside(folder: Path, count: int, planned: Iterable[int] = ()) -> list[Path]:
+    """Folders of the ``count`` frames before and after, by their numbers, that are rendered or ``planned``."""
+    if not NUMBERED.match(folder.name):
+        return []
+    numbers = {int(path.name): path for path in folder.parent.iterdir()
+               if NUMBERED.match(path.name) and _is_rendered(path)} if folder.parent.is_dir() else {}
+    numbers |= {number: folder.parent / f"{number:04d}" for number in planned}
+    return [numbers[number] for number in window(int(folder.name), numbers, count)]
+
+
+def window(number: int, numbers: Collection[int], count: int) -> Sequence[int]:
+    """The ``count`` nearest ``numbers`` below and above one."""
+    below, above = sorted(n for n in numbers if n < number), sorted(n for n in numbers if n > number)
+    return below[max(0, len(below) - count):] + above[:count]
+
+
+def read_low(folder: Path) -> LowResEIA:
+    """What the second stage sees of a frame folder; LfsrError where it cannot be read."""
+    frame = read_frame(folder)
+    return low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame, read_world(folder, frame))
+
+
+def seed_notes(neighbours: Sequence[Neighbour]) -> list[str]:
+    """A sentence where neighbours have the same noise."""
+    same = [each.number for each in neighbours if each.same_seed]
+    return [f"frames {', '.join(map(str, same))} have the same seed, so that nothing was shared with them: render the "
+            "animation with --share-frames"] if same else []
+
+
+def _neighbour(folder: Path, frame: Frame) -> Neighbour:
+    other = read_frame(folder)
+    same = all(getattr(frame, name) == getattr(other, name) for name in COMMON)
+    return Neighbour(folder, int(folder.name), same, frame.seed == other.seed)
+
+
+def _is_rendered(folder: Path) -> bool:
+    return (folder / FRAME_FILE).is_file() and (folder / LOW_RES_FILE).is_file()

@@ -1,0 +1,70 @@
+"""Which frames lie beside a frame, and which of them can be averaged with it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.reconstruct.neighbours import check_shared, neighbours_of, numbered_beside, seed_notes, window
+from lfsr_core.reconstruct.second_stage import UpscaleOptions, linear_and_mask, upscale_frame
+from tests.support.synthetic import IDENTITY, write_render
+
+
+def film(folder, numbers, **changes):
+    for number in numbers:
+        frame = folder / f"{number:04d}"
+        frame.mkdir(exist_ok=True)
+        write_render(frame, frame=number, **{"seed": number} | changes)
+    return folder
+
+
+def numbers_near(folder, number, count):
+    frame = folder / f"{number:04d}"
+    return [(each.number, each.shares) for each in neighbours_of(frame, read_frame(frame), count)]
+
+
+def test_the_nearest_on_both_sides():
+    assert list(window(5, [1, 2, 4, 5, 7, 9, 11], 2)) == [2, 4, 7, 9]
+    assert list(window(1, [1, 2, 3], 2)) == [2, 3]
+    assert list(window(1, [1, 2, 3], 0)) == []
+
+
+def test_rendered_and_planned_frames_count(tmp_path):
+    film(tmp_path, (1, 3))
+    (tmp_path / "0002").mkdir()
+    (tmp_path / "notes").mkdir()
+    assert [path.name for path in numbered_beside(tmp_path / "0001", 1)] == ["0003"]
+    assert [path.name for path in numbered_beside(tmp_path / "0001", 1, planned=[2])] == ["0002"]
+    assert numbered_beside(tmp_path / "notes", 1) == []
+
+
+def test_an_array_that_moved_or_the_same_seed_shares_nothing(tmp_path):
+    film(tmp_path, (1, 2, 3))
+    film(tmp_path, (4,), seed=3)
+    moved = tuple((*row[:3], row[3] + 0.01) for row in IDENTITY[:3]) + IDENTITY[3:]
+    film(tmp_path, (1,), matrix_world=moved)
+    assert numbers_near(tmp_path, 3, 2) == [(1, False), (2, True), (4, False)]
+    found = neighbours_of(tmp_path / "0003", read_frame(tmp_path / "0003"), 2)
+    assert seed_notes(found) and "frames 4 have" in seed_notes(found)[0] and not seed_notes(found[:2])
+
+
+def test_the_second_stage_averages_and_says_with_which(tmp_path):
+    film(tmp_path, (1, 2, 3))
+    report = upscale_frame(tmp_path / "0002", "bicubic", UpscaleOptions(share_frames=1))
+    assert (report.share_frames, report.neighbours) == (1, (1, 3)) and report.seconds["share"] >= 0
+    alone = upscale_frame(tmp_path / "0002", "bicubic")
+    assert (alone.share_frames, alone.neighbours) == (0, ()) and "share" not in alone.seconds
+
+
+def test_frames_without_noise_are_finished_as_alone(tmp_path):
+    film(tmp_path, (1, 2))
+    images = [linear_and_mask(tmp_path / "0001", "bicubic", UpscaleOptions(share_frames=count))[0] for count in (0, 2)]
+    np.testing.assert_allclose(*images, atol=1e-5)
+
+
+@pytest.mark.parametrize("count", [-1, 9])
+def test_impossible_counts_are_refused(count):
+    with pytest.raises(LfsrError, match="0 to 8"):
+        check_shared(count)

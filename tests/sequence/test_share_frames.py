@@ -1,0 +1,78 @@
+"""Frames of a shot that share: each is finished when those beside it are rendered, and again when more are there."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.report import read_report
+from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
+from lfsr_core.sequence.engine import KEPT, MADE, Tools, render_shot
+from lfsr_core.sequence.shot import SecondStage
+from tests.support.played_blender import played_blender
+from tests.support.shots import pictures, shot
+from tests.support.synthetic import fails
+
+SHARING = SecondStage("bicubic", share_frames=1)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shared")
+    render_shot(shot(folder, range(1, 4), SHARING), Tools(played_blender(folder / "blender"), chunk=2))
+    return folder
+
+
+@pytest.fixture
+def made(finished, tmp_path):
+    for name in ("film", "scene.glb", "blender"):
+        (shutil.copytree if name == "film" else shutil.copy2)(finished / name, tmp_path / name)
+    return tmp_path
+
+
+def neighbours(folder):
+    return [read_report(path).neighbours for path in sorted((folder / "film").glob("0*"))]
+
+
+def test_every_frame_has_noise_of_its_own_and_sees_those_beside_it(finished):
+    frames = [read_frame(path) for path in sorted((finished / "film").glob("0*"))]
+    assert [frame.seed for frame in frames] == [6, 7, 8], "the job's seed and the frame's number"
+    assert neighbours(finished) == [(2,), (1, 3), (2,)]
+
+
+def test_alone_every_frame_has_the_same_noise(tmp_path):
+    assert {job.seed for job in shot(tmp_path, range(1, 4)).jobs} == {5}
+
+
+def test_the_picture_is_that_of_the_second_stage_alone(made):
+    before = pictures(made / "film")
+    upscale_frame(made / "film" / "0002", "bicubic", UpscaleOptions(share_frames=1))
+    assert pictures(made / "film") == before
+    upscale_frame(made / "film" / "0002", "bicubic")
+    assert pictures(made / "film")["0002"] != before["0002"]
+
+
+def test_a_frame_is_finished_again_when_more_lie_beside_it(made):
+    tools = Tools(str(made / "blender"))
+    assert [result.state for result in render_shot(shot(made, range(1, 4), SHARING), tools)] == [KEPT] * 3
+    assert [result.state for result in render_shot(shot(made, range(1, 5), SHARING), tools)] == [KEPT, KEPT, MADE, MADE]
+    assert neighbours(made) == [(2,), (1, 3), (2, 4), (3,)]
+
+
+def test_frames_that_did_not_share_are_refused(made):
+    with pytest.raises(LfsrError, match="seed 6, but 5 is needed"):
+        render_shot(shot(made, (1,)), Tools("/must/not/run"))
+
+
+@pytest.mark.parametrize("words, sentence", [
+    (["--share-frames", "1"], "without --frames"),
+    (["--frames", "1-3", "--share-frames", "9"], "0 to 8"),
+    (["--frames", "1-3", "--share-frames", "1", "--workers", "2"], "several workers"),
+])
+def test_what_does_not_go_together_is_refused(tmp_path, capsys, words, sentence):
+    (tmp_path / "scene.glb").write_text("a scene")
+    arguments = ["render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "film"), "--display", "mini", *words]
+    assert sentence in fails(arguments, capsys)
