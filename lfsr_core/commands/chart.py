@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,6 +36,12 @@ def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
                         help="samples of the nearly noise-free low-resolution render, default: %(default)s; 0: none")
     parser.add_argument("--reference-spp", type=int, default=1024, metavar="N", help="default: %(default)s")
     parser.add_argument("--lenses", type=int, metavar="N", help="sampled reference of N lenses; default: all")
+    parser.add_argument("--seed", type=int, default=0, metavar="N",
+                        help="of the noise of all renders but the reference; those of each lie beside each other")
+    parser.add_argument("--subject", metavar="COLLECTION", help="the foreground; default: everything but the world and "
+                                                                "a collection called Background")
+    parser.add_argument("--world-visible", action=argparse.BooleanOptionalAction,
+                        help="show the world behind the subject; default: what each scene says")
     parser.add_argument("--device", default="CPU", metavar="NAME", help="Cycles device, default: %(default)s")
     parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")
 
@@ -57,12 +62,18 @@ def _add_measure_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Measure, then write the tables and pictures and name them."""
+    from lfsr_core.bench.chart.overall import Overall, costs
     from lfsr_core.bench.chart.run import measure, write_pages
     from lfsr_core.bench.environment import check_packages
 
     check_packages()
     settings = _settings(arguments)
-    for path in write_pages(settings.folder, measure(settings, arguments.scenes, _report)):
+    overall = Overall(costs(settings, arguments.scenes))
+    try:
+        chart, stem = measure(settings, arguments.scenes, overall)
+    finally:
+        overall.end()
+    for path in write_pages(settings.folder, chart, stem):
         print(path)
 
 
@@ -78,13 +89,9 @@ def _settings(arguments: argparse.Namespace) -> Settings:
                                                        for name in names)))
     chosen = {name: (*methods, *DIRECT_METHODS) if names == EVERY else names for name, names in chosen.items()}
     same = ("display", "scale", "spps", "direct_spps", "reference_spp", "lenses", "ceiling_spp", "repeats",
-            "render_repeats", "only_measure", "device", "blender", "retime_renders")
+            "render_repeats", "only_measure", "device", "blender", "retime_renders", "seed", "subject", "world_visible")
     return Settings(folder=arguments.output, methods=methods, direct_methods=DIRECT_METHODS, ours=ours, **chosen,
                     **{name: getattr(arguments, name) for name in same})
-
-
-def _report(sentence: str) -> None:
-    print(sentence, file=sys.stderr, flush=True)
 
 
 def _names(text: str) -> tuple[str, ...]:

@@ -31,10 +31,9 @@ def run(arguments: argparse.Namespace) -> None:
     from lfsr_core.share.importing import Geometry, import_views
 
     progress, folder = ProgressBar(), arguments.output
-    geometry = Geometry(arguments.width_mm, arguments.distance_mm, arguments.angle_deg)
+    geometry = Geometry(arguments.width_mm, arguments.distance_mm, arguments.angle_deg, arguments.mirror)
     try:
-        imported = import_views(arguments.source, folder, arguments.scale, geometry, mirror=arguments.mirror,
-                                progress=progress)
+        imported = import_views(arguments.source, folder, arguments.scale, geometry, progress)
         if arguments.scale == 1:
             upscale_frame(folder, "none")
         for note in imported.notes:

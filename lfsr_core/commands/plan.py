@@ -39,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Plan, print the table, and the command that renders the choice."""
     from lfsr_core.plan.candidates import default_methods
+    from lfsr_core.plan.moving import Moving
     from lfsr_core.plan.options import Options
     from lfsr_core.plan.planner import make_plan
     from lfsr_core.plan.renders import rendering
@@ -56,7 +57,8 @@ def run(arguments: argparse.Namespace) -> None:
     progress, blender = ProgressBar(), find_blender(arguments.blender)
     try:
         with work_folder(arguments.work, job, options, progress.note) as folder:
-            planned = make_plan(job, options, rendering(blender, progress.note), folder, progress)
+            moving = Moving(progress)
+            planned = make_plan(job, options, rendering(blender, progress.note, moving), folder, moving)
     finally:
         progress.close()
     print(table(planned, options, arguments.details))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +15,12 @@ from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import BETWEEN, Candidate, Rated, between, choose, samples_of
 from lfsr_core.plan.estimate import Estimate, Stratum, estimate
+from lfsr_core.plan.moving import Moving
 from lfsr_core.plan.options import Options
 from lfsr_core.plan.renders import SampleRenders
 from lfsr_core.plan.sample import STRATA, Budget, Lens, Mosaic, reach, with_neighbours
 from lfsr_core.plan.score import QuickLook, SampledReference, Scores, score, stage_time
 from lfsr_core.plan.times import StageTime, TimeModel
-
-Report = Callable[[str, float], None]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,6 +62,11 @@ class LensSample:
         """All of them, in the order of STRATA."""
         return [lens for name in STRATA for lens in self.strata[name]]
 
+    @property
+    def looked(self) -> float:
+        """Share of the whole sample's cost that the quick look took."""
+        return self.budget.quick.samples / self._cost(self.budget.renders)
+
     def done(self, renders: list[tuple[int, int]]) -> float:
         """Share of the whole sample's cost that is spent with these renders, by scale and samples."""
         return self._cost(renders) / self._cost(self.budget.renders)
@@ -87,7 +91,7 @@ class Measurements:
         self._notes: dict[Candidate, str] = {}
         self._measured: list[tuple[int, int]] = []
 
-    def measure(self, scale: int, spp: int, report: Report) -> None:
+    def measure(self, scale: int, spp: int, report: Moving) -> None:
         """Render and measure the candidates of one scale and number of samples, unless there is a reason against."""
         here = [c for c in self.question.wanted if (c.scale, c.spp) == (scale, spp)]
         why = self._why_not(scale, spp, here)
@@ -96,12 +100,15 @@ class Measurements:
             return
         width = reach(self.question.display, scale)
         listed, blocks = with_neighbours(self.sample.lenses, width, self.question.display.lenses)
-        report(f"{len(listed)} lenses at scale {scale}, {spp} samples", self.sample.done(self._measured))
+        beside = " and their neighbours" if width else ""
+        report(f"{len(self.sample.lenses)} lenses{beside} at scale {scale}, {spp} samples",
+               self.sample.done(self._measured), self.sample.done([*self._measured, (scale, spp)]))
         folder = self.renders.sampled(scale, spp, listed)
         self._measured.append((scale, spp))
         started = time.perf_counter()
         for candidate in here:
-            report(candidate.name, self.sample.done(self._measured))
+            report(f"{candidate.name}: {here.index(candidate) + 1} of {len(here)} methods",
+                   self.sample.done(self._measured))
             self._score(candidate, folder, Mosaic.of(blocks), Mosaic.of(blocks[:1]))
         self.seconds += time.perf_counter() - started
 

@@ -15,7 +15,8 @@ from lfsr_core.images.exposure import extreme
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.plan import sample as plan_sample
 from lfsr_core.plan.candidates import Choice, Rated, choose, low_pixels, samples_of
-from lfsr_core.plan.measurements import LensSample, Measurements, Question, Report
+from lfsr_core.plan.measurements import LensSample, Measurements, Question
+from lfsr_core.plan.moving import Moving
 from lfsr_core.plan.options import Options
 from lfsr_core.plan.renders import REFERENCE_PARTS, SampleRenders
 from lfsr_core.plan.score import QuickLook, SampledReference, quick_look
@@ -25,6 +26,7 @@ from lfsr_core.progress import Progress, silent
 from lfsr_core.render.store import Render
 
 PILOT_LENSES = 64
+QUICK_SHARE = 0.05  # of the plan, a guess until costs are known
 SAMPLE_FILE = "sample.json"
 
 
@@ -55,7 +57,8 @@ class Planned:
     sample: SampleFacts  # what was looked at
 
 
-def make_plan(job: Job, options: Options, render: Render, folder: Path, progress: Progress = silent) -> Planned:
+def make_plan(job: Job, options: Options, render: Render, folder: Path,
+              progress: Progress | Moving = silent) -> Planned:
     """Plan for the scene, display and frame of a job.
 
     Parameters
@@ -64,7 +67,8 @@ def make_plan(job: Job, options: Options, render: Render, folder: Path, progress
     options : target, candidates, and what the sample may cost
     render : renders one job into its folder, all or nothing
     folder : keeps what was rendered: a second call goes on where one stopped
-    progress : called with (stage, fraction, message) at every step
+    progress : called with (stage, fraction, message) at every step; a ``Moving`` that ``render`` tells too moves in
+        renders
 
     Raises
     ------
@@ -75,8 +79,7 @@ def make_plan(job: Job, options: Options, render: Render, folder: Path, progress
         raise LfsrError("a plan renders single lenses, which a view-by-view render cannot: choose another layout")
     _check_sample(folder, question)
 
-    def report(message: str, done: float = 0.0) -> None:
-        progress("plan", done, message)
+    report = Moving.of(progress)
     renders = SampleRenders(folder, job, render)
     sample, model = _sample(question, renders, report)
     measured = Measurements(question, sample, _reference(question, sample, renders, report), renders, model)
@@ -96,9 +99,9 @@ def _check_sample(folder: Path, question: Question) -> None:
     write_json(path, same)
 
 
-def _sample(question: Question, renders: SampleRenders, report: Report) -> tuple[LensSample, TimeModel]:
+def _sample(question: Question, renders: SampleRenders, report: Moving) -> tuple[LensSample, TimeModel]:
     """Which lenses to look at, and a first model of what a frame costs."""
-    report("looking at every lens", 0.0)
+    report("looking at every lens", 0.0, QUICK_SHARE)
     folder, frame = renders.quick()
     look = quick_look(folder)
     foreground, options = look.masks["foreground"], question.options
@@ -108,7 +111,7 @@ def _sample(question: Question, renders: SampleRenders, report: Report) -> tuple
     model = TimeModel(frame.seconds["open"], 0.0, frame.seconds["render"] / path_samples(frame),
                       look.finish["load"] / whole, sum(look.finish.values()) - look.finish["load"],
                       int(foreground.sum()), look.shown)
-    report("what the foreground costs", 0.0)
+    report("what the foreground costs", QUICK_SHARE)
     quick = plan_sample.QuickCost(path_samples(frame), _cost_ratio(question, renders, look, model.per_sample))
     budget = plan_sample.budget(question.display, question.wanted, options.reference_spp, quick, options.share)
     count = options.lenses or budget.lenses
@@ -128,11 +131,12 @@ def _cost_ratio(question: Question, renders: SampleRenders, look: QuickLook, per
     return float(np.clip(ratio, 1, mask.size / mask.sum()))
 
 
-def _reference(question: Question, sample: LensSample, renders: SampleRenders, report: Report) -> SampledReference:
+def _reference(question: Question, sample: LensSample, renders: SampleRenders, report: Moving) -> SampledReference:
     """The sampled lenses at full resolution, in four independent quarters."""
     files, frames, lenses = [], [], sample.lenses
+    steps = np.linspace(sample.looked, sample.done([]), REFERENCE_PARTS + 1).tolist()
     for part in range(REFERENCE_PARTS):
-        report(f"reference of {len(lenses)} lenses, part {part + 1} of {REFERENCE_PARTS}", sample.done([]))
+        report(f"reference of {len(lenses)} lenses, part {part + 1} of {REFERENCE_PARTS}", *steps[part:part + 2])
         quarters, frame = renders.reference(part, question.options.reference_spp, lenses)
         files += quarters
         frames.append(frame)

@@ -9,6 +9,7 @@ from typing import Any
 
 from lfsr_core.frames.frame import REFERENCE_FILES, Frame, read_frame
 from lfsr_core.frames.job import Job
+from lfsr_core.plan.moving import Moving
 from lfsr_core.plan.sample import Lens
 from lfsr_core.plan.times import path_samples
 from lfsr_core.render.blender import Blender
@@ -22,9 +23,12 @@ REFERENCE_PARTS = 2  # jobs of two independent halves each: four quarters
 SEED_STEP, REFERENCE_SEED, MOST_SAMPLES = 7919, 1 << 23, 4096
 
 
-def rendering(blender: Blender, warn: Warn | None = None) -> Render:
-    """Renders with ``blender`` as its own process; ``warn(sentence)`` of what the user should know."""
-    return lambda job: run_job(job, blender, None, warn)
+def rendering(blender: Blender, warn: Warn | None = None, moving: Moving | None = None) -> Render:
+    """Renders with ``blender`` as its own process.
+
+    ``warn(sentence)`` of what the user should know; ``moving`` is told how far each render is.
+    """
+    return lambda job: run_job(job, blender, moving and moving.rendering, warn)
 
 
 class SampleRenders:

@@ -99,14 +99,17 @@ class _Staged:
 
     @property
     def frame(self) -> Path:
+        """Frame folder that Blender fills."""
         return self.staging / "frame"
 
     @property
     def folder(self) -> Path:
+        """Where it is published to."""
         return Path(self.job.output)
 
     @property
     def parts(self) -> Path:
+        """Where parts of a long render are kept."""
         return parts_folder(self.folder).resolve()
 
     def write(self) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, LAYOUTS, Frame, read_part
@@ -54,17 +54,33 @@ def fingerprint(render: Job | Frame) -> dict[str, Any]:
             "lens_list": render.lens_list, "rows": render.rows}
 
 
-def with_blender(executable: str | None = None, announce: bool = True) -> Render:
-    """Renders in Blender, looked for when the first job comes, with a progress bar; ``announce``: and a line each."""
+class Bar(Protocol):
+    """What shows progress: a ``ProgressBar``, or a part of a longer one."""
+
+    def __call__(self, stage: str, fraction: float, message: str) -> None:
+        """Show one state."""
+
+    def note(self, message: str) -> None:
+        """Show a line that stays."""
+
+    def close(self) -> None:
+        """The render is done, or has failed."""
+
+
+def with_blender(executable: str | None = None, announce: bool = True, bar: Bar | None = None) -> Render:
+    """Renders in Blender, looked for when the first job comes; ``bar`` shows how far each is, None: one of its own.
+
+    ``announce``: a line stays of each.
+    """
     def render(job: Job) -> None:
         check_scene(job.scene)
-        blender, bar = find_blender(executable), ProgressBar()
+        blender, shown_in = find_blender(executable), bar or ProgressBar()
         if announce:
-            bar.note(f"rendering {job.output}: {job.spp} samples at scale {job.scale}")
+            shown_in.note(f"rendering {job.output}: {job.spp} samples at scale {job.scale}")
         try:
-            run_job(job, blender, bar, bar.note)
+            run_job(job, blender, shown_in, shown_in.note)
         finally:
-            bar.close()
+            shown_in.close()
     return render
 
 

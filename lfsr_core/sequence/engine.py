@@ -169,9 +169,11 @@ class _Clock:
         self.since = time.monotonic()
 
     def start(self, count: int) -> None:
+        """``count`` frames wait from now on."""
         self.count, self.since = count, time.monotonic()
 
     def one_done(self) -> None:
+        """One of them is rendered."""
         self.done += 1
 
     def left(self, fraction: float) -> str:

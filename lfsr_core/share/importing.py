@@ -37,9 +37,11 @@ class Geometry:
     width_mm: float | None = None  # of the plane without parallax, which becomes the display
     distance_mm: float | None = None  # from the cameras to it
     angle_deg: float | None = None  # over which the cameras are spread, seen from its middle
+    mirror: str = ""  # "x", "y" or "xy" where the cameras are in the other order than their names say
 
 
-USUAL = Geometry(600.0, 1000.0, 20.0)  # where nothing is known: a desk display seen from a metre
+# Where nothing is known: a desk display seen from a metre.
+USUAL = {"width_mm": 600.0, "distance_mm": 1000.0, "angle_deg": 20.0}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,8 +52,8 @@ class Imported:
     notes: tuple[str, ...]  # what was assumed
 
 
-def import_views(source: str | Path, output: str | Path, scale: int = 1, geometry: Geometry | None = None, *,
-                 mirror: str = "", progress: Progress = silent) -> Imported:
+def import_views(source: str | Path, output: str | Path, scale: int = 1, geometry: Geometry | None = None,
+                 progress: Progress = silent) -> Imported:
     """Make a frame folder, as the render stage leaves it, of a folder of views.
 
     Parameters
@@ -60,19 +62,18 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
     output : frame folder to write
     scale : views that the second stage is to make of each, along each axis
     geometry : replaces what the folder says
-    mirror : "x", "y" or "xy" where the cameras are in the other order than their names say
     progress : called with (stage, fraction, message)
 
     Raises
     ------
     LfsrError : for views that are missing, unreadable or of several sizes, a scale or geometry that cannot be
     """
-    source, output = Path(source), Path(output)
+    source, output, geometry = Path(source), Path(output), geometry or Geometry()
     check_folder(output, "render")
     known = _hci_parameters(source / PARAMETERS_FILE)
     files = find_views(source, known and known.columns).square()
-    display, notes = _display(files, scale, geometry or Geometry(), known)
-    views = read_views(files, mirror, progress)
+    display, notes = _display(files, scale, geometry, known)
+    views = read_views(files, geometry.mirror, progress)
     frame = Frame(display, scale, CameraArray.for_display(display, display.panel_mm[0]), IDENTITY, SAMPLES,
                   scene=source.resolve().name)
     with staging_folder(output) as work:
@@ -91,7 +92,7 @@ def _display(files: ViewFiles, scale: int, given: Geometry, hci: _Hci | None) ->
     """Display whose lenses are the pictures' pixels, and what had to be assumed."""
     if not 1 <= scale <= MOST_SCALE:
         raise LfsrError(f"scale is {scale}, but it must be a whole number from 1 to {MOST_SCALE}")
-    known, usual = hci.geometry(files) if hci else {}, vars(USUAL)
+    known, usual = hci.geometry(files) if hci else {}, USUAL
     chosen = {name: next(value for value in (getattr(given, name), known.get(name), usual[name]) if value is not None)
               for name in usual}
     assumed = [f"--{name.replace('_', '-')} {usual[name]:g}" for name in usual

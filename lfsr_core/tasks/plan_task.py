@@ -35,6 +35,7 @@ def plan(job: dict[str, Any], options: dict[str, Any], command: list[str], work:
     Data of a ``Found``.
     """
     from lfsr_core.frames.job import Job
+    from lfsr_core.plan.moving import Moving
     from lfsr_core.plan.options import Options
     from lfsr_core.plan.planner import make_plan
     from lfsr_core.plan.renders import rendering
@@ -42,7 +43,8 @@ def plan(job: dict[str, Any], options: dict[str, Any], command: list[str], work:
     from lfsr_core.records import from_data, to_data
 
     wanted = from_data(Options, options, "options of the plan")
-    render = rendering(RenderCommand(tuple(command)), emit_warning)
-    planned = make_plan(from_data(Job, job, "job of the plan"), wanted, render, Path(work), emit_progress)
+    moving = Moving(emit_progress)
+    render = rendering(RenderCommand(tuple(command)), emit_warning, moving)
+    planned = make_plan(from_data(Job, job, "job of the plan"), wanted, render, Path(work), moving)
     chosen = planned.choice.chosen
     return to_data(Found(sentence(planned.choice, wanted), chosen and chosen.candidate))

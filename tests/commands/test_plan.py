@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -72,6 +73,15 @@ def test_plan_ends_with_the_command_that_renders_the_choice(scene, blender, tmp_
     assert (arguments.display, arguments.frame, arguments.world_visible) == ("mini", 3, False)
     assert chosen["estimate"]["low"] >= 0.5 and data["options"]["most_seconds"] is None
     assert (tmp_path / "work" / "quick" / "frame.json").exists()
+
+
+def test_progress_moves_and_speaks_of_as_many_lenses_as_the_result(scene, blender, capsys):
+    assert main(["plan", scene, "--target", "0.5", *FEW, "--blender", blender]) == 0
+    captured = capsys.readouterr()
+    lenses = re.search(r"sampled (\d+) lenses", captured.out)[1]
+    assert set(re.findall(r"(\d+) lenses", captured.err)) == {lenses}
+    fractions = [int(found) for found in re.findall(r"^plan +(\d+)%", captured.err, re.MULTILINE)]
+    assert fractions == sorted(fractions)
 
 
 def test_plan_that_finds_nothing_says_why_and_names_no_command(scene, blender, capsys):

@@ -96,7 +96,7 @@ def test_stanford_cameras_are_ordered_by_place(field, tmp_path):
 
 
 def test_mirrored_cameras_are_turned_round(pictures, field, tmp_path):
-    import_views(pictures, tmp_path / "frame", mirror="x")
+    import_views(pictures, tmp_path / "frame", geometry=Geometry(mirror="x"))
     upscale_frame(tmp_path / "frame", "none")
     np.testing.assert_array_equal(read_light_field(tmp_path / "frame").views, field.resampled((3, 3))[:, ::-1])
 

@@ -21,6 +21,8 @@ TALL = DisplayProfile.from_dict(MINI.to_dict() | {
     "name": "tall", "views": [8, 12], "panel_pixels": [128, 144],
     "panel_mm": [MINI.panel_mm[0], MINI.panel_mm[0] * 144 / 128]})
 DIRECT = dataclasses.replace(MINI, name="direct", ei_order="direct")
+# As a camera array in a scene: moved, and turned about its vertical axis.
+TURNED = ((0.8, 0.0, 0.6, 2.0), (0.0, 1.0, 0.0, -1.0), (-0.6, 0.0, 0.8, 3.0), (0.0, 0.0, 0.0, 1.0))
 NEAR, FAR = 0.8, 1.25  # of the distance to the display
 
 

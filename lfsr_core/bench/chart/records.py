@@ -36,6 +36,9 @@ class ChartSettings:
     ceiling_spp: int  # samples per pixel of the nearly noise-free low-resolution render, 0 for none
     repeats: int  # timed runs of the second stage
     render_repeats: int  # timed runs of every render
+    seed: int = 0  # of the noise of all renders but the reference
+    subject: str | None = None  # collection that is the foreground, None for all but one called Background
+    world_visible: bool | None = None  # whether the world is seen behind the subject, None for what each scene says
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.bench.cells import Cells, Fingerprint
+from lfsr_core.bench.chart.overall import Overall
 from lfsr_core.bench.chart.settings import LAYERS, REFERENCE_FOLDER, TIMES_FOLDER, Settings, render_folder
+from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
 from lfsr_core.frames.job import Job
@@ -30,7 +32,8 @@ class Repeats:
         return [*(() if self.alone else (first,)), *self.repeats]
 
 
-def low_render(settings: Settings, scene: Path, scale: int, samples: int) -> Path | None:
+def low_render(settings: Settings, scene: Path, scale: int, samples: int,
+               progress: Overall | None = None) -> Path | None:
     """Frame folder of a render, made if it is not there; None if it is not and no render may be made.
 
     Parameters
@@ -38,25 +41,29 @@ def low_render(settings: Settings, scene: Path, scale: int, samples: int) -> Pat
     settings : of the chart
     scene : its file
     scale, samples : of the render
+    progress : follows it
 
     Raises
     ------
     LfsrError : the folder holds another render
     """
-    return _kept(settings, _job(settings, scene, render_folder(settings.folder / scene.stem, scale, samples), scale,
-                                samples))
+    folder = render_folder(settings.folder / scene.stem, scale, samples, settings.seed)
+    return _kept(settings, _job(settings, scene, folder, scale, samples), progress)
 
 
-def reference(settings: Settings, scene: Path) -> Path | None:
+def reference(settings: Settings, scene: Path, progress: Overall | None = None) -> Path | None:
     """Frame folder of the reference, made if it is not there; None if it is not and no render may be made.
 
     One that is there is used whatever its lenses and samples are: both are in the chart's file.
     """
     folder = settings.folder / scene.stem / REFERENCE_FOLDER
     made = is_complete(folder, "reference") or settings.only_measure
-    job = _job(settings, scene, folder, 1, settings.reference_spp)
-    return _kept(settings, dataclasses.replace(job, kind="reference", layers=(), clamp_indirect=0.0,
-                                               lens_list=None if made else _lenses(settings, scene)))
+    job = dataclasses.replace(_job(settings, scene, folder, 1, settings.reference_spp), kind="reference", layers=(),
+                              clamp_indirect=0.0, seed=0)  # the same for renders of any seed
+    lenses = None if made else _lenses(settings, scene, progress)
+    if progress and not made:
+        progress.begin(folder, f"{scene.stem}: reference of {job.spp} samples")
+    return _kept(settings, dataclasses.replace(job, lens_list=lenses), progress)
 
 
 def seconds_of(settings: Settings, scene: Path, folder: Path) -> list[float]:
@@ -97,10 +104,14 @@ def widest_mask(scene_folder: Path, scale: int, display_lenses: tuple[int, int])
     return foreground_mask(read_layers(best / LOW_RES_FILE), display_lenses)
 
 
-def _lenses(settings: Settings, scene: Path) -> tuple[tuple[int, int], ...] | None:
+def _lenses(settings: Settings, scene: Path, progress: Overall | None) -> tuple[tuple[int, int], ...] | None:
     if settings.lenses is None:
         return None
-    low_render(settings, scene, settings.scale, max(settings.spps))
+    samples = max(settings.spps)
+    if progress:
+        progress.begin(render_folder(settings.folder / scene.stem, settings.scale, samples, settings.seed),
+                       f"{scene.stem}: scale {settings.scale}, {samples} samples")
+    low_render(settings, scene, settings.scale, samples, progress)
     mask = widest_mask(settings.folder / scene.stem, settings.scale, settings.profile.lenses)
     return choose_lenses(mask, settings.lenses)
 
@@ -113,11 +124,26 @@ def _timed_again(settings: Settings, scene: Path, frame: Frame) -> float:
 
 def _job(settings: Settings, scene: Path, folder: Path, scale: int, samples: int) -> Job:
     return Job(output=str(folder), display=settings.profile, scene=str(scene.resolve()), scale=scale, spp=samples,
-               layers=LAYERS, device=settings.device)
+               layers=LAYERS, device=settings.device, seed=settings.seed, subject=settings.subject,
+               world_visible=settings.world_visible)
 
 
-def _kept(settings: Settings, job: Job) -> Path | None:
+def _kept(settings: Settings, job: Job, progress: Overall | None = None) -> Path | None:
     """The job's folder; None where it would have to be rendered and may not."""
     if settings.only_measure and not is_complete(Path(job.output), job.kind):
         return None
-    return kept(job, with_blender(settings.blender))
+    folder = kept(job, with_blender(settings.blender, announce=progress is None, bar=progress))
+    _check_shown(read_frame(folder), job)
+    return folder
+
+
+def _check_shown(frame: Frame, job: Job) -> None:
+    """LfsrError where a render that was there shows another subject, or the world otherwise."""
+    if job.subject is not None and frame.subject != job.subject:
+        subject = repr(frame.subject) if frame.subject else "everything but the world"
+        raise LfsrError(f"{job.output} was rendered with subject {subject}, but {job.subject!r} is needed: "
+                        "choose another folder")
+    if job.world_visible not in (None, frame.world_visible):
+        words = {True: "visible", False: "hidden"}
+        raise LfsrError(f"{job.output} was rendered with the world {words[frame.world_visible]}, but it must be "
+                        f"{words[job.world_visible]}: choose another folder")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import statistics
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.bench.chart import page, panels, renders, tables
 from lfsr_core.bench.chart.analysis import METRICS, analyse
 from lfsr_core.bench.chart.measure import Effort, KeptCell, Target, cell, fresh_seconds, method_cost
+from lfsr_core.bench.chart.overall import Overall
 from lfsr_core.bench.chart.records import (
     CEILING,
     DIRECT,
@@ -22,6 +23,7 @@ from lfsr_core.bench.chart.records import (
     SceneRow,
     Spread,
     UsedReference,
+    read_chart,
 )
 from lfsr_core.bench.chart.settings import Settings, render_folder
 from lfsr_core.bench.environment import environment
@@ -31,32 +33,54 @@ from lfsr_core.frames.frame import Frame, read_frame
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import write_record
 
-CHART_FILE, PAGE_FILE, PICTURE_FILE, TABLE_FILE = "chart.json", "chart.html", "chart.svg", "chart.md"
-Report = Callable[[str], None]
+CHART = "chart"  # stem of the files' names
+MOST_STEM = 60  # characters of it
+PAGES = {".html": page.page, ".svg": panels.picture, ".md": tables.markdown}
 
 
-def measure(settings: Settings, scenes: Sequence[Path], report: Report) -> Chart:
-    """Measure ``scenes``, as far as they are not; chart.json is written after every one, and returned.
+def measure(settings: Settings, scenes: Sequence[Path], overall: Overall) -> tuple[Chart, str]:
+    """Measure ``scenes``, as far as they are not; what is known is written as JSON after every one.
 
-    ``report(sentence)`` for every step. LfsrError where not one scene can be measured.
+    Other scenes that were measured with the same settings in this folder stay in the chart. ``overall`` is told of
+    every step. LfsrError where not one scene can be measured.
+
+    Returns
+    -------
+    The chart, and the stem of its files' names: another than "chart" where that chart has other scenes and settings
     """
     _check_names(scenes)
-    run, rows, costs = _Run(settings, report), [], ()
+    names = [scene.stem for scene in scenes]
+    kept, stem = _before(settings, names)
+    run, costs = _Run(settings, overall, stem), ()
+    rows = {row.scene: None if row.scene in names else row for row in kept}  # each stays in its place
     for scene in scenes:
-        row = run.scene(scene)
+        row = rows[scene.stem] = run.scene(scene)
         if row is not None:
-            rows.append(row)
             costs = costs or tuple(run.costs(scene, row))
-            run.write(rows, costs)
-    if not rows:
+            run.write(rows.values(), costs)
+    if not any(rows[name] for name in names):
         raise LfsrError(f"no scene could be measured ({'; '.join(run.skipped)}): run it without --only-measure")
-    return run.write(rows, costs)
+    return run.write(rows.values(), costs), stem
 
 
-def write_pages(folder: Path, chart: Chart) -> list[Path]:
-    """Write what people read beside chart.json, and name all of it."""
-    written = {PAGE_FILE: page.page, PICTURE_FILE: panels.picture, TABLE_FILE: tables.markdown}
-    return [folder / CHART_FILE, *(write_text(folder / name, make(chart)) for name, make in written.items())]
+def _before(settings: Settings, names: Sequence[str]) -> tuple[tuple[SceneRow, ...], str]:
+    """Scenes of an earlier run with the same settings, and the stem of this run's files."""
+    path = settings.folder / f"{CHART}.json"
+    try:
+        before = read_chart(path) if path.exists() else None
+    except LfsrError:  # of another version
+        before = None
+    if before is None or {scene.scene for scene in before.scenes} <= set(names):
+        return (), CHART
+    if before.settings == settings.figures:
+        return before.scenes, CHART
+    return (), f"{CHART}-{'-'.join(names)}"[:MOST_STEM]
+
+
+def write_pages(folder: Path, chart: Chart, stem: str = CHART) -> list[Path]:
+    """Write what people read beside the JSON file, and name all of it."""
+    return [folder / f"{stem}.json", *(write_text(folder / f"{stem}{suffix}", make(chart))
+                                       for suffix, make in PAGES.items())]
 
 
 def _check_names(scenes: Sequence[Path]) -> None:
@@ -68,21 +92,23 @@ def _check_names(scenes: Sequence[Path]) -> None:
 
 @dataclasses.dataclass
 class _Run:
-    """One run: its settings, where it reports to, and sentences on what it had to leave out."""
+    """One run: its settings, who follows it, the stem of its files, and sentences on what it had to leave out."""
 
     settings: Settings
-    report: Report
+    overall: Overall
+    stem: str
     skipped: list[str] = dataclasses.field(default_factory=list)
 
-    def write(self, rows: Sequence[SceneRow], costs: tuple[MethodCost, ...]) -> Chart:
-        """Write chart.json as far as it is known; only now is it known whether PyTorch was needed."""
-        chart = Chart(FORMAT, self.settings.figures, environment(), costs, tuple(self.skipped), tuple(rows))
-        write_record(self.settings.folder / CHART_FILE, chart)
+    def write(self, rows: Iterable[SceneRow | None], costs: tuple[MethodCost, ...]) -> Chart:
+        """Write the chart as far as it is known; only now is it known whether PyTorch was needed."""
+        known = tuple(row for row in rows if row is not None)
+        chart = Chart(FORMAT, self.settings.figures, environment(), costs, tuple(self.skipped), known)
+        write_record(self.settings.folder / f"{self.stem}.json", chart)
         return chart
 
     def scene(self, path: Path) -> SceneRow | None:
         """Row of one scene; None if its reference is missing and may not be made, or no method finishes a render."""
-        settings, folder = self.settings, renders.reference(self.settings, path)
+        settings, folder = self.settings, renders.reference(self.settings, path, self.overall)
         if folder is None:
             return self._skip(f"{path.stem} has no reference")
         made = list(self._renders(path))
@@ -100,10 +126,10 @@ class _Run:
     def costs(self, scene: Path, row: SceneRow) -> Iterator[MethodCost]:
         """What every method that was measured costs; its start is timed on the first scene's first render."""
         settings, measured = self.settings, {cell.method for cell in row.cells if cell.role != DIRECT}
-        folder = render_folder(settings.folder / scene.stem, settings.scale, row.cells[0].samples)
+        folder = render_folder(settings.folder / scene.stem, settings.scale, row.cells[0].samples, settings.seed)
         for name in settings.methods:
             if name in measured:
-                self.report(f"{name} in a process of its own")
+                self.overall.begin(name, f"{name} in a process of its own")
                 again = name in settings.again or name in settings.retime
                 seconds = fresh_seconds(folder, name, settings.folder, again)
                 yield method_cost(name, settings.scale, settings.profile.low_views(settings.scale), seconds)
@@ -115,7 +141,9 @@ class _Run:
         wanted += [(DIRECT, 1, samples) for samples in settings.direct_spps]
         wanted += [(CEILING, settings.scale, settings.ceiling_spp)] if settings.ceiling_spp else []
         for role, scale, samples in wanted:
-            folder = renders.low_render(settings, scene, scale, samples)
+            folder = render_folder(settings.folder / scene.stem, scale, samples, settings.seed)
+            self.overall.begin(folder, f"{scene.stem}: scale {scale}, {samples} samples")
+            folder = renders.low_render(settings, scene, scale, samples, self.overall)
             if folder is None:
                 self._skip(f"{scene.stem} has no render at scale {scale} with {samples} samples")
             else:
@@ -135,7 +163,7 @@ class _Run:
             if missing:
                 self._skip(f"{name} at scale {frame.scale}: {', '.join(missing)} has no weights for it")
                 continue
-            self.report(f"{scene.stem}: {name} at scale {frame.scale}, {frame.samples} samples")
+            self.overall.begin((folder, name), f"{scene.stem}: {name} at scale {frame.scale}, {frame.samples} samples")
             effort = Effort(settings.repeats, name in settings.again, name in settings.retime and role != CEILING)
             try:
                 yield _cell(role, frame, tuple(seconds), cell(folder, name, target, effort))
@@ -145,7 +173,7 @@ class _Run:
     def _skip(self, sentence: str) -> None:
         if sentence not in self.skipped:
             self.skipped.append(sentence)
-            self.report(f"skipped: {sentence}")
+            self.overall.note(f"skipped: {sentence}")
 
 
 def _cell(role: Role, frame: Frame, render_seconds: tuple[float, ...], kept: KeptCell) -> Cell:

@@ -59,9 +59,9 @@ def _check_samples(name: str, samples: tuple[int, ...]) -> None:
         raise LfsrError("there are no samples per pixel to measure at: give some with --spps, as in 1,4,16,64")
 
 
-def render_folder(scene_folder: Path, scale: int, samples: int) -> Path:
-    """Frame folder of one render of a scene."""
-    return scene_folder / f"s{scale}-spp{samples}"
+def render_folder(scene_folder: Path, scale: int, samples: int, seed: int = 0) -> Path:
+    """Frame folder of one render of a scene; renders of other seeds lie beside each other."""
+    return scene_folder / (f"s{scale}-spp{samples}" + (f"-seed{seed}" if seed else ""))
 
 
 def default_methods() -> tuple[str, ...]:

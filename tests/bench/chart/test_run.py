@@ -2,46 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import shutil
-from pathlib import Path
 
 import pytest
 
 from lfsr_core.bench.chart import measure, renders
-from lfsr_core.bench.chart.records import chart_of
 from lfsr_core.bench.chart.settings import Settings, default_methods
 from lfsr_core.cli import main
 from lfsr_core.errors import LfsrError
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.registry import method
+from tests.support.chart_bench import arguments, bench, main_fails, measured
 from tests.support.chart_example import example
 from tests.support.prerequisites import needs_bpy
-from tests.support.synthetic import fails, write_reference, write_render
+from tests.support.synthetic import fails, write_render
 
 LENSES = tuple((row, column) for row in range(2, 8) for column in range(3, 11))
-
-
-def bench(folder: Path, names=("vase",), **reference) -> Path:
-    """Bench folder of renders that are there already."""
-    for name in names:
-        write_reference(folder / name / "reference", noise=0.02, samples=64, **reference)
-        for samples in (1, 4):
-            write_render(folder / name / f"s2-spp{samples}", samples=samples, seconds={"open": 0.5, "render": samples})
-        write_render(folder / name / "s1-spp1", scale=1, samples=1, seconds={"open": 0.5, "render": 9.0})
-    return folder
-
-
-def arguments(folder: Path, *more: str, scenes=("vase.blend",)) -> list[str]:
-    return ["chart", *scenes, "-o", str(folder), "--display", "mini", "--scale", "2", "--spps", "1,4",
-            "--direct-spps", "1", "--ceiling-spp", "0", "--repeats", "2", "--only-measure",
-            "--methods", "bicubic,nearest", "--ours", "bicubic", *more]
-
-
-def measured(folder: Path) -> dict:
-    chart = json.loads((folder / "chart.json").read_text())
-    chart_of(chart)
-    return chart
 
 
 @pytest.fixture
@@ -200,14 +176,6 @@ def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, no_start, capsys)
 def test_bad_input_is_refused_in_a_sentence(tmp_path, capsys, more, said):
     assert said in main_fails(arguments(bench(tmp_path), *more), capsys)
     assert not (tmp_path / "chart.json").exists()
-
-
-def main_fails(words: list[str], capsys) -> str:
-    """Last line on standard error; progress may stand before it."""
-    assert main(words) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    return captured.err.splitlines()[-1]
 
 
 def test_two_scenes_of_one_name_are_refused(tmp_path, capsys):
