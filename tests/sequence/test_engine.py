@@ -173,12 +173,14 @@ def test_bad_arguments(tmp_path, capsys, options, sentence):
     assert sentence in said and not (tmp_path / "film").exists()
 
 
+IMPORT = "from tests.support import noisy_renders\n"
 SLOW = """
-import time, lfsr_core.files
-real = render
+import time
+real = noisy_renders.render
 def render(job):
     time.sleep(0.4)
     real(job)
+noisy_renders.render = render
 """
 
 
@@ -186,8 +188,7 @@ def render(job):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_an_interrupted_run_loses_only_the_frame_in_work(tmp_path, number):
     blender = Path(played_blender(tmp_path / "blender"))
-    blender.write_text(blender.read_text().replace("from lfsr_core.frames.job import read_job\n",
-                                                   f"from lfsr_core.frames.job import read_job\n{SLOW}"))
+    blender.write_text(blender.read_text().replace(IMPORT, IMPORT + SLOW))
     shot(tmp_path, FRAMES)
     film = tmp_path / "film"
     command = [sys.executable, "-m", "lfsr_core.cli", "render", str(tmp_path / "scene.glb"), "-o", str(film),

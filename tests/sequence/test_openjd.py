@@ -14,9 +14,7 @@ from lfsr_core.cli import main
 from lfsr_core.progress import OPENJD as OPENJD_PROGRESS
 from lfsr_core.progress import PROGRESS_VARIABLE
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
-from tests.support.played_blender import played_blender
 
-ROOT = Path(__file__).parents[2]
 OPENJD = Path(sys.executable).with_name("openjd")
 
 pytestmark = pytest.mark.skipif(not OPENJD.exists() and not os.environ.get("CI"), reason="needs openjd-cli")
@@ -34,27 +32,15 @@ def test_the_template_is_valid(template):
     assert f"default: {DEFAULT_METHOD}\n" in template.read_text()
 
 
-def lfsr(folder: Path) -> Path:
-    """The command, with a played Blender in place of the bpy wheel."""
-    blender, path = played_blender(folder / "blender"), folder / "lfsr"
-    path.write_text(f"#!{sys.executable}\nimport sys\nsys.path.insert(0, {str(ROOT)!r})\n"
-                    "from lfsr_core.cli import main\n"
-                    f"more = ['--blender', {blender!r}] if sys.argv[1] == 'render' else []\n"
-                    "sys.exit(main(sys.argv[1:] + more))\n")
-    path.chmod(0o755)
-    return path
-
-
 def messages(log: str) -> list[tuple[str, str]]:
     """Kind and text of what tasks told the tool, of each task in its order."""
     return re.findall(r"\topenjd_(\w+): (.*)", log)
 
 
-def test_all_steps_run_in_their_order(template, tmp_path):
+def test_all_steps_run_in_their_order(template, tmp_path, lfsr):
     (tmp_path / "scene.glb").touch()
-    command = lfsr(tmp_path)
     settings = {"Scene": tmp_path / "scene.glb", "Output": tmp_path / "film", "Frames": "3-4", "Parts": 2,
-                "Display": "mini", "Scale": 2, "Method": "bicubic", "Lfsr": command}
+                "Display": "mini", "Scale": 2, "Method": "bicubic", "Lfsr": lfsr}
     words = [word for name, value in settings.items() for word in ("-p", f"{name}={value}")]
     done = subprocess.run([OPENJD, "run", template, *words, "--step", "Finish", "--run-dependencies"], cwd=tmp_path,
                           capture_output=True, text=True, check=False)
@@ -65,7 +51,7 @@ def test_all_steps_run_in_their_order(template, tmp_path):
     assert {"merge lr_eia.exr", "load lr_eia.exr"} <= {text for kind, text in told if kind == "status"}
     film = tmp_path / "film"
     assert sorted(path.name for path in film.iterdir()) == ["0003", "0004", "parts"]
-    whole = [str(command), "render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "whole"), "--frames", "3-4",
+    whole = [str(lfsr), "render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "whole"), "--frames", "3-4",
              "--display", "mini", "--scale", "2", "--method", "bicubic"]
     subprocess.run(whole, check=True, capture_output=True)
     for name in ("0003", "0004"):

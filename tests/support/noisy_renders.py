@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, write_frame
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.job import Job, read_job
 from lfsr_core.images.exr import write_layers
 from lfsr_core.optics.lens_rows import pixel_rows
+from lfsr_core.render.protocol import RENDERED_STAGE, emit
 from tests.support.synthetic import MINI, frame_of, light_field, tiles
 
 NOISE = 0.3  # of one sample
@@ -41,3 +43,17 @@ def render(job: Job) -> None:
         write_layers(folder / name, {"color": pixels[slice(*rows)]})
     seconds = 0.01 + SECONDS_PER_SAMPLE * image[..., 0].size * job.spp
     write_frame(folder, dataclasses.replace(frame, seconds={"open": 1.0, "render": seconds}))
+
+
+def play(arguments: Sequence[str]) -> int:
+    """What Blender does with its command line: say its version, or run job files."""
+    if "--version" in arguments:
+        print("Blender 5.0.1")
+        return 0
+    jobs = [read_job(path) for path in arguments[arguments.index("--") + 2:]]
+    for job in jobs:
+        render(job)
+        if len(jobs) > 1:
+            emit(stage=RENDERED_STAGE)
+    emit(stage="done", folder=".")
+    return 0

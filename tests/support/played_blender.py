@@ -7,20 +7,13 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 BLENDER = """#!{python}
-import json, sys
-from pathlib import Path
+import sys
 sys.path.insert(0, {root!r})
 if "--version" in sys.argv:
     print("Blender 5.0.1")
     sys.exit()
-from tests.support.noisy_renders import render
-from lfsr_core.frames.job import read_job
-jobs = [read_job(path) for path in sys.argv[sys.argv.index("--") + 2:]]
-for job in jobs:
-    render(job)
-    if len(jobs) > 1:
-        print('LFSR {{"stage": "rendered"}}', flush=True)
-print('LFSR {{"stage": "done", "folder": "."}}')
+from tests.support import noisy_renders
+sys.exit(noisy_renders.play(sys.argv[1:]))
 """
 
 
