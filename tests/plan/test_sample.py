@@ -14,6 +14,7 @@ from lfsr_core.plan.sample import (
     LEAST_LENSES,
     LEAST_OF_STRATUM,
     MOST_LENSES,
+    REACH_IN_A_VIEW,
     Mosaic,
     QuickCost,
     budget,
@@ -73,6 +74,9 @@ def test_sample_is_of_its_strata_and_no_lens_comes_twice(count, seed, whole):
 def test_neighbours_are_as_many_as_a_denoiser_needs():
     display = load_display("bupt-32in-8k")
     assert [reach(display, scale) for scale in (1, 2, 4, 8)] == [0, 0, 1, 2]
+    lenticular = load_display("looking-glass-16")
+    # A pixel of a view is a lens, at every scale.
+    assert [reach(lenticular, scale) for scale in (1, 2, 4)] == [REACH_IN_A_VIEW] * 3
 
 
 @given(st.floats(0.001, 1), st.floats(1, 8))

@@ -120,7 +120,8 @@ class Shelf:
         scale, one_by_one = way.scale(self.kind), way.name == USUAL
         return Job(output=str(self.folder / f"few-views-spp{samples}" if one_by_one else self.path(way, samples)),
                    display=with_few_views(self.kind.profile) if one_by_one else self.kind.profile,
-                   scene=str(self.scene.resolve()), scale=scale, spp=samples, layers=LAYERS, layout=way.layout)
+                   scene=str(self.scene.resolve()), scale=scale, spp=samples, layers=() if one_by_one else LAYERS,
+                   layout=way.layout)
 
 
 def with_few_views(profile: DisplayProfile) -> DisplayProfile:

@@ -27,6 +27,8 @@ from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.second_stage import finished_lenses, finished_linear
 
 REACHES = (0, 1, 2, 3)
+REACHES_IN_A_VIEW = (0, 2, 4, 8, 16)  # where views differ along one axis, and the denoiser sees a pixel per lens
+MOST_LENSES = 48  # of a whole reference
 
 
 def differences(folder: Path, reference: Path, name: str) -> Iterator[tuple[int, np.ndarray]]:
@@ -34,12 +36,14 @@ def differences(folder: Path, reference: Path, name: str) -> Iterator[tuple[int,
     frame = read_frame(folder)
     check_reference(frame, read_frame(reference))
     known = Reference.read(reference)
-    lenses = [(int(row), int(column)) for row, column in known.lenses[known.foreground]]
-    halves = [half[known.foreground] for half in known.elemental_images()]
+    shown = np.flatnonzero(known.foreground)
+    shown = shown[np.arange(0, len(shown), -(-len(shown) // MOST_LENSES))]
+    lenses = [(int(row), int(column)) for row, column in known.lenses[shown]]
+    halves = [half[shown] for half in known.elemental_images()]
     low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame, read_world(folder, frame))
     whole = to_elemental_images(finished_linear(folder, name), frame.display.lenses)[tuple(np.array(lenses).T)]
     usual = _ssim(whole, halves)
-    for reach in REACHES:
+    for reach in REACHES if all(frame.display.parallax) else REACHES_IN_A_VIEW:
         listed, blocks = with_neighbours(lenses, reach, frame.display.lenses)
         mosaic = Mosaic.of(blocks)
         images = finished_lenses(mosaic.of_render(_listed(low, listed)), np.ones(len(lenses), bool), method(name),
