@@ -267,6 +267,7 @@ def _report(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> R
         method=name.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds={stage: round(seconds, 4) for stage, seconds in run.clock.seconds.items()},
         peak_bytes=peak_bytes(), foreground_share=float(assembly.mask.mean()),
-        notes=(*notes, *name.guide_notes(assembly.low.layers), *assembly.upscaler.notes), replaced_pixels=replaced,
+        notes=(*filter(None, [frame.scale_reason]), *notes, *name.guide_notes(assembly.low.layers),
+               *assembly.upscaler.notes), replaced_pixels=replaced,
         dilate=options.dilate, layout=frame.layout, device=frame.device,
         weights=str(options.weights) if options.weights else None)
