@@ -17,7 +17,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
 from . import motion, rig
-from .spaces import from_blender
+from .spaces import from_blender, to_blender
 
 FILL = 0.85           # share of the display the subject may fill, seen from the centre
 LEAST_FILL = 0.5      # a deep subject is made smaller to fit the usable depth, but not below this
@@ -38,6 +38,14 @@ def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: Iterab
     if scene.camera is not None and scene.camera.type == "CAMERA":
         return array_of_camera(scene, profile, subject)
     return fit_array(*animated_bounds(scene, subject), profile)
+
+
+def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.types.Object]) -> np.ndarray:
+    """Depths (n,) from the camera plane at which the middle of a ``placed`` array sees the subject, spread over it."""
+    array, matrix = placed
+    sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), to_blender(matrix), clip_of(scene))
+    half = array.half_width / array.distance, array.half_height / array.distance
+    return np.array(_depths(sight, half, subject))
 
 
 def clip_of(scene: bpy.types.Scene) -> Clip | None:
@@ -177,15 +185,20 @@ class _Sight:
 
 def _balanced_depth(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Object]) -> float:
     """Depth whose parallax against the nearest and farthest visible point is equal: 2/D = 1/near + 1/far."""
-    hits = [sight.look(x * half[0], y * half[1])
-            for x in np.linspace(-1, 1, PROBES[0]) for y in np.linspace(-1, 1, PROBES[1])]
-    toward = sight.matrix.inverted()
-    depths = [-(toward @ place).z for place, item in filter(None, hits) if item.original in subject]
+    depths = _depths(sight, half, subject)
     if not depths:
         raise LfsrError("the scene's camera does not see the subject: turn the camera, or choose another one "
                         f"or {FIT!r}, or another subject")
     near, far = np.percentile(depths, (2, 98))
     return float(2 / (1 / near + 1 / far))
+
+
+def _depths(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Object]) -> list[float]:
+    """Depths at which rays spread over what is seen, ``half`` of it at depth 1, meet the subject."""
+    hits = [sight.look(x * half[0], y * half[1])
+            for x in np.linspace(-1, 1, PROBES[0]) for y in np.linspace(-1, 1, PROBES[1])]
+    toward = sight.matrix.inverted()
+    return [-(toward @ place).z for place, item in filter(None, hits) if item.original in subject]
 
 
 def _free_share(sight: _Sight, profile: DisplayProfile, array: CameraArray) -> float:

@@ -54,7 +54,10 @@ def frame_recipe(scene: bpy.types.Scene, number: int | None = None) -> FrameReci
     rig.placement(scene, job.display)
     # A second stage that cannot start should be an error before the render, not after it.
     runtime.second_stage_command(PANEL_TASKS)
-    return FrameRecipe(folder, job, scene.lfsr.method, scene.lfsr.linear_exr)
+    method = MethodName.parse(scene.lfsr.method)
+    if job.scale == 1 and scene.lfsr.scale == scene_settings.AUTO_SCALE:
+        method = method.without_upscaler()
+    return FrameRecipe(folder, job, str(method), scene.lfsr.linear_exr)
 
 
 @dataclasses.dataclass(frozen=True)

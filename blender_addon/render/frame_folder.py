@@ -13,6 +13,7 @@ import bpy
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, WORLD_FILE, Frame, write_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.world import finished_layout
+from lfsr_core.optics.depth_scale import Choice, choose_scale
 from lfsr_core.optics.lens_rows import pixel_rows
 from lfsr_core.optics.world_view import WorldPicture
 from lfsr_core.render.parts import ImageParts, Part, remove_others
@@ -107,13 +108,14 @@ def describe(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], o
     LfsrError where the array cannot be placed or the scene's colours cannot be shown.
     """
     array, matrix_world = placement.place_array(scene, job.display, subject)
-    reference, layers = job.kind == "reference", job.layers
+    layers = job.layers
     world_visible = _world_visible(scene, job, own_light)
+    scale = _scale(scene, job, (array, matrix_world), subject)
     if "index" not in layers and has_background_meshes(scene, subject):
         layers = (*layers, "index")
     return Frame(
-        display=job.display, scale=1 if reference else job.scale, array=array, matrix_world=matrix_world,
-        samples=job.spp, seed=job.seed, frame=scene.frame_current, convention=job.convention,
+        display=job.display, scale=scale.scale, scale_reason=scale.reason, array=array, matrix_world=matrix_world,
+        samples=scale.samples, seed=job.seed, frame=scene.frame_current, convention=job.convention,
         view_aperture=job.view_aperture, lens_list=job.lens_list, rows=job.rows, layout=_layout(job), layers=layers,
         clip=placement.clip_of(scene),
         world_visible=world_visible, color=color_settings(scene, world_visible),
@@ -136,6 +138,13 @@ def _at_frame(scene: bpy.types.Scene, number: int | None) -> Iterator[None]:
 def _layout(job: Job) -> str:
     """The layout asked for, but the lens card where the OSL camera cannot run."""
     return devices.way_of(job.device) if job.layout == "one-pass" else job.layout
+
+
+def _scale(scene: bpy.types.Scene, job: Job, placed: placement.Placement, subject: set[bpy.types.Object]) -> Choice:
+    """What the views are divided by, and their samples: by the scene's depth where the job leaves it open."""
+    if job.kind == "reference" or not job.scales:
+        return Choice(1 if job.kind == "reference" else job.scale, job.spp, job.scale_reason)
+    return choose_scale(job.display, placed[0], placement.seen_depths(scene, placed, subject), job.scales, job.spp)
 
 
 def _world_visible(scene: bpy.types.Scene, job: Job, own_light: bool) -> bool:
@@ -163,7 +172,8 @@ def _render_world(scene: bpy.types.Scene, job: Job, frame: Frame) -> float:
 
 def _images(job: Job, frame: Frame) -> list[tuple[str, RenderSettings]]:
     """File and settings of every image to render: one, or a reference's two halves."""
-    settings = RenderSettings(job.spp, job.seed, frame.layers, job.device, job.clamp_indirect, frame.world_visible)
+    settings = RenderSettings(frame.samples, job.seed, frame.layers, job.device, job.clamp_indirect,
+                              frame.world_visible)
     if job.kind != "reference":
         return [(LOW_RES_FILE, settings)]
     # Unclamped unless the job clamps: a reference must not be biased.

@@ -22,7 +22,7 @@ from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from ..array import rig
 from ..results import preview
 from .methods import method_items
-from .scene_settings import SCALES, profile_items, qualities
+from .scene_settings import AUTO_SCALE, SCALES, profile_items, qualities
 
 MAX_EYE_STEP = 10
 LIVE_SCALES = (1, 2, 4, 8)   # Blender's viewport knows these pixel sizes
@@ -96,8 +96,9 @@ class SceneSettings(bpy.types.PropertyGroup):
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_display_changed)
     scale: EnumProperty(
         name="Scale", description="Render one view of this many in each direction and reconstruct the others",
-        items=[(f"{s}", f"{s}×", f"Render 1 of {s}×{s} views" if s > 1 else "Render every view", s) for s in SCALES],
-        default="4", update=_draws)
+        items=[(AUTO_SCALE, "Auto", "4×, or less where the subject is too deep for it", 0),
+               *((f"{s}", f"{s}×", f"Render 1 of {s}×{s} views" if s > 1 else "Render every view", s) for s in SCALES)],
+        default=AUTO_SCALE, update=_draws)
 
     distance: FloatProperty(
         name="Distance", description="From the viewing position to the display plane, where objects have no parallax",

@@ -14,9 +14,11 @@ from lfsr_core.files import check_name
 from lfsr_core.frames.frame import EIA_FILE, Frame, read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
+from lfsr_core.optics.depth_scale import Choice, choose_scale, scales_up_to
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, MethodName, default_method
 
+from ..array import placement, rig
 from ..render import devices
 from ..render.color import color_settings
 from ..scene.subject import find_subject
@@ -25,6 +27,7 @@ from .methods import check_scale
 PROFILE_FILE = "FILE"
 FIRST_PROFILES = ("bupt-32in-8k", "dense-8k", "fhd", "mini", "small")
 SCALES = (1, 2, 3, 4, 5, 8)
+AUTO_SCALE = "AUTO"
 QUALITY_SAMPLES = {"DRAFT": 4, "BALANCED": 16, "FINAL": 64}
 GPU_TYPES = ("NONE", "CPU")
 
@@ -116,11 +119,29 @@ def reference_folder(scene: bpy.types.Scene, number: int | None = None) -> Path:
     return folder.with_name(f"{folder.name}_reference")
 
 
+def scale_of(scene: bpy.types.Scene) -> int:
+    """The scale that is set, or the largest that may be chosen; LfsrError where the display cannot be read."""
+    if scene.lfsr.scale != AUTO_SCALE:
+        return int(scene.lfsr.scale)
+    return scales_up_to(display_of(scene))[0]
+
+
+def chosen_scale(scene: bpy.types.Scene) -> Choice:
+    """The scale that is set, or what the subject's depth allows now, and why."""
+    display, method = display_of(scene), MethodName.parse(scene.lfsr.method)
+    scales = [scale for scale in scales_up_to(display) if scale == 1 or method.works_at(scale)]
+    placed = rig.placement(scene, display)
+    if scene.lfsr.scale != AUTO_SCALE or placed is None:
+        return Choice(scale_of(scene), scene.lfsr.samples)
+    depths = placement.seen_depths(scene, placed, find_subject(scene))
+    return choose_scale(display, placed[0], depths, scales, scene.lfsr.samples)
+
+
 def render_job(scene: bpy.types.Scene, output: Path, number: int | None = None) -> Job:
     """The job of one frame; LfsrError where the settings cannot be rendered."""
-    settings = scene.lfsr
-    return Job(output=str(output), display=display_of(scene), scale=int(settings.scale), spp=settings.samples,
-               scene_name=scene.name, layers=MethodName.parse(settings.method).layers,
+    settings, scale = scene.lfsr, chosen_scale(scene)
+    return Job(output=str(output), display=display_of(scene), scale=scale.scale, scale_reason=scale.reason,
+               spp=scale.samples, scene_name=scene.name, layers=MethodName.parse(settings.method).layers,
                layout=layout_of(scene), seed=settings.seed,
                frame=scene.frame_current if number is None else number, device=device_of(scene))
 
@@ -160,7 +181,7 @@ def check_renderable(scene: bpy.types.Scene) -> None:
 
 def check_method(scene: bpy.types.Scene) -> None:
     """LfsrError where the display's views cannot be divided by the scale, or the method cannot make them."""
-    display, scale = display_of(scene), int(scene.lfsr.scale)
+    display, scale = display_of(scene), scale_of(scene)
     display.low_views(scale)
     if not MethodName.parse(scene.lfsr.method).works_with(display.parallax):
         raise LfsrError(f"display {display.name!r} has views in one direction, and this method's network needs two: "

@@ -70,7 +70,7 @@ def draw() -> None:
         placed = rig.placement(scene, display)
     except LfsrError:
         return  # the panel says what is wrong with it
-    _draw(placed, display, int(scene.lfsr.scale))
+    _draw(placed, display, scene_settings.scale_of(scene))
 
 
 def _draw(placed: rig.Placement, display: DisplayProfile, scale: int) -> None:

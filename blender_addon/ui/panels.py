@@ -36,7 +36,8 @@ class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
             layout.prop(lfsr, "profile_file", text="File")
         layout.prop(lfsr, "scale")
         try:
-            found = summary.display_facts(scene_settings.display_of(context.scene), int(lfsr.scale))
+            display, scale = scene_settings.display_of(context.scene), scene_settings.scale_of(context.scene)
+            found = summary.display_facts(display, scale)
         except LfsrError as error:
             sentence(self.layout, str(error), "ERROR", context)
             return

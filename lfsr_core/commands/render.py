@@ -13,7 +13,9 @@ from lfsr_core.commands.arguments import add_rows_argument, add_scene_arguments,
 from lfsr_core.commands.cluster_arguments import add_cluster_arguments, chosen_cluster
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import check_dilate
+from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import LAYERS, Job
+from lfsr_core.optics.depth_scale import scales_up_to
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lens_rows import shown
 from lfsr_core.progress import ProgressBar
@@ -24,14 +26,15 @@ if TYPE_CHECKING:
 NAME = "render"
 HELP = "render a scene's low-resolution EIA with Blender and upscale it to eia.png"
 DEFAULT_SAMPLES = 16
+AUTO_SCALE = "auto"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
     add_scene_arguments(parser, DEFAULT_SAMPLES)
-    parser.add_argument("--scale", type=int, default=4, metavar="2|3|4|5|8",
-                        help="views are divided by it for the render, default: %(default)s; "
-                             "1 renders every view (with --method oidn or none)")
+    parser.add_argument("--scale", type=_scale, default=AUTO_SCALE, metavar="auto|2|3|4|5|8",
+                        help="views are divided by it for the render; auto, the default: by 4, or by less where the "
+                             "scene is too deep for that; 1 renders every view (with --method oidn or none)")
     parser.add_argument("--layers", type=_layers, metavar="NAME,NAME",
                         help=f"auxiliary layers from the same render, of {', '.join(LAYERS)}, "
                              "or `none`; default: those that the method looks at")
@@ -51,9 +54,11 @@ def run(arguments: argparse.Namespace) -> None:
     """Render, then upscale; a bad method is refused before any time is spent on rendering."""
     check_dilate(arguments.dilate)
     _check_frames(arguments)
-    method = upscale.chosen_method(arguments.method, arguments.scale, load_display(arguments.display))
+    scale = _largest_scale(arguments)
+    method = upscale.chosen_method(arguments.method, scale, load_display(arguments.display))
     layers = method.layers if arguments.layers is None else arguments.layers
-    job = make_job(arguments, scale=arguments.scale, layers=layers)
+    job = make_job(arguments, scale=scale, layers=layers)
+    job = dataclasses.replace(job, scales=_scales(arguments, job, method))
     if arguments.frames is not None:
         _render_frames(arguments, job, method)
         return
@@ -61,7 +66,23 @@ def run(arguments: argparse.Namespace) -> None:
     if job.rows is not None:
         print(f"{arguments.output}: rows {shown(job.rows)} of {job.display.lenses[1]}; join the parts by `lfsr merge`")
         return
+    if scale > 1 and read_frame(arguments.output).scale == 1:
+        method = method.without_upscaler()
     upscale.upscale(arguments.output, method, arguments)
+
+
+def _largest_scale(arguments: argparse.Namespace) -> int:
+    """The scale asked for, or the largest that may be chosen."""
+    if arguments.scale != AUTO_SCALE:
+        return arguments.scale
+    return scales_up_to(load_display(arguments.display))[0]
+
+
+def _scales(arguments: argparse.Namespace, job: Job, method: MethodName) -> tuple[int, ...]:
+    """Scales that Blender may choose from: an animation keeps one."""
+    if arguments.scale != AUTO_SCALE or arguments.frames is not None:
+        return ()
+    return tuple(scale for scale in scales_up_to(job.display) if scale == 1 or method.works_at(scale))
 
 
 def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) -> None:
@@ -104,6 +125,13 @@ def _check_frames(arguments: argparse.Namespace) -> None:
     if arguments.share_frames and (arguments.workers is not None or arguments.cluster is not None):
         raise LfsrError("--share-frames was given together with several workers, of which each knows its own frames "
                         "only: leave out one of the two")
+
+
+def _scale(text: str) -> int | str:
+    try:
+        return text if text == AUTO_SCALE else int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a whole number nor {AUTO_SCALE!r}") from None
 
 
 def _layers(text: str) -> tuple[str, ...]:

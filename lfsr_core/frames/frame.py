@@ -50,6 +50,7 @@ class Frame:
     clip: Clip | None = None  # depths from the camera plane between which things are seen, None for all
     layers: tuple[str, ...] = ()  # auxiliary layers in the EXR
     world_visible: bool = False  # whether the world shows behind the subject
+    scale_reason: str = ""  # why the scale is what it is, empty where it was asked for
     world_apart: bool = False  # whether it lies in a file of its own, see optics.world_view
     color: ColorSettings = dataclasses.field(default_factory=ColorSettings)  # how Blender would show the scene
     # scene, subject: names of the file and of the foreground's collection
@@ -76,6 +77,11 @@ class Frame:
             raise LfsrError(f"lens_list names {len(self.lens_list)} lenses, but the display has {lenses}")
         if self.rows is not None:
             check_rows(self.rows, self.display.lenses[1])
+
+    @property
+    def render_files(self) -> tuple[str, ...]:
+        """What the second stage reads beside frame.json."""
+        return (LOW_RES_FILE, WORLD_FILE) if self.world_apart else (LOW_RES_FILE,)
 
     @property
     def rays(self) -> RayLayout:

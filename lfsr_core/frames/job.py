@@ -34,6 +34,8 @@ class Job:
     scene: str = ""  # file to open, empty when Blender has it open already
     kind: str = "render"  # "render" or "reference", which has two halves
     scale: int = 4  # by which the views are divided
+    scales: tuple[int, ...] = ()  # to choose from by the depth of what is seen, instead of ``scale``; or none
+    scale_reason: str = ""  # why it is that, for frame.json; empty where it was asked for
     spp: int = 16  # samples per pixel, which a reference splits evenly over its halves
     layers: tuple[str, ...] = ()  # auxiliary layers to write too
     # layout, convention, view_aperture: how rays are laid out, see optics.rays
@@ -59,7 +61,8 @@ class Job:
         for layer in self.layers:
             _check_choice("layer", layer, LAYERS)
         _check_numbers(self)
-        self.display.low_views(self.scale)
+        for scale in (self.scale, *self.scales):
+            self.display.low_views(scale)
         if self.rows is not None:
             _check_rows(self, self.rows)
 
@@ -103,8 +106,9 @@ def _check_numbers(job: Job) -> None:
     if type(job.spp) is not int or not least <= job.spp <= MOST_SAMPLES:
         raise LfsrError(f"samples per pixel is {_shown(job.spp)}, but a {job.kind} needs a whole number of at least "
                         f"{least} and at most {MOST_SAMPLES}")
-    if type(job.scale) is not int:
-        raise LfsrError(f"scale is {job.scale!r}, but it must be a whole number")
+    for scale in (job.scale, *job.scales):
+        if type(scale) is not int:
+            raise LfsrError(f"scale is {scale!r}, but it must be a whole number")
     for name, most in (("view_aperture", 1), ("seed", MOST_SEED), ("clamp_indirect", MOST_CLAMP)):
         value = getattr(job, name)
         if value is not None and not 0 <= value <= most:

@@ -58,6 +58,17 @@ class LowResEIA:
         return self.color.shape[2] * self.factors[1], self.color.shape[3] * self.factors[0]
 
     @property
+    def over_world(self) -> LowResEIA:
+        """The same with the world behind it already, as a render of both would be; itself where there is none."""
+        if self.world is None:
+            return self
+        (sy, sx), (down, across) = self.color.shape[:2], self.factors[::-1]
+        seen = np.stack([self.world.elemental_images(row) for row in self.places])
+        shape = (sy, sx, seen.shape[2] // down, down, seen.shape[3] // across, across, 3)
+        color = self.color + (1 - self.opacity) * seen.reshape(shape).mean((3, 5))
+        return dataclasses.replace(self, color=color, world=None, opacity=None, places=None)
+
+    @property
     def rendered(self) -> np.ndarray:
         """Colour as rendered, before any denoiser."""
         return self.color if self.noisy is None else self.noisy
@@ -77,12 +88,12 @@ def over_background(layers: Mapping[str, np.ndarray], frame: Frame) -> np.ndarra
     is added as it is. A world apart is not there yet. LfsrError where that layer should be there and is not.
     """
     color = layers["color"]
+    if frame.world_visible and "environment" not in layers:
+        raise LfsrError("frame.json says that the world is visible, but the EXR has no environment layer: "
+                        "render the frame again")
     if frame.world_apart:
         return np.maximum(color[..., :3], 0)
     if frame.world_visible:
-        if "environment" not in layers:
-            raise LfsrError("frame.json says that the world is visible, but the EXR has no environment layer: "
-                            "render the frame again")
         return np.maximum(color[..., :3] + layers["environment"], 0)
     if not any(frame.display.background):
         return np.maximum(color[..., :3], 0)

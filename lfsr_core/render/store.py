@@ -41,6 +41,7 @@ def check_same(folder: Path, job: Job) -> None:
     found, wanted = fingerprint(read_part(folder)), fingerprint(job)
     free = {"samples", "lens_list"} if job.kind == "reference" else set()
     free |= {"layout"} if job.layout == LAYOUTS[0] else set()
+    free |= {"scale", "samples"} if found["scale"] in job.scales else set()
     for name in (name for name in wanted if name not in free):
         if found[name] != wanted[name]:
             raise LfsrError(f"{folder} was rendered with {name.replace('_', ' ')} {_shown(found[name], wanted[name])}, "

@@ -19,6 +19,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.frames.low_res import low_resolution
 from lfsr_core.frames.reference import Reference, check_reference
+from lfsr_core.frames.world import read_world
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.networks import catalogue, numpy_network
@@ -123,7 +124,7 @@ def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
     """Foreground lenses of ``reference``, as network ``name`` sees them in ``folder``; LfsrError if they differ."""
     frame = read_frame(folder)
     check_reference(frame, read_frame(reference))
-    low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame)
+    low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame, read_world(folder, frame)).over_world
     before = catalogue.spec(name).after
     low = method(f"{before}+{name}" if before else name).prepare(low)
     known = Reference.read(reference)

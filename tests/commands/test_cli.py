@@ -123,7 +123,26 @@ def test_render_defaults(scene, blender, tmp_path):
     assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender]) == 0
     (job,) = jobs(blender)
     assert (job["scale"], job["spp"], job["layers"], job["frame"]) == (4, 16, ["albedo", "normal"], None)
+    assert job["scales"] == [4, 2, 1], "Blender sees the depth and chooses"
     assert json.loads((tmp_path / "frame" / "report.json").read_text())["method"] == DEFAULT_METHOD
+
+
+def test_a_scene_too_deep_for_any_scale_is_denoised_alone(scene, blender, tmp_path):
+    text = Path(blender).read_text().replace('job["scale"], samples', '1, samples')
+    Path(blender).write_text(text)
+    assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender]) == 0
+    report = json.loads((tmp_path / "frame" / "report.json").read_text())
+    assert (report["scale"], report["method"]) == (1, "oidn")
+
+
+def test_a_scale_that_is_asked_for_is_the_only_one(scene, blender, tmp_path, capsys):
+    for arguments in (["--scale", "2"], ["--scale", "4", "--seed", "3"]):
+        assert main(["render", scene, "-o", str(tmp_path / "".join(arguments)), "--display", "mini", "--method",
+                     "bilinear", "--blender", blender, *arguments]) == 0
+    assert [job["scales"] for job in jobs(blender)] == [[], []]
+    with pytest.raises(SystemExit):
+        main(["render", scene, "-o", "x", "--scale", "some"])
+    assert "--scale" in capsys.readouterr().err
 
 
 def test_render_has_the_layers_that_its_method_looks_at(scene, blender, tmp_path):

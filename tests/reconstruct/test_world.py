@@ -76,6 +76,16 @@ def test_sampled_lenses_are_finished_as_those_of_a_frame(tmp_path):
     np.testing.assert_allclose(found, whole[tuple(lenses.T)], atol=1e-6)
 
 
+def test_over_the_world_it_is_what_would_be_rendered_with_it(tmp_path):
+    frame = read_frame(write_apart(tmp_path))
+    layers = read_layers(tmp_path / LOW_RES_FILE)
+    low = low_resolution(layers, frame, read_world(tmp_path, frame)).over_world
+    seen = whole_world(tmp_path).reshape(*MINI.lenses[::-1], 4, 2, 4, 2, 3).mean((3, 5))
+    expected = to_elemental_images(layers["color"], MINI.lenses)
+    np.testing.assert_allclose(low.color, expected[..., :3] + (1 - expected[..., 3:]) * seen, atol=1e-6)
+    assert low.world is None and low.over_world is low
+
+
 def test_a_world_that_is_gone_or_of_another_size_is_refused(tmp_path):
     write_apart(tmp_path)
     frame = read_frame(tmp_path)

@@ -161,7 +161,7 @@ def _timed(folder: Path, name: str) -> tuple[float, Report]:
 def scratch_copy(folder: Path) -> Iterator[Path]:
     """A new folder beside ``folder`` with the same render in it, so that other readers of the render see no change."""
     with tempfile.TemporaryDirectory(prefix=".chart-", dir=folder.parent) as name:
-        for file in (FRAME_FILE, LOW_RES_FILE):
+        for file in (FRAME_FILE, *read_frame(folder).render_files):
             try:
                 os.link(folder / file, Path(name) / file)
             except OSError:  # another file system, or one without links

@@ -104,7 +104,8 @@ def _seconds(folder: Path, method: str) -> float:
     """Render, as it took then, and second stage, as it takes now; the folder itself stays as it is."""
     with tempfile.TemporaryDirectory(prefix="lfsr-actual-") as name:
         write_frame(name, timed_frame(folder))
-        shutil.copy(folder / LOW_RES_FILE, name)
+        for file in read_frame(folder).render_files:
+            shutil.copy(folder / file, name)
         return sum(upscale_frame(name, method).seconds.values())
 
 
@@ -142,6 +143,8 @@ def replay(scene: Path, job: Job) -> None:
     for name, original in files.items():
         write_layers(target / name, {layer: _cut(pixels, frame, tiled)
                                      for layer, pixels in _layers(source / original).items()})
+    for name in frame.render_files[1:]:
+        shutil.copy(source / name, target)
     whole = frame.seconds["render"]
     setup = min(setup_seconds(scene), whole)
     seconds = {**frame.seconds, "render": setup + (whole - setup) * float(share)}
