@@ -40,6 +40,11 @@ class ViewTransform:
         self._to_bytes = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, flags)
         self._baked = bake(self, self.to_uint8) if pixels >= LEAST_BAKED and not _is_cheap(settings) else None
 
+    @property
+    def is_baked(self) -> bool:
+        """True where bytes come from a table of the chain."""
+        return self._baked is not None
+
     def __call__(self, linear: np.ndarray) -> np.ndarray:
         """Display values, float32 (..., W, 3), of scene-linear (..., W, 3); 0 to 1 is what the display can show."""
         source = np.ascontiguousarray(linear, np.float32)

@@ -144,7 +144,7 @@ def test_table_shows_what_the_chain_shows(view, look):
     settings = ColorSettings(view_transform=view, look=look)
     exact, baked = ViewTransform(settings), ViewTransform(settings, MANY)
     values = colors()
-    assert baked._baked is not None
+    assert baked.is_baked
     steps = np.abs(exact.to_uint8(values).astype(int) - baked.to_uint8(values)).max(-1)
     assert steps.max() <= 3 and np.mean(steps <= 1) >= 0.999 and (steps > 0).any(), "else it is no table"
     np.testing.assert_array_equal(exact(values), baked(values))
@@ -162,6 +162,6 @@ def test_what_lies_outside_the_table_is_exact():
 
 def test_chain_that_no_table_shows_stays_exact_and_so_do_small_pictures():
     false_color = ColorSettings(view_transform="False Color")
-    assert ViewTransform(false_color, MANY)._baked is None
-    assert ViewTransform(ColorSettings(view_transform="AgX", look="Punchy"), 10_000)._baked is None
-    assert ViewTransform(ColorSettings(), MANY)._baked is None, "the plain view costs less than a table"
+    assert not ViewTransform(false_color, MANY).is_baked
+    assert not ViewTransform(ColorSettings(view_transform="AgX", look="Punchy"), 10_000).is_baked
+    assert not ViewTransform(ColorSettings(), MANY).is_baked, "the plain view costs less than a table"
