@@ -119,7 +119,7 @@ def blender_window(folder: Path) -> Iterator[Window]:
     """A fresh Blender in a window that fills the screen, with the extension built, installed and enabled."""
     subprocess.run([sys.executable, SCRIPTS / "build_extension.py", "--output", folder / "built"], check=True)
     [archive] = (folder / "built").glob("*.zip")
-    with _screen() as display, socket.create_server(("127.0.0.1", 0)) as server:
+    with _screen(folder) as display, socket.create_server(("127.0.0.1", 0)) as server:
         environment = os.environ | {"DISPLAY": display, "HOME": str(folder),
                                     "BLENDER_USER_RESOURCES": str(folder / "blender")}
         shutil.copy(AGENT, folder)
@@ -141,9 +141,11 @@ def blender_window(folder: Path) -> Iterator[Window]:
 
 
 @contextmanager
-def _screen() -> Iterator[str]:
+def _screen(folder: Path) -> Iterator[str]:
+    """A virtual screen whose pixels lie in a file of ``folder``, for recording.py."""
     reader, writer = os.pipe()
-    command = inside("Xvfb", "-displayfd", writer, "-screen", "0", f"{SIZE[0]}x{SIZE[1]}x24", "+extension", "GLX")
+    command = inside("Xvfb", "-displayfd", writer, "-screen", "0", f"{SIZE[0]}x{SIZE[1]}x24", "+extension", "GLX",
+                     "-fbdir", folder)
     process = subprocess.Popen(command, pass_fds=[writer], stderr=subprocess.DEVNULL)
     os.close(writer)
     try:
