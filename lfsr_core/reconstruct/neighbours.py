@@ -9,6 +9,7 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, Frame, read_frame
+from lfsr_core.frames.job import MOST_SEED
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.frames.world import read_world
 from lfsr_core.images.exr import clean, read_layers
@@ -42,24 +43,33 @@ def check_shared(count: int) -> None:
 
 
 def neighbours_of(folder: Path, frame: Frame, count: int) -> list[Neighbour]:
-    """Up to ``count`` rendered frames before and as many after the one in ``folder``, which lie beside it."""
+    """Rendered frames ``near`` the one in ``folder``, which lie beside it."""
     return [_neighbour(beside, frame) for beside in numbered_beside(folder, count)]
 
 
 def numbered_beside(folder: Path, count: int, planned: Iterable[int] = ()) -> list[Path]:
-    """Folders of the ``count`` frames before and after, by their numbers, that are rendered or ``planned``."""
+    """Folders of the frames that are ``near`` one, of those that are rendered or ``planned``."""
     if not NUMBERED.match(folder.name):
         return []
     numbers = {int(path.name): path for path in folder.parent.iterdir()
                if NUMBERED.match(path.name) and _is_rendered(path)} if folder.parent.is_dir() else {}
     numbers |= {number: folder.parent / f"{number:04d}" for number in planned}
-    return [numbers[number] for number in window(int(folder.name), numbers, count)]
+    return [numbers[number] for number in near(int(folder.name), numbers, count)]
 
 
-def window(number: int, numbers: Collection[int], count: int) -> Sequence[int]:
-    """The ``count`` nearest ``numbers`` below and above one."""
-    below, above = sorted(n for n in numbers if n < number), sorted(n for n in numbers if n > number)
-    return below[max(0, len(below) - count):] + above[:count]
+def near(number: int, numbers: Collection[int], count: int) -> list[int]:
+    """``count`` of ``numbers`` below one and as many above; at the ends more from the other side make up for them."""
+    every = sorted({*numbers, number})
+    first = max(0, min(every.index(number) - count, len(every) - 2 * count - 1))
+    return [other for other in every[first:first + 2 * count + 1] if other != number]
+
+
+def seed_in_turn(seed: int, number: int, count: int) -> int:
+    """The seed of frame ``number``, of as many in turn as frames share.
+
+    So the frames near one always have each of the seeds once, and where nothing moves their mean stands still.
+    """
+    return (seed + (number - 1) % (2 * count + 1)) % (MOST_SEED + 1)
 
 
 def read_low(folder: Path) -> LowResEIA:

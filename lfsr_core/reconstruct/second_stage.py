@@ -281,8 +281,8 @@ def _report(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> R
         method=name.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds={stage: round(seconds, 4) for stage, seconds in run.clock.seconds.items()},
         peak_bytes=peak_bytes(), foreground_share=float(assembly.mask.mean()),
-        notes=(*filter(None, [frame.scale_reason]), *notes, *name.guide_notes(assembly.low.layers), *assembly.upscaler.notes,
-               *seed_notes(run.neighbours)),
+        notes=(*filter(None, [frame.scale_reason]), *notes, *name.guide_notes(assembly.low.layers),
+               *assembly.upscaler.notes, *seed_notes(run.neighbours)),
         replaced_pixels=replaced, dilate=options.dilate, layout=frame.layout, device=frame.device,
         weights=str(options.weights) if options.weights else None, share_frames=options.share_frames,
         neighbours=tuple(each.number for each in run.neighbours))

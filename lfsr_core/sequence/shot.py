@@ -9,10 +9,10 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LAYOUTS, Frame, frame_folder, read_part
-from lfsr_core.frames.job import AUTO, MOST_SEED, Job
+from lfsr_core.frames.job import AUTO, Job
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.exr import check_whole
-from lfsr_core.reconstruct.neighbours import check_shared, numbered_beside
+from lfsr_core.reconstruct.neighbours import check_shared, numbered_beside, seed_in_turn
 from lfsr_core.reconstruct.second_stage import UpscaleOptions
 from lfsr_core.render.content import scene_content
 from lfsr_core.render.process import RENDERED_FILES, check_folder
@@ -54,7 +54,7 @@ class Shot:
 def shot_of(job: Job, frames: Iterable[int], second: SecondStage, lenient: bool = False) -> Shot:
     """Frames of the scene of ``job``, in folders such as ``0001`` in its output.
 
-    Frames that share have seeds of their own, the job's and their number; others have the job's, so that noise stands.
+    Frames that share have as many seeds in turn as they are; others all have the job's, so that noise stands.
     ``lenient``: as of ``Shot``.
     """
     output = Path(job.output)
@@ -67,7 +67,7 @@ def shot_of(job: Job, frames: Iterable[int], second: SecondStage, lenient: bool 
 
 
 def _seed(job: Job, number: int, second: SecondStage) -> int:
-    return (job.seed + number) % (MOST_SEED + 1) if second.share_frames else job.seed
+    return seed_in_turn(job.seed, number, second.share_frames) if second.share_frames else job.seed
 
 
 def state(shot: Shot, job: Job) -> str:

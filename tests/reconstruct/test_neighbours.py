@@ -7,7 +7,14 @@ import pytest
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.reconstruct.neighbours import check_shared, neighbours_of, numbered_beside, seed_notes, window
+from lfsr_core.reconstruct.neighbours import (
+    check_shared,
+    near,
+    neighbours_of,
+    numbered_beside,
+    seed_in_turn,
+    seed_notes,
+)
 from lfsr_core.reconstruct.second_stage import UpscaleOptions, linear_and_mask, upscale_frame
 from tests.support.synthetic import IDENTITY, write_render
 
@@ -26,9 +33,18 @@ def numbers_near(folder, number, count):
 
 
 def test_the_nearest_on_both_sides():
-    assert list(window(5, [1, 2, 4, 5, 7, 9, 11], 2)) == [2, 4, 7, 9]
-    assert list(window(1, [1, 2, 3], 2)) == [2, 3]
-    assert list(window(1, [1, 2, 3], 0)) == []
+    assert near(5, [1, 2, 4, 5, 7, 9, 11], 2) == [2, 4, 7, 9]
+    assert near(1, [1, 2, 3, 4, 5, 6], 2) == [2, 3, 4, 5] and near(6, range(1, 7), 2) == [2, 3, 4, 5]
+    assert near(1, [1, 2, 3], 2) == [2, 3]
+    assert near(1, [1, 2, 3], 0) == []
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_frames_near_one_have_every_seed_once(count):
+    numbers = range(-5, 20)
+    for number in numbers:
+        seeds = [seed_in_turn(7, each, count) for each in [number, *near(number, numbers, count)]]
+        assert sorted(seeds) == list(range(7, 7 + 2 * count + 1))
 
 
 def test_rendered_and_planned_frames_count(tmp_path):
@@ -36,7 +52,7 @@ def test_rendered_and_planned_frames_count(tmp_path):
     (tmp_path / "0002").mkdir()
     (tmp_path / "notes").mkdir()
     assert [path.name for path in numbered_beside(tmp_path / "0001", 1)] == ["0003"]
-    assert [path.name for path in numbered_beside(tmp_path / "0001", 1, planned=[2])] == ["0002"]
+    assert [path.name for path in numbered_beside(tmp_path / "0001", 1, planned=[2])] == ["0002", "0003"]
     assert numbered_beside(tmp_path / "notes", 1) == []
 
 

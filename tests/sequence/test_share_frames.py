@@ -39,8 +39,8 @@ def neighbours(folder):
 
 def test_every_frame_has_noise_of_its_own_and_sees_those_beside_it(finished):
     frames = [read_frame(path) for path in sorted((finished / "film").glob("0*"))]
-    assert [frame.seed for frame in frames] == [6, 7, 8], "the job's seed and the frame's number"
-    assert neighbours(finished) == [(2,), (1, 3), (2,)]
+    assert [frame.seed for frame in frames] == [5, 6, 7], "as many in turn as share, from the job's on"
+    assert neighbours(finished) == [(2, 3), (1, 3), (1, 2)]
 
 
 def test_alone_every_frame_has_the_same_noise(tmp_path):
@@ -59,12 +59,12 @@ def test_a_frame_is_finished_again_when_more_lie_beside_it(made):
     tools = Tools(str(made / "blender"))
     assert [result.state for result in render_shot(shot(made, range(1, 4), SHARING), tools)] == [KEPT] * 3
     assert [result.state for result in render_shot(shot(made, range(1, 5), SHARING), tools)] == [KEPT, KEPT, MADE, MADE]
-    assert neighbours(made) == [(2,), (1, 3), (2, 4), (3,)]
+    assert neighbours(made) == [(2, 3), (1, 3), (2, 4), (2, 3)]
 
 
 def test_frames_that_did_not_share_are_refused(made):
     with pytest.raises(LfsrError, match="seed 6, but 5 is needed"):
-        render_shot(shot(made, (1,)), Tools("/must/not/run"))
+        render_shot(shot(made, (2,)), Tools("/must/not/run"))
 
 
 @pytest.mark.parametrize("words, sentence", [

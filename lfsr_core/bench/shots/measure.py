@@ -18,6 +18,7 @@ from lfsr_core.frames.reference import Reference
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import mean_of, stacked_ssim
 from lfsr_core.reconstruct.methods.shared_frames import share, similarity
+from lfsr_core.reconstruct.neighbours import near
 from lfsr_core.reconstruct.registry import Method
 from lfsr_core.reconstruct.second_stage import finished_lenses
 
@@ -30,6 +31,7 @@ class Window:
 
     past: int = 0
     future: int = 0
+    whole: bool = False  # True: at the ends of the animation more from the other side make up for those that lack
     tested: bool = True  # False: whether or not they show the same
     where: str = BEFORE  # before the denoiser, or the finished images
 
@@ -101,6 +103,8 @@ def _lag(x: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
 
 def neighbours(number: int, count: int, window: Window) -> list[int]:
     """Numbers of the other frames in the window of frame ``number``."""
+    if window.whole:
+        return list(near(number, range(count), window.past))
     around = range(max(0, number - window.past), min(count, number + window.future + 1))
     return [other for other in around if other != number]
 

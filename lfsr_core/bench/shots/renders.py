@@ -23,7 +23,8 @@ from lfsr_core.render.store import check_same, is_complete
 
 DISPLAY_FILE, SCENE_FILE, SETTINGS_FILE = Path(__file__).parent / "shots.toml", "scene.blend", "settings.json"
 NAMES = ("object", "light", "array")  # what moves, of scripts/scenes/shot_scenes.py
-FIXED, CHANGING = "fixed", "changing"  # seeds of the frames
+FIXED, CHANGING, TURNING = "fixed", "changing", "turning"  # seeds of the frames; the last begin again after PERIOD
+PERIOD = 5
 LAYERS = ("albedo", "normal")
 SCENE_SCALE = 4  # at which what the scenes show is within the usable depth
 SEED_STEP = 1000  # from the seeds of one repetition to those of the next
@@ -84,7 +85,8 @@ class Bench:
         """Everything of one animation that is missing, all in one Blender."""
         self._build_scenes()
         settings = self.settings
-        jobs = [job for spp in settings.samples for job in self._low_jobs(name, FIXED, spp)]
+        pairs = [(seeds, spp) for spp in settings.samples for seeds in (FIXED, TURNING)]
+        jobs = [job for seeds, spp in pairs for job in self._low_jobs(name, seeds, spp)]
         jobs += [job for spp in (*settings.samples, *settings.more) for job in self._low_jobs(name, CHANGING, spp)]
         jobs += self._reference_jobs(name)
         waiting = [job for job in jobs if not is_complete(Path(job.output), job.kind)]
@@ -111,9 +113,10 @@ class Bench:
 
     def _low_jobs(self, name: str, seeds: str, spp: int) -> list[Job]:
         folder, settings = self.folder / name / f"{seeds}-spp{spp}", self.settings
+        seed = {FIXED: lambda number: 0, CHANGING: lambda number: number,
+                TURNING: lambda number: 1 + (number - 1) % PERIOD}[seeds]
         return [Job(str(frame_folder(folder, number)), settings.display, self._scene(name), scale=settings.scale,
-                    spp=spp, layers=LAYERS, frame=number,
-                    seed=settings.seed * SEED_STEP + (number if seeds == CHANGING else 0))
+                    spp=spp, layers=LAYERS, frame=number, seed=settings.seed * SEED_STEP + seed(number))
                 for number in self._numbers()]
 
     def _reference_jobs(self, name: str) -> list[Job]:

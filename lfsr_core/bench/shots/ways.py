@@ -10,7 +10,7 @@ import numpy as np
 
 from lfsr_core.bench.cells import Cells
 from lfsr_core.bench.shots.measure import AFTER, Figures, Truth, Window, measure
-from lfsr_core.bench.shots.renders import CHANGING, FIXED, Bench
+from lfsr_core.bench.shots.renders import CHANGING, FIXED, TURNING, Bench
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, MethodName
 from lfsr_core.reconstruct.methods import shared_frames
@@ -19,7 +19,7 @@ from lfsr_core.reconstruct.registry import Method, method
 
 ONCE, EACH = "once", "each"
 FIT_LENSES = 24  # of a reference, that a fit learns from
-OWN, TWO = Window(), Window(2, 2)
+OWN, TWO, WHOLE = Window(), Window(2, 2), Window(2, 2, whole=True)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,10 +33,11 @@ class Way:
 
 
 FIXED_ALONE, ALONE = Way("fixed seeds, every frame alone", FIXED), Way("seeds that change, every frame alone")
-SHARED = Way("shared, 2 before and 2 after", window=TWO)
+SHARED = Way("shared over 5 frames, 5 seeds in turn", TURNING, WHOLE)
 WAYS = (
     FIXED_ALONE, ALONE,
-    Way("shared, 1 before and 1 after", window=Window(1, 1)), SHARED,
+    Way("shared, 1 before and 1 after", window=Window(1, 1)),
+    Way("shared, 2 before and 2 after", window=TWO), SHARED,
     Way("shared, 2 before", window=Window(2, 0)),
     Way("fixed seeds, shared, 2 before and 2 after", FIXED, TWO),
     Way("all of 2 before and 2 after, no test", window=Window(2, 2, tested=False)),
