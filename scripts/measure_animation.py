@@ -174,6 +174,7 @@ def make_scene(path: str) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("Sky")
+    scene.render.film_transparent = True  # a world that shows is a render of its own, which Blender would not make
     bpy.ops.mesh.primitive_plane_add(size=8, location=(0, 0, -0.6))
     bpy.ops.mesh.primitive_cube_add(size=0.8)
     box = bpy.context.object
