@@ -1,6 +1,7 @@
 """What an animation costs beside Blender's own: python scripts/measure_animation.py DIR [SCENE.blend] [--frames 1-8]
 
-CPU seconds of whole processes with all that they started, interleaved, the first round thrown away. Each way renders
+CPU seconds of whole processes with all that they started, interleaved, the first round thrown away; once for the first
+frame alone and once for all, so that the difference is what a frame costs once everything has started. Each way renders
 the same rays of the same frames:
 
 - Blender's own animation render, through the same camera and settings, nothing else made of it
@@ -43,10 +44,11 @@ OWN_BLENDER, OWN_RENDER, SCENE = "--blenders-own", "--our-render", "--make-scene
 
 @dataclasses.dataclass(frozen=True)
 class Cost:
-    """Of one run, in seconds."""
+    """Of one run of all frames, in seconds."""
 
     cpu: float
     wall: float
+    frame: float = 0.0  # CPU seconds that each frame after the first adds
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -54,7 +56,7 @@ def main(arguments: Sequence[str]) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, metavar="DIR")
     parser.add_argument("scene", type=Path, nargs="?", metavar="SCENE.blend", help="default: a box that moves")
-    parser.add_argument("--frames", default="1-8", help="one range, default: %(default)s")
+    parser.add_argument("--frames", default="1-8", help="one range of at least two, default: %(default)s")
     parser.add_argument("--display", default="small")
     parser.add_argument("--scale", type=int, default=2)
     parser.add_argument("--spp", type=int, default=64)
@@ -62,6 +64,8 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--method", default="bicubic", help="of the second stage, default: %(default)s")
     parser.add_argument("--no-workers", action="store_true")
     given = parser.parse_args(arguments)
+    if len(parse_frames(given.frames)) < 2:
+        parser.error("give at least two frames, as in --frames 1-8")
     given.folder.mkdir(parents=True, exist_ok=True)
     if given.scene is None:
         given.scene = given.folder.resolve() / "box.blend"
@@ -75,24 +79,35 @@ def measure(given: argparse.Namespace) -> dict[str, list[Cost]]:
     """Costs by way, in the order of the repeats."""
     job = Job(output=str(given.folder.resolve() / "film"), display=load_display(given.display), scale=given.scale,
               spp=given.spp, scene=str(given.scene.resolve()))
-    file = given.folder / "job.json"
-    write_record(file, job)
-    film = [sys.executable, "-m", "lfsr_core.cli", "render", job.scene, "-o", job.output, "--frames", given.frames,
-            "--display", given.display, "--scale", str(given.scale), "--spp", str(given.spp), "--method", given.method,
-            "--layers", "none", "--device", "CPU"]
-    ways = {name: [sys.executable, __file__, word, str(file), given.frames]
-            for name, word in ((BLENDER, OWN_BLENDER), (RENDER, OWN_RENDER))} | {LFSR: film}
-    if not given.no_workers:
-        ways |= {words: [*film, *words.split()] for words in WORKERS}
-    found: dict[str, list[Cost]] = {name: [] for name in ways}
+    write_record(given.folder / "job.json", job)
+    numbers = parse_frames(given.frames)
+    first, every = commands(given, job, str(numbers[0])), commands(given, job, given.frames)
+    found: dict[str, list[Cost]] = {name: [] for name in every}
     for round_ in range(given.repeats + 1):
-        for name, command in ways.items():
-            shutil.rmtree(job.output, ignore_errors=True)
-            cost = _run(command, given.folder / "run.log")
-            print(f"round {round_}: {name}: {cost.cpu:.1f} CPU s, {cost.wall:.1f} s", file=sys.stderr, flush=True)
+        for name in every:
+            one, cost = (_anew(command, job, given.folder) for command in (first[name], every[name]))
+            cost = dataclasses.replace(cost, frame=(cost.cpu - one.cpu) / (len(numbers) - 1))
+            print(f"round {round_}: {name}: {cost.cpu:.1f} CPU s, {cost.frame:.2f} a frame, {cost.wall:.1f} s",
+                  file=sys.stderr, flush=True)
             if round_ or not given.repeats:
                 found[name].append(cost)
     return found
+
+
+def commands(given: argparse.Namespace, job: Job, frames: str) -> dict[str, list[str]]:
+    """Command lines of every way to render some frames."""
+    film = [sys.executable, "-m", "lfsr_core.cli", "render", job.scene, "-o", job.output, "--frames", frames,
+            "--display", given.display, "--scale", str(given.scale), "--spp", str(given.spp), "--method", given.method,
+            "--layers", "none", "--device", "CPU"]
+    ways = {name: [sys.executable, __file__, word, str(given.folder / "job.json"), frames]
+            for name, word in ((BLENDER, OWN_BLENDER), (RENDER, OWN_RENDER))} | {LFSR: film}
+    return ways if given.no_workers else ways | {words: [*film, *words.split()] for words in WORKERS}
+
+
+def _anew(command: list[str], job: Job, folder: Path) -> Cost:
+    """Run it with nothing rendered yet."""
+    shutil.rmtree(job.output, ignore_errors=True)
+    return _run(command, folder / "run.log")
 
 
 def _run(command: list[str], log: Path) -> Cost:
@@ -110,14 +125,16 @@ def _run(command: list[str], log: Path) -> Cost:
 
 def table(found: dict[str, list[Cost]], given: argparse.Namespace) -> str:
     """Markdown: median and span of each way, and what it adds to Blender's own."""
-    first = statistics.median(cost.cpu for cost in found[BLENDER])
+    own = statistics.median(cost.frame for cost in found[BLENDER])
     lines = [f"{len(parse_frames(given.frames))} frames of {given.scene.name}, {given.display} at scale {given.scale}, "
              f"{given.spp} samples, {given.method}; {os.cpu_count()} cores, median of {max(1, given.repeats)}", "",
-             "| | CPU s | from – to | CPU against Blender's own | wall s |", "|---|---|---|---|---|"]
+             "| | CPU s | a frame after the first | from – to | against Blender's own | wall s |",
+             "|---|---|---|---|---|---|"]
     for name, costs in found.items():
-        cpu = [cost.cpu for cost in costs]
-        more = statistics.median(cpu) / first - 1
-        lines.append(f"| {name} | {statistics.median(cpu):.1f} | {min(cpu):.1f} – {max(cpu):.1f} | {more:+.1%} | "
+        frame = [cost.frame for cost in costs]
+        middle = statistics.median(frame)
+        lines.append(f"| {name} | {statistics.median(cost.cpu for cost in costs):.1f} | {middle:.2f} | "
+                     f"{min(frame):.2f} – {max(frame):.2f} | {middle / own - 1:+.1%} | "
                      f"{statistics.median(cost.wall for cost in costs):.1f} |")
     return "\n".join(lines) + "\n"
 
@@ -157,6 +174,7 @@ def make_scene(path: str) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("Sky")
+    scene.render.film_transparent = True  # a world that shows is a render of its own, which Blender would not make
     bpy.ops.mesh.primitive_plane_add(size=8, location=(0, 0, -0.6))
     bpy.ops.mesh.primitive_cube_add(size=0.8)
     box = bpy.context.object
