@@ -21,7 +21,7 @@ from lfsr_core.plan.candidates import Candidate, low_pixels, samples_of
 CONTEXT = 16  # low-resolution pixels around a sampled lens that a denoiser should see
 WIDE_ENOUGH = 32  # elemental images so wide need no neighbours: most of their pixels are far from the border
 MOST_REACH = 2  # lenses on each side; beyond it the neighbours would cost more than the lens
-REACH_IN_A_VIEW = 8  # where views differ along one axis: the denoiser sees whole views, a pixel per lens
+REACH_IN_A_VIEW = 4  # where views differ along one axis: the denoiser sees whole views, a pixel per lens
 LEAST_LENSES, MOST_LENSES = 12, 96
 EDGE_SHARE = 6  # one sampled lens in so many lies beside the foreground, where the quick render may have missed it
 LEAST_OF_STRATUM = 4
