@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.images import baked_color
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.images.png import read_png
 from lfsr_core.images.view_transform import ViewTransform, find_config
@@ -165,3 +166,16 @@ def test_chain_that_no_table_shows_stays_exact_and_so_do_small_pictures():
     assert not ViewTransform(false_color, MANY).is_baked
     assert not ViewTransform(ColorSettings(view_transform="AgX", look="Punchy"), 10_000).is_baked
     assert not ViewTransform(ColorSettings(), MANY).is_baked, "the plain view costs less than a table"
+
+
+@pytest.mark.parametrize(("counts", "near"), [
+    ([90_000, 9_950, 50, 0, 0], True), ([90_000, 9_900, 100, 0, 0], True), ([90_000, 9_890, 110, 0, 0], False),
+    ([99_950, 0, 45, 5, 0], True), ([99_900, 0, 0, 100, 0], False), ([99_999, 0, 0, 0, 1], False)])
+def test_a_table_is_near_where_steps_are_small_and_large_ones_rarer_still(counts, near):
+    steps = np.repeat(np.arange(len(counts)), counts)
+    assert baked_color._is_near(steps) == near
+
+
+def test_half_of_the_colours_that_a_table_is_tried_on_are_pure_lights():
+    tried = baked_color._random_colors()[0]
+    assert np.mean((tried == 0).any(1)) == 0.5 and tried.max() <= baked_color.BRIGHTEST
