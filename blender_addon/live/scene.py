@@ -1,5 +1,6 @@
-"""The live scene: a scene of its own that shows the artist's as its background set, through the lens card.
+"""The live scenes: scenes of their own that show the artist's as their background set, through a lens card.
 
+One shows the panel's image, one what an eye before the display sees; each is there while its window is.
 The artist's scene is never changed. Everything here is marked, so that all of it can be found and removed again,
 also after an undo brought it back or a file was recovered that was saved in the middle of a crash.
 """
@@ -14,9 +15,11 @@ import mathutils
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import CLAMP_INDIRECT
-from lfsr_core.optics.lens_card import lens_card
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.eye_card import Place, eye_card, eye_place, eye_region
+from lfsr_core.optics.lens_card import LensCard, lens_card
 from lfsr_core.optics.live_region import LiveRegion
-from lfsr_core.optics.rays import CameraArray, RayLayout
+from lfsr_core.optics.rays import RayLayout
 
 from .. import compat
 from ..array import rig
@@ -26,7 +29,10 @@ from ..scene.volumes import distance_to_volume
 from ..settings.scene_settings import display_of
 from . import nodes
 
-NAME, MARK = "LFSR Live", "lfsr_live"
+MARK = "lfsr_live"
+# What is shown; also the value of MARK, so that what belongs to one is found.
+PANEL, EYE = "panel", "eye"
+NAMES = {PANEL: "LFSR Live", EYE: "LFSR Live Eye"}
 KINDS = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups")
 # Of the artist's scene, what decides how Cycles and Blender show it.
 COPIED = ("render", "cycles", "view_settings", "display_settings")
@@ -37,32 +43,45 @@ class View:
     """What the live view shows; the scene is made again where one of these changes."""
 
     region: LiveRegion
-    array: CameraArray
+    # The rendered views, and the display.
+    layout: RayLayout
+    profile: DisplayProfile
     # Name of the array's viewing position, which the card follows.
     follows: str
     # From the world's origin, rounded up to a power of two.
     far: float
     # To the nearest volume; rounded down to a power of two.
     clear: float
+    # Where the eye stands; None: the panel is shown.
+    eye: Place | None = None
+
+    @property
+    def kind(self) -> str:
+        """PANEL or EYE."""
+        return PANEL if self.eye is None else EYE
 
 
-def view_of(scene: bpy.types.Scene, size: tuple[int, int]) -> View:
-    """What ``scene`` asks for in a region of ``size``; LfsrError where it has no array or the display no such scale."""
+def view_of(scene: bpy.types.Scene, size: tuple[int, int], kind: str = PANEL) -> View:
+    """What ``scene`` asks for in a region of ``size``; LfsrError where it cannot be shown."""
     profile = display_of(scene)
+    if kind == PANEL and profile.is_woven:
+        raise LfsrError(f"display {profile.name!r} weaves its panel's image from the light field, which the live view "
+                        "cannot do: choose another display, or press Show One Eye")
     scale = int(scene.lfsr.live_scale)
     profile.low_views(scale)
     placed = rig.placement(scene, profile)
     if placed is None:
         raise LfsrError("the scene has no camera array for the live view to look through: press Add in Camera Array")
-    array, found = placed[0], rig.find(scene)
+    found = rig.find(scene)
     place = found.matrix_world.translation
-    return View(LiveRegion(profile, size, scale), array, found.name, _above(place.length),
-                _above(distance_to_volume(scene, place)) / 2)
+    region = LiveRegion(profile, size, scale) if kind == PANEL else eye_region(profile, size)
+    return View(region, RayLayout.for_display(profile, placed[0], scale), profile, found.name, _above(place.length),
+                _above(distance_to_volume(scene, place)) / 2, None if kind == PANEL else _eye_of(scene, profile))
 
 
-def layout_of(view: View) -> RayLayout:
-    """Rays of the panel's rendered views."""
-    return RayLayout.for_display(view.region.profile, view.array, view.region.scale)
+def _eye_of(scene: bpy.types.Scene, profile: DisplayProfile) -> Place:
+    lfsr = scene.lfsr
+    return eye_place(profile, lfsr.live_eye_right, lfsr.live_eye_up, lfsr.live_eye_near)
 
 
 def _above(length: float) -> float:
@@ -71,22 +90,23 @@ def _above(length: float) -> float:
 
 def make(scene: bpy.types.Scene, view: View) -> bpy.types.Scene:
     """The live scene of ``scene``; whole or not at all."""
-    live = bpy.data.scenes.new(NAME)
+    live = bpy.data.scenes.new(NAMES[view.kind])
     try:
-        live[MARK] = True
+        live[MARK] = view.kind
         live.background_set = scene
         show(live, view)
     except BaseException:
-        remove_all()
+        remove_all(view.kind)
         raise
     return live
 
 
 def show(live: bpy.types.Scene, view: View) -> None:
     """Let ``live`` show ``view``, in place of what it showed."""
-    _remove([item for item in marked() if not isinstance(item, bpy.types.Scene)])
+    _remove([item for item in marked(view.kind) if not isinstance(item, bpy.types.Scene)])
     follow(live)
     region = view.region
+    live.render.preview_pixel_size = str(region.scale)
     live.render.resolution_x, live.render.resolution_y = region.size
     live.render.use_border = region.drawn != region.size
     # Half a pixel more, for Cycles rounds down.
@@ -95,9 +115,9 @@ def show(live: bpy.types.Scene, view: View) -> None:
     _add_card(live, view)
     if nodes.can_interpolate():
         before = set(bpy.data.node_groups)
-        tree = nodes.live_group(region, live.background_set.lfsr.live_smooth)
+        tree = nodes.live_group(region, view.kind == PANEL and live.background_set.lfsr.live_smooth)
         for group in set(bpy.data.node_groups) - before:
-            group[MARK] = True
+            group[MARK] = view.kind
         live.compositing_node_group = tree
         nodes.set_scene(tree, live)
 
@@ -112,14 +132,15 @@ def follow(live: bpy.types.Scene) -> None:
             setattr(live, name, value)
 
 
-def marked() -> list[bpy.types.ID]:
-    """All data of ours in the open file."""
-    return [item for kind in KINDS for item in getattr(bpy.data, kind) if MARK in item]
+def marked(kind: str | None = None) -> list[bpy.types.ID]:
+    """All data of ours in the open file, or of one ``kind`` of view."""
+    return [item for name in KINDS for item in getattr(bpy.data, name)
+            if MARK in item and kind in (None, item[MARK])]
 
 
-def remove_all() -> None:
+def remove_all(kind: str | None = None) -> None:
     """Remove it; scenes first, so that no window shows what is gone."""
-    _remove(marked())
+    _remove(marked(kind))
 
 
 def _remove(items: list[bpy.types.ID]) -> None:
@@ -130,7 +151,7 @@ def _remove(items: list[bpy.types.ID]) -> None:
 def _own_values(scene: bpy.types.Scene) -> dict[str, dict[str, object]]:
     """Settings in which the live scene differs from the artist's."""
     lfsr = scene.lfsr
-    render = {"engine": "CYCLES", "preview_pixel_size": lfsr.live_scale, "use_border": None,
+    render = {"engine": "CYCLES", "preview_pixel_size": None, "use_border": None,
               "film_transparent": scene.render.film_transparent or scene.world is None,
               "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0, "resolution_x": None, "resolution_y": None,
               "resolution_percentage": 100, "use_multiview": False, "filepath": None, "border_max_x": None,
@@ -164,17 +185,14 @@ def _copy(source: bpy.types.bpy_struct, target: bpy.types.bpy_struct, own: dict[
 
 
 def _add_card(live: bpy.types.Scene, view: View) -> None:
-    layout = layout_of(view)
-    card = lens_card(layout, view.clear)
-    if view.region.profile.ei_order == "flipped":
-        card = dataclasses.replace(card, cells=layout.views - card.cells)
+    card, distance = _card(view), view.layout.array.distance
     made: list[bpy.types.ID] = []
     try:
-        place = place_of(layout, view.far)
-        camera, screen = new_camera(made, card, layout, place), new_card(made, card, view.array.distance, place)
+        place = place_of(view.layout, view.far)
+        camera, screen = new_camera(made, card, view.layout, place), new_card(made, card, distance, place)
     finally:
         for item in made:
-            item[MARK] = True
+            item[MARK] = view.kind
     for item in (camera, screen):
         live.collection.objects.link(item)
     _aim(camera, view.region, card.pixel / view.region.scale)
@@ -183,6 +201,16 @@ def _add_card(live: bpy.types.Scene, view: View) -> None:
     camera.parent, camera.location = screen, (0, 0, place.gap)
     _follow_object(screen, bpy.data.objects[view.follows])
     live.camera = camera
+
+
+def _card(view: View) -> LensCard:
+    layout = view.layout
+    if view.eye is not None:
+        return eye_card(layout, view.profile, view.eye, view.region, view.clear)
+    card = lens_card(layout, view.clear)
+    if view.profile.ei_order == "flipped":
+        card = dataclasses.replace(card, cells=layout.views - card.cells)
+    return card
 
 
 def _aim(camera: bpy.types.Object, region: LiveRegion, pixel: float) -> None:

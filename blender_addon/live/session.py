@@ -1,9 +1,11 @@
-"""The live view that is on: started and stopped by buttons, kept up by a timer, out of the way of saves.
+"""The live views that are on: started and stopped by buttons, kept up by a timer, out of the way of saves.
 
 Nothing is remembered but which scene is shown: undo and reloads replace everything else under our hands.
 """
 
 from __future__ import annotations
+
+import dataclasses
 
 import bpy
 
@@ -11,111 +13,118 @@ from lfsr_core.errors import LfsrError
 
 from . import scene as live_scene
 from . import window as live_window
+from .scene import EYE, PANEL
 
 SECONDS_BETWEEN_LOOKS = 0.1
-
-# ``session_uid`` of the scene that is shown, and the view that was made of it.
-_shown: int | None = None
-_view: live_scene.View | None = None
-_settings: tuple | None = None
-_message = ""
+# A region that shows any display's lenses: what is asked before there is a window.
+LARGE = (65536, 65536)
 
 
-def is_on() -> bool:
-    """True while a live view is on."""
-    return _shown is not None
+@dataclasses.dataclass
+class _Shown:
+    """One live view that is on."""
+
+    # ``session_uid`` of the artist's scene.
+    scene: int
+    # What the live scene was made of.
+    view: live_scene.View | None = None
+    smooth: bool | None = None
+    # What is wrong with it, or what to do next; empty where nothing is.
+    message: str = ""
 
 
-def message() -> str:
+_on: dict[str, _Shown] = {}
+
+
+def is_on(kind: str = PANEL) -> bool:
+    """True while a live view of this kind is on."""
+    return kind in _on
+
+
+def message(kind: str = PANEL) -> str:
     """What is wrong with the live view, or what to do next; empty where nothing is."""
-    return _message
+    return _on[kind].message if kind in _on else ""
 
 
-def start(scene: bpy.types.Scene) -> None:
+def view(kind: str = PANEL) -> live_scene.View | None:
+    """What is shown, None if nothing is."""
+    return _on[kind].view if kind in _on else None
+
+
+def start(scene: bpy.types.Scene, kind: str = PANEL) -> None:
     """Open the live window of ``scene``; LfsrError where it cannot be shown."""
-    global _shown
-    if is_on():
+    if is_on(kind):
         raise LfsrError("the live view is on already: press Stop Live first")
     if bpy.context.preferences.addons.get("cycles") is None:
         raise LfsrError("Cycles is switched off in Blender's preferences: switch the Cycles Render Engine add-on on")
-    live_scene.view_of(scene, (1, 1))
-    live_window.open_window()
-    _shown = scene.session_uid
+    live_scene.view_of(scene, LARGE, kind)
+    live_window.open_window(kind)
+    _on[kind] = _Shown(scene.session_uid)
     try:
-        keep_up()
+        keep_up(kind)
     except BaseException:
-        stop()
+        stop(kind)
         raise
-    bpy.app.timers.register(_look, first_interval=SECONDS_BETWEEN_LOOKS, persistent=True)
+    if not bpy.app.timers.is_registered(_look):
+        bpy.app.timers.register(_look, first_interval=SECONDS_BETWEEN_LOOKS, persistent=True)
 
 
-def stop() -> None:
-    """Close the window and remove everything of ours."""
-    global _shown, _view, _settings, _message
-    _shown = _view = _settings = None
-    _message = ""
-    if bpy.app.timers.is_registered(_look):
+def stop(*kinds: str) -> None:
+    """Close the windows of these kinds, by default of all, and remove everything of ours."""
+    for kind in kinds or (PANEL, EYE):
+        _on.pop(kind, None)
+        live_window.close_window(kind)
+        live_scene.remove_all(kind)
+    if not _on and bpy.app.timers.is_registered(_look):
         bpy.app.timers.unregister(_look)
-    live_window.close_window()
-    live_scene.remove_all()
 
 
-def artists_scene() -> bpy.types.Scene | None:
+def artists_scene(kind: str = PANEL) -> bpy.types.Scene | None:
     """The scene that is shown, None if it is gone or nothing is."""
-    return next((scene for scene in bpy.data.scenes if scene.session_uid == _shown), None)
+    return next((scene for scene in bpy.data.scenes if kind in _on and scene.session_uid == _on[kind].scene), None)
 
 
-def live() -> bpy.types.Scene | None:
+def live(kind: str = PANEL) -> bpy.types.Scene | None:
     """The live scene, None if there is none."""
-    return next((scene for scene in bpy.data.scenes if live_scene.MARK in scene), None)
+    return next((scene for scene in bpy.data.scenes if scene.get(live_scene.MARK) == kind), None)
 
 
-def keep_up() -> None:
+def keep_up(kind: str = PANEL) -> None:
     """Let the live scene show what the artist's scene and the window are now; LfsrError where it cannot."""
-    global _view, _settings
-    scene, window = artists_scene(), live_window.find()
+    scene, window, state = artists_scene(kind), live_window.find(kind), _on[kind]
     region = live_window.region_of(window)
-    view, settings = live_scene.view_of(scene, (region.width, region.height)), _settings_of(scene)
-    shown = live()
+    view, smooth = live_scene.view_of(scene, (region.width, region.height), kind), scene.lfsr.live_smooth
+    shown = live(kind)
     if shown is None:
         shown = live_scene.make(scene, view)
-    elif (view, settings) != (_view, _settings) or shown.background_set != scene:
+    elif (view, smooth) != (state.view, state.smooth) or shown.background_set != scene:
         shown.background_set = scene
         live_scene.show(shown, view)
     else:
         live_scene.follow(shown)
         if window.scene == shown:
             return
-    _view, _settings = view, settings
+    state.view, state.smooth = view, smooth
     live_window.show(window, shown)
-
-
-def _settings_of(scene: bpy.types.Scene) -> tuple:
-    """Settings that need the live scene's nodes again."""
-    return (scene.lfsr.live_smooth,)
 
 
 def _look() -> float | None:
     """Timer: keep up, or stop where the window or the scene is gone."""
-    global _message
-    if not is_on():
-        return None
-    window = live_window.find()
-    if window is None or artists_scene() is None:
-        stop()
-        return None
-    try:
-        keep_up()
-        _say(_view.region.sentence() or "")
-    except LfsrError as error:
-        _say(str(error))
-    return SECONDS_BETWEEN_LOOKS
+    for kind in tuple(_on):
+        if live_window.find(kind) is None or artists_scene(kind) is None:
+            stop(kind)
+            continue
+        try:
+            keep_up(kind)
+            _say(kind, (_on[kind].view.region.sentence() if kind == PANEL else None) or "")
+        except LfsrError as error:
+            _say(kind, str(error))
+    return SECONDS_BETWEEN_LOOKS if _on else None
 
 
-def _say(text: str) -> None:
-    global _message
-    if text != _message:
-        _message = text
+def _say(kind: str, text: str) -> None:
+    if text != _on[kind].message:
+        _on[kind].message = text
         for window in bpy.context.window_manager.windows:
             for area in window.screen.areas:
                 if area.type == "VIEW_3D":
@@ -125,16 +134,17 @@ def _say(text: str) -> None:
 @bpy.app.handlers.persistent
 def _before_save(*_: object) -> None:
     """Nothing of ours goes into the file."""
-    window, scene = live_window.find(), artists_scene()
-    if window is not None and scene is not None:
-        live_window.hide(window, scene)
+    for kind in _on:
+        window, scene = live_window.find(kind), artists_scene(kind)
+        if window is not None and scene is not None:
+            live_window.hide(window, scene)
     live_scene.remove_all()
 
 
 @bpy.app.handlers.persistent
 def _after_save(*_: object) -> None:
     """The live view goes on; the timer would do it too, a moment later."""
-    if is_on() and live_window.find() is not None:
+    if any(live_window.find(kind) is not None for kind in _on):
         _look()
 
 
@@ -146,16 +156,17 @@ def _before_load(*_: object) -> None:
 @bpy.app.handlers.persistent
 def _tidy(*_: object) -> None:
     """After an undo or in a file from a crash there may be something of a live view that is off."""
-    if not is_on():
-        live_window.close_window()
-        live_scene.remove_all()
+    off = {PANEL, EYE} - set(_on)
+    if off:
+        stop(*off)
 
 
 @bpy.app.handlers.persistent
 def _frame_changed(scene: bpy.types.Scene, *_: object) -> None:
-    shown = live()
-    if shown is not None and scene.session_uid == _shown and shown.frame_current != scene.frame_current:
-        shown.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+    for kind, state in _on.items():
+        shown = live(kind)
+        if shown is not None and scene.session_uid == state.scene and shown.frame_current != scene.frame_current:
+            shown.frame_set(scene.frame_current, subframe=scene.frame_subframe)
 
 
 HANDLERS = {"save_pre": _before_save, "save_post": _after_save, "save_post_fail": _after_save, "load_pre": _before_load,

@@ -1,4 +1,4 @@
-"""The live window: a main window of its own, so that it can show another scene, with nothing but a 3D view."""
+"""The live windows: main windows of their own, so that they can show another scene, with nothing but a 3D view."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 
-from .scene import MARK
+from .scene import MARK, PANEL
 
 
-def find() -> bpy.types.Window | None:
-    """The live window, None if it is closed."""
-    return next((window for window in bpy.context.window_manager.windows if MARK in window.screen), None)
+def find(kind: str = PANEL) -> bpy.types.Window | None:
+    """The live window of one kind, None if it is closed."""
+    return next((window for window in bpy.context.window_manager.windows if window.screen.get(MARK) == kind), None)
 
 
-def open_window() -> bpy.types.Window:
+def open_window(kind: str = PANEL) -> bpy.types.Window:
     """A new window that is one 3D view from edge to edge."""
     before = set(bpy.context.window_manager.windows)
     if bpy.app.background or not before:
@@ -23,18 +23,18 @@ def open_window() -> bpy.types.Window:
         raise LfsrError("Blender opened no second window: close one and try again")
     window = next(window for window in bpy.context.window_manager.windows if window not in before)
     _keep_one_area(window)
-    window.screen[MARK] = True
+    window.screen[MARK] = kind
     area = window.screen.areas[0]
     area.type = "VIEW_3D"
     with _place(window):
         bpy.ops.screen.screen_full_area(use_hide_panels=True)
-    window.screen[MARK] = True
+    window.screen[MARK] = kind
     return window
 
 
-def close_window() -> None:
+def close_window(kind: str = PANEL) -> None:
     """Close it, if it is open."""
-    window = find()
+    window = find(kind)
     if window is None:
         return
     if window.screen.show_fullscreen:

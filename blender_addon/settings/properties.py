@@ -169,6 +169,15 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Denoise", description="Denoise the rendered views with Cycles' viewport denoiser", default=True)
     live_denoise_start: IntProperty(
         name="From Sample", description="First sample that is denoised", min=1, soft_max=64, default=1)
+    live_eye_right: FloatProperty(
+        name="Eye Right", description="Where the eye stands: the viewing zone reaches from -1, its left, to 1",
+        min=-4.0, max=4.0, soft_min=-1.0, soft_max=1.0, step=10)
+    live_eye_up: FloatProperty(
+        name="Up", description="Where the eye stands: the viewing zone reaches from -1, its bottom, to 1",
+        min=-4.0, max=4.0, soft_min=-1.0, soft_max=1.0, step=10)
+    live_eye_near: FloatProperty(
+        name="Distance", description="From the display to the eye, as a share of the display's viewing distance",
+        min=0.1, max=10.0, soft_min=0.5, soft_max=2.0, step=10, default=1.0)
 
     applying: BoolProperty(
         name="Applying", description="A preset is being applied", default=False, options={"HIDDEN", "SKIP_SAVE"})

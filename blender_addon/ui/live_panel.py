@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..live import nodes, session
+from ..live.scene import EYE
 from ..render import devices
 from .drawing import LightFieldPanel, columns, sentence
 
@@ -35,6 +36,18 @@ class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
         self._draw_denoiser(column, lfsr)
         for text, icon in notes(context.scene):
             sentence(layout, text, icon, context)
+        self._draw_eye(layout, lfsr)
+        if session.message(EYE):
+            sentence(layout, session.message(EYE), "ERROR", context)
+
+    def _draw_eye(self, layout: bpy.types.UILayout, lfsr: bpy.types.PropertyGroup) -> None:
+        if session.is_on(EYE):
+            layout.operator("lfsr.live_eye_stop", icon="HIDE_ON")
+        else:
+            layout.operator("lfsr.live_eye_start", icon="HIDE_OFF")
+        column = columns(layout).column(align=True)
+        for name in ("live_eye_right", "live_eye_up", "live_eye_near"):
+            column.prop(lfsr, name, slider=True)
 
     def _draw_denoiser(self, column: bpy.types.UILayout, lfsr: bpy.types.PropertyGroup) -> None:
         column = column.column()

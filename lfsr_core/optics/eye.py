@@ -8,6 +8,7 @@ place at the viewing distance, where camera k stood.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -86,3 +87,19 @@ def _pixels_or_black(eia: np.ndarray, row: np.ndarray, column: np.ndarray) -> np
     seen[(row < 0) | (row >= height)] = 0
     seen[:, (column < 0) | (column >= width)] = 0
     return seen
+
+
+def seen_views(profile: DisplayProfile, eye_mm: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Which view of which lens's elemental image an eye sees through each lens, along each axis on its own.
+
+    Returns
+    -------
+    Two of (2, lenses) along x, rightwards, and y, downwards: of what is seen through each lens the elemental image,
+    below 0 or beyond the last where nothing is, and the view, as ``rays.py`` counts them
+    """
+    whole = dataclasses.replace(profile, panel_pixels=profile.eia_pixels, lenslet=None, lenticular=None, subpixels=None)
+    across, up = _seen_pixel(whole, eye_mm, 0), _seen_pixel(whole, eye_mm, 1)
+    pixels = across, whole.panel_pixels[1] - 1 - up[::-1]
+    # What lies left of a lens's centre is seen from the right.
+    return tuple(np.stack([pixel // count, count - 1 - pixel % count])
+                 for pixel, count in zip(pixels, profile.views, strict=True))

@@ -58,7 +58,7 @@ def test_it_renders_the_low_resolution_eia_in_panel_order(scene, shown, tmp_path
     """The viewport's Cycles cannot run here; the same scene, rendered at the low resolution, is the array's EIA."""
     view = live_scene.view_of(scene, SIZE)
     placed = rig.placement(scene, view.region.profile)
-    layout = live_scene.layout_of(view)
+    layout = view.layout
     direct = encoded(scene, layout, tmp_path, placed[1], "lens-card", samples=64)["color"]
     live = rendered(shown, layout.size, 64, tmp_path)
     wanted = flip_order(direct, layout.lenses)
@@ -103,6 +103,34 @@ def test_region_of_another_size_keeps_the_card_in_the_middle(scene, shown):
     assert (shown.render.resolution_x, shown.render.resolution_y) == (301, 200)
     assert shown.render.use_border and shown.render.border_max_x == pytest.approx(300.5 / 301)
     assert shown.camera.data.shift_x == pytest.approx(-live_scene.view_of(scene, (301, 200)).region.shift[0] / 301)
+
+
+def test_one_eye_beside_the_panel(scene, shown):
+    """A scene of its own, as fine as the window allows, moved by the sliders without touching the panel's."""
+    view = live_scene.view_of(scene, (300, 200), live_scene.EYE)
+    eye = live_scene.make(scene, view)
+    assert {item[live_scene.MARK] for item in live_scene.marked()} == {"panel", "eye"}
+    assert eye.render.preview_pixel_size == "8" and shown.render.preview_pixel_size == "2"
+    before, cells = shown.camera, cell_of(eye)
+    scene.lfsr.live_eye_right, scene.lfsr.live_eye_up = 0.6, -0.6
+    moved = live_scene.view_of(scene, (300, 200), live_scene.EYE)
+    assert moved != view
+    live_scene.show(eye, moved)
+    assert cell_of(eye)[0] > cells[0] and cell_of(eye)[1] > cells[1], "views count rightwards and downwards"
+    live_scene.remove_all(live_scene.EYE)
+    assert shown.camera == before and {item[live_scene.MARK] for item in live_scene.marked()} == {"panel"}
+
+
+def cell_of(live):
+    mesh = next(item for item in live.objects if item.type == "MESH").data
+    return tuple(mesh.attributes[CELL].data[0].vector)
+
+
+def test_a_woven_panel_is_not_shown_but_what_an_eye_sees(scene):
+    scene.lfsr.display, scene.lfsr.live_scale = "looking-glass-go", "2"
+    with pytest.raises(LfsrError, match="weaves its panel"):
+        live_scene.view_of(scene, SIZE)
+    assert live_scene.view_of(scene, (4000, 3000), live_scene.EYE).eye[2] > 0
 
 
 def test_no_array_no_view(scene):

@@ -6,6 +6,7 @@ import bpy
 import pytest
 
 from blender_addon.live import nodes, session
+from blender_addon.live.scene import EYE, PANEL
 from blender_addon.render import devices
 from blender_addon.ui import live_panel
 from tests.blender.ui.test_panels import draw, labels, operators, properties
@@ -20,18 +21,22 @@ def scene(tmp_path):
 
 def test_off(scene):
     drawn = draw(live_panel.LFSR_PT_live)
-    assert operators(drawn) == {"lfsr.live_start"}
-    assert {"live_scale", "live_samples", "live_smooth", "live_denoise", "live_denoise_start"} <= properties(drawn)
+    assert operators(drawn) == {"lfsr.live_start", "lfsr.live_eye_start"}
+    assert {"live_scale", "live_samples", "live_smooth", "live_denoise", "live_denoise_start",
+            "live_eye_right", "live_eye_up", "live_eye_near"} <= properties(drawn)
 
 
 def test_on(scene, monkeypatch):
-    monkeypatch.setattr(session, "_shown", bpy.context.scene.session_uid)
+    monkeypatch.setattr(session, "_on", {PANEL: session._Shown(bpy.context.scene.session_uid)})
     assert "exact" in labels(draw(live_panel.LFSR_PT_live))
-    monkeypatch.setattr(session, "_message", "the live window shows 5×5 pixels")
+    session._on[PANEL].message = "the live window shows 5×5 pixels"
     drawn = draw(live_panel.LFSR_PT_live)
-    assert operators(drawn) == {"lfsr.live_stop"}
+    assert operators(drawn) == {"lfsr.live_stop", "lfsr.live_eye_start"}
     assert "5×5" in labels(drawn) and "full screen" in labels(drawn) and "exact" not in labels(drawn)
-    monkeypatch.setattr(session, "_shown", None)
+    session._on[EYE] = session._Shown(bpy.context.scene.session_uid, message="make the window larger")
+    drawn = draw(live_panel.LFSR_PT_live)
+    assert "make the window larger" in labels(drawn)
+    assert operators(drawn) == {"lfsr.live_stop", "lfsr.live_eye_stop"}
 
 
 def test_what_this_blender_cannot_do(scene, monkeypatch):

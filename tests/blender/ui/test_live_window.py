@@ -15,36 +15,15 @@ import pytest
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.optics.eye import see
+from lfsr_core.optics.eye_card import eye_place
 from tests.support.window.desktop import VARIABLE, Window, blender_window
+from tests.support.window.live_scenes import SAMPLES, SCENE, another_scene
 
 pytestmark = [pytest.mark.window, pytest.mark.skipif(
     VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
-SAMPLES = 256
 SECONDS_TO_RENDER = 400
 SECONDS_BETWEEN_PICTURES = 2
-SCENE = """
-def make_scene(path):
-    scene = bpy.context.scene
-    for item in list(scene.objects):
-        bpy.data.objects.remove(item)
-    bpy.ops.mesh.primitive_monkey_add(location=(0, 0, 1))
-    bpy.ops.object.shade_smooth()
-    paint = bpy.data.materials.new("Paint")
-    paint.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.8, 0.25, 0.06, 1)
-    bpy.context.object.data.materials.append(paint)
-    bpy.ops.mesh.primitive_plane_add(size=60, location=(0, 0, -0.2))
-    bpy.ops.object.light_add(type="AREA", radius=3, location=(3, -4, 5))
-    bpy.context.object.data.energy = 600
-    scene.render.engine, scene.render.film_transparent = "CYCLES", True
-    for item in scene.objects:
-        item.select_set(item.name == "Suzanne")
-    lfsr = scene.lfsr
-    lfsr.display, lfsr.scale, lfsr.live_scale, lfsr.method = "mini", "2", "2", "bilinear"
-    lfsr.samples = lfsr.live_samples = SAMPLES
-    lfsr.live_denoise = False
-    bpy.ops.lfsr.array_fit('EXEC_DEFAULT', True)
-    bpy.ops.wm.save_as_mainfile(filepath=path)
-"""
 STATE = """
 def state():
     scene = bpy.context.scene
@@ -94,13 +73,13 @@ def fresh_file(window: Window) -> None:
     window.settle()
 
 
-def start(window: Window, size: tuple[int, int] | None = None) -> None:
-    """Start the live view, in a window of ``size`` in the screen's upper left corner."""
-    assert window.get("list(bpy.ops.lfsr.live_start())") == ["FINISHED"]
+def start(window: Window, size: tuple[int, int] | None = None, kind: str = "panel") -> None:
+    """Start the live view or the eye's, in a window of ``size`` in the screen's upper left corner."""
+    assert window.get(f"list(bpy.ops.lfsr.live_{'eye_' if kind == 'eye' else ''}start())") == ["FINISHED"]
     window.settle()
     if size is not None:
         window.place(window.windows()[-1], *size)
-        window.until(f"live.live().render.resolution_x == {size[0]}", 10)
+        window.until(f"live.live({kind!r}).render.resolution_x == {size[0]}", 10)
     window.settle()
 
 
@@ -119,30 +98,39 @@ def resting(window: Window, name: str) -> np.ndarray:
 def part(picture: np.ndarray, window: Window, display) -> np.ndarray:
     """What the picture shows of the panel; the live window lies in the upper left corner."""
     width, height = display.panel_pixels
-    left, bottom = window.get("list(live._view.region.corner)")
-    top = window.get("live._view.region.size[1]") - bottom - height
+    left, bottom = window.get("list(live.view().region.corner)")
+    top = window.get("live.view().region.size[1]") - bottom - height
     return picture[top:top + height, left:left + width]
 
 
-@pytest.mark.parametrize(("name", "scale", "size"), [
-    ("mini", "2", (128, 96)), ("mini", "4", (304, 208)), ("small", "4", (960, 560))])
-def test_it_is_the_offline_image(window, name, scale, size):
-    """The same samples offline, ``bilinear``: at most 2 of 255 apart in the mean, also at the edges of EIs."""
-    window.run(f"lfsr = bpy.context.scene.lfsr; lfsr.display, lfsr.scale = {name!r}, {scale!r}")
-    window.run("lfsr.live_scale = lfsr.scale")
-    window.run(f"lfsr.output = '//{name}{scale}'; bpy.ops.lfsr.array_fit('EXEC_DEFAULT', True)")
+def render_offline(window: Window, name: str, scale: str, method: str) -> None:
+    """The scene's image of that display and scale by the button, and the same settings for the live view."""
+    window.run("lfsr = bpy.context.scene.lfsr\n"
+               f"lfsr.display, lfsr.scale, lfsr.method = {name!r}, {scale!r}, {method!r}")
+    window.run(f"lfsr.live_scale, lfsr.output = lfsr.scale, '//{name}{scale}'")
+    window.run("if bpy.context.selected_objects: bpy.ops.lfsr.array_fit('EXEC_DEFAULT', True)")
     assert window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))") == ["FINISHED"]
     window.until("addon.background.session.current() is None", SECONDS_TO_RENDER)
+
+
+@pytest.mark.parametrize(("scene", "name", "scale", "size"), [
+    ("monkey", "mini", "2", (128, 96)), ("monkey", "mini", "4", (304, 208)), ("monkey", "small", "4", (960, 560)),
+    ("demo", "mini", "2", (128, 96)), ("cornell", "mini", "2", (128, 96))])
+def test_it_is_the_offline_image(window, scene, name, scale, size):
+    """The same samples offline, ``bilinear``: at most 2 of 255 apart in the mean, also at the edges of EIs."""
+    if scene != "monkey":
+        another_scene(window, scene)
+    render_offline(window, name, scale, "bilinear")
     offline = read_png(window.folder / f"{name}{scale}" / "Scene" / "0001" / "eia.png").astype(float)
     start(window, size)
     display = load_display(name)
-    live = part(resting(window, f"live-{name}-{scale}"), window, display).astype(float)
+    live = part(resting(window, f"live-{scene}-{name}-{scale}"), window, display).astype(float)
     exact = size == display.panel_pixels
     assert (window.get("live.message()") == "") == exact
     difference = np.abs(live - offline)
     tiles = to_elemental_images(difference, display.lenses)
     edge = np.concatenate([tiles[:, :, 0], tiles[:, :, -1], tiles[..., 0, :], tiles[..., -1, :]], axis=2)
-    print(f"{name} {scale}: mean {difference.mean((0, 1)).round(2)}, edges {edge.mean((0, 1, 2)).round(2)}")
+    print(f"{scene} {name} {scale}: mean {difference.mean((0, 1)).round(2)}, edges {edge.mean((0, 1, 2)).round(2)}")
     assert difference.mean((0, 1)).max() <= 2
     assert edge.mean((0, 1, 2)).max() <= 2
     for axis in (0, 1):
@@ -158,6 +146,47 @@ def test_start_and_stop_leave_everything_as_it_was(window):
     assert {key for key in before if key.split(".")[0] in {"scene", "render", "cycles", "view", "space", "region"}
             and during[key] != before[key]} <= {"scene.users"}
     window.run("bpy.ops.lfsr.live_stop()")
+    window.settle()
+    assert window.get("state()") == before
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0, 1.0), (0.6, -0.4, 1.0), (-0.3, 0.2, 2.0)])
+def test_the_eye_sees_the_light_field(window, place):
+    """Through every lens the view that an eye there would see of the offline image of the same samples."""
+    render_offline(window, "mini", "2", "nearest")
+    display = load_display("mini")
+    offline = read_png(window.folder / "mini2" / "Scene" / "0001" / "eia.png")
+    wanted = see(offline, display, eye_place(display, *place), width=128).astype(float)
+    start(window, (128, 96), "eye")
+    first = window.get("live.live('eye').camera.session_uid")
+    window.run("lfsr = bpy.context.scene.lfsr\n"
+               f"lfsr.live_eye_right, lfsr.live_eye_up, lfsr.live_eye_near = {place}")
+    if place != (0, 0, 1):
+        window.until(f"live.live('eye').camera.session_uid != {first}", 10)
+    seen = resting(window, "eye-{}-{}-{}".format(*place))[:96, :128].astype(float)
+    difference = np.abs(seen - wanted)
+    print(f"eye {place}: mean {difference.mean((0, 1)).round(2)}")
+    assert difference.mean((0, 1)).max() <= 2
+    for axis in (0, 1):
+        assert np.abs(wanted[::-1 if axis == 0 else 1, ::-1 if axis else 1] - seen).mean() > 4 * difference.mean()
+        assert np.abs(np.roll(seen, 8, axis) - wanted).mean() > difference.mean()
+
+
+def test_panel_and_eye_together_and_one_after_the_other(window):
+    before = window.get("state()")
+    start(window)
+    start(window, kind="eye")
+    assert window.get("len(bpy.context.window_manager.windows)") == 3
+    scenes = "sorted(s['lfsr_live'] for s in bpy.data.scenes if 'lfsr_live' in s)"
+    assert window.get(scenes) == ["eye", "panel"]
+    window.run("bpy.ops.lfsr.live_stop()")
+    window.settle()
+    assert window.get(scenes) == ["eye"] and window.get("live.is_on('eye') and not live.is_on()")
+    path = str(window.folder / "eye.blend")
+    window.run(f"bpy.ops.wm.save_as_mainfile(filepath={path!r}, copy=True)")
+    window.settle()
+    assert window.get(f"{scenes}") == ["eye"]
+    window.run("bpy.ops.lfsr.live_eye_stop()")
     window.settle()
     assert window.get("state()") == before
 

@@ -1,6 +1,6 @@
 """How right the live view is since an edit, seen in a real window (see desktop.py), as a chart and as lines on paper:
 
-    LFSR_WINDOW_BLENDER=DIR python tests/support/window/latency.py docs/images/live-latency.svg
+    LFSR_WINDOW_BLENDER=DIR python tests/support/window/latency.py CHART.svg
 
 An edit moves the light and an object, forth and back. After each, the screen is watched; what it showed after TIMES is
 compared with a reference of the edited scene by split SSIM, both after the scene's view transform. Not denoised, for
