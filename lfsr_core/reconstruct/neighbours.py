@@ -78,11 +78,14 @@ def read_low(folder: Path) -> LowResEIA:
     return low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame, read_world(folder, frame))
 
 
-def seed_notes(neighbours: Sequence[Neighbour]) -> list[str]:
-    """A sentence where neighbours have the same noise."""
-    same = [each.number for each in neighbours if each.same_seed]
-    return [f"frames {', '.join(map(str, same))} have the same seed, so that nothing was shared with them: render the "
-            "animation with --share-frames"] if same else []
+def sharing_notes(neighbours: Sequence[Neighbour]) -> list[str]:
+    """A sentence where neighbours have the same noise, and one where they show other rays."""
+    same = ", ".join(str(each.number) for each in neighbours if each.same_seed)
+    other = ", ".join(str(each.number) for each in neighbours if not each.same_rays)
+    return [f"frames {same} have the same seed, so that nothing was shared with them: render the animation with "
+            "--share-frames"] * bool(same) + [
+            f"nothing was shared with frames {other}, which were seen from elsewhere or rendered with other settings: "
+            "while the camera array moves, leave out --share-frames"] * bool(other)
 
 
 def _neighbour(folder: Path, frame: Frame) -> Neighbour:

@@ -36,7 +36,7 @@ from lfsr_core.reconstruct.clock import StageClock, peak_bytes
 from lfsr_core.reconstruct.contract import Upscaler
 from lfsr_core.reconstruct.method_name import PLAIN_METHOD, MethodName
 from lfsr_core.reconstruct.methods.shared_frames import share
-from lfsr_core.reconstruct.neighbours import Neighbour, neighbours_of, read_low, seed_notes
+from lfsr_core.reconstruct.neighbours import Neighbour, neighbours_of, read_low, sharing_notes
 from lfsr_core.reconstruct.registry import Method
 from lfsr_core.reconstruct.world import BeforeWorld, prepared
 
@@ -282,7 +282,7 @@ def _report(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> R
         seconds={stage: round(seconds, 4) for stage, seconds in run.clock.seconds.items()},
         peak_bytes=peak_bytes(), foreground_share=float(assembly.mask.mean()),
         notes=(*filter(None, [frame.scale_reason]), *notes, *name.guide_notes(assembly.low.layers),
-               *assembly.upscaler.notes, *seed_notes(run.neighbours)),
+               *assembly.upscaler.notes, *sharing_notes(run.neighbours)),
         replaced_pixels=replaced, dilate=options.dilate, layout=frame.layout, device=frame.device,
         weights=str(options.weights) if options.weights else None, share_frames=options.share_frames,
         neighbours=tuple(each.number for each in run.neighbours))

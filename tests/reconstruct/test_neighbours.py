@@ -13,7 +13,7 @@ from lfsr_core.reconstruct.neighbours import (
     neighbours_of,
     numbered_beside,
     seed_in_turn,
-    seed_notes,
+    sharing_notes,
 )
 from lfsr_core.reconstruct.second_stage import UpscaleOptions, linear_and_mask, upscale_frame
 from tests.support.synthetic import IDENTITY, write_render
@@ -63,7 +63,8 @@ def test_an_array_that_moved_or_the_same_seed_shares_nothing(tmp_path):
     film(tmp_path, (1,), matrix_world=moved)
     assert numbers_near(tmp_path, 3, 2) == [(1, False), (2, True), (4, False)]
     found = neighbours_of(tmp_path / "0003", read_frame(tmp_path / "0003"), 2)
-    assert seed_notes(found) and "frames 4 have" in seed_notes(found)[0] and not seed_notes(found[:2])
+    assert [note[:26] for note in sharing_notes(found)] == ["frames 4 have the same see", "nothing was shared with fr"]
+    assert not sharing_notes(found[1:2])
 
 
 def test_the_second_stage_averages_and_says_with_which(tmp_path):

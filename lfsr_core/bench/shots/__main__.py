@@ -2,6 +2,7 @@
 
     python -m lfsr_core.bench.shots -o OUT            everything, about an hour on two cores
     python -m lfsr_core.bench.shots -o OUT --quick    three frames and few samples, minutes; figures of no worth
+    python -m lfsr_core.bench.shots --cost NAME       only what sharing costs on a display, at scale 4
 
 What is complete in OUT is not done again. docs/results/animations.md shows OUT/shots.json, shots.md and shots.svg.
 """
@@ -14,12 +15,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.bench.environment import check_packages, environment
+from lfsr_core.bench.shots.measure import cost_of_sharing
 from lfsr_core.bench.shots.renders import NAMES, Bench, Settings
 from lfsr_core.bench.shots.report import Found, Report, write_report
 from lfsr_core.bench.shots.ways import ALONE, EACH, FITS, WAYS, Shot
 from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.optics.display import load_display
 
-STOPPED, BAD_INPUT = 130, 2
+STOPPED, BAD_INPUT, COST_SCALE = 130, 2, 4
 QUICK = {"frames": 3, "samples": (4,), "more": (), "reference_samples": 16, "reference_lenses": 34}
 
 
@@ -38,16 +41,21 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> None:
     """Render and measure what is missing, then write the report."""
+    if arguments.cost:
+        seconds = cost_of_sharing(load_display(arguments.cost), COST_SCALE)
+        print(f"{arguments.cost}, scale {COST_SCALE}: {seconds:.2f} CPU seconds per neighbouring frame")
+        return
     check_packages()
+    names = _names(arguments.only)
     settings = Settings(seed=arguments.seed, **(QUICK if arguments.quick else {}))
     bench = Bench(arguments.output, settings, arguments.blender)
     bench.claim()
     found: list[Found] = []
-    for name in _names(arguments.only):
+    for name in names:
         bench.render(name)
         found += _measured(Shot.read(bench, name, 1 if arguments.quick else arguments.fit_seconds))
-    options = f" --quick --seed {arguments.seed}" if arguments.quick else f" --seed {arguments.seed}"
-    command = f"python -m lfsr_core.bench.shots -o OUT{options}"
+    quick = " --quick" if arguments.quick else f" --fit-seconds {arguments.fit_seconds:g}"
+    command = f"python -m lfsr_core.bench.shots -o OUT --seed {arguments.seed}{quick}"
     write_report(Report(settings, environment(), command, tuple(found)), arguments.output)
     print((arguments.output / "shots.md").read_text(encoding="utf-8"))
 
@@ -75,7 +83,9 @@ def _names(text: str | None) -> tuple[str, ...]:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m lfsr_core.bench.shots", description=__doc__.splitlines()[0])
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="of everything that is made")
+    parser.add_argument("-o", "--output", type=Path, default=Path("shots"), metavar="OUT",
+                        help="of everything that is made, default: %(default)s")
+    parser.add_argument("--cost", metavar="NAME", help="display on which to measure only what sharing costs")
     parser.add_argument("--only", metavar="NAME,NAME", help=f"of {', '.join(NAMES)}")
     parser.add_argument("--quick", action="store_true", help="three frames and few samples")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of renders and fits, default: %(default)s")

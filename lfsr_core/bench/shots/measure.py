@@ -17,6 +17,7 @@ from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.frames.reference import Reference
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import mean_of, stacked_ssim
+from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.reconstruct.methods.shared_frames import share, similarity
 from lfsr_core.reconstruct.neighbours import near
 from lfsr_core.reconstruct.registry import Method
@@ -128,6 +129,19 @@ def _mean_of_finished(lows: Sequence[LowResEIA], images: Sequence[np.ndarray], n
         weight = similarity(lows[number], lows[other])[rows, columns].repeat(scale, 1).repeat(scale, 2)[..., None]
         total, count = total + weight * images[other], count + weight
     return total / count
+
+
+def cost_of_sharing(display: DisplayProfile, scale: int) -> float:
+    """CPU seconds per neighbour of a frame with albedo and normal, files not counted."""
+    random, (sx, sy), (w, h) = np.random.default_rng(0), display.lenses, display.low_views(scale)
+
+    def layer(channels: int) -> np.ndarray:
+        return random.random((sy, sx, h, w, channels), dtype=np.float32)
+
+    low, other = (LowResEIA(layer(3), layer(1), 16, scale, layer(3), layer(3)) for _ in range(2))
+    started = _cpu()
+    share(low, [other])
+    return _cpu() - started
 
 
 def _cpu() -> float:

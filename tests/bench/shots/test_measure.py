@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.bench.environment import environment
+from lfsr_core.bench.shots.__main__ import main
 from lfsr_core.bench.shots.measure import Figures, Truth, Window, compare, neighbours
 from lfsr_core.bench.shots.renders import CHANGING, FIXED, Bench, Settings
 from lfsr_core.bench.shots.report import Found, Report, tables_of, write_report
@@ -52,6 +53,12 @@ def test_an_image_of_the_frame_before_is_one_frame_late():
     assert compare(late, TRUTH, UNSEEN).lag == pytest.approx(1, abs=0.05)
     half = (clean() + late) / 2
     assert compare(half, TRUTH, UNSEEN).lag == pytest.approx(0.5, abs=0.05)
+
+
+def test_the_cost_command_says_seconds(capsys):
+    assert main(["--cost", "mini"]) == 0
+    assert "CPU seconds per neighbouring frame" in capsys.readouterr().out
+    assert main(["--cost", "nothing"]) == 2 and main(["--only", "cat"]) == 2
 
 
 def test_windows_end_with_the_animation():
