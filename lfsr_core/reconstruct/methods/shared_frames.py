@@ -16,7 +16,7 @@ from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.encoding import encode
 
 AVERAGED = ("color", "alpha", "opacity", "albedo", "normal")
-TESTED = ("albedo", "normal")  # besides colour
+TESTED = ("opacity", "albedo", "normal")  # besides colour
 NEAR, WIDE = 30.0, 100.0  # how much a change counts that neighbours share, and one of whole elemental images
 SIGMAS = 2.5  # of its own spread by which a change must stand out from noise
 NEAR_SPREAD, WIDE_SPREAD = 1.25, 2**0.5  # of what white noise pretends to be change, over √pixels and pixels

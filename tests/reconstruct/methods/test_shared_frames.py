@@ -56,12 +56,12 @@ def test_what_moved_is_untouched_and_the_rest_shared():
     assert np.abs(shared.color - ours.color)[BLOCK].mean() < 0.2 * np.abs(other.color - ours.color)[BLOCK].mean()
 
 
-def test_what_moved_in_albedo_or_normal_alone_is_untouched():
+def test_what_moved_in_one_layer_alone_is_untouched():
     clean = waves(0)
     flat = np.full(SHAPE, 0.5, np.float32)
     other = flat.copy()
     other[BLOCK] = 0.9
-    for name in ("albedo", "normal"):
+    for name in ("albedo", "normal", "opacity"):
         weight = similarity(frame(clean, 0, **{name: flat}), frame(clean, 1, **{name: other}))
         assert weight[BLOCK].max() < 0.05 and weight[:, 10:].mean() > 0.9
 
@@ -106,7 +106,9 @@ def test_without_neighbours_nothing_changes():
 
 def test_layers_are_averaged_like_colour():
     clean = waves(0)
-    noisy = [frame(clean, seed, albedo=frame(clean, seed + 10).color) for seed in range(4)]
+    noisy = [frame(clean, seed, albedo=frame(clean, seed + 10).color, opacity=frame(clean, seed + 20).color)
+             for seed in range(4)]
     shared = share(noisy[0], noisy[1:])
     assert np.std(shared.albedo - clean) < 0.6 * np.std(noisy[0].albedo - clean)
+    assert np.std(shared.opacity - clean) < 0.6 * np.std(noisy[0].opacity - clean)
     assert dataclasses.replace(noisy[0], color=shared.color).samples == 16
