@@ -32,7 +32,8 @@ def is_dark(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object]) ->
     array, matrix_world = placement.place_array(scene, job.display, subject)
     layout = RayLayout.for_display(job.display, array, max(job.display.scales(), default=1), lens_list=_lenses(job))
     shot = Shot(layout, matrix_world, devices.way_of(job.device), placement.clip_of(scene))
-    with tempfile.TemporaryDirectory(prefix="lfsr-light-") as name:
+    # In Blender's own folder, which goes with it however it ends.
+    with tempfile.TemporaryDirectory(prefix="lfsr-light-", dir=bpy.app.tempdir or None) as name:
         path = Path(name, "light.exr")
         render_encoded(scene, shot, dataclasses.replace(RenderSettings(SAMPLES), device=job.device), path)
         color = clean(read_layers(path))[0]["color"]

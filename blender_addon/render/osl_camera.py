@@ -69,7 +69,8 @@ def compile_osl(source: str) -> str:
         raise _no_osl("this Blender was built without OSL")
     import _cycles
 
-    with tempfile.TemporaryDirectory(prefix="lfsr-osl-") as folder:
+    # In Blender's own folder, which goes with it however it ends.
+    with tempfile.TemporaryDirectory(prefix="lfsr-osl-", dir=bpy.app.tempdir or None) as folder:
         text, code = Path(folder, "camera.osl"), Path(folder, "camera.oso")
         text.write_text(source, encoding="utf-8")
         if not _cycles.osl_compile(str(text), str(code)) or not code.is_file() or not code.stat().st_size:

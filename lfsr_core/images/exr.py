@@ -137,6 +137,7 @@ def _output(path: str | Path, layers: Mapping[str, np.ndarray], height: int, hal
     spec = oiio.ImageSpec(width, height, len(names), "half" if half else "float")
     spec.channelnames = names
     spec.attribute("compression", "zip")
+    spec.attribute("DateTime", "")  # equal images are equal files, whenever they were written
     with atomic_path(path) as temporary:
         output = oiio.ImageOutput.create(str(temporary))
         _check_written(path, output, output.open(str(temporary), spec))
