@@ -16,6 +16,13 @@ def multilayer_exr(half: bool = False) -> dict[str, Any]:
     return common
 
 
+def one_part_exr() -> dict[str, Any]:
+    """Image settings for all passes in one part of the file, as before 5.0, whose several parts end in an error where
+    pixels are not square."""
+    has_parts = "use_exr_interleave" in bpy.types.ImageFormatSettings.bl_rna.properties
+    return {"use_exr_interleave": True} if has_parts else {}
+
+
 def video_output() -> dict[str, Any]:
     """Image settings for a film, in the order they must be set."""
     video = {"file_format": "FFMPEG", "color_mode": "RGB"}

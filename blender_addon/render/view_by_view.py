@@ -25,6 +25,7 @@ from lfsr_core.optics.rays import RayLayout, view_offset
 from lfsr_core.render.pace import is_worth_keeping, seconds_per_part
 from lfsr_core.render.parts import ImageParts, Part
 
+from .. import compat
 from ..array.spaces import to_blender
 from .cycles import UNFINISHED, RenderSettings, Shot, cycles_settings, render_to, temporary_camera, unfinished
 from .overrides import overridden
@@ -49,6 +50,7 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
     views = _Views(layout.views[0] * layout.views[1], Path(path).with_name("views.exr"), parts)
     with (unfinished(path) as target, temporary_camera(scene, shot.matrix_world, layout.array.distance) as camera,
           cycles_settings(scene, settings, layout.lenses), overridden(scene.render, pixel_aspect(layout)),
+          overridden(scene.render.image_settings, compat.one_part_exr()),
           overridden(scene.cycles, _filter(layout)), _folder(target.parent) as folder):
         for number in views.missing():
             aim(camera, shot, (number % layout.views[0], number // layout.views[0]))

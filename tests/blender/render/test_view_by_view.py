@@ -16,6 +16,7 @@ from lfsr_core.optics.rays import RayLayout
 from tests.support.scenes import ARRAY, MINI, add_box, emission, encoded, fresh_scene, front, position_emission
 
 SEEDS, SAMPLES, SCALE = 10, 4, 4
+FLAT = dataclasses.replace(MINI, lenses=(16, 96), views=(8, 1))  # pixels of a view are not square
 # A two-sided t of 18 degrees of freedom is above this for one pixel in a thousand.
 T_ONE_IN_1000 = 3.92
 
@@ -105,9 +106,11 @@ def test_positions_agree_pixel_by_pixel(scene, tmp_path, convention, lens_list):
     assert np.abs(shown - expected).max() <= tolerance
 
 
-def test_other_layers_come_view_by_view_too(scene, tmp_path):
+@pytest.mark.parametrize(("display", "scale"), [(MINI, SCALE), (FLAT, 2)])
+def test_other_layers_come_view_by_view_too(scene, tmp_path, display, scale):
+    """Also where pixels are not square."""
     add_box(scene, (0.2, 0, 0), (0.3, 0.3, 0.3), position_emission())
-    layout = RayLayout.for_display(MINI, ARRAY, SCALE, view_aperture=0.0)
+    layout = RayLayout.for_display(display, ARRAY, scale, view_aperture=0.0)
     settings = cycles.RenderSettings(1, layers=("albedo", "normal", "position", "index"), world_visible=True)
     views.render_views(scene, cycles.Shot(layout, front()), settings, tmp_path / "views.exr")
     cycles.render_encoded(scene, cycles.Shot(layout, front()), settings, tmp_path / "encoded.exr")
@@ -149,8 +152,7 @@ def test_osl_perspective_is_blenders_own(tmp_path):
 
 
 def test_horizontal_parallax_is_the_same_both_ways(tmp_path):
-    flat = dataclasses.replace(MINI, lenses=(16, 96), views=(8, 1))
-    layout, scene = RayLayout.for_display(flat, ARRAY, 2), lit_scene()
+    layout, scene = RayLayout.for_display(FLAT, ARRAY, 2), lit_scene()
     first, second = (np.stack([render(scene, layout, tmp_path / "image.exr", seed) for seed in range(SEEDS)])
                      for render in (one_pass, view_by_view))
     assert first.shape[1:3] == (96, 16 * 4)
