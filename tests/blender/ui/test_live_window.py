@@ -67,6 +67,9 @@ def window(blender):
 
 def fresh_file(window: Window) -> None:
     """The scene of these tests in a file of its own; with the file the 3D view is another one."""
+    # A rendered image is shown in a window of its own, which stays.
+    window.run("for other in list(bpy.context.window_manager.windows)[1:]:\n"
+               "    with bpy.context.temp_override(window=other): bpy.ops.wm.window_close()")
     window.run("bpy.ops.wm.read_homefile(use_factory_startup=True)")
     window.settle()
     window.run(f"make_scene({str(window.folder / 'scene.blend')!r})")
@@ -103,14 +106,17 @@ def part(picture: np.ndarray, window: Window, display) -> np.ndarray:
     return picture[top:top + height, left:left + width]
 
 
-def render_offline(window: Window, name: str, scale: str, method: str) -> None:
-    """The scene's image of that display and scale by the button, and the same settings for the live view."""
+def render_offline(window: Window, name: str, scale: str, method: str) -> np.ndarray:
+    """The scene's image of that display and scale by the button; the same settings stay for the live view."""
     window.run("lfsr = bpy.context.scene.lfsr\n"
                f"lfsr.display, lfsr.scale, lfsr.method = {name!r}, {scale!r}, {method!r}")
-    window.run(f"lfsr.live_scale, lfsr.output = lfsr.scale, '//{name}{scale}'")
+    window.run("lfsr.live_scale, lfsr.output = lfsr.scale, '//offline'")
+    shutil.rmtree(window.folder / "offline", ignore_errors=True)
     window.run("if bpy.context.selected_objects: bpy.ops.lfsr.array_fit('EXEC_DEFAULT', True)")
     assert window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))") == ["FINISHED"]
     window.until("addon.background.session.current() is None", SECONDS_TO_RENDER)
+    [image] = (window.folder / "offline").glob("**/eia.png")
+    return read_png(image)
 
 
 @pytest.mark.parametrize(("scene", "name", "scale", "size"), [
@@ -120,8 +126,7 @@ def test_it_is_the_offline_image(window, scene, name, scale, size):
     """The same samples offline, ``bilinear``: at most 2 of 255 apart in the mean, also at the edges of EIs."""
     if scene != "monkey":
         another_scene(window, scene)
-    render_offline(window, name, scale, "bilinear")
-    offline = read_png(window.folder / f"{name}{scale}" / "Scene" / "0001" / "eia.png").astype(float)
+    offline = render_offline(window, name, scale, "bilinear").astype(float)
     start(window, size)
     display = load_display(name)
     live = part(resting(window, f"live-{scene}-{name}-{scale}"), window, display).astype(float)
@@ -153,9 +158,7 @@ def test_start_and_stop_leave_everything_as_it_was(window):
 @pytest.mark.parametrize("place", [(0.0, 0.0, 1.0), (0.6, -0.4, 1.0), (-0.3, 0.2, 2.0)])
 def test_the_eye_sees_the_light_field(window, place):
     """Through every lens the view that an eye there would see of the offline image of the same samples."""
-    render_offline(window, "mini", "2", "nearest")
-    display = load_display("mini")
-    offline = read_png(window.folder / "mini2" / "Scene" / "0001" / "eia.png")
+    display, offline = load_display("mini"), render_offline(window, "mini", "2", "nearest")
     wanted = see(offline, display, eye_place(display, *place), width=128).astype(float)
     start(window, (128, 96), "eye")
     first = window.get("live.live('eye').camera.session_uid")
