@@ -156,8 +156,6 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         layout, task = self.layout, session.current()
         if task is not None:
             session.draw_progress(layout.row(align=True), task)
-            if task.message:
-                layout.label(text=task.message)
         column = layout.column()
         column.enabled = task is None
         column.scale_y = 1.2

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lfsr_core.frames.job import check_scene
+
 if TYPE_CHECKING:
     from lfsr_core.bench.chart.settings import Settings
 
@@ -68,6 +70,9 @@ def run(arguments: argparse.Namespace) -> None:
 
     check_packages()
     settings = _settings(arguments)
+    if not settings.only_measure:
+        for scene in arguments.scenes:
+            check_scene(scene)
     overall = Overall(costs(settings, arguments.scenes))
     try:
         chart, stem = measure(settings, arguments.scenes, overall)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from lfsr_core import progress
 from lfsr_core.cli import build_parser, main
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import load_display
@@ -75,7 +76,8 @@ def test_plan_ends_with_the_command_that_renders_the_choice(scene, blender, tmp_
     assert (tmp_path / "work" / "quick" / "frame.json").exists()
 
 
-def test_progress_moves_and_speaks_of_as_many_lenses_as_the_result(scene, blender, capsys):
+def test_progress_moves_and_speaks_of_as_many_lenses_as_the_result(scene, blender, capsys, monkeypatch):
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
     assert main(["plan", scene, "--target", "0.5", *FEW, "--blender", blender]) == 0
     captured = capsys.readouterr()
     lenses = re.search(r"sampled (\d+) lenses", captured.out)[1]

@@ -146,7 +146,7 @@ def test_a_small_budget_leaves_costly_candidates_out(tmp_path, monkeypatch):
 
 
 def test_accuracy_of_the_whole_array_counts_every_lens(tmp_path):
-    options = dataclasses.replace(OPTIONS, metric="ssim_eia", scales=(4,), spps=(16,))
+    options = dataclasses.replace(OPTIONS, metric="ssim_lens", scales=(4,), spps=(16,))
     planned = make_plan(JOB, options, render, tmp_path / "sample")
     row = next(row for row in planned.rated if row.candidate.method == "bilinear")
     folder = tmp_path / "whole"

@@ -39,7 +39,7 @@ def rendered(scene, folder, **options):
     frame_folder.render_job(scene, Job(str(folder), MINI, **{"spp": 40, "scale": 2} | options),
                             Opened(0.1, "the same file"), warn=warnings.append)
     images = {path.name: exr.read_layers(path) for path in folder.glob("*.exr")}
-    assert not set(images) - {"lr_eia.exr", "reference_a.exr", "reference_b.exr"}
+    assert not set(images) - {"lr_eia.exr", "world.exr", "reference_a.exr", "reference_b.exr"}
     return images, warnings
 
 
