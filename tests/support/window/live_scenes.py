@@ -8,7 +8,7 @@ import pytest
 
 from tests.support.window.desktop import SCRIPTS, Window
 
-SAMPLES, SAMPLES_OF_HARD_SCENES = 256, 1024   # two noisy images are compared
+SAMPLES, SAMPLES_OF_HARD_SCENES = 256, 2048   # two noisy images are compared
 DEMO = SCRIPTS / "scenes" / "demo_scene.py"
 CORNELL = SCRIPTS.parents[1] / "shared" / "assets" / "scenes" / "cornell" / "CornellBox.blend"
 SCENE = """
