@@ -10,6 +10,7 @@ from pathlib import Path
 
 import bpy
 
+from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, WORLD_FILE, Frame, write_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.world import finished_layout
@@ -148,8 +149,11 @@ def _scale(scene: bpy.types.Scene, job: Job, placed: placement.Placement, subjec
 
 
 def _world_visible(scene: bpy.types.Scene, job: Job, own_light: bool) -> bool:
+    if job.world_visible and scene.world is None:
+        raise LfsrError(f"scene {scene.name!r} has no world that could show behind the subject: leave out "
+                        "--world-visible, or give it one")
     if job.world_visible is not None:
-        return job.world_visible and scene.world is not None
+        return job.world_visible
     return own_light and scene.world is not None and not scene.render.film_transparent
 
 

@@ -130,6 +130,8 @@ def _check_same(folder: Path, job: Job, frame: Frame, content: str) -> None:
         found["device"], wanted["device"] = frame.device, job.device
     if job.layout != LAYOUTS[0]:
         found["layout"], wanted["layout"] = frame.layout, job.layout
+    if job.world_visible is not None:
+        found["world visible"], wanted["world visible"] = frame.world_visible, job.world_visible
     for name, value in found.items():
         if value != wanted[name]:
             raise LfsrError(f"{folder} was rendered with {name} {value}, but {wanted[name]} is needed: give "

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon.render import cycles, frame_folder, world
+from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.world import read_world
@@ -36,6 +37,13 @@ def lit_box(scene):
     tree.links.new(wave.outputs["Vector"], add.inputs[0])
     tree.links.new(add.outputs["Vector"], background.inputs["Color"])
     return scene
+
+
+def test_no_world_cannot_show(lit_box, tmp_path):
+    lit_box.world = None
+    lit_box.collection.objects.link(bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN")))
+    with pytest.raises(LfsrError, match="has no world that could show"):
+        frame_folder.render_job(lit_box, Job(str(tmp_path / "low"), MINI, scale=4, spp=1, world_visible=True))
 
 
 def elemental(image):
