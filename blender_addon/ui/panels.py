@@ -160,9 +160,8 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         column.enabled = task is None
         column.scale_y = 1.2
         column.operator("lfsr.render_eia", icon="RENDER_STILL")
-        row = column.row(align=True)
-        row.operator("lfsr.render_animation", icon="RENDER_ANIMATION")
-        row.menu("LFSR_MT_submit")
+        column.operator("lfsr.render_animation", icon="RENDER_ANIMATION")
+        column.menu("LFSR_MT_submit")
         columns(layout).prop(context.scene.lfsr, "use_overwrite")
         message = context.window_manager.lfsr.message
         if message:
