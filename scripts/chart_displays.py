@@ -18,28 +18,23 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from lfsr_core.bench.displays.kinds import FULL_WIDTH, kind
 from lfsr_core.bench.displays.run import Settings, compare, write_pages
 from lfsr_core.bench.environment import check_packages
-from lfsr_core.errors import LfsrError
-
-STOPPED, BAD_INPUT = 130, 2
+from lfsr_core.bench.script import exit_code
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code 0, 2 after bad input, 130 if stopped."""
     arguments = _parser().parse_args(argv)
+    return exit_code("chart_displays", lambda: run(arguments))
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Render and measure what is missing, then write the pages and name them."""
+    check_packages()
+    for name in FULL_WIDTH:
+        kind(name, arguments.width)
     settings = Settings(arguments.output, arguments.width, arguments.reference_spp, arguments.blender)
-    try:
-        check_packages()
-        for name in FULL_WIDTH:
-            kind(name, arguments.width)
-        found = compare(settings, arguments.scenes, lambda line: print(line, file=sys.stderr, flush=True))
-        print("\n".join(map(str, write_pages(arguments.output, found))))
-    except LfsrError as error:
-        print(f"chart_displays: {error}", file=sys.stderr)
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        print("chart_displays: stopped; run the same command again to go on", file=sys.stderr)
-        return STOPPED
-    return 0
+    found = compare(settings, arguments.scenes, lambda line: print(line, file=sys.stderr, flush=True))
+    print("\n".join(map(str, write_pages(arguments.output, found))))
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -24,6 +24,7 @@ from lfsr_core.bench.paper import page, renders, settings
 from lfsr_core.bench.paper.figure import Figure
 from lfsr_core.bench.paper.records import Results
 from lfsr_core.bench.plots import save
+from lfsr_core.bench.script import exit_code
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.optics.display import load_display
@@ -34,21 +35,13 @@ if TYPE_CHECKING:
 
 RESULTS_FILE, PAGE_FILE, IMAGES = "results.json", "paper.md", "images"
 PAGE_IN_DOCS = "results/paper.md"
-STOPPED, BAD_INPUT = 130, 2
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code 0, 2 after bad input, 130 if stopped."""
     arguments = _parser().parse_args(argv)
-    try:
-        reproduce(arguments, _command(sys.argv[1:] if argv is None else argv))
-    except LfsrError as error:
-        print(f"reproduce_paper: {error}", file=sys.stderr)
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        print("reproduce_paper: stopped; run the same command again to go on", file=sys.stderr)
-        return STOPPED
-    return 0
+    command = _command(sys.argv[1:] if argv is None else argv)
+    return exit_code("reproduce_paper", lambda: reproduce(arguments, command))
 
 
 def reproduce(arguments: argparse.Namespace, command: str) -> dict[str, Results]:

@@ -122,9 +122,6 @@ def _check_frames(arguments: argparse.Namespace) -> None:
             raise LfsrError(f"{name} was given without --frames: say which frames, as in --frames 1-48"
                             if arguments.frames is None else
                             f"--frames {arguments.frames} and {name} were both given: leave out one of them")
-    if arguments.share_frames and (arguments.workers is not None or arguments.cluster is not None):
-        raise LfsrError("--share-frames was given together with several workers, of which each knows its own frames "
-                        "only: leave out one of the two")
 
 
 def _scale(text: str) -> int | str:

@@ -6,13 +6,17 @@ import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 
+from lfsr_core.errors import LfsrError
 from lfsr_core.sequence.cluster import Cluster, Piece, Site, work_through
 from lfsr_core.sequence.engine import Result, Tools, render_shot
 from lfsr_core.sequence.shot import DONE, Shot, state
 
 
 def render_on(cluster: Cluster, shot: Shot, tools: Tools) -> list[Result]:
-    """As ``engine.render_shot``, on a cluster; errors also as of ``cluster.work_through``."""
+    """As ``engine.render_shot``, on a cluster; errors also as of ``cluster.work_through``, and where frames share."""
+    if shot.second.share_frames:
+        raise LfsrError("frames are to share (--share-frames), but each of several workers knows its own frames only: "
+                        "leave out the workers, or the sharing")
     quiet = Tools(tools.blender, chunk=tools.chunk, overwrite=tools.overwrite)
     site = Site(Path(shot.jobs[0].output).parent, shot.jobs[0].scene)
     results: dict[str, Result] = {}

@@ -9,8 +9,6 @@ The file holds "display" (a profile), "scale", "frames" and "scenes": objects of
 from __future__ import annotations
 
 import math
-import os
-import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -24,16 +22,13 @@ import bpy
 import mathutils
 from shared import surfaces
 from shared.objects import add_object
+from shared.script import leave, run, save
 from stress.dials import full_board
 from stress.stage import Stage, board, put, turned, world_light
 from stress.things import Grid, bodies, every_sort, printed
-from stress_scenes import save
 
-from blender_addon.headless.main import script_arguments
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.render.protocol import EXIT_BAD_INPUT, emit
+from lfsr_core.render.protocol import emit
 
 FILL, LAMP_POWER, LAMP_SIZE = 0.12, 9.0, 8.0  # lamp: watts per squared pitch of its distance, pitches
 BODY_SIZE = 1.6  # of the bodies, besides that of the stability suite
@@ -124,20 +119,5 @@ def build(data: dict[str, Any]) -> None:
         save(Path(entry["path"]))
 
 
-def main() -> int:
-    """Exit code: 0, 2 on bad input."""
-    try:
-        build(read_json(script_arguments()[-1], "a list of shots"))
-    except LfsrError as error:
-        emit(stage="error", message=str(error))
-        return EXIT_BAD_INPUT
-    emit(stage="done")
-    return 0
-
-
 if __name__ == "__main__":
-    code = main()
-    sys.stdout.flush()
-    # Blender turns a script's SystemExit into its own exit code, so the process ends here, tidied by hand.
-    shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
-    os._exit(code)
+    leave(run(build, "a list of shots"))

@@ -10,8 +10,6 @@ dials are. The scenes render with `lfsr render` and `lfsr reference` as they are
 
 from __future__ import annotations
 
-import os
-import shutil
 import sys
 from pathlib import Path
 from typing import Any
@@ -20,15 +18,12 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.extend(str(folder) for folder in Path(__file__).resolve().parents[1:3])
 
-import bpy
+from shared.script import leave, run, save
 from stress import dials
 from stress.stage import Stage
 
-from blender_addon.headless.main import script_arguments
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path, read_json
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.render.protocol import EXIT_BAD_INPUT, emit
+from lfsr_core.render.protocol import emit
 
 
 def build(data: dict[str, Any]) -> None:
@@ -41,28 +36,5 @@ def build(data: dict[str, Any]) -> None:
         save(Path(entry["path"]))
 
 
-def save(path: Path) -> None:
-    """Write the open scene, whole or not at all."""
-    with atomic_path(path) as temporary:
-        bpy.ops.wm.save_as_mainfile(filepath=str(temporary), compress=True, copy=True)
-        # Blender keeps what it overwrites, here the empty temporary file.
-        Path(f"{temporary}1").unlink(missing_ok=True)
-
-
-def main() -> int:
-    """Exit code: 0, 2 on bad input."""
-    try:
-        build(read_json(script_arguments()[-1], "a list of stress scenes"))
-    except LfsrError as error:
-        emit(stage="error", message=str(error))
-        return EXIT_BAD_INPUT
-    emit(stage="done")
-    return 0
-
-
 if __name__ == "__main__":
-    code = main()
-    sys.stdout.flush()
-    # Blender turns a script's SystemExit into its own exit code, so the process ends here, tidied by hand.
-    shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
-    os._exit(code)
+    leave(run(build, "a list of stress scenes"))

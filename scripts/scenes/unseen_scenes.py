@@ -15,12 +15,10 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.extend(str(folder) for folder in Path(__file__).resolve().parents[1:3])
 
-import bpy
 import numpy as np
+from shared.script import save
 from unseen.builders import BUILDERS
 from unseen.stage import begin
-
-from lfsr_core.files import atomic_path
 
 
 def main(folder: Path) -> None:
@@ -29,10 +27,7 @@ def main(folder: Path) -> None:
     for number, (name, build) in enumerate(BUILDERS.items()):
         begin()
         build(np.random.default_rng([17, number]))
-        with atomic_path((folder / f"{name}.blend").resolve()) as temporary:
-            bpy.ops.wm.save_as_mainfile(filepath=str(temporary), compress=True, copy=True)
-            # Blender keeps what it overwrites, here the empty temporary file.
-            Path(f"{temporary}1").unlink(missing_ok=True)
+        save(folder / f"{name}.blend")
 
 
 if __name__ == "__main__":

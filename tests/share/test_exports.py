@@ -23,21 +23,7 @@ from lfsr_core.share.formats import FORMATS, export
 from lfsr_core.share.light_field import read_light_field
 from lfsr_core.share.options import ExportOptions
 from lfsr_core.share.pictures import on_screen
-from tests.support.finished import DIRECT, MINI, TURNED, finished
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return finished(tmp_path_factory.mktemp("finished") / "frame", matrix_world=TURNED)
-
-
-@pytest.fixture(scope="module")
-def field(folder):
-    return read_light_field(folder)
-
-
-def picture(path) -> np.ndarray:
-    return np.asarray(Image.open(path).convert("RGB"))
+from tests.support.finished import DIRECT, MINI, finished, picture
 
 
 def column_of_square(view) -> float:

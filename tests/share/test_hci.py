@@ -10,28 +10,12 @@ import re
 import cv2
 import numpy as np
 import pytest
-from PIL import Image
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame, write_frame
 from lfsr_core.share.formats import export
-from lfsr_core.share.light_field import read_light_field
 from lfsr_core.share.options import ExportOptions
-from tests.support.finished import MINI, TALL, TURNED, finished
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return finished(tmp_path_factory.mktemp("finished") / "frame", matrix_world=TURNED)
-
-
-@pytest.fixture(scope="module")
-def field(folder):
-    return read_light_field(folder)
-
-
-def picture(path) -> np.ndarray:
-    return np.asarray(Image.open(path).convert("RGB"))
+from tests.support.finished import MINI, TALL, finished, picture
 
 
 def pfm(path) -> np.ndarray:

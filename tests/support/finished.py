@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LOW_RES_FILE, Frame, write_frame
 from lfsr_core.images.exr import write_layers
@@ -54,3 +55,8 @@ def finished(folder: Path, display: DisplayProfile = MINI, scale: int = 2, **cha
     write_png(folder / EIA_FILE, np.rint(srgb_encode(panel) * 255).astype(np.uint8))
     write_layers(folder / EIA_LINEAR_FILE, {"color": panel}, half=True)
     return folder
+
+
+def picture(path: Path) -> np.ndarray:
+    """A PNG, JPEG or WebP as others read it, (H, W, 3) uint8."""
+    return np.asarray(Image.open(path).convert("RGB"))

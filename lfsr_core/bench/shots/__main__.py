@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.bench.environment import check_packages, environment
+from lfsr_core.bench.script import exit_code
 from lfsr_core.bench.shots.measure import cost_of_sharing
 from lfsr_core.bench.shots.renders import NAMES, Bench, Settings
 from lfsr_core.bench.shots.report import Found, Report, write_report
@@ -22,21 +23,14 @@ from lfsr_core.bench.shots.ways import ALONE, EACH, FITS, WAYS, Shot
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.optics.display import load_display
 
-STOPPED, BAD_INPUT, COST_SCALE = 130, 2, 4
+COST_SCALE = 4
 QUICK = {"frames": 3, "samples": (4,), "more": (), "reference_samples": 16, "reference_lenses": 34}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code 0, 2 after bad input, 130 if stopped."""
-    try:
-        run(_parser().parse_args(argv))
-    except LfsrError as error:
-        print(f"shots: {error}", file=sys.stderr)
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        print("shots: stopped; run the same command again to go on", file=sys.stderr)
-        return STOPPED
-    return 0
+    arguments = _parser().parse_args(argv)
+    return exit_code("shots", lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> None:
