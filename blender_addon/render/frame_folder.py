@@ -59,7 +59,7 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
         if frame.world_apart:
             seconds["world"] = _render_world(scene, job, frame)
         with world.white_to_camera(scene) if frame.world_apart else nullcontext():
-            seconds["render"] = _render(scene, job, frame, keep, progress)
+            seconds["render"] = seconds.get("world", 0.0) + _render(scene, job, frame, keep, progress)
     seconds = {name: round(value, 3) for name, value in seconds.items()}
     write_frame(job.output, dataclasses.replace(frame, content=opened.content, seconds=seconds))
     return Path(job.output)

@@ -61,7 +61,8 @@ class Frame:
     # blender, device: what rendered it
     blender: str = ""
     device: str = "CPU"
-    seconds: dict[str, float] = dataclasses.field(default_factory=dict)  # the render stage's own times
+    # the render stage's own times: "open" and "render", which has that of the "world" in it
+    seconds: dict[str, float] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if len(self.matrix_world) != 4 or any(len(row) != 4 for row in self.matrix_world):

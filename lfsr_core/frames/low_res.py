@@ -76,7 +76,7 @@ class LowResEIA:
     def each(self, change: Callable[[np.ndarray], np.ndarray]) -> LowResEIA:
         """The same with every array changed in the same way, as by picking lenses."""
         arrays = {"color": self.color, "alpha": self.alpha, **self.layers}
-        if self.world is not None:
+        if self.opacity is not None:
             arrays |= {"opacity": self.opacity, "places": self.places}
         return dataclasses.replace(self, **{name: change(array) for name, array in arrays.items()})
 
@@ -117,10 +117,10 @@ def low_resolution(layers: Mapping[str, np.ndarray], frame: Frame, world: WorldV
     if "denoised" in layers:
         alpha = layers["color"][..., 3:]
         images["denoised"] = over_background({**layers, "color": np.concatenate([layers["denoised"], alpha], 2)}, frame)
-    if world is not None:
+    if frame.world_apart:
         images["opacity"] = 1 - np.clip(layers["environment"], 0, 1)
         if "albedo" in images:  # Cycles adds the light of the world, which is white then
             images["albedo"] = np.maximum(images["albedo"] - layers["environment"], 0)
     tiles = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
     return LowResEIA(**tiles, samples=frame.samples, scale=frame.scale, parallax=frame.display.parallax, world=world,
-                     places=None if world is None else frame.rays.shown_lenses)
+                     places=frame.rays.shown_lenses if frame.world_apart else None)

@@ -11,7 +11,6 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, Frame, read_frame
 from lfsr_core.frames.job import MOST_SEED
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
-from lfsr_core.frames.world import read_world
 from lfsr_core.images.exr import clean, read_layers
 
 MOST_SHARED = 8  # frames to each side
@@ -73,9 +72,8 @@ def seed_in_turn(seed: int, number: int, count: int) -> int:
 
 
 def read_low(folder: Path) -> LowResEIA:
-    """What the second stage sees of a frame folder; LfsrError where it cannot be read."""
-    frame = read_frame(folder)
-    return low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame, read_world(folder, frame))
+    """What the second stage sees of a frame folder, but for a world apart; LfsrError where it cannot be read."""
+    return low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], read_frame(folder))
 
 
 def sharing_notes(neighbours: Sequence[Neighbour]) -> list[str]:

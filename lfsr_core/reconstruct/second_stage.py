@@ -188,7 +188,7 @@ def _filler(method: Method, scale: int) -> Upscaler:
 def _prepare(run: _Run) -> tuple[Assembly, int]:
     """Everything before the first lens, and how many pixels were not finite."""
     frame, clock, progress = run.frame, run.clock, run.options.progress
-    clock.seconds["render"] = float(sum(frame.seconds.values()))
+    clock.seconds["render"] = float(sum(frame.seconds.get(step, 0.0) for step in ("open", "render")))
     progress("load", 0.0, LOW_RES_FILE)
     with clock("load"):
         layers, replaced = clean(read_layers(run.folder / LOW_RES_FILE))
