@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -25,7 +26,7 @@ from ..scene.subject import find_subject, has_background_meshes
 from . import animation, devices, passes, world
 from .arrival import is_dark
 from .color import color_settings
-from .cycles import RenderSettings, Shot, render_encoded
+from .cycles import RenderSettings, Shot, render_encoded, unfinished
 from .inputs import Opened, inputs
 from .progress import Progress, part
 from .view_by_view import render_views
@@ -57,7 +58,7 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
         keep = _keeping(scene, job, frame, opened, warn)
         seconds = {"open": opened.seconds}
         if frame.world_apart:
-            seconds["world"] = _render_world(scene, job, frame)
+            seconds["world"] = _world_picture(scene, job, frame)
         with world.white_to_camera(scene) if frame.world_apart else nullcontext():
             seconds["render"] = seconds.get("world", 0.0) + _render(scene, job, frame, keep, progress)
     seconds = {name: round(value, 3) for name, value in seconds.items()}
@@ -167,11 +168,16 @@ def _world_apart(scene: bpy.types.Scene, frame: Frame, job: Job, warn: Callable[
     return not reason
 
 
-def _render_world(scene: bpy.types.Scene, job: Job, frame: Frame) -> float:
-    """What the views see of the world alone; seconds."""
+def _world_picture(scene: bpy.types.Scene, job: Job, frame: Frame) -> float:
+    """Put what the views see of the world alone into the job's folder; seconds of rendering it."""
+    path = Path(job.output, WORLD_FILE)
+    if job.world is not None:
+        with unfinished(path) as temporary:
+            shutil.copyfile(job.world, temporary)
+        return 0.0
     settings = RenderSettings(world.SAMPLES, frame.seed, device=job.device)
     picture = WorldPicture.of(finished_layout(frame))
-    return world.render_world(scene, picture, frame.matrix_world, settings, Path(job.output, WORLD_FILE))
+    return world.render_world(scene, picture, frame.matrix_world, settings, path)
 
 
 def _images(job: Job, frame: Frame) -> list[tuple[str, RenderSettings]]:

@@ -40,7 +40,7 @@ def inputs(scene: bpy.types.Scene, job: Job, frame: Frame, content: str) -> dict
     content : of the scene's file
     """
     settings = to_data(job) | to_data(dataclasses.replace(frame, seconds={}))
-    for name in ("output", "parts"):
+    for name in ("output", "parts", "world"):
         del settings[name]
     # A panel renders copies of its file: their content counts, not where they lie.
     settings |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail}

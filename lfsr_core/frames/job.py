@@ -53,6 +53,8 @@ class Job:
     # name of the camera to stand at, FIT to stand before the subject, None for the scene's own
     camera: str | None = None
     scene_name: str | None = None  # scene in the file, None for the one that is open in it
+    # world.exr of another render from the same place, to be taken as it is; None renders a world that lies apart
+    world: str | None = None
     parts: str | None = None  # folder that keeps what is whole of a long render for the next, None to keep nothing
 
     def __post_init__(self) -> None:

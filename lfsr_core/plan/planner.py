@@ -20,7 +20,7 @@ from lfsr_core.plan.moving import Moving
 from lfsr_core.plan.options import Options
 from lfsr_core.plan.renders import REFERENCE_PARTS, SampleRenders
 from lfsr_core.plan.score import QuickLook, SampledReference, quick_look
-from lfsr_core.plan.times import TimeModel, path_samples
+from lfsr_core.plan.times import TimeModel, path_samples, render_seconds
 from lfsr_core.plan.work import sample_facts
 from lfsr_core.progress import Progress, silent
 from lfsr_core.render.store import Render
@@ -108,9 +108,9 @@ def _sample(question: Question, renders: SampleRenders, report: Moving) -> tuple
     if not foreground.any():
         raise LfsrError("no lens shows any foreground: check where the camera looks, and --subject")
     whole = low_pixels(question.display, frame.scale)
-    model = TimeModel(frame.seconds["open"], 0.0, frame.seconds["render"] / path_samples(frame),
+    model = TimeModel(frame.seconds["open"], 0.0, render_seconds(frame) / path_samples(frame),
                       look.finish["load"] / whole, sum(look.finish.values()) - look.finish["load"],
-                      int(foreground.sum()), look.shown)
+                      int(foreground.sum()), look.shown, world=frame.seconds.get("world", 0.0) + look.world)
     report("what the foreground costs", QUICK_SHARE)
     quick = plan_sample.QuickCost(path_samples(frame), _cost_ratio(question, renders, look, model.per_sample))
     budget = plan_sample.budget(question.display, question.wanted, options.reference_spp, quick, options.share)
@@ -126,7 +126,7 @@ def _cost_ratio(question: Question, renders: SampleRenders, look: QuickLook, per
     mask = look.masks["foreground"]
     few = plan_sample.sample({**look.masks, "edge": np.zeros_like(mask)}, PILOT_LENSES, question.job.seed, False)
     pilot = renders.pilot(few["foreground"])
-    ratio = pilot.seconds["render"] / path_samples(pilot) / per_sample
+    ratio = render_seconds(pilot) / path_samples(pilot) / per_sample
     # Where the others cost nothing it is the inverse of the foreground's share; set-up can only add to that.
     return float(np.clip(ratio, 1, mask.size / mask.sum()))
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.frames.frame import REFERENCE_FILES, Frame, read_frame
+from lfsr_core.frames.frame import REFERENCE_FILES, WORLD_FILE, Frame, read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.plan.moving import Moving
 from lfsr_core.plan.sample import Lens
@@ -16,7 +16,7 @@ from lfsr_core.render.blender import Blender
 from lfsr_core.render.process import Warn, run_job
 from lfsr_core.render.store import Render, kept
 
-QUICK_SCALE, QUICK_SAMPLES = 4, 4
+QUICK, QUICK_SCALE, QUICK_SAMPLES = "quick", 4, 4
 PILOT_SAMPLES = 16
 REFERENCE_PARTS = 2  # jobs of two independent halves each: four quarters
 # Random numbers of one part of the sample are no other's and no reference half's (the add-on's HALF_SEED).
@@ -40,7 +40,7 @@ class SampleRenders:
 
     def quick(self) -> tuple[Path, Frame]:
         """Every lens with few samples."""
-        return self._kept("quick", 1, scale=self._quick_scale, spp=QUICK_SAMPLES)
+        return self._kept(QUICK, 1, scale=self._quick_scale, spp=QUICK_SAMPLES)
 
     def pilot(self, lenses: Sequence[Lens]) -> Frame:
         """A few lenses, as the quick look shows them, with enough samples to say what one costs."""
@@ -65,7 +65,7 @@ class SampleRenders:
     @property
     def seconds(self) -> float:
         """Of all renders so far, loading the scene included."""
-        return sum(sum(frame.seconds.values()) for frame in self._frames.values())
+        return sum(frame.seconds["open"] + frame.seconds["render"] for frame in self._frames.values())
 
     @property
     def samples(self) -> int:
@@ -79,7 +79,13 @@ class SampleRenders:
     def _kept(self, name: str, number: int, seed: int = 0, **changes: Any) -> tuple[Path, Frame]:
         """Folder of the job with ``changes``; ``number`` makes its random numbers its own."""
         seed = (self._job.seed + seed + SEED_STEP * number) % 2**31
-        folder = kept(dataclasses.replace(self._job, output=str(self._folder / name), seed=seed, **changes),
-                      self._render)
+        folder = kept(dataclasses.replace(self._job, output=str(self._folder / name), seed=seed, world=self._world,
+                                          **changes), self._render)
         self._frames[name] = read_frame(folder)
         return folder, self._frames[name]
+
+    @property
+    def _world(self) -> str | None:
+        """The world behind everything, which neither lenses nor samples change; None until it is rendered."""
+        quick = self._frames.get(QUICK)
+        return str(self._folder / QUICK / WORLD_FILE) if quick is not None and quick.world_apart else None

@@ -26,8 +26,10 @@ from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution, is_ava
 from lfsr_core.reconstruct.methods.epipolar import Recovering
 from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.second_stage import FILL_METHOD, finished_lenses, upscale_frame
+from lfsr_core.reconstruct.world import BeforeWorld, prepared
 
 CORRECTED = 0.5  # share of the reference's remaining noise that is taken out of the metric
+LENSES_TIMED = 1024
 FINISHING = ("load", "mask", "assemble", "color", "write")
 
 
@@ -39,6 +41,7 @@ class QuickLook:
     features: np.ndarray  # (sy, sx, k), see the function ``features``
     finish: dict[str, float]  # seconds of the second stage's steps that no method changes
     shown: float  # share of the frame that a denoiser looks at
+    world: float = 0.0  # seconds of the lenses that show nothing but a world that lies apart
 
     def covariates(self, name: str, lenses: Sequence[Lens]) -> tuple[np.ndarray | None, np.ndarray | None]:
         """Covariates (n, k) of sampled foreground lenses and their means over all of them; None for other strata."""
@@ -83,10 +86,20 @@ def quick_look(folder: Path) -> QuickLook:
     frame = read_frame(folder)
     layers, _ = clean(read_layers(folder / LOW_RES_FILE))
     mask, wide = (foreground_mask(layers, frame.rays.tiles, reach) for reach in (0, 1))
-    low = low_resolution(layers, frame)
+    low = low_resolution(layers, frame, read_world(folder, frame))
     seconds = upscale_frame(folder, FILL_METHOD if frame.scale > 1 else "none").seconds
     shown = low.alpha[shown_part(low.color, low.parallax)].size / low.alpha.size
-    return QuickLook(strata_masks(mask, wide), features(low), {name: seconds[name] for name in FINISHING}, shown)
+    return QuickLook(strata_masks(mask, wide), features(low), {name: seconds[name] for name in FINISHING}, shown,
+                     _world_seconds(low, mask))
+
+
+def _world_seconds(low: LowResEIA, mask: np.ndarray) -> float:
+    """Seconds of a whole frame's lenses beside ``mask``, which see the world alone; 0 where none lies apart."""
+    if low.world is None or mask.all():
+        return 0.0
+    rest = low.places[~mask]
+    few = rest[:LENSES_TIMED]
+    return _seconds(lambda: low.world.elemental_images(few)) * len(rest) / len(few) / _threads()
 
 
 def features(low: LowResEIA) -> np.ndarray:
@@ -150,18 +163,19 @@ def stage_time(folder: Path, name: str, mosaic: Mosaic, one: Mosaic) -> StageTim
         # It works on lenses with foreground, not on pixels.
         chosen = dataclasses.replace(chosen, prefilters=chosen.prefilters[:-1])
     (large, mask), (small, _) = (_sampled(folder, part) for part in (mosaic, one))
-    low = chosen.prepare(small)  # what is loaded once is loaded now
-    chosen.upscaler(recovering.prepare(low) if recovering else low, one.centres)
-    few, many = _seconds(lambda: chosen.prepare(small)), _seconds(lambda: chosen.prepare(large))
-    ready, per_lens = chosen.prepare(large), 0.0
+    upscaler = BeforeWorld(chosen.upscaler)
+    low = prepared(small, chosen)  # what is loaded once is loaded now
+    upscaler(recovering.prepare(low) if recovering else low, one.centres)
+    few, many = _seconds(lambda: prepared(small, chosen)), _seconds(lambda: prepared(large, chosen))
+    ready, per_lens = prepared(large, chosen), 0.0
     if recovering:
         per_lens = _seconds(lambda: recovering.prepare(ready)) / max(int((ready.alpha.max((2, 3, 4)) > 0).sum()), 1)
         ready = recovering.prepare(ready)
     pixels = [low.alpha.size for low in (small, large)]
     per_pixel = max(many - few, 0.0) / max(pixels[1] - pixels[0], 1)
     lenses = mosaic.centres[mask] if mask.any() else mosaic.centres
-    upscaling = _seconds(lambda: chosen.upscaler(ready, lenses)) / len(lenses)
-    threads = min(os.cpu_count() or 1, MAX_WORKERS) if chosen.upscaler.thread_safe else 1
+    upscaling = _seconds(lambda: upscaler(ready, lenses)) / len(lenses)
+    threads = _threads() if upscaler.thread_safe else 1
     return StageTime(max(few - per_pixel * pixels[0], 0.0), per_pixel, per_lens + upscaling / threads)
 
 
@@ -171,6 +185,10 @@ def _sampled(folder: Path, mosaic: Mosaic) -> tuple[LowResEIA, np.ndarray]:
     layers, _ = clean(read_layers(folder / LOW_RES_FILE))
     low = low_resolution(layers, frame, read_world(folder, frame))
     return mosaic.of_render(low), mosaic.of_mask(foreground_mask(layers, frame.rays.tiles))
+
+
+def _threads() -> int:
+    return min(os.cpu_count() or 1, MAX_WORKERS)
 
 
 def _mean_ssim(images: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> np.ndarray:

@@ -35,12 +35,14 @@ class TimeModel:
     shown: float = 1.0  # share of the frame that a denoiser looks at (denoise.shown_part)
     # second stages by scale and method
     stages: Mapping[tuple[int, str], StageTime] = dataclasses.field(default_factory=dict)
+    world: float = 0.0  # of a visible world that lies apart, as behind every render but those of scale 1
 
     def seconds(self, candidate: Candidate, display: DisplayProfile) -> float:
         """Predicted seconds of a whole frame; without a measured second stage those of the render alone."""
         low = low_pixels(display, candidate.scale)
         stage = self.stages.get((candidate.scale, candidate.method), StageTime(0.0, 0.0, 0.0))
-        return (self.open + self.setup + self.per_sample * low * candidate.spp + self.load * low + self.finish
+        world = self.world if candidate.scale > 1 else 0.0
+        return (self.open + self.setup + self.per_sample * low * candidate.spp + world + self.load * low + self.finish
                 + stage.fixed + stage.per_pixel * low * self.shown + stage.per_lens * self.foreground)
 
     def refined(self, quick: Frame, sampled: list[Frame], share: float) -> TimeModel:
@@ -55,13 +57,18 @@ class TimeModel:
         samples = np.array([path_samples(frame) for frame in sampled], float)
         if len(set(samples)) < 2:
             return self
-        seconds = np.array([frame.seconds["render"] for frame in sampled])
+        seconds = np.array([render_seconds(frame) for frame in sampled])
         slope = max(float(np.polyfit(samples, seconds, 1)[0]), 0.0)
         setup = min(max(float(np.mean(seconds) - slope * np.mean(samples)), 0.0), float(seconds.min()))
-        mean = (quick.seconds["render"] - setup) / path_samples(quick)
+        mean = (render_seconds(quick) - setup) / path_samples(quick)
         return dataclasses.replace(self, setup=setup, per_sample=min(max(mean, share * slope), slope))
 
 
 def path_samples(frame: Frame) -> int:
     """Path samples of a render."""
     return math.prod(frame.rays.size) * frame.samples
+
+
+def render_seconds(frame: Frame) -> float:
+    """Seconds of a render without those of a world apart from it."""
+    return frame.seconds["render"] - frame.seconds.get("world", 0.0)

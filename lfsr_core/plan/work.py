@@ -24,7 +24,7 @@ from lfsr_core.render.process import Warn
 from lfsr_core.render.staging import LOCK_FILE
 from lfsr_core.render.store import is_complete
 
-NO_MATTER = ("output", "scale", "spp", "parts")  # fields of the job that is planned for
+NO_MATTER = ("output", "scale", "spp", "world", "parts")  # fields of the job that is planned for
 SECONDS_KEPT = 24 * 3600  # textures and linked files are not looked at, so no plan goes on from an old one
 
 

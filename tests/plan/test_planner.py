@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import LOW_RES_FILE
+from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame, write_frame
 from lfsr_core.frames.job import Job
+from lfsr_core.frames.world import finished_layout
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.optics.world_view import WorldPicture
 from lfsr_core.plan import planner, score
 from lfsr_core.plan.candidates import BETWEEN, Candidate
 from lfsr_core.plan.options import Options
@@ -166,6 +169,33 @@ def test_a_flat_scene_gets_the_simplest_method_and_the_fewest_samples(tmp_path, 
                                   methods=("oidn+bilinear", "bilinear"))
     chosen = make_plan(JOB, options, render, tmp_path / "sample").choice.chosen
     assert chosen.candidate == Candidate(4, 4, "bilinear")
+
+
+def test_a_visible_world_is_rendered_once_and_reused(tmp_path):
+    rendered = []
+
+    def with_world(job: Job) -> None:
+        render(job)
+        if job.kind == "reference":
+            return
+        folder = Path(job.output)
+        frame = dataclasses.replace(read_frame(folder), world_visible=True, world_apart=True)
+        color = read_layers(folder / LOW_RES_FILE)["color"]
+        write_layers(folder / LOW_RES_FILE, {"color": color, "environment": np.repeat(1 - color[..., 3:], 3, -1)})
+        seconds = {**frame.seconds, "world": 0.0}
+        if job.world is None:
+            rendered.append(job)
+            width, height = WorldPicture.of(finished_layout(frame)).size
+            write_layers(folder / WORLD_FILE, {"color": np.full((height, width, 3), 0.2, np.float32)})
+            seconds |= {"world": 50.0, "render": seconds["render"] + 50.0}
+        else:
+            shutil.copyfile(job.world, folder / WORLD_FILE)
+        write_frame(folder, dataclasses.replace(frame, seconds=seconds))
+    options = dataclasses.replace(OPTIONS, target=0.3, scales=(2, 4), spps=(4, 16))
+    planned = make_plan(JOB, options, with_world, tmp_path / "sample")
+    assert [Path(job.output).name for job in rendered] == ["quick"]
+    assert all(50 < row.seconds < 60 for row in planned.rated)
+    assert 50 < planned.sample.seconds < 100
 
 
 def test_view_by_view_is_refused(tmp_path):

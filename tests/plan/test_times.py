@@ -30,6 +30,19 @@ def test_time_model_finds_setup_and_samples():
     assert model.seconds(Candidate(2, 16, "bilinear"), MINI) == pytest.approx(expected)
 
 
+def test_a_world_apart_is_made_once_and_not_at_full_resolution():
+    """And is no part of what a sample costs."""
+    renders = [timed(frame, 0.3, 5e-3) for frame in sampled_renders(0.3, 5e-3)]
+    quick = timed(frame_of(4, samples=4), 0.3, 2e-3)
+    with_world = dataclasses.replace(quick, seconds={"render": quick.seconds["render"] + 7.0, "world": 7.0})
+    start = TimeModel(1.0, 0.0, 0.0, 0.0, 0.0, 80)
+    plain = start.refined(quick, renders, 0.2)
+    apart = dataclasses.replace(start, world=7.0).refined(with_world, renders, 0.2)
+    for scale, more in ((1, 0.0), (2, 7.0), (4, 7.0)):
+        candidate = Candidate(scale, 16, "bilinear")
+        assert apart.seconds(candidate, MINI) == pytest.approx(plain.seconds(candidate, MINI) + more)
+
+
 @pytest.mark.parametrize(("quick_setup", "expected"), [(0.2, 0.2 * 5e-3), (900.0, 5e-3)])
 def test_a_quick_render_that_was_all_setup_does_not_mislead(quick_setup, expected):
     quick = timed(frame_of(4, samples=4), quick_setup, 0.0)

@@ -28,7 +28,7 @@ from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.plan.candidates import Candidate
-from lfsr_core.plan.times import path_samples
+from lfsr_core.plan.times import path_samples, render_seconds
 from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
 
 REFERENCE = "reference"
@@ -118,7 +118,7 @@ def timed_frame(folder: Path) -> Frame:
 def setup_seconds(scene: Path) -> float:
     """What a render of the scene takes whatever its size, from the bench's: seconds over path samples, as a line."""
     frames = [timed_frame(folder) for folder in renders(scene).values()]
-    samples, seconds = np.array([(path_samples(frame), frame.seconds["render"]) for frame in frames], float).T
+    samples, seconds = np.array([(path_samples(frame), render_seconds(frame)) for frame in frames], float).T
     if len(set(samples)) < 2:
         return 0.0
     # By their inverse, so that seconds of short renders count as much as those of long ones.
@@ -145,9 +145,9 @@ def replay(scene: Path, job: Job) -> None:
                                      for layer, pixels in _layers(source / original).items()})
     for name in frame.render_files[1:]:
         shutil.copy(source / name, target)
-    whole = frame.seconds["render"]
+    whole, world = render_seconds(frame), 0.0 if job.world else frame.seconds.get("world", 0.0)
     setup = min(setup_seconds(scene), whole)
-    seconds = {**frame.seconds, "render": setup + (whole - setup) * float(share)}
+    seconds = {**frame.seconds, "world": world, "render": world + setup + (whole - setup) * float(share)}
     write_frame(target, dataclasses.replace(tiled, seconds=seconds))
 
 

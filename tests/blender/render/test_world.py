@@ -8,7 +8,7 @@ import pytest
 
 from blender_addon.render import cycles, frame_folder, world
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.world import read_world
 from lfsr_core.images import exr
@@ -68,6 +68,17 @@ def test_its_picture_holds_what_every_ray_sees(lit_box, tmp_path):
     assert expected.std() > 0.2
     # One of 64 samples has a standard deviation of about 0.04 where stripes are steepest.
     assert np.abs(seen - expected).mean() < 0.02 and abs((seen - expected).mean()) < 2e-3
+
+
+def test_a_picture_of_another_render_is_taken_as_it_is(lit_box, tmp_path):
+    exr.write_layers(tmp_path / "picture.exr", {"color": np.full((4, 4, 3), 0.25, np.float32)})
+    job = Job(str(tmp_path / "low"), MINI, scale=2, spp=1, lens_list=((3, 5), (6, 9)),
+              world=str(tmp_path / "picture.exr"))
+    frame_folder.render_job(lit_box, job)
+    frame = read_frame(job.output)
+    assert (tmp_path / "low" / WORLD_FILE).read_bytes() == (tmp_path / "picture.exr").read_bytes()
+    assert frame.world_apart and frame.seconds["world"] == 0 < frame.seconds["render"]
+    assert "environment" in exr.read_layers(tmp_path / "low" / LOW_RES_FILE)
 
 
 @pytest.mark.parametrize("way", WAYS)
