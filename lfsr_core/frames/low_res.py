@@ -58,17 +58,6 @@ class LowResEIA:
         return self.color.shape[2] * self.factors[1], self.color.shape[3] * self.factors[0]
 
     @property
-    def over_world(self) -> LowResEIA:
-        """The same with the world behind it already, as a render of both would be; itself where there is none."""
-        if self.world is None:
-            return self
-        (sy, sx), (down, across) = self.color.shape[:2], self.factors[::-1]
-        seen = np.stack([self.world.elemental_images(row) for row in self.places])
-        shape = (sy, sx, seen.shape[2] // down, down, seen.shape[3] // across, across, 3)
-        color = self.color + (1 - self.opacity) * seen.reshape(shape).mean((3, 5))
-        return dataclasses.replace(self, color=color, world=None, opacity=None, places=None)
-
-    @property
     def rendered(self) -> np.ndarray:
         """Colour as rendered, before any denoiser."""
         return self.color if self.noisy is None else self.noisy

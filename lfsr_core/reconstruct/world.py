@@ -66,13 +66,20 @@ class BeforeWorld:
         lenses = np.asarray(lenses)
         if low.world is None:
             return self.upscaler(low, lenses)
+        images = self.behind(low, lenses)
         rows, columns = lenses.T
-        images = low.world.elemental_images(low.places[rows, columns])
-        opacity = low.opacity[rows, columns]
-        some = opacity.any((1, 2, 3)) | low.rendered[rows, columns].any((1, 2, 3))
+        some = low.opacity[rows, columns].any((1, 2, 3)) | low.rendered[rows, columns].any((1, 2, 3))
         if some.any():
-            images[some] *= 1 - self._upscaled(opacity[some], low)
             images[some] += self.upscaler(low, lenses[some])
+        return images
+
+    def behind(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+        """What of the world shows past the subject in ``lenses`` (N, 2), (N, h·s, w·s, 3) scene-linear."""
+        rows, columns = lenses.T
+        images, opacity = low.world.elemental_images(low.places[rows, columns]), low.opacity[rows, columns]
+        hiding = opacity.any((1, 2, 3))
+        if hiding.any():
+            images[hiding] *= 1 - self._upscaled(opacity[hiding], low)
         return images
 
     def _upscaled(self, opacity: np.ndarray, low: LowResEIA) -> np.ndarray:

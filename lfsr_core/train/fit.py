@@ -27,6 +27,7 @@ from lfsr_core.reconstruct.networks.pytorch import checkpoint
 from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldNet, conserve, display_values, encode, upscale
 from lfsr_core.reconstruct.networks.pytorch.networks import load
 from lfsr_core.reconstruct.registry import method
+from lfsr_core.reconstruct.world import BeforeWorld, prepared
 from lfsr_core.train.ssim import split_error_map, split_ssim_map
 
 BATCH, RATE, HELD_OUT_SHARE, LEAST_LENSES = 16, 5e-4, 4, 8
@@ -72,13 +73,15 @@ class Lenses:
     base: Tensor  # (N, 3, h, w), what the network corrects
     light: Tensor  # (N, 3, 1, 1) rendered mean light
     halves: tuple[Tensor, Tensor]  # of the reference, (N, 3, h·s, w·s) sRGB values
+    behind: Tensor  # scene-linear, what shows of a world apart, (N, 3, h·s, w·s), or (N, 3, 1, 1) zeros without one
     scale: int
 
     def take(self, index: np.ndarray) -> Lenses:
         """The lenses of ``index``."""
         chosen = torch.from_numpy(index)
         return dataclasses.replace(self, features=self.features[chosen], base=self.base[chosen],
-                                   light=self.light[chosen], halves=tuple(half[chosen] for half in self.halves))
+                                   light=self.light[chosen], behind=self.behind[chosen],
+                                   halves=tuple(half[chosen] for half in self.halves))
 
 
 def fit(folder: str | Path, reference: str | Path, output: str | Path, options: FitOptions | None = None,
@@ -124,9 +127,10 @@ def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
     """Foreground lenses of ``reference``, as network ``name`` sees them in ``folder``; LfsrError if they differ."""
     frame = read_frame(folder)
     check_reference(frame, read_frame(reference))
-    low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame, read_world(folder, frame)).over_world
+    low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame, read_world(folder, frame))
     before = catalogue.spec(name).after
-    low = method(f"{before}+{name}" if before else name).prepare(low)
+    chain = method(f"{before}+{name}" if before else name)
+    low = prepared(low, chain)
     known = Reference.read(reference)
     chosen = known.lenses[known.foreground]
     shipped = numpy_network.load(catalogue.weights_path(name, frame.scale))
@@ -137,7 +141,10 @@ def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
     features, base = numpy_network.network_inputs(shipped, low, chosen)
     rendered = low.rendered[tuple(chosen.T)]
     halves = tuple(display_values(encode(_planes(half[known.foreground]))) for half in known.linear_images())
-    return Lenses(_planes(features), _planes(base), _planes(rendered).mean((2, 3), keepdim=True), halves, frame.scale)
+    behind = np.zeros((len(chosen), 1, 1, 3), np.float32) if low.world is None else (
+        BeforeWorld(chain.upscaler).behind(low, chosen))
+    return Lenses(_planes(features), _planes(base), _planes(rendered).mean((2, 3), keepdim=True), halves,
+                  _planes(behind), frame.scale)
 
 
 def score(network: LightFieldNet, data: Lenses) -> float:
@@ -148,20 +155,20 @@ def score(network: LightFieldNet, data: Lenses) -> float:
     return round(float(sum(parts)) / len(data.base), 5)
 
 
-def _image(network: LightFieldNet, data: Lenses) -> Tensor:
-    """Finished EIs (N, 3, h·s, w·s), sRGB values."""
+def finished_images(network: LightFieldNet, data: Lenses) -> Tensor:
+    """EIs (N, 3, h·s, w·s) as the second stage makes them, sRGB values."""
     clean = conserve(network(data.features, data.base), data.light)
-    return display_values(upscale(clean, data.scale))
+    return display_values(upscale(clean, data.scale), data.behind)
 
 
 def _ssim(network: LightFieldNet, data: Lenses) -> Tensor:
-    return split_ssim_map(_image(network, data), *data.halves).mean()
+    return split_ssim_map(finished_images(network, data), *data.halves).mean()
 
 
 def _error(network: LightFieldNet, data: Lenses) -> Tensor:
     """The loss of training, see split_error_map."""
-    guide = display_values(upscale(data.base, data.scale))
-    return split_error_map(_image(network, data), *data.halves, guide).mean()
+    guide = display_values(upscale(data.base, data.scale), data.behind)
+    return split_error_map(finished_images(network, data), *data.halves, guide).mean()
 
 
 def _descend(network: LightFieldNet, seen: Lenses, seconds: float, progress: Progress) -> tuple[LightFieldNet, int]:

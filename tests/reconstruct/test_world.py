@@ -8,29 +8,15 @@ import pytest
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame
 from lfsr_core.frames.low_res import low_resolution
-from lfsr_core.frames.world import finished_layout, read_world
+from lfsr_core.frames.world import read_world
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.eia import to_elemental_images
-from lfsr_core.optics.world_view import WorldPicture
 from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.second_stage import finished_lenses, finished_linear
 from tests.support.prerequisites import needs_bpy
-from tests.support.synthetic import MINI, frame_of, write_render
+from tests.support.synthetic import MINI, write_apart
 
 pytestmark = needs_bpy  # for Blender's colour configuration
-
-
-def write_apart(folder, world=None, paint=lambda color: color):
-    """A render whose world lies beside it: a gradient, or of one colour; ``paint`` changes what it shows."""
-    write_render(folder, world_visible=True, world_apart=True)
-    color = paint(read_layers(folder / LOW_RES_FILE)["color"])
-    shown = np.repeat(1 - color[..., 3:], 3, -1)
-    write_layers(folder / LOW_RES_FILE, {"color": color, "environment": shown})
-    width, height = WorldPicture.of(finished_layout(frame_of(2))).size
-    right, down = np.meshgrid(np.linspace(0.1, 0.9, width), np.linspace(0.2, 0.6, height))
-    picture = np.stack([right, down, right * down], -1) if world is None else np.full((height, width, 3), world)
-    write_layers(folder / WORLD_FILE, {"color": picture.astype(np.float32)})
-    return folder
 
 
 def whole_world(folder):
@@ -74,16 +60,6 @@ def test_sampled_lenses_are_finished_as_those_of_a_frame(tmp_path):
     found = finished_lenses(mosaic, np.ones(4, bool), method("bilinear"), np.array([(0, n) for n in range(4)]))
     whole = to_elemental_images(finished_linear(tmp_path, "bilinear"), MINI.lenses)
     np.testing.assert_allclose(found, whole[tuple(lenses.T)], atol=1e-6)
-
-
-def test_over_the_world_it_is_what_would_be_rendered_with_it(tmp_path):
-    frame = read_frame(write_apart(tmp_path))
-    layers = read_layers(tmp_path / LOW_RES_FILE)
-    low = low_resolution(layers, frame, read_world(tmp_path, frame)).over_world
-    seen = whole_world(tmp_path).reshape(*MINI.lenses[::-1], 4, 2, 4, 2, 3).mean((3, 5))
-    expected = to_elemental_images(layers["color"], MINI.lenses)
-    np.testing.assert_allclose(low.color, expected[..., :3] + (1 - expected[..., 3:]) * seen, atol=1e-6)
-    assert low.world is None and low.over_world is low
 
 
 def test_a_world_that_is_gone_or_of_another_size_is_refused(tmp_path):

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from lfsr_core.cli import main
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, Frame, write_frame
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, WORLD_FILE, Frame, write_frame
+from lfsr_core.frames.world import finished_layout
 from lfsr_core.images.color_settings import ColorSettings
-from lfsr_core.images.exr import write_layers
+from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.rays import CameraArray, pixel_rays
+from lfsr_core.optics.world_view import WorldPicture
 
 MINI = load_display("mini")
 # Sixteen columns of eight views; a row of lenses for every second row of pixels of MINI.
@@ -47,6 +50,20 @@ def write_render(folder: Path, scale: int = 2, display: DisplayProfile = MINI, *
     low = high.reshape(height // down, down, width // across, across, 4).mean((1, 3))
     write_layers(folder / LOW_RES_FILE, {"color": low})
     write_frame(folder, frame_of(scale, display, **changes))
+    return folder
+
+
+def write_apart(folder: Path, world: float | None = None,
+                paint: Callable[[np.ndarray], np.ndarray] = lambda color: color) -> Path:
+    """A render whose world lies beside it: a gradient, or of one colour; ``paint`` changes what it shows."""
+    write_render(folder, world_visible=True, world_apart=True)
+    color = paint(read_layers(folder / LOW_RES_FILE)["color"])
+    shown = np.repeat(1 - color[..., 3:], 3, -1)
+    write_layers(folder / LOW_RES_FILE, {"color": color, "environment": shown})
+    width, height = WorldPicture.of(finished_layout(frame_of(2))).size
+    right, down = np.meshgrid(np.linspace(0.1, 0.9, width), np.linspace(0.2, 0.6, height))
+    picture = np.stack([right, down, right * down], -1) if world is None else np.full((height, width, 3), world)
+    write_layers(folder / WORLD_FILE, {"color": picture.astype(np.float32)})
     return folder
 
 

@@ -12,14 +12,19 @@ import torch
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json
-from lfsr_core.frames.frame import LOW_RES_FILE, REPORT_FILE
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, REPORT_FILE, read_frame
+from lfsr_core.frames.reference import Reference
+from lfsr_core.frames.world import read_world
 from lfsr_core.images.exr import read_layers, write_layers
+from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.compare import compare_folders
+from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.reconstruct.networks.pytorch.networks import load
 from lfsr_core.reconstruct.registry import method
-from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
+from lfsr_core.reconstruct.second_stage import UpscaleOptions, finished_linear, upscale_frame
 from lfsr_core.train import fit as fit_module
 from lfsr_core.train.fit import FitOptions, fit
-from tests.support.synthetic import fails, write_reference, write_render
+from tests.support.synthetic import MINI, fails, write_apart, write_reference, write_render
 
 SCALE = 2
 SECONDS_PER_STEP = 1 / 32
@@ -83,3 +88,36 @@ def test_networks_of_photographs_are_refused(folders, tmp_path, capsys):
 def test_weights_without_a_network_are_refused():
     with pytest.raises(LfsrError, match="'bicubic' is no network"):
         method("oidn+bicubic", weights="w.safetensors")
+
+
+def test_over_a_world_apart_it_sees_and_scores_what_the_second_stage_does(tmp_path):
+    """The network is fed the subject alone, and judged with the world behind it."""
+    rng = np.random.default_rng(0)
+
+    def grainy(color):
+        color[..., :3] *= rng.exponential(1, color[..., :1].shape).astype(np.float32)
+        return color
+    folder = write_apart(tmp_path / "f", paint=grainy)
+    layers = read_layers(folder / LOW_RES_FILE)
+    alpha = np.repeat(layers["color"][..., 3:], 3, -1)
+    layers |= {"albedo": 0.5 * alpha + layers["environment"], "normal": alpha * np.float32([0, 0, 1])}
+    write_layers(folder / LOW_RES_FILE, layers)
+    reference = write_reference(tmp_path / "r", world_visible=True)
+    frame = read_frame(folder)
+    everywhere = np.argwhere(np.ones(MINI.lenses[::-1], bool))
+    world = read_world(folder, frame).elemental_images(everywhere).reshape(*MINI.lenses[::-1], 8, 8, 3)
+    for name in REFERENCE_FILES:
+        color = read_layers(reference / name)["color"]
+        behind = world.swapaxes(1, 2).reshape(*color.shape[:2], 3) * (1 - color[..., 3:])
+        write_layers(reference / name, {"color": color, "environment": behind})
+
+    known = Reference.read(reference)
+    lenses = known.lenses[known.foreground]
+    finished = srgb_encode(to_elemental_images(finished_linear(folder, "light"), MINI.lenses)[tuple(lenses.T)])
+    data, network = fit_module.lenses_of(folder, reference, "light"), load("light", SCALE)
+    with torch.no_grad():
+        seen = fit_module.finished_images(network, data).numpy().transpose(0, 2, 3, 1)
+    # Fireflies, of which a fit knows nothing, are all that differs.
+    assert np.abs(seen - finished).mean() < 2e-3
+    blind = dataclasses.replace(data, behind=torch.zeros_like(data.behind))
+    assert fit_module.score(network, blind) < fit_module.score(network, data) - 0.02

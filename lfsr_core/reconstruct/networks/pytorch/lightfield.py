@@ -51,9 +51,9 @@ def decode(encoded: Tensor) -> Tensor:
     return encoded.clamp(0, 1).square() * (2 * (encoded.clamp_min(1) - 1)).exp()
 
 
-def display_values(encoded: Tensor) -> Tensor:
-    """Working domain to what metrics see: sRGB values clipped to [0, 1]."""
-    return srgb_encode(encoded.clamp(0, 1).square())
+def display_values(encoded: Tensor, behind: Tensor | float = 0.0) -> Tensor:
+    """Working domain to what metrics see: sRGB values clipped to [0, 1], over scene-linear light ``behind``."""
+    return srgb_encode(encoded.clamp(0, 1).square() + behind)
 
 
 def conserve(encoded: Tensor, light: Tensor) -> Tensor:
