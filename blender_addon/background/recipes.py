@@ -67,6 +67,7 @@ class AnimationRecipe:
     first: FrameRecipe
     frames: tuple[int, ...]
     overwrite: bool  # frames that are done are made again
+    share_frames: int = 0  # neighbouring frames to each side that are averaged where they show the same
 
     @property
     def last_folder(self) -> Path:
@@ -77,7 +78,8 @@ class AnimationRecipe:
 def animation_recipe(scene: bpy.types.Scene) -> AnimationRecipe:
     """Recipe of the frames of the timeline's range; LfsrError where they cannot be rendered."""
     frames = tuple(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
-    return AnimationRecipe(frame_recipe(scene, frames[0]), frames, scene.lfsr.use_overwrite)
+    return AnimationRecipe(frame_recipe(scene, frames[0]), frames, scene.lfsr.use_overwrite,
+                           scene.lfsr.share_frames)
 
 
 def render_animation(recipe: AnimationRecipe) -> Steps:
@@ -86,7 +88,7 @@ def render_animation(recipe: AnimationRecipe) -> Steps:
     with file_copy() as copy:
         yield from _check_method(first.method, copy.parent)
         job = dataclasses.replace(first.job, scene=str(copy), output=str(first.folder.parent))
-        second = {"method": first.method, "linear_exr": first.linear_exr}
+        second = {"method": first.method, "linear_exr": first.linear_exr, "share_frames": recipe.share_frames}
         done = yield rendering_step("Rendering animation", 0.98, copy.parent, "animation", job=to_data(job),
                                     frames=recipe.frames, second=second, overwrite=recipe.overwrite)
     print(done["table"])

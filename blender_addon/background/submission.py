@@ -36,7 +36,8 @@ def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> Submi
         folder.mkdir(parents=True, exist_ok=True)
     copy = folder / f"{Path(bpy.data.filepath).stem or 'untitled'}{COPY_SUFFIX}"
     job = dataclasses.replace(recipe.first.job, output=str(recipe.first.folder.parent), scene=str(copy))
-    wanted = FarmJob(job, recipe.frames, recipe.first.method, recipe.first.linear_exr, parts, _profile(scene, folder))
+    wanted = FarmJob(job, recipe.frames, recipe.first.method, recipe.first.linear_exr, parts, _profile(scene, folder),
+                     recipe.share_frames)
     with atomic_path(copy) as temporary:
         temporary.unlink()  # of a file that is there already Blender would keep an older version
         save_copy(temporary)

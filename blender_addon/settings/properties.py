@@ -18,6 +18,7 @@ from bpy.props import (
 )
 
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.reconstruct.neighbours import MOST_SHARED
 
 from ..array import rig
 from ..results import preview
@@ -132,6 +133,10 @@ class SceneSettings(bpy.types.PropertyGroup):
         subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, default="//lightfield/")
     use_overwrite: BoolProperty(
         name="Overwrite", description="Render frames of an animation again that are complete already", default=False)
+    share_frames: IntProperty(
+        name="Share Frames", description="Average each frame of an animation with so many before and after it, where "
+        "they show the same, against noise; 0 for none, 2 does well. Nothing is shared while the camera array moves",
+        min=0, max=MOST_SHARED, default=0)
     linear_exr: BoolProperty(
         name="Scene-Linear EXR", description="Also save the image before the view transform, as OpenEXR",
         default=False)

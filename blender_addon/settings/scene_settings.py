@@ -17,6 +17,7 @@ from lfsr_core.frames.report import read_report
 from lfsr_core.optics.depth_scale import Choice, choose_scale, scales_up_to
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, MethodName, default_method
+from lfsr_core.reconstruct.neighbours import seed_in_turn
 
 from ..array import placement, rig
 from ..render import devices
@@ -162,11 +163,13 @@ def is_complete(folder: Path, job: Job, method: str) -> bool:
         frame, report = read_frame(folder), read_report(folder)
     except LfsrError:
         return False  # an incomplete or older folder is rendered again
-    return report.method == method and _same(frame, job)
+    return report.method == method and _same(frame, job, report.share_frames)
 
 
-def _same(frame: Frame, job: Job) -> bool:
-    wanted = (job.display, job.scale, job.spp, job.seed, job.frame)
+def _same(frame: Frame, job: Job, share_frames: int) -> bool:
+    """True if ``frame`` was rendered as ``job`` says, alone or in an animation whose frames share."""
+    seed = seed_in_turn(job.seed, frame.frame, share_frames)
+    wanted = (job.display, job.scale, job.spp, seed, job.frame)
     return (frame.display, frame.scale, frame.samples, frame.seed, frame.frame) == wanted
 
 

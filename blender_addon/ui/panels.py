@@ -162,7 +162,9 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         column.operator("lfsr.render_eia", icon="RENDER_STILL")
         column.operator("lfsr.render_animation", icon="RENDER_ANIMATION")
         column.menu("LFSR_MT_submit")
-        columns(layout).prop(context.scene.lfsr, "use_overwrite")
+        settings = columns(layout)
+        settings.prop(context.scene.lfsr, "share_frames")
+        settings.prop(context.scene.lfsr, "use_overwrite")
         message = context.window_manager.lfsr.message
         if message:
             sentence(layout, message, "ERROR", context)

@@ -45,8 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--overwrite", action="store_true", help="with --frames, make frames that are done again too")
     add_cluster_arguments(parser, "with --frames, ")
     parser.add_argument("--share-frames", type=int, metavar="N",
-                        help="with --frames, average each frame with the N before and after it where they show the "
-                             "same, and give every frame noise of its own; 2 does well")
+                        help="average each frame of an animation with the N before and after it where they show the "
+                             "same, and give every frame noise of its own; 2 does well. With --frame: those that lie "
+                             "beside it already")
     upscale.add_method_arguments(parser)
 
 
@@ -62,6 +63,8 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.frames is not None:
         _render_frames(arguments, job, method)
         return
+    if arguments.share_frames is not None:
+        job = _in_turn(job, arguments.share_frames)
     render(arguments, job)
     if job.rows is not None:
         print(f"{arguments.output}: rows {shown(job.rows)} of {job.display.lenses[1]}; join the parts by `lfsr merge`")
@@ -69,6 +72,14 @@ def run(arguments: argparse.Namespace) -> None:
     if scale > 1 and read_frame(arguments.output).scale == 1:
         method = method.without_upscaler()
     upscale.upscale(arguments.output, method, arguments)
+
+
+def _in_turn(job: Job, share_frames: int) -> Job:
+    """The job of one frame of an animation whose frames share, with the seed that it has there."""
+    from lfsr_core.reconstruct.neighbours import check_shared, seed_in_turn
+
+    check_shared(share_frames)
+    return dataclasses.replace(job, seed=seed_in_turn(job.seed, job.frame, share_frames))
 
 
 def _largest_scale(arguments: argparse.Namespace) -> int:
@@ -116,7 +127,7 @@ def _check_frames(arguments: argparse.Namespace) -> None:
     """LfsrError where options were given that do not go together."""
     others = {"--frame": arguments.frame, "--rows": arguments.rows}
     alone = {"--overwrite": arguments.overwrite or None, "--workers": arguments.workers, "--cluster": arguments.cluster,
-             "--share-frames": arguments.share_frames}
+             "--share-frames": arguments.share_frames if arguments.frame is None else None}
     for name, value in (alone if arguments.frames is None else others).items():
         if value is not None:
             raise LfsrError(f"{name} was given without --frames: say which frames, as in --frames 1-48"

@@ -64,7 +64,7 @@ def near(number: int, numbers: Collection[int], count: int) -> list[int]:
 
 
 def seed_in_turn(seed: int, number: int, count: int) -> int:
-    """The seed of frame ``number``, of as many in turn as frames share.
+    """The seed of frame ``number``, of as many in turn as frames share; ``seed`` itself where none do.
 
     So the frames near one always have each of the seeds once, and where nothing moves their mean stands still.
     """

@@ -62,12 +62,8 @@ def shot_of(job: Job, frames: Iterable[int], second: SecondStage, lenient: bool 
         raise LfsrError(f"{output} is a frame folder itself: choose another folder for the frames of an animation")
     check_shared(second.share_frames)
     jobs = tuple(dataclasses.replace(job, frame=number, output=str(frame_folder(output, number)),
-                                     seed=_seed(job, number, second)) for number in frames)
+                                     seed=seed_in_turn(job.seed, number, second.share_frames)) for number in frames)
     return Shot(jobs, second, scene_content(job.scene), lenient)
-
-
-def _seed(job: Job, number: int, second: SecondStage) -> int:
-    return seed_in_turn(job.seed, number, second.share_frames) if second.share_frames else job.seed
 
 
 def state(shot: Shot, job: Job) -> str:

@@ -13,6 +13,7 @@ import pytest
 
 from lfsr_core.cli import main
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.reconstruct.neighbours import near
 
 STUB = Path(__file__).with_name("flamenco_stub.js")
 # As Flamenco's documentation lists them.
@@ -40,7 +41,7 @@ def compiled(folder: Path, **settings) -> dict:
 
 def test_settings_are_of_kinds_that_flamenco_has(tmp_path):
     found = compiled(tmp_path, frames="1", parts=1, output="/o", blendfile="/s.blend", method="m", lfsr="lfsr",
-                     display="mini", scale=4, samples=1, seed=0, device="CPU", linear="--linear-exr")["type"]
+                     display="mini", scale=4, samples=1, seed=0, device="CPU", linear="--linear-exr", share=0)["type"]
     settings = {setting["key"]: setting for setting in found["settings"]}
     assert {setting["type"] for setting in settings.values()} <= TYPES
     assert set().union(*settings.values()) <= KEYS
@@ -52,7 +53,7 @@ def test_tasks_run_in_the_order_of_their_dependencies(tmp_path, lfsr):
     output = tmp_path / "film"
     tasks = compiled(tmp_path, frames="2, 7-8", parts=2, output=str(output), blendfile=str(tmp_path / "scene.glb"),
                      method="bicubic", lfsr=str(lfsr), display="mini", scale=2, samples=4, seed=0,
-                     linear="--no-linear-exr", device="CPU")["tasks"]
+                     linear="--no-linear-exr", device="CPU", share=0)["tasks"]
     assert len(tasks) == 3 * (2 + 1 + 1)
     done: set[str] = set()
     for task in tasks:
@@ -62,3 +63,17 @@ def test_tasks_run_in_the_order_of_their_dependencies(tmp_path, lfsr):
         subprocess.run([command["parameters"]["exe"], *command["parameters"]["args"]], check=True, capture_output=True)
         done.add(task["name"])
     assert [path.parent.name for path in sorted(output.glob("*/eia.png"))] == ["0002", "0007", "0008"]
+
+
+def test_a_frame_that_shares_is_finished_after_those_beside_it_are_merged(tmp_path):
+    tasks = compiled(tmp_path, frames="9, 1-7", parts=1, output="/o", blendfile="/s.blend", method="m", lfsr="lfsr",
+                     display="mini", scale=4, samples=1, seed=0, device="CPU", linear="--linear-exr", share=1)["tasks"]
+    names, frames = [task["name"] for task in tasks], (*range(1, 8), 9)
+    for task in tasks:
+        assert {names.index(name) for name in task["dependencies"]} <= set(range(names.index(task["name"])))
+        number = task["name"].removeprefix("finish-")
+        if number != task["name"]:
+            merged = {int(name.removeprefix("merge-")) for name in task["dependencies"]}
+            assert merged >= {int(number), *near(int(number), frames, 1)}
+            assert len(merged) <= 5, "no more wait than have to"
+            assert task["commands"][0]["parameters"]["args"][-2:] == ["--share-frames", "1"]

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.cli import main
+from lfsr_core.frames.report import read_report
 from lfsr_core.progress import OPENJD as OPENJD_PROGRESS
 from lfsr_core.progress import PROGRESS_VARIABLE
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
@@ -40,7 +41,7 @@ def messages(log: str) -> list[tuple[str, str]]:
 def test_all_steps_run_in_their_order(template, tmp_path, lfsr):
     (tmp_path / "scene.glb").touch()
     settings = {"Scene": tmp_path / "scene.glb", "Output": tmp_path / "film", "Frames": "3-4", "Parts": 2,
-                "Display": "mini", "Scale": 2, "Method": "bicubic", "Lfsr": lfsr}
+                "Display": "mini", "Scale": 2, "Method": "bicubic", "Share": 1, "Lfsr": lfsr}
     words = [word for name, value in settings.items() for word in ("-p", f"{name}={value}")]
     done = subprocess.run([OPENJD, "run", template, *words, "--step", "Finish", "--run-dependencies"], cwd=tmp_path,
                           capture_output=True, text=True, check=False)
@@ -52,9 +53,10 @@ def test_all_steps_run_in_their_order(template, tmp_path, lfsr):
     film = tmp_path / "film"
     assert sorted(path.name for path in film.iterdir()) == ["0003", "0004", "parts"]
     whole = [str(lfsr), "render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "whole"), "--frames", "3-4",
-             "--display", "mini", "--scale", "2", "--method", "bicubic"]
+             "--display", "mini", "--scale", "2", "--method", "bicubic", "--share-frames", "1"]
     subprocess.run(whole, check=True, capture_output=True)
     for name in ("0003", "0004"):
+        assert read_report(film / name).neighbours, "finished when all frames were rendered"
         assert (film / name / "eia.png").read_bytes() == (tmp_path / "whole" / name / "eia.png").read_bytes()
 
 

@@ -22,6 +22,8 @@ const JOB_TYPE = {
         { key: "method", type: "string", default: "oidn-both+refine+epi", description: "How the other views are made" },
         { key: "linear", type: "string", default: "--no-linear-exr", choices: ["--no-linear-exr", "--linear-exr"],
           description: "Whether the image before the view transform is written too" },
+        { key: "share", type: "int32", default: 0, propargs: { min: 0, max: 8 },
+          description: "Frames to each side that each is averaged with where they show the same; 0 shares nothing" },
         { key: "lfsr", type: "string", default: "lfsr", visible: "submission",
           description: "The command, where it is not on the workers' path" },
         { key: "blendfile", type: "string", required: true, visible: "web",
@@ -30,21 +32,39 @@ const JOB_TYPE = {
 };
 
 function compileJob(job) {
-    for (const frame of frameChunker(job.settings.frames, 1)) {
-        const renders = renderTasks(job.settings, frame);
-        const merge = lfsrTask(job.settings, `merge-${frame}`,
-            ["merge", partsFolder(job.settings, frame), "--output", job.settings.output, "--numbered"]);
-        const finish = lfsrTask(job.settings, `finish-${frame}`,
-            ["upscale", job.settings.output, "--frame", frame, "--method", job.settings.method,
-                job.settings.linear]);
-        for (const render of renders) {
-            merge.addDependency(render);
-            job.addTask(render);
+    const frames = Array.from(frameChunker(job.settings.frames, 1)).sort((a, b) => a - b);
+    // At the ends frames share with more on the other side.
+    const reach = 2 * job.settings.share, merges = [];
+    for (let index = 0; index < frames.length + reach; index++) {
+        if (index < frames.length) {
+            merges.push(addMerge(job, frames[index]));
         }
-        finish.addDependency(merge);
-        job.addTask(merge);
-        job.addTask(finish);
+        if (index >= reach) {
+            addFinish(job, frames[index - reach], merges.slice(Math.max(0, index - 2 * reach), index + 1));
+        }
     }
+}
+
+function addMerge(job, frame) {
+    const merge = lfsrTask(job.settings, `merge-${frame}`,
+        ["merge", partsFolder(job.settings, frame), "--output", job.settings.output, "--numbered"]);
+    for (const render of renderTasks(job.settings, frame)) {
+        merge.addDependency(render);
+        job.addTask(render);
+    }
+    job.addTask(merge);
+    return merge;
+}
+
+// merges: of the frame and of those that it may share with.
+function addFinish(job, frame, merges) {
+    const finish = lfsrTask(job.settings, `finish-${frame}`,
+        ["upscale", job.settings.output, "--frame", frame, "--method", job.settings.method, job.settings.linear,
+            "--share-frames", String(job.settings.share)]);
+    for (const merge of merges) {
+        finish.addDependency(merge);
+    }
+    job.addTask(finish);
 }
 
 function renderTasks(settings, frame) {
@@ -54,7 +74,7 @@ function renderTasks(settings, frame) {
             "render", settings.blendfile, "--output", path.join(partsFolder(settings, frame), String(part)),
             "--frame", frame, "--rows", `${part}/${settings.parts}`, "--display", settings.display,
             "--scale", String(settings.scale), "--spp", String(settings.samples), "--seed", String(settings.seed),
-            "--device", settings.device, "--method", settings.method]));
+            "--share-frames", String(settings.share), "--device", settings.device, "--method", settings.method]));
     }
     return tasks;
 }

@@ -1,13 +1,18 @@
-"""Recipes of frames: what is refused before anything is rendered."""
+"""Recipes of frames: what is asked for, and what is refused before anything is rendered."""
 
 from __future__ import annotations
+
+import dataclasses
 
 import bpy
 import pytest
 
 from blender_addon.background import recipes
 from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import EIA_FILE, write_frame
+from lfsr_core.frames.report import Report, write_report
 from tests.support import panel
+from tests.support.synthetic import frame_of
 
 
 @pytest.fixture
@@ -27,3 +32,29 @@ def test_errors_are_lfsr_errors(scene):
     scene.lfsr.scale = "3"
     with pytest.raises(LfsrError, match="choose a scale"):
         recipes.frame_recipe(scene)
+
+
+def test_an_animation_shares_what_the_panel_says(scene, monkeypatch):
+    asked = []
+    monkeypatch.setattr(recipes, "rendering_step", lambda *_, **arguments: asked.append(arguments))
+    for count in (0, 2):
+        scene.lfsr.share_frames = count
+        steps = recipes.render_animation(recipes.animation_recipe(scene))
+        next(steps)
+        steps.close()
+    assert [arguments["second"]["share_frames"] for arguments in asked] == [0, 2]
+    assert {arguments["job"]["seed"] for arguments in asked} == {scene.lfsr.seed}, "each frame's follows from it"
+
+
+def test_a_frame_of_an_animation_that_shares_is_the_panels_in_spite_of_its_seed(scene):
+    scene.frame_set(3)
+    recipe = recipes.frame_recipe(scene)
+    recipe.folder.mkdir(parents=True)
+    (recipe.folder / EIA_FILE).touch()
+    job = recipe.job
+    for seed, share, whole in ((0, 0, True), (2, 0, False), (2, 2, True), (2, 1, True), (1, 2, False)):
+        write_frame(recipe.folder, frame_of(job.scale, samples=job.spp, seed=seed, frame=3))
+        write_report(recipe.folder, Report(recipe.method, "mini", job.scale, job.spp, {}, None, 1.0,
+                                           share_frames=share))
+        assert recipe.complete == whole
+    assert not dataclasses.replace(recipe, method="bilinear").complete

@@ -60,6 +60,7 @@ def test_with_an_array(scene):
     assert {"quality", "samples", "method", "output"} <= properties(drawn["Quality"])
     assert {"lfsr.render_eia", "lfsr.render_animation"} <= operators(drawn["Render"])
     assert ("menu", {"menu": "LFSR_MT_submit"}) in drawn["Render"]
+    assert properties(drawn["Render"]) == {"share_frames", "use_overwrite"}
     assert {"eye_right", "eye_up"} <= properties(drawn["Preview"])
     assert operators(drawn["View and Export"]) == {"lfsr.open_viewer"}
     assert operators(drawn["Reference"]) == {"lfsr.render_reference"}
