@@ -83,8 +83,21 @@ class Shot:
         return self.clip[0] if self.clip else 0.0
 
 
+@dataclasses.dataclass(frozen=True)
+class Following:
+    """What goes along with a render that may take long."""
+
+    # Called while it renders; an exception it raises cancels.
+    progress: Progress | None = None
+    # Keeps what is whole of it; None keeps nothing.
+    parts: ImageParts | None = None
+
+
+ALONE = Following()
+
+
 def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, path: str | Path,
-                   progress: Progress | None = None, parts: ImageParts | None = None) -> float:
+                   along: Following = ALONE) -> float:
     """Render the rays of ``shot`` in one pass.
 
     Parameters
@@ -93,8 +106,7 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
     shot : rays, and from where
     settings : how Cycles renders
     path : multi-layer EXR to write, whole or not at all
-    progress : called while it renders; an exception it raises cancels
-    parts : keeps what is whole of a long render; None keeps nothing
+    along : hears of it, and keeps its parts
 
     Returns
     -------
@@ -103,8 +115,8 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
     with (encoded_camera(scene, shot), _ended(scene, shot) as ended,
           cycles_settings(scene, settings, shot.layout.size)):
         # A denoiser would see the edges of bands.
-        seconds = render_kept(scene, shot.rows or Part(0, shot.layout.size[1]), path, progress,
-                              parts if "denoised" not in settings.layers else None)
+        along = dataclasses.replace(along, parts=None) if "denoised" in settings.layers else along
+        seconds = render_kept(scene, shot.rows or Part(0, shot.layout.size[1]), path, along)
     if (shot.way == "lens-card" or ended) and "position" in settings.layers:
         layers = exr.read_layers(path)
         layers["position"] = _without_misses(layers["position"], shot, bool(ended))
@@ -135,14 +147,14 @@ def encoded_camera(scene: bpy.types.Scene, shot: Shot) -> Iterator[None]:
         yield
 
 
-def render_kept(scene: bpy.types.Scene, rows: Part, path: str | Path, progress: Progress | None = None,
-                parts: ImageParts | None = None) -> float:
-    """``render_to`` of ``rows``, with ``parts`` a long render goes on where an earlier one ended; seconds of both."""
-    if parts is not None:
-        return render_in_bands(functools.partial(render_to, scene), Target(scene, rows, Path(path)), progress, parts)
+def render_kept(scene: bpy.types.Scene, rows: Part, path: str | Path, along: Following = ALONE) -> float:
+    """``render_to`` of ``rows``; a long one goes on where an earlier one ended, if parts are kept; seconds of both."""
+    if along.parts is not None:
+        return render_in_bands(functools.partial(render_to, scene), Target(scene, rows, Path(path)), along.progress,
+                               along.parts)
     shown = border(rows, scene.render.resolution_y) if rows.size < scene.render.resolution_y else {}
     with overridden(scene.render, shown):
-        return render_to(scene, path, progress)
+        return render_to(scene, path, along.progress)
 
 
 def render_to(scene: bpy.types.Scene, path: str | Path, progress: Progress | None = None) -> float:

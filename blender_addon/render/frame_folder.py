@@ -26,7 +26,7 @@ from ..scene.subject import find_subject, has_background_meshes
 from . import animation, devices, passes, world
 from .arrival import is_dark
 from .color import color_settings
-from .cycles import RenderSettings, Shot, render_encoded, unfinished
+from .cycles import Following, RenderSettings, Shot, render_encoded, unfinished
 from .inputs import Opened, inputs
 from .progress import Progress, part
 from .view_by_view import render_views
@@ -213,5 +213,6 @@ def _render(scene: bpy.types.Scene, job: Job, frame: Frame, keep: Keep, progress
     """Render every image of the job; seconds."""
     render = render_views if frame.layout == "view-by-view" else render_encoded
     shot, images = Shot(frame.rays, frame.matrix_world, frame.layout, frame.clip, _rows(frame)), _images(job, frame)
-    return sum(render(scene, shot, settings, Path(job.output, name), part(progress, number, len(images)), keep(name))
+    return sum(render(scene, shot, settings, Path(job.output, name),
+                      Following(part(progress, number, len(images)), keep(name)))
                for number, (name, settings) in enumerate(images))

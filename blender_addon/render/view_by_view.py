@@ -27,9 +27,19 @@ from lfsr_core.render.parts import ImageParts, Part
 
 from .. import compat
 from ..array.spaces import to_blender
-from .cycles import UNFINISHED, RenderSettings, Shot, cycles_settings, render_to, temporary_camera, unfinished
+from .cycles import (
+    ALONE,
+    UNFINISHED,
+    Following,
+    RenderSettings,
+    Shot,
+    cycles_settings,
+    render_to,
+    temporary_camera,
+    unfinished,
+)
 from .overrides import overridden
-from .progress import Progress, part
+from .progress import part
 
 SENSOR_MM = 36.0
 # Blackman-Harris window as wide as this many box widths has the box's variance.
@@ -38,7 +48,7 @@ THINNEST = 0.01  # height of an aperture by its width that Blender allows, and t
 
 
 def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, path: str | Path,
-                 progress: Progress | None = None, parts: ImageParts | None = None) -> float:
+                 along: Following = ALONE) -> float:
     """Render the rays of ``shot`` one view after the other; with a lens list whole views, of which the lenses are kept.
 
     Parameters and result as of ``cycles.render_encoded``.
@@ -47,7 +57,7 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
     if "denoised" in settings.layers:
         raise LfsrError("the layer denoised would be denoised view by view, which loses detail: choose another layout, "
                         "or the method 'oidn'")
-    views = _Views(layout.views[0] * layout.views[1], Path(path).with_name("views.exr"), parts)
+    views = _Views(layout.views[0] * layout.views[1], Path(path).with_name("views.exr"), along.parts)
     with (unfinished(path) as target, temporary_camera(scene, shot.matrix_world, layout.array.distance) as camera,
           cycles_settings(scene, settings, layout.lenses), overridden(scene.render, pixel_aspect(layout)),
           overridden(scene.render.image_settings, compat.one_part_exr()),
@@ -55,7 +65,7 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
         for number in views.missing():
             aim(camera, shot, (number % layout.views[0], number // layout.views[0]))
             scene.cycles.seed = _seed(settings.seed, number)
-            render_to(scene, folder / "view.exr", part(progress, number, views.count))
+            render_to(scene, folder / "view.exr", part(along.progress, number, views.count))
             views.add(number, exr.read_layers(folder / "view.exr"))
         views.end()
         layers = {name: assemble(layout, images) for name, images in views.by_layer().items()}
