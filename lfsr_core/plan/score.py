@@ -114,7 +114,8 @@ def features(low: LowResEIA) -> np.ndarray:
     denoised = srgb_encode(denoise_low_resolution(low).color)
     noisy, smooth = (values.reshape(-1, *values.shape[2:]) for values in (shown, denoised))
     alike = stacked_ssim(smooth, noisy, noisy).mean((1, 2)).reshape(coverage.shape)
-    detail = sum(np.abs(np.diff(denoised, axis=axis)).mean((2, 3, 4)) for axis in (2, 3))
+    steps = (np.abs(np.diff(denoised, axis=axis)) for axis in (2, 3) if denoised.shape[axis] > 1)
+    detail = sum((step.mean((2, 3, 4)) for step in steps), np.zeros(coverage.shape))
     return np.stack([coverage, alike, detail], -1)
 
 

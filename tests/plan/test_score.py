@@ -11,16 +11,16 @@ from lfsr_core.plan import score
 from lfsr_core.plan.score import SampledReference, split_scores
 
 
-@pytest.mark.parametrize("denoiser", [False, True])
-def test_features_tell_noisy_and_detailed_lenses_apart(monkeypatch, denoiser):
+@pytest.mark.parametrize(("denoiser", "rows"), [(False, 10), (True, 10), (True, 1)])
+def test_features_tell_noisy_and_detailed_lenses_apart(monkeypatch, denoiser, rows):
     monkeypatch.setattr(score, "is_available", lambda: denoiser)
     random = np.random.default_rng(0)
-    color = np.full((6, 6, 10, 10, 3), 0.5, np.float32)
+    color = np.full((6, 6, rows, 10, 3), 0.5, np.float32)
     color[2:4] += random.normal(0, 0.15, color[2:4].shape)
-    color[4:, ..., ::5, :, :] = 0.1
-    alpha = np.ones((6, 6, 10, 10, 1), np.float32)
-    alpha[:, 3:, 5:] = 0
-    found = score.features(LowResEIA(np.maximum(color, 0), alpha, 4, 4))
+    color[4:, ..., ::5, :] = 0.1
+    alpha = np.ones((6, 6, rows, 10, 1), np.float32)
+    alpha[:, 3:, :, 5:] = 0
+    found = score.features(LowResEIA(np.maximum(color, 0), alpha, 4, 4, parallax=(True, rows > 1)))
     coverage, noise, detail = found[..., 0], found[..., 1], found[..., -1]
     assert np.allclose(coverage[:, :3], 1) and np.allclose(coverage[:, 3:], 0.5)
     if denoiser:
