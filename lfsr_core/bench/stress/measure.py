@@ -74,7 +74,9 @@ class Scene:
         if not step.is_integer():  # no two views that see the same points
             return dict.fromkeys(names)
         pairs = ((x, None), (a, b))
-        return {name: metrics.epi_straightness(image, self.lenses, int(step), other)
+        # A point does not move by whole rows where they are not as high as columns are wide.
+        axes = (0, 1) if self.space.row == 1 and self.space.views[1] > 1 else (1,)
+        return {name: metrics.epi_straightness(image, self.lenses, int(step), other, axes)
                 for name, (image, other) in zip(names, pairs, strict=True)}
 
     def _flicker(self, method: str) -> Metrics:

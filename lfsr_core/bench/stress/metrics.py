@@ -77,7 +77,7 @@ def neighbour_view_error(of: Compared) -> float | None:
 
 
 def epi_straightness(image: np.ndarray, lenses: Pair, views_per_lens: int,
-                     other: np.ndarray | None = None) -> float | None:
+                     other: np.ndarray | None = None, axes: Sequence[int] = (0, 1)) -> float | None:
     """1 - (variance along the lines of the EPIs) / (variance of the image): 1 where every line is straight and even.
 
     Lens i, view k and lens i + 1, view k + ``views_per_lens`` see the same point through the same rays.
@@ -88,6 +88,7 @@ def epi_straightness(image: np.ndarray, lenses: Pair, views_per_lens: int,
     lenses: (sx, sy).
     views_per_lens: whole number.
     other: an independent render of the same, so that the noise of both cancels.
+    axes: 0 for lines from row to row of lenses, 1 for those from column to column.
 
     Returns
     -------
@@ -96,12 +97,12 @@ def epi_straightness(image: np.ndarray, lenses: Pair, views_per_lens: int,
     views = to_views(image, lenses)
     twin = views if other is None else to_views(other, lenses)
     along, variance = [], mean_of((views - views.mean((0, 1, 2, 3))) * (twin - twin.mean((0, 1, 2, 3))))
-    for axis in (0, 1):
+    for axis in axes:
         if views.shape[axis] <= views_per_lens or views.shape[axis + 2] < 2:
             return None
         along.append(_step_along(views, axis, views_per_lens) * _step_along(twin, axis, views_per_lens))
     # Two independent values of the same variance differ by twice that.
-    return 1 - sum(mean_of(part) for part in along) / 2 / 2 / max(variance, 1e-12)
+    return 1 - sum(mean_of(part) for part in along) / len(along) / 2 / max(variance, 1e-12)
 
 
 def _step_along(views: np.ndarray, axis: int, step: int) -> np.ndarray:
@@ -125,10 +126,10 @@ def card_pixels(space: Space, y: float, centre: tuple[float, float], half: tuple
 
 def _meets(space: Space, axis: int, y: float, centre: float, half: float) -> np.ndarray:
     """(lenses, views) bool along one axis, rightwards or downwards."""
-    lens = np.arange(space.lenses[axis]) + 0.5 - space.lenses[axis] / 2
+    lens = (np.arange(space.lenses[axis]) + 0.5 - space.lenses[axis] / 2) * space.lens[axis]
     view = (np.arange(space.views[axis]) + 0.5 - space.views[axis] / 2) * space.spacing
     met = view + (lens[:, None] - view) * (space.distance + y) / space.distance
-    return np.abs(met - centre) <= half - space.footprint(y) / 2
+    return np.abs(met - centre) <= half - space.footprint(y, axis) / 2
 
 
 def flicker(frames: Sequence[np.ndarray], lenses: Pair, path: Sequence[Pair],

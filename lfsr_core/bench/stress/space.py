@@ -1,7 +1,8 @@
 """The geometry that the dials of the stability suite speak of.
 
-Lengths are lens pitches: the display is ``lenses`` units wide, its plane is
-y = 0, the viewer stands at y = -distance, behind the display is y > 0.
+Lengths are lens pitches from column to column: the display is as many units wide as it has columns of lenses, its
+plane is y = 0, the viewer stands at y = -distance, behind the display is y > 0. The light field of a lens sheet may
+have rows of another pitch.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Sequence
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 
+SQUARE = 0.01  # by which rows and columns may differ where a profile's rounding is all that does
 LEAST_NEAR = 0.08  # nearest distance from the viewer, in viewing distances, that anything may have
 CARD = (5, 3)  # lenses that the moving card covers, where the display has room for it
 CARD_DEPTH = 0.25  # usable depths behind the display
@@ -27,13 +29,25 @@ class Space:
     distance: float  # of the viewer from the display plane
     spacing: float  # between neighbouring high-resolution views
     scale: int  # factor between rendered and finished views
+    row: float = 1.0  # from row to row of lenses
 
     @classmethod
     def of(cls, profile: DisplayProfile, scale: int) -> Space:
         """Space of ``profile`` for renders at ``scale``."""
-        pitch = profile.lens_pitch_mm[0]
+        pitch, height = profile.lens_pitch_mm
+        row = height / pitch if abs(height / pitch - 1) > SQUARE else 1.0
         return cls(profile.lenses, profile.views, profile.viewing_distance_mm / pitch,
-                   profile.camera_spacing_mm / pitch, scale)
+                   profile.camera_spacing_mm / pitch, scale, row)
+
+    @property
+    def lens(self) -> tuple[float, float]:
+        """Width and height of a lens."""
+        return 1.0, self.row
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of the display."""
+        return self.lenses[0], self.lenses[1] * self.row
 
     @property
     def front(self) -> float:
@@ -69,15 +83,18 @@ class Space:
         """Size at depth ``y`` that covers one lens, seen from the viewing position."""
         return (self.distance + y) / self.distance
 
-    def footprint(self, y: float) -> float:
-        """Width at depth ``y`` that the rays of one high-resolution pixel cover: lens and cell of views together."""
-        return self.magnified(y) + self.spacing * abs(y) / self.distance
+    def footprint(self, y: float, axis: int = 0) -> float:
+        """What the rays of one high-resolution pixel cover at depth ``y``: lens and cell of views together.
+
+        ``axis``: 0 for its width, 1 for its height.
+        """
+        return self.lens[axis] * self.magnified(y) + self.spacing * abs(y) / self.distance
 
     def window(self, y: float) -> tuple[float, float]:
         """Half-width and half-height at depth ``y`` of all that any view sees."""
         reach = self.spacing * abs(y) / self.distance / 2
-        return tuple(lenses / 2 * self.magnified(y) + reach * views
-                     for lenses, views in zip(self.lenses, self.views, strict=True))
+        return tuple(size / 2 * self.magnified(y) + reach * views
+                     for size, views in zip(self.size, self.views, strict=True))
 
     def nyquist(self, y: float) -> float:
         """Cycles per lens pitch, at depth ``y`` != 0, above which rendered views alias inside an elemental image."""
@@ -114,7 +131,7 @@ def card_of_motion(space: Space, lenses_per_frame: int,
     covered = tuple(min(card, lenses - 2) for card, lenses in zip(CARD, space.lenses, strict=True))
     room = tuple(lenses - card - 1 for lenses, card in zip(space.lenses, covered, strict=True))
     y = space.depth(CARD_DEPTH)
-    half = tuple(card / 2 * space.magnified(y) for card in covered)
+    half = tuple(card * lens / 2 * space.magnified(y) for card, lens in zip(covered, space.lens, strict=True))
     return y, half, rectangle_path(frames, lenses_per_frame, room)
 
 
@@ -129,4 +146,6 @@ def card_centre(space: Space, y: float, place: tuple[int, int], path: Sequence[t
     path: all of it, which lies in the middle of the display.
     """
     middle = [(min(axis) + max(axis)) / 2 for axis in zip(*path, strict=True)]
-    return (place[0] - middle[0]) * space.magnified(y), -(place[1] - middle[1]) * space.magnified(y)
+    x, down = ((at - mean) * lens * space.magnified(y)
+               for at, mean, lens in zip(place, middle, space.lens, strict=True))
+    return x, -down

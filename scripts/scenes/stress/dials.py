@@ -26,7 +26,7 @@ from stress.stage import (
 )
 from stress.things import Grid, bodies, every_sort, glass, lattice, opaque_sorts, print_of, printed, tiles, wires
 
-from lfsr_core.bench.stress.space import card_centre, card_of_motion, hole
+from lfsr_core.bench.stress.space import Space, card_centre, card_of_motion, hole
 
 BIG = 1.15   # boards reach a little over what the views see
 WIRE_DEPTH, BOARD_DEPTH = 0.5, 0.75  # usable depths behind the display
@@ -100,14 +100,15 @@ def glass_scene(stage: Stage, material: bpy.types.Material) -> None:
     bodies(stage, space.depth(-0.25), space.depth(0.25), [material] * 4, Grid(3.0))
     y = space.depth(BOARD_DEPTH)
     ground, graph, shader = surface_of("tiles", Roughness=0.8)
-    graph.feed(shader.inputs["Base Color"], tiles(graph, 1.5 * space.magnified(y), (0.08, 0.05, 0.2), (0.8, 0.7, 0.4)))
+    size = (1.5 * space.magnified(y),) * 2
+    graph.feed(shader.inputs["Base Color"], tiles(graph, size, (0.08, 0.05, 0.2), (0.8, 0.7, 0.4)))
     full_board(stage, "tiles", y, ground)
 
 
 def mirror(stage: Stage, usable: float) -> None:
     """A mirror at 45° through the display plane; what it shows hangs above it and is seen in it alone."""
     y = stage.space.depth(usable)
-    half = [BIG * size for size in stage.space.window(stage.space.lenses[1])]
+    half = [BIG * size for size in stage.space.window(stage.space.size[1])]
     glassy = plain("mirror", (0.95, 0.95, 0.95), Metallic=1.0, Roughness=0.0)
     turned(board("mirror", 0.0, (half[0], half[1] * math.sqrt(2)), glassy), (-45, 0, 0))
     width, height = (BIG * size for size in stage.space.window(y))
@@ -149,19 +150,20 @@ def share(stage: Stage, lenses: float) -> None:
     columns, rows = hole(space.lenses, lenses)
     if (columns, rows) == space.lenses:
         return
-    card = put("card", frame_about(space.lenses, (columns, rows)), glow("card", (0.05, 0.05, 0.05), 1.0), (0, 0, 0))
+    card = put("card", frame_about(space, (columns, rows)), glow("card", (0.05, 0.05, 0.05), 1.0), (0, 0, 0))
     to_background(card)
 
 
-def frame_about(lenses: tuple[int, int], block: tuple[int, int]) -> Surface:
+def frame_about(space: Space, block: tuple[int, int]) -> Surface:
     """Rectangle over the display, with margin, around a hole of whole lenses in its middle."""
     inner = []
-    for total, open_ in zip(lenses, block, strict=True):
+    for total, open_, lens in zip(space.lenses, block, space.lens, strict=True):
         first = (total - open_) // 2 - total / 2
         # The last row of pixels must not see past the edge through rounding.
-        inner.append((first + 1e-3, first + open_ - 1e-3))
+        inner.append(((first + 1e-3) * lens, (first + open_ - 1e-3) * lens))
     (left, right), (low, high) = inner
-    outer = [(-lenses[0], -lenses[1]), (lenses[0], -lenses[1]), (lenses[0], lenses[1]), (-lenses[0], lenses[1])]
+    width, height = space.size
+    outer = [(-width, -height), (width, -height), (width, height), (-width, height)]
     corners = [*outer, (left, low), (right, low), (right, high), (left, high)]
     vertices = np.array([(x, 0.0, z) for x, z in corners], float)
     faces = np.array([[i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i] for i in range(4)])
@@ -177,7 +179,7 @@ def hdri(stage: Stage, times: float) -> None:
     graph.feed(background.inputs["Strength"], factor)
     bpy.context.scene.render.film_transparent = False
     space = stage.space
-    reach = (space.lenses[0] * 0.28, space.lenses[1] * 0.28)
+    reach = (space.size[0] * 0.28, space.size[1] * 0.28)
     bodies(stage, space.depth(-0.25), space.depth(0.25), every_sort(), Grid(2.0, reach))
 
 
@@ -188,7 +190,8 @@ def border(stage: Stage, contrast: float) -> None:
     material, graph, shader = surface_of("tiles", Metallic=1.0, Roughness=0.12)
     # Edges of the tiles are edges of lenses, also where their number is odd.
     odd = tuple(0.5 * (count % 2) for count in stage.space.lenses)
-    graph.feed(shader.inputs["Base Color"], tiles(graph, 1.0, (DARK_TILE,) * 3, (bright,) * 3, (odd[0], 0.5, odd[1])))
+    checker = tiles(graph, stage.space.lens, (DARK_TILE,) * 3, (bright,) * 3, (odd[0], 0.5, odd[1]))
+    graph.feed(shader.inputs["Base Color"], checker)
     full_board(stage, "tiles", 0.0, material)
 
 

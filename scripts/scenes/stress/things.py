@@ -78,10 +78,10 @@ def printed(name: str, scale: float, **inputs: float) -> bpy.types.Material:
     return material
 
 
-def tiles(graph: Graph, size: float, dark: tuple[float, ...], bright: tuple[float, ...],
+def tiles(graph: Graph, size: tuple[float, float], dark: tuple[float, ...], bright: tuple[float, ...],
           offset: tuple[float, float, float] = (0.0, 0.5, 0.0)) -> bpy.types.NodeSocket:
-    """Checkerboard colours of tiles ``size`` across; ``offset`` in tiles, the middle of one along y."""
-    vector = object_vector(graph, Location=offset, Scale=(1 / size,) * 3)
+    """Checkerboard colours of tiles of ``size`` (x, z); ``offset`` in tiles, the middle of one along y."""
+    vector = object_vector(graph, Location=offset, Scale=(1 / size[0], 1 / size[0], 1 / size[1]))
     return graph.node("ShaderNodeTexChecker", {"Vector": vector, "Scale": 1.0, "Color1": (*bright, 1.0),
                                                "Color2": (*dark, 1.0)}).outputs["Color"]
 

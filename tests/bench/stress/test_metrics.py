@@ -14,16 +14,22 @@ from lfsr_core.optics.rays import CameraArray, RayLayout, pixel_rays, rays
 
 LENSES, VIEWS, SCALE = (8, 6), (12, 12), 4
 DISPLAY = DisplayProfile("test", (96, 72), (59.04, 44.28), LENSES, VIEWS, 500.0, 40.0)
+# Rows half as high as columns are wide, as the light field of a lens sheet may have them.
+OBLONG = DisplayProfile("oblong", (96, 72), (59.04, 44.28), (8, 12), (12, 6), 500.0, 40.0)
 SPACE = Space.of(DISPLAY, SCALE)
-LAYOUT = RayLayout.for_display(DISPLAY, CameraArray.for_display(DISPLAY, float(LENSES[0])))
 ALL = np.ones(LENSES[::-1], bool)
 EVEN = np.full((72, 96, 3), 0.5)
 
 
-def places(y, where=(0.5, 0.5)):
+def layout_of(display):
+    return RayLayout.for_display(display, CameraArray.for_display(display, float(display.lenses[0])))
+
+
+def places(y, display=DISPLAY):
     """(H, W) x and z where the pixels' rays meet depth ``y``."""
-    origin, direction = pixel_rays(LAYOUT, where)
-    at = origin + direction * ((LAYOUT.array.distance + y) / direction[..., 2:])
+    layout = layout_of(display)
+    origin, direction = pixel_rays(layout, (0.5, 0.5))
+    at = origin + direction * ((layout.array.distance + y) / direction[..., 2:])
     return at[..., 0], at[..., 1]
 
 
@@ -104,29 +110,38 @@ def test_noise_bends_the_lines_by_its_share_of_the_variance_and_cancels_between_
     assert metrics.epi_straightness(noisy, LENSES, step, board + noise(0.1, 7)) == pytest.approx(1, abs=0.02)
 
 
+def test_lines_along_one_axis_say_the_same_where_the_other_has_none():
+    y = Space.of(OBLONG, SCALE).depth_of_slope(1)
+    board = print_at(*places(y, OBLONG))
+    assert metrics.epi_straightness(board, OBLONG.lenses, 4, axes=(1,)) == pytest.approx(1, abs=1e-9)
+    assert metrics.epi_straightness(board, OBLONG.lenses, 4) < 0.97, "rows are crossed in half as many views"
+
+
 def test_lines_that_do_not_fit_cannot_be_told():
     assert metrics.epi_straightness(EVEN, LENSES, VIEWS[0]) is None
     assert metrics.epi_straightness(EVEN[:, :VIEWS[0]], (1, LENSES[1]), 2) is None
 
 
-def moving_card(step, frames=6, change=0.0):
+def moving_card(step, frames=6, change=0.0, display=DISPLAY):
     """Frames, path and card pixels of a print that goes round before a grey ground."""
-    y, half, path = card_of_motion(SPACE, step, frames)
-    x, z = places(y)
+    space = Space.of(display, SCALE)
+    y, half, path = card_of_motion(space, step, frames)
+    x, z = places(y, display)
     images, cards = [], []
     for place in path:
-        cx, cz = card_centre(SPACE, y, place, path)
+        cx, cz = card_centre(space, y, place, path)
         on = ((np.abs(x - cx) < half[0]) & (np.abs(z - cz) < half[1]))[..., None]
         images.append(np.where(on, print_at(x - cx, z - cz), 0.2) + change * len(images))
-        cards.append(metrics.card_pixels(SPACE, y, (cx, cz), half))
+        cards.append(metrics.card_pixels(space, y, (cx, cz), half))
     return images, path, cards
 
 
-@pytest.mark.parametrize("step", [0, 1, 2])
-def test_a_card_that_only_moves_does_not_flicker(step):
-    images, path, cards = moving_card(step)
-    assert any(card.any() for card in cards)
-    assert metrics.flicker(images, LENSES, path, cards) == pytest.approx(0, abs=1e-9)
+@pytest.mark.parametrize(("display", "step"), [(DISPLAY, 0), (DISPLAY, 1), (DISPLAY, 2), (OBLONG, 1)],
+                         ids=lambda value: getattr(value, "name", value))
+def test_a_card_that_only_moves_does_not_flicker(display, step):
+    images, path, cards = moving_card(step, frames=12, display=display)
+    assert any(card.any() for card in cards) and (len({down for _, down in path}) > 1) == (step > 0)
+    assert metrics.flicker(images, display.lenses, path, cards) == pytest.approx(0, abs=1e-9)
 
 
 def test_without_its_motion_taken_back_it_would():
@@ -146,22 +161,24 @@ def test_no_card_in_two_frames_in_a_row_has_no_flicker():
     assert metrics.flicker(images, LENSES, path, [card & False for card in cards]) is None
 
 
-def test_card_pixels_are_those_whose_every_ray_meets_the_card():
-    y, half, path = card_of_motion(SPACE, 1, 4)
-    centre = card_centre(SPACE, y, path[1], path)
-    card = metrics.card_pixels(SPACE, y, centre, half)
-    height, width = LAYOUT.size[1], LAYOUT.size[0]
+@pytest.mark.parametrize("display", [DISPLAY, OBLONG], ids=lambda display: display.name)
+def test_card_pixels_are_those_whose_every_ray_meets_the_card(display):
+    space, layout = Space.of(display, SCALE), layout_of(display)
+    y, half, path = card_of_motion(space, 1, 4)
+    centre = card_centre(space, y, path[1], path)
+    card = metrics.card_pixels(space, y, centre, half)
+    width, height = layout.size
     columns, rows = np.meshgrid(np.arange(width), np.arange(height))
     met = np.ones((height, width), bool)
     for u in (1e-6, 1 - 1e-6):
         for v in (1e-6, 1 - 1e-6):
-            origin, direction = rays(LAYOUT, (columns + u) / width, 1 - (rows + v) / height, u, 1 - v)
-            at = origin + direction * ((LAYOUT.array.distance + y) / direction[..., 2:])
+            origin, direction = rays(layout, (columns + u) / width, 1 - (rows + v) / height, u, 1 - v)
+            at = origin + direction * ((layout.array.distance + y) / direction[..., 2:])
             met &= (np.abs(at[..., 0] - centre[0]) <= half[0]) & (np.abs(at[..., 1] - centre[1]) <= half[1])
-            origin, direction = rays(LAYOUT, (columns + u) / width, 1 - (rows + v) / height, 1 - u, v)
-            at = origin + direction * ((LAYOUT.array.distance + y) / direction[..., 2:])
+            origin, direction = rays(layout, (columns + u) / width, 1 - (rows + v) / height, 1 - u, v)
+            at = origin + direction * ((layout.array.distance + y) / direction[..., 2:])
             met &= (np.abs(at[..., 0] - centre[0]) <= half[0]) & (np.abs(at[..., 1] - centre[1]) <= half[1])
-    expected = to_elemental_images(met[..., None], LENSES)[..., 0]
+    expected = to_elemental_images(met[..., None], display.lenses)[..., 0]
     assert card.any() and not (card & ~expected).any()
     # No pixel well inside is left out.
     assert (card == expected).mean() > 0.97

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 
@@ -14,9 +15,11 @@ from lfsr_core.bench.stress.folder import DISPLAY_FILE
 from lfsr_core.bench.stress.space import Space, card_centre, card_of_motion, hole, rectangle_path
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.rays import CameraArray, RayLayout, rays
+from lfsr_core.optics.rays import CameraArray, RayLayout, pixel_rays, rays
+from tests.support.synthetic import FLAT
 
 DISPLAYS = [load_display(DISPLAY_FILE), load_display("mini"), load_display("small")]
+OBLONG = dataclasses.replace(DISPLAYS[1], name="oblong", lenses=(16, 24), views=(8, 4))  # rows half a lens high
 
 
 @pytest.mark.parametrize("display", DISPLAYS, ids=lambda display: display.name)
@@ -44,6 +47,18 @@ def test_footprint_and_window_hold_the_rays_that_are_sent(display, y):
                       for place in np.linspace(0, 1 - 1e-9, 4 * width + 1) for number in (0, 1 - 1e-9)])
     assert np.abs(every).max() <= space.window(y)[0] * (1 + 1e-6)
     assert np.abs(every).max() >= space.window(y)[0] - space.footprint(y)
+
+
+@pytest.mark.parametrize("display", [*DISPLAYS, OBLONG, FLAT], ids=lambda display: display.name)
+@pytest.mark.parametrize("y", [0.0, 5.0])
+def test_the_window_is_as_high_as_what_is_seen(display, y):
+    space, layout = Space.of(display, 2), RayLayout.for_display(display, CameraArray.for_display(
+        display, display.lenses[0]))
+    origin, direction = pixel_rays(layout)
+    seen = np.abs(origin + direction * ((layout.array.distance + y) / direction[..., 2:]))[..., 1].max()
+    height = space.window(y)[1]
+    assert height - space.footprint(y, axis=1) <= seen <= height
+    assert space.size == pytest.approx((2 * layout.array.half_width, 2 * layout.array.half_height), rel=1e-3)
 
 
 def meet(layout, raster_x, random_x, y):
