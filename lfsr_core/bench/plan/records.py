@@ -29,6 +29,9 @@ class Verdict:
     estimate: float | None = None
     bound: float | None = None
     actual: float | None = None  # its accuracy as a whole frame
+    # measured, actuals: for each measured candidate, its name and its accuracy as a whole frame
+    measured: tuple[str, ...] = ()
+    actuals: tuple[float, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)

@@ -34,6 +34,8 @@ from lfsr_core.render.blender import find_blender
 from lfsr_core.render.store import Render
 
 TARGETS = (0.8, 0.85, 0.9, 0.925, 0.95, 0.97)
+CANDIDATE_COLUMNS = ("scene", "candidate", "actual", "estimate", "least", "most", "bounds below", "seconds: predicted "
+                     "over actual")
 CHEAP_ENOUGH = 1.2  # times the cost of the best choice in hindsight
 COLUMNS = ("scene", "seed", "target", "chosen", "estimate", "bound", "actual", "met", "hindsight", "cost", "samples")
 KEPT = "truth"  # folder of measured candidates beside a scene's samples
@@ -95,7 +97,8 @@ def judge(planned: Planned, actuals: Actuals, case: Case) -> Verdict:
         planned.sample, planned.choice.limit,
         covered=tuple(row.estimate.low <= found.accuracy for row, found in pairs),
         errors=tuple(row.estimate.mean - found.accuracy for row, found in pairs),
-        times=tuple(row.seconds / found.seconds for row, found in pairs))
+        times=tuple(row.seconds / found.seconds for row, found in pairs),
+        measured=tuple(row.candidate.name for row in measured), actuals=tuple(found.accuracy for found in known))
     if row is None:
         return verdict
     found = actuals[row.candidate]
@@ -137,12 +140,26 @@ def summary(rows: Sequence[Verdict]) -> Summary:
 
 
 def markdown(rows: Sequence[Verdict]) -> str:
-    """A table of all plans and one of the summary."""
+    """A table of all plans, one of the candidates that they measured, and one of the summary."""
     lines = markdown_table(COLUMNS, ([getattr(row, name) for name in COLUMNS] for row in rows))
+    lines += ["", *markdown_table(CANDIDATE_COLUMNS, _of_candidates(rows))]
     whole = dataclasses.asdict(summary(rows))
     lines += ["", *markdown_table(("over all plans", ""),
                                   [(name.replace("_", " "), value) for name, value in whole.items()])]
     return "\n".join(lines) + "\n"
+
+
+def _of_candidates(rows: Sequence[Verdict]) -> Iterator[list[object]]:
+    """Every scene's candidates, their estimates in every draw of lenses, whatever the target."""
+    found: dict[tuple[str, str], dict[int, tuple[float, float, bool, float]]] = {}
+    for row in rows:
+        for name, *values in zip(row.measured, row.actuals, row.errors, row.covered, row.times, strict=True):
+            found.setdefault((row.scene, name), {}).setdefault(row.seed, tuple(values))
+    for (scene, name), draws in sorted(found.items()):
+        actuals, errors, covered, times = zip(*draws.values(), strict=True)
+        estimates = np.add(actuals, errors)
+        yield [scene, name, actuals[0], estimates.mean(), estimates.min(), estimates.max(),
+               f"{sum(covered)} of {len(draws)}", _median(times)]
 
 
 def _actuals(draw: Draw, wanted: Sequence[Candidate], metric: str) -> Actuals:

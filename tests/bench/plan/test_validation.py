@@ -104,7 +104,12 @@ def test_plans_are_held_against_whole_frames(bench, tmp_path, capsys, monkeypatc
     assert all(row.chosen is None and row.hindsight is None for row in rows if row.target == 0.9)
     assert whole.met == 1 and whole.bounds_below_actual > 0.9
     assert abs(whole.mean_error) < 0.01
-    assert "| toy | 0 | 0.500 | s2" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "| toy | 0 | 0.500 | s2" in said
+    first = rows[0]
+    assert len(first.measured) == len(first.actuals) == len(first.errors) > 4
+    actual_of = dict(zip(first.measured, first.actuals, strict=True))
+    assert f"| toy | s4-spp16 bilinear | {actual_of['s4-spp16 bilinear']:.3f} | " in said
     # What was measured is kept: a second time nothing is finished again.
     kept = sorted((tmp_path / "out" / "toy" / "truth").iterdir())
     assert len(kept) == 10
