@@ -58,9 +58,10 @@ def border_and_centre(of: Compared, width: int) -> dict[str, float | None]:
 
 
 def _ring(shape: tuple[int, ...], width: int) -> np.ndarray:
-    ring = np.ones(shape, bool)
-    ring[width:max(shape[0] - width, width), width:max(shape[1] - width, width)] = False
-    return ring
+    """The outer pixels (py, px); along an axis with one view there is no border."""
+    down, across = (np.minimum(np.arange(size), np.arange(size)[::-1]) < width if size > 1 else np.zeros(1, bool)
+                    for size in shape)
+    return down[:, None] | across
 
 
 def neighbour_view_error(of: Compared) -> float | None:

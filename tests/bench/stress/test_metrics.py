@@ -57,6 +57,14 @@ def test_an_error_at_the_borders_is_found_there_and_nowhere_else():
     assert centre["rmse_border"] == 0 and centre["rmse_centre"] == pytest.approx(0.1)
 
 
+def test_where_views_differ_along_one_axis_rows_have_no_border():
+    lenses = (8, 72)
+    x = EVEN.copy()
+    to_elemental_images(x, lenses)[..., [0, 1, 2, -3, -2, -1], :] += 0.1
+    found = metrics.border_and_centre(Compared(x, EVEN, EVEN, lenses, np.ones((72, 8), bool)), 3)
+    assert found["rmse_border"] == pytest.approx(0.1) and found["rmse_centre"] == 0
+
+
 def test_the_ratio_of_an_even_error_is_one_and_the_references_noise_cancels():
     x, a, b = EVEN + 0.05, EVEN + noise(0.05, 1), EVEN + noise(0.05, 2)
     found = metrics.border_and_centre(Compared(x, a, b, LENSES, ALL), 3)
