@@ -70,6 +70,7 @@ def test_frames_that_did_not_share_are_refused(made):
 @pytest.mark.parametrize("words, sentence", [
     (["--share-frames", "1"], "without --frames"),
     (["--frames", "1-3", "--share-frames", "9"], "0 to 8"),
+    (["--frame", "2", "--share-frames", "9"], "0 to 8"),
     (["--frames", "1-3", "--share-frames", "1", "--workers", "2"], "several workers"),
 ])
 def test_what_does_not_go_together_is_refused(tmp_path, capsys, words, sentence):
