@@ -90,12 +90,12 @@ def crop_around(image: np.ndarray, lenses: tuple[int, int], lens: tuple[int, int
     image: EIA (H, W, 3).
     lenses: (sx, sy) of the EIA.
     lens: (row, column), in the middle of the crop where the image reaches so far.
-    across: lenses of the crop in both directions.
+    across: lenses of the crop along the axis where they have most pixels; along the other as many as make it square.
     """
     size = image.shape[0] // lenses[1], image.shape[1] // lenses[0]
     spans = []
     for at, count, pixels in zip(lens, lenses[::-1], size, strict=True):
-        reach = min(across, count)
+        reach = min(across * max(size) // pixels, count)
         first = min(max(at - reach // 2, 0), count - reach)
         spans.append(slice(first * pixels, (first + reach) * pixels))
     return image[tuple(spans)]

@@ -21,6 +21,13 @@ def test_crops_hold_their_lens_and_stay_inside(lens):
     assert crop.shape == (24, 24, 3) and crop.sum() == 8 * 8 * 3
 
 
+def test_a_crop_of_flat_elemental_images_is_square_too():
+    image = np.zeros((54, 31 * 40, 3))
+    image[20] = 1
+    assert page.crop_around(image, (31, 54), (20, 3)).shape == (54, 120, 3), "as high as there are rows"
+    assert page.crop_around(image[:, :31 * 10], (31, 54), (20, 3)).shape == (30, 30, 3)
+
+
 def test_a_curve_with_gaps_is_drawn_where_it_is_known():
     cells = tuple(Cell(value, "scene", 16, "m", {"q": quality}, None)
                   for value, quality in ((1, 0.9), (2, None), (3, 0.7)))
