@@ -17,8 +17,8 @@ from bpy.props import (
     StringProperty,
 )
 
+from lfsr_core.frames.sharing import MOST_SHARED
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
-from lfsr_core.reconstruct.neighbours import MOST_SHARED
 
 from ..array import rig
 from ..results import preview

@@ -14,10 +14,10 @@ from lfsr_core.files import check_name
 from lfsr_core.frames.frame import EIA_FILE, Frame, read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
+from lfsr_core.frames.sharing import seed_in_turn
 from lfsr_core.optics.depth_scale import Choice, choose_scale, scales_up_to
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, MethodName, default_method
-from lfsr_core.reconstruct.neighbours import seed_in_turn
 
 from ..array import placement, rig
 from ..render import devices

@@ -15,6 +15,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import check_dilate
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import LAYERS, Job
+from lfsr_core.frames.sharing import check_shared, seed_in_turn
 from lfsr_core.optics.depth_scale import scales_up_to
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lens_rows import shown
@@ -76,8 +77,6 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _in_turn(job: Job, share_frames: int) -> Job:
     """The job of one frame of an animation whose frames share, with the seed that it has there."""
-    from lfsr_core.reconstruct.neighbours import check_shared, seed_in_turn
-
     check_shared(share_frames)
     return dataclasses.replace(job, seed=seed_in_turn(job.seed, job.frame, share_frames))
 

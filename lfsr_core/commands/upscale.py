@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, frame_folder, read_frame
+from lfsr_core.frames.sharing import check_shared
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.progress import ProgressBar
 
@@ -43,8 +44,6 @@ def add_method_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Upscale the folder and print where the picture is."""
     folder = arguments.folder if arguments.frame is None else frame_folder(arguments.folder, arguments.frame)
-    from lfsr_core.reconstruct.neighbours import check_shared
-
     check_shared(arguments.share_frames)
     frame = read_frame(folder)
     upscale(folder, chosen_method(arguments.method, frame.scale, frame.display), arguments)

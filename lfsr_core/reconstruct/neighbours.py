@@ -7,13 +7,10 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
-from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, Frame, read_frame
-from lfsr_core.frames.job import MOST_SEED
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.images.exr import clean, read_layers
 
-MOST_SHARED = 8  # frames to each side
 NUMBERED = re.compile(r"-?\d{3,}$")  # names as of ``frame_folder``
 # What two frames must have in common for their pixels to be samples of the same rays.
 COMMON = ("display", "scale", "array", "matrix_world", "samples", "convention", "view_aperture", "lens_list", "clip",
@@ -33,12 +30,6 @@ class Neighbour:
     def shares(self) -> bool:
         """True if it can be averaged with."""
         return self.same_rays and not self.same_seed
-
-
-def check_shared(count: int) -> None:
-    """LfsrError if so many frames to each side cannot be shared."""
-    if not 0 <= count <= MOST_SHARED:
-        raise LfsrError(f"{str(count)[:20]} frames to each side were to be shared, but it must be 0 to {MOST_SHARED}")
 
 
 def neighbours_of(folder: Path, frame: Frame, count: int) -> list[Neighbour]:
@@ -61,14 +52,6 @@ def near(number: int, numbers: Collection[int], count: int) -> list[int]:
     every = sorted({*numbers, number})
     first = max(0, min(every.index(number) - count, len(every) - 2 * count - 1))
     return [other for other in every[first:first + 2 * count + 1] if other != number]
-
-
-def seed_in_turn(seed: int, number: int, count: int) -> int:
-    """The seed of frame ``number``, of as many in turn as frames share; ``seed`` itself where none do.
-
-    So the frames near one always have each of the seeds once, and where nothing moves their mean stands still.
-    """
-    return (seed + (number - 1) % (2 * count + 1)) % (MOST_SEED + 1)
 
 
 def read_low(folder: Path) -> LowResEIA:

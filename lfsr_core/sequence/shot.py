@@ -11,8 +11,9 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LAYOUTS, Frame, frame_folder, read_part
 from lfsr_core.frames.job import AUTO, Job
 from lfsr_core.frames.report import read_report
+from lfsr_core.frames.sharing import check_shared, seed_in_turn
 from lfsr_core.images.exr import check_whole
-from lfsr_core.reconstruct.neighbours import check_shared, numbered_beside, seed_in_turn
+from lfsr_core.reconstruct.neighbours import numbered_beside
 from lfsr_core.reconstruct.second_stage import UpscaleOptions
 from lfsr_core.render.content import scene_content
 from lfsr_core.render.process import RENDERED_FILES, check_folder

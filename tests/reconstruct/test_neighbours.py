@@ -5,16 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.reconstruct.neighbours import (
-    check_shared,
-    near,
-    neighbours_of,
-    numbered_beside,
-    seed_in_turn,
-    sharing_notes,
-)
+from lfsr_core.frames.sharing import seed_in_turn
+from lfsr_core.reconstruct.neighbours import near, neighbours_of, numbered_beside, sharing_notes
 from lfsr_core.reconstruct.second_stage import UpscaleOptions, linear_and_mask, upscale_frame
 from tests.support.synthetic import IDENTITY, write_render
 
@@ -79,9 +72,3 @@ def test_frames_without_noise_are_finished_as_alone(tmp_path):
     film(tmp_path, (1, 2))
     images = [linear_and_mask(tmp_path / "0001", "bicubic", UpscaleOptions(share_frames=count))[0] for count in (0, 2)]
     np.testing.assert_allclose(*images, atol=1e-5)
-
-
-@pytest.mark.parametrize("count", [-1, 9])
-def test_impossible_counts_are_refused(count):
-    with pytest.raises(LfsrError, match="0 to 8"):
-        check_shared(count)
