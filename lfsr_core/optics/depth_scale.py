@@ -15,6 +15,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
 MOST = 4  # largest scale that is chosen
+LEAST_VIEWS = 5  # along each axis that a scale above 2 must leave: too few lie far apart, docs/results/displays.md
 # Lenses by which rendered views may move what is seen, on average: the more where every view at as many rays would get
 # one sample or less, which no denoiser makes much of; the less where it would get four. docs/results/stress.md.
 FEW, MANY = 1, 4
@@ -32,8 +33,10 @@ class Choice:
 
 
 def scales_up_to(display: DisplayProfile, most: int = MOST) -> tuple[int, ...]:
-    """Scales to choose from, the largest first: those that divide the display's views, and 1."""
-    usual = [scale for scale in display.scales() if scale <= most] or display.scales()[:1]
+    """Scales to choose from, the largest first: those that divide the display's views and leave enough, and 1."""
+    fewest = min((count for count in display.views if count > 1), default=1)
+    usual = [scale for scale in display.scales() if scale <= most and (scale <= 2 or fewest >= LEAST_VIEWS * scale)]
+    usual = usual or display.scales()[:1]
     return (*sorted(usual, reverse=True), 1)
 
 

@@ -1,5 +1,7 @@
 """Scales by depth."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -65,6 +67,12 @@ def test_nothing_seen_or_nothing_to_choose_from():
     assert choose_scale(SMALL, array, np.empty(0), (2, 4), 16).scale == 4
     assert choose_scale(SMALL, array, np.full(3, 1e9), (3,), 16).scale == 3
     assert choose_scale(SMALL, array, np.full(3, -1.0), (4, 1), 16).scale == 1, "beside the viewer is very near"
+
+
+@pytest.mark.parametrize(("views", "scales"), [(8, (2, 1)), (12, (2, 1)), (20, (4, 2, 1)), (15, (3, 1)), (9, (3, 1))])
+def test_scales_leave_enough_views(views, scales):
+    pixels = tuple(count * views for count in SMALL.lenses)
+    assert scales_up_to(dataclasses.replace(SMALL, views=(views, views), panel_pixels=pixels)) == scales
 
 
 def test_scales_divide_the_views():
