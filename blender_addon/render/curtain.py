@@ -14,6 +14,7 @@ import bpy
 import mathutils
 import numpy as np
 
+from lfsr_core.optics.panel.panel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
 
 from .. import compat
@@ -27,7 +28,8 @@ _VISIBILITY = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 
 
 @contextmanager
-def curtain(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix, depth: float) -> Iterator[bool]:
+def curtain(scene: bpy.types.Scene, layout: RayLayout | PanelLayout, matrix_world: Matrix,
+            depth: float) -> Iterator[bool]:
     """Inside the block rays of ``layout`` see no thing beyond ``depth``; True if any lies there."""
     frame = to_blender(matrix_world)
     farthest = _farthest(frame)
@@ -63,10 +65,9 @@ def _farthest(frame: mathutils.Matrix) -> float:
     return max(depths)
 
 
-def _half_side(layout: RayLayout, depth: float) -> float:
+def _half_side(layout: RayLayout | PanelLayout, depth: float) -> float:
     """Half the side of the square that every ray passes at ``depth``."""
-    array = layout.array
-    reach = max(layout.views) * layout.spacing
+    array, reach = layout.array, layout.reach
     return SPARE * (reach + (reach + max(array.half_width, array.half_height)) * depth / array.distance)
 
 

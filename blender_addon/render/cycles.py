@@ -14,9 +14,10 @@ import numpy as np
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
-from lfsr_core.frames.frame import Clip
+from lfsr_core.frames.frame import SUBPIXELS, Clip
 from lfsr_core.frames.job import CLAMP_INDIRECT
 from lfsr_core.images import exr
+from lfsr_core.optics.panel.panel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
 from lfsr_core.render.parts import ImageParts, Part
 
@@ -28,6 +29,7 @@ from .curtain import curtain, without_places
 from .lens_card import card_camera, without_misses
 from .osl_camera import set_ray_layout
 from .overrides import overridden
+from .panel_camera import set_panel_layout
 from .progress import Progress, following
 
 LEAST_PIXELS = 4        # Blender renders nothing narrower
@@ -66,10 +68,10 @@ class Shot:
     """Which rays a render sends, and from where."""
 
     # Rays in camera-array space.
-    layout: RayLayout
+    layout: RayLayout | PanelLayout
     # Camera-array space to the world, four rows of four.
     matrix_world: Matrix
-    # Who sends them in one pass, "one-pass" (the OSL camera) or "lens-card".
+    # Who sends them in one pass: "one-pass", "subpixels" (an OSL camera, of a PanelLayout) or "lens-card".
     way: str = "one-pass"
     # Depths from the camera plane between which things are seen; None: all.
     clip: Clip | None = None
@@ -143,7 +145,8 @@ def encoded_camera(scene: bpy.types.Scene, shot: Shot) -> Iterator[None]:
             yield
         return
     with temporary_camera(scene, shot.matrix_world, shot.layout.array.distance) as camera:
-        set_ray_layout(camera.data, shot.layout, shot.clip_start)
+        set_rays = set_panel_layout if shot.way == SUBPIXELS else set_ray_layout
+        set_rays(camera.data, shot.layout, shot.clip_start)
         yield
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 
 import bpy
@@ -45,9 +45,12 @@ def way_of(device: str) -> str:
     return "one-pass" if has_osl_camera(device) else "lens-card"
 
 
-def resolved(device: str) -> str:
-    """The device that ``device`` stands for: "auto" is the best of this machine, everything else itself."""
-    return device if device != AUTO else next((kind for kind in GPU_TYPES if _found(kind)), "CPU")
+def resolved(device: str, able: Collection[str] = GPU_TYPES) -> str:
+    """The device that ``device`` stands for: "auto" is the best of this machine, everything else itself.
+
+    ``able``: GPU types to choose from.
+    """
+    return device if device != AUTO else next((kind for kind in GPU_TYPES if kind in able and _found(kind)), "CPU")
 
 
 def _found(kind: str) -> bool:

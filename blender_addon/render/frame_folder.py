@@ -12,7 +12,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, WORLD_FILE, Frame, write_frame
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, write_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.world import finished_layout
 from lfsr_core.optics.depth_scale import Choice, choose_scale
@@ -52,7 +52,7 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
     -------
     The frame folder.
     """
-    job = dataclasses.replace(job, device=devices.resolved(job.device))
+    job = dataclasses.replace(job, device=_device(job))
     opened = opened or Opened()
     with prepared(scene, job, warn) as frame:
         keep = _keeping(scene, job, frame, opened, warn)
@@ -137,6 +137,17 @@ def _at_frame(scene: bpy.types.Scene, number: int | None) -> Iterator[None]:
             scene.frame_set(before[0], subframe=before[1])
 
 
+def _device(job: Job) -> str:
+    """The job's device; LfsrError where it cannot trace the rays of subpixels."""
+    if job.layout != SUBPIXELS:
+        return devices.resolved(job.device)
+    device = devices.resolved(job.device, devices.WITH_OSL_CAMERA)
+    if not devices.has_osl_camera(device):
+        raise LfsrError(f"the layout {SUBPIXELS} needs the OSL camera, which this Blender does not run on {device}: "
+                        f"render on {' or '.join(devices.WITH_OSL_CAMERA)}, or choose another layout")
+    return device
+
+
 def _layout(job: Job) -> str:
     """The layout asked for, but the lens card where the OSL camera cannot run."""
     return devices.way_of(job.device) if job.layout == "one-pass" else job.layout
@@ -212,7 +223,8 @@ def _rows(frame: Frame) -> Part | None:
 def _render(scene: bpy.types.Scene, job: Job, frame: Frame, keep: Keep, progress: Progress | None) -> float:
     """Render every image of the job; seconds."""
     render = render_views if frame.layout == "view-by-view" else render_encoded
-    shot, images = Shot(frame.rays, frame.matrix_world, frame.layout, frame.clip, _rows(frame)), _images(job, frame)
+    layout, images = frame.panel_rays or frame.rays, _images(job, frame)
+    shot = Shot(layout, frame.matrix_world, frame.layout, frame.clip, _rows(frame))
     return sum(render(scene, shot, settings, Path(job.output, name),
                       Following(part(progress, number, len(images)), keep(name)))
                for number, (name, settings) in enumerate(images))

@@ -16,7 +16,7 @@ import numpy as np
 from lfsr_core.commands.arguments import add_rows_argument, add_scene_arguments, make_job, render
 from lfsr_core.commands.cluster_arguments import add_cluster_arguments, chosen_cluster
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import LOW_RES_FILE
+from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.lens_sampling import check_count, choose_lenses
 from lfsr_core.progress import ProgressBar
@@ -44,6 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Choose lenses if asked to, then render them at full resolution, unclamped."""
+    if arguments.layout == SUBPIXELS:
+        raise LfsrError(f"a reference is a light field, which the layout {SUBPIXELS} goes without: choose another")
     job = make_job(arguments, kind="reference", scale=1, clamp_indirect=0.0)
     cluster = chosen_cluster(arguments)
     _check_split(arguments, cluster)

@@ -13,7 +13,7 @@ from lfsr_core.commands.arguments import add_rows_argument, add_scene_arguments,
 from lfsr_core.commands.cluster_arguments import add_cluster_arguments, chosen_cluster
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import check_dilate
-from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.frame import SUBPIXELS, read_frame
 from lfsr_core.frames.job import LAYERS, Job
 from lfsr_core.frames.sharing import check_shared, seed_in_turn
 from lfsr_core.optics.depth_scale import scales_up_to
@@ -57,7 +57,8 @@ def run(arguments: argparse.Namespace) -> None:
     check_dilate(arguments.dilate)
     _check_frames(arguments)
     scale = _largest_scale(arguments)
-    method = upscale.chosen_method(arguments.method, scale, load_display(arguments.display))
+    method = (upscale.panel_method(arguments) if arguments.layout == SUBPIXELS
+              else upscale.chosen_method(arguments.method, scale, load_display(arguments.display)))
     layers = method.layers if arguments.layers is None else arguments.layers
     job = make_job(arguments, scale=scale, layers=layers)
     job = dataclasses.replace(job, scales=_scales(arguments, job, method))
@@ -85,12 +86,14 @@ def _largest_scale(arguments: argparse.Namespace) -> int:
     """The scale asked for, or the largest that may be chosen."""
     if arguments.scale != AUTO_SCALE:
         return arguments.scale
+    if arguments.layout == SUBPIXELS:
+        return 1
     return scales_up_to(load_display(arguments.display))[0]
 
 
 def _scales(arguments: argparse.Namespace, job: Job, method: MethodName) -> tuple[int, ...]:
     """Scales that Blender may choose from: an animation keeps one."""
-    if arguments.scale != AUTO_SCALE or arguments.frames is not None:
+    if arguments.scale != AUTO_SCALE or arguments.frames is not None or arguments.layout == SUBPIXELS:
         return ()
     return tuple(scale for scale in scales_up_to(job.display) if scale == 1 or method.works_at(scale))
 

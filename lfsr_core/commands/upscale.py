@@ -6,13 +6,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, frame_folder, read_frame
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, frame_folder, read_rendered
 from lfsr_core.frames.sharing import check_shared
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.progress import ProgressBar
+from lfsr_core.progress import Progress, ProgressBar, silent
 
 if TYPE_CHECKING:  # its modules are slow to import, and `lfsr --help` is to be quick
     from lfsr_core.reconstruct.method_name import MethodName
+    from lfsr_core.reconstruct.second_stage import UpscaleOptions
 
 NAME = "upscale"
 HELP = "redo only the second stage of a rendered frame folder"
@@ -45,8 +46,23 @@ def run(arguments: argparse.Namespace) -> None:
     """Upscale the folder and print where the picture is."""
     folder = arguments.folder if arguments.frame is None else frame_folder(arguments.folder, arguments.frame)
     check_shared(arguments.share_frames)
-    frame = read_frame(folder)
-    upscale(folder, chosen_method(arguments.method, frame.scale, frame.display), arguments)
+    frame = read_rendered(folder)
+    method = (panel_method(arguments) if frame.panel_rays
+              else chosen_method(arguments.method, frame.scale, frame.display))
+    upscale(folder, method, arguments)
+
+
+def panel_method(arguments: argparse.Namespace) -> MethodName:
+    """The method asked for, else the default, of a render of a panel's subpixels; LfsrError if it cannot finish one."""
+    from lfsr_core.reconstruct.method_name import MethodName
+    from lfsr_core.reconstruct.methods import denoise
+    from lfsr_core.reconstruct.panel_stage import PANEL_METHODS
+    from lfsr_core.reconstruct.second_stage import check_panel_finish
+
+    name = arguments.method or PANEL_METHODS[0 if denoise.is_available() else -1]
+    method = MethodName.parse(name)
+    check_panel_finish(method, options_of(arguments))
+    return method
 
 
 def chosen_method(name: str | None, scale: int, display: DisplayProfile) -> MethodName:
@@ -64,21 +80,30 @@ def chosen_method(name: str | None, scale: int, display: DisplayProfile) -> Meth
     return chosen
 
 
+def options_of(arguments: argparse.Namespace, progress: Progress = silent) -> UpscaleOptions:
+    """How the frame is finished, besides the method."""
+    from lfsr_core.reconstruct.second_stage import UpscaleOptions
+
+    return UpscaleOptions(arguments.step, arguments.dilate, weights=arguments.weights, linear_exr=arguments.linear_exr,
+                          share_frames=arguments.share_frames or 0, progress=progress)
+
+
 def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> None:
     """Run the second stage with a progress bar and print its times."""
-    from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
+    from lfsr_core.reconstruct.second_stage import upscale_frame
 
     progress = ProgressBar()
     try:
-        options = UpscaleOptions(arguments.step, arguments.dilate, weights=arguments.weights,
-                                 linear_exr=arguments.linear_exr, share_frames=arguments.share_frames or 0,
-                                 progress=progress)
-        report = upscale_frame(folder, method, options)
+        report = upscale_frame(folder, method, options_of(arguments, progress))
     finally:
         progress.close()
     times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report.seconds.items())
     for note in report.notes:
         progress.note(note)
-    if read_frame(folder).display.is_woven:
+    frame = read_rendered(folder)
+    if frame.panel_rays:
+        print(f"{folder / PANEL_FILE}: the panel's image, traced for its subpixels; {method} ({times})")
+        return
+    if frame.display.is_woven:
         print(f"{folder / PANEL_FILE}: the panel's image, woven for its lens sheet")
     print(f"{folder / EIA_FILE}: {method}, {report.foreground_share:.0%} of the lenses are foreground ({times})")

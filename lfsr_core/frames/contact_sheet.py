@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame, read_rendered
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics import eia
 from lfsr_core.optics.display import DisplayProfile
@@ -58,8 +58,13 @@ def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = 
 
     ``eye_mm``: millimetres from the display's centre, rightwards, upwards, towards
     the viewer. Returns the written files; LfsrError where the EIA is missing.
+    With an eye a folder that holds the panel's picture alone has what it sees, and nothing else.
     """
-    folder, profile = Path(folder), read_frame(folder).display
+    folder = Path(folder)
+    if eye_mm is not None and (frame := read_rendered(folder)).panel_rays:
+        write_png(folder / EYE_FILE, see_panel(read_png(folder / PANEL_FILE), frame.display, eye_mm))
+        return [folder / EYE_FILE]
+    profile = read_frame(folder).display
     panel = read_png(folder / EIA_FILE)
     image = view_order(panel, profile)
     pictures = dict(zip((HORIZONTAL_EPI_FILE, VERTICAL_EPI_FILE), epi_pair(image, profile.lenses), strict=True))

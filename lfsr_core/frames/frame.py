@@ -7,18 +7,22 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Protocol
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lens_rows import check_rows, shown
+from lfsr_core.optics.panel.panel_rays import PanelLayout, check_sheet
 from lfsr_core.optics.rays import CameraArray, RayLayout
 from lfsr_core.records import from_data, to_data
 
 FORMAT = 1
-# The OSL camera, or the lens card where that cannot run; the lens card; one ordinary camera per view.
-LAYOUTS = ("one-pass", "lens-card", "view-by-view")
+SUBPIXELS = "subpixels"
+# The OSL camera, or the lens card where that cannot run; the lens card; one ordinary camera per view; an OSL camera
+# whose rays are no light field's, but those of the subpixels of a panel with a lens sheet.
+LAYOUTS = ("one-pass", "lens-card", "view-by-view", SUBPIXELS)
 LEAST_LENGTH = 1e-30  # scene units; its inverse is the most
 FRAME_FILE, REPORT_FILE = "frame.json", "report.json"
 VIEWER_FILE = "view.html"
@@ -73,6 +77,8 @@ class Frame:
         _check_array(self.array)
         if self.clip is not None and not 0 <= self.clip[0] < self.clip[1] <= 1 / LEAST_LENGTH:
             raise LfsrError(f"clip is {self.clip}, but it must be two depths, the nearer one first")
+        if self.layout == SUBPIXELS:
+            check_subpixels(self)
         lenses = self.display.lenses[0] * self.display.lenses[1]
         if len(self.rays.lens_list or ()) > lenses:
             raise LfsrError(f"lens_list names {len(self.lens_list)} lenses, but the display has {lenses}")
@@ -85,10 +91,37 @@ class Frame:
         return (LOW_RES_FILE, WORLD_FILE) if self.world_apart else (LOW_RES_FILE,)
 
     @property
+    def panel_rays(self) -> PanelLayout | None:
+        """Rays of this render where they are those of the panel's subpixels, else None."""
+        return PanelLayout(self.display, self.array) if self.layout == SUBPIXELS else None
+
+    @property
     def rays(self) -> RayLayout:
-        """Ray layout of this render."""
+        """Ray layout of this render; where there are ``panel_rays``, of the light field that it goes without."""
         return RayLayout.for_display(self.display, self.array, self.scale, convention=self.convention,
                                      view_aperture=self.view_aperture, lens_list=self.lens_list)
+
+
+class _Rendered(Protocol):
+    """What a frame and a job say alike of the rays of a render."""
+
+    display: DisplayProfile
+    scale: int
+    convention: str
+    view_aperture: float
+    lens_list: tuple[tuple[int, int], ...] | None
+    rows: tuple[int, int] | None
+
+
+def check_subpixels(render: _Rendered) -> None:
+    """LfsrError unless ``render`` can have the layout SUBPIXELS, which has neither views nor lenses to choose from."""
+    check_sheet(render.display)
+    wrong = {"scale": render.scale != 1, "convention": render.convention != "centred",
+             "view_aperture": render.view_aperture != 1, "lens_list": render.lens_list is not None,
+             "rows": render.rows is not None}
+    for name in (name for name, asked in wrong.items() if asked):
+        raise LfsrError(f"{name.replace('_', ' ')} is {str(getattr(render, name))[:40]}, but the layout {SUBPIXELS} "
+                        "traces the panel's subpixels, whole and at scale 1: leave it out, or choose another layout")
 
 
 def _check_array(array: CameraArray) -> None:
@@ -108,7 +141,19 @@ def write_frame(folder: str | Path, frame: Frame) -> None:
 
 
 def read_frame(folder: str | Path) -> Frame:
-    """Read ``frame.json``; LfsrError if absent, of another format, incomplete, or of a part of a frame."""
+    """Read the ``frame.json`` of a light field.
+
+    LfsrError if absent, of another format, incomplete, of a part of a frame, or of a panel's picture.
+    """
+    frame = read_rendered(folder)
+    if frame.panel_rays:
+        raise LfsrError(f"{folder} holds the panel's picture alone, rendered with the layout {SUBPIXELS}: elemental "
+                        "images, views and what is made of them need a render with another layout")
+    return frame
+
+
+def read_rendered(folder: str | Path) -> Frame:
+    """As ``read_frame``, but it may hold the panel's picture instead of a light field."""
     frame = read_part(folder)
     if frame.rows is not None:
         raise LfsrError(f"{folder} holds rows {shown(frame.rows)} of {frame.display.lenses[1]} alone: join it with the "

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.files import read_json
-from lfsr_core.frames.frame import LAYOUTS
+from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, check_subpixels
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lens_rows import Rows, check_rows, shown
 from lfsr_core.optics.rays import CONVENTIONS
@@ -67,6 +67,8 @@ class Job:
             self.display.low_views(scale)
         if self.rows is not None:
             _check_rows(self, self.rows)
+        if self.layout == SUBPIXELS:
+            check_subpixels(self)
 
 
 def read_job(path: str | Path) -> Job:

@@ -7,6 +7,13 @@ import numpy as np
 BLACK, WHITE = 8.5 / 255, 249.5 / 255  # display values
 # Percentiles of the pixels that say so: sparks in the dark and specks on white do not make a picture.
 SPARKS, SPECKS = 99.5, 5.0
+REMEDIES = {"black": "make lights or exposure stronger", "white": "make lights or exposure weaker"}
+
+
+def sentences(shown: np.ndarray, background: np.ndarray) -> list[str]:
+    """For a report: one if the picture is almost black or almost white; arguments as of ``extreme``."""
+    tone = extreme(shown, background)
+    return [f"the picture is almost {tone}: {REMEDIES[tone]}, or check where the camera looks"] if tone else []
 
 
 def extreme(shown: np.ndarray, background: np.ndarray | None = None) -> str:

@@ -79,6 +79,11 @@ class RayLayout:
         return side * self.parallax[0], side * self.parallax[1]
 
     @property
+    def reach(self) -> float:
+        """Scene units from the array's axis that no ray begins beyond, generously."""
+        return max(self.views) * self.spacing
+
+    @property
     def tiles(self) -> tuple[int, int]:
         """Elemental images across and down the rendered image."""
         if self.lens_list is None:

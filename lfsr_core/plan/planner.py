@@ -10,6 +10,7 @@ import numpy as np
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
+from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.job import Job
 from lfsr_core.images.exposure import extreme
 from lfsr_core.images.srgb import srgb_encode
@@ -75,8 +76,8 @@ def make_plan(job: Job, options: Options, render: Render, folder: Path,
     LfsrError : for bad options, a scene without foreground, or what ``render`` raises
     """
     question = Question(job, options, tuple(options.candidates(job.display)))
-    if job.layout == "view-by-view":
-        raise LfsrError("a plan renders single lenses, which a view-by-view render cannot: choose another layout")
+    if job.layout in ("view-by-view", SUBPIXELS):
+        raise LfsrError(f"a plan renders single lenses, which the layout {job.layout} cannot: choose another layout")
     _check_sample(folder, question)
 
     report = Moving.of(progress)

@@ -16,13 +16,15 @@ from lfsr_core.frames.frame import (
     LOW_RES_FILE,
     MASK_FILE,
     PANEL_FILE,
+    SUBPIXELS,
     Frame,
     read_frame,
+    read_rendered,
 )
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.frames.report import Report, write_report
 from lfsr_core.frames.world import read_world
-from lfsr_core.images.exposure import extreme
+from lfsr_core.images.exposure import sentences
 from lfsr_core.images.exr import HALF_MAX, clean, read_layers, write_layers
 from lfsr_core.images.png import write_mask, write_png
 from lfsr_core.images.view_transform import ViewTransform
@@ -37,6 +39,7 @@ from lfsr_core.reconstruct.contract import Upscaler
 from lfsr_core.reconstruct.method_name import PLAIN_METHOD, MethodName
 from lfsr_core.reconstruct.methods.shared_frames import share
 from lfsr_core.reconstruct.neighbours import Neighbour, neighbours_of, read_low, sharing_notes
+from lfsr_core.reconstruct.panel_stage import check_panel_method, finish_panel
 from lfsr_core.reconstruct.registry import Method
 from lfsr_core.reconstruct.world import BeforeWorld, prepared
 
@@ -65,10 +68,16 @@ def upscale_frame(folder: str | Path, method: str | MethodName | Method,
                   options: UpscaleOptions = DEFAULT) -> Report:
     """Write eia.png, mask.png and report.json of a rendered frame folder; return the report.
 
-    And eia.exr where asked for, panel.png where the display has a lens sheet to weave for.
+    And eia.exr where asked for, panel.png where the display has a lens sheet to weave for. Of a render of the panel's
+    subpixels panel.png and report.json alone.
 
     LfsrError for bad input; then nothing in the folder is half-written.
     """
+    rendered = read_rendered(folder)
+    if rendered.panel_rays:
+        name = method.name if isinstance(method, Method) else MethodName.parse(method)
+        check_panel_finish(name, options)
+        return finish_panel(Path(folder), rendered, name, options.progress)
     run = _begin(folder, method, options)
     show = _shown_by(run)
     assembly, replaced = _prepare(run)
@@ -80,6 +89,15 @@ def upscale_frame(folder: str | Path, method: str | MethodName | Method,
     report = _report(run, assembly, replaced, _exposure_notes(run, show, assembly, pixels))
     write_report(run.folder, report)
     return report
+
+
+def check_panel_finish(method: MethodName, options: UpscaleOptions) -> None:
+    """LfsrError where ``method`` or ``options`` want lenses, which a render of a panel's subpixels has none of."""
+    check_panel_method(method)
+    asked = {"--dilate": options.dilate, "--weights": options.weights, "--step": options.step,
+             "--linear-exr": options.linear_exr, "--share-frames": options.share_frames}
+    for name in (name for name, value in asked.items() if value):
+        raise LfsrError(f"{name} is for elemental images, which the layout {SUBPIXELS} goes without: leave it out")
 
 
 def panel_image(folder: str | Path, method: str | MethodName | Method,
@@ -270,9 +288,7 @@ def _exposure_notes(run: _Run, show: ViewTransform, assembly: Assembly, pixels: 
     lenses = np.argwhere(assembly.mask | assembly.fill)
     rows, columns = lenses[::len(lenses) // MOST_JUDGED + 1].T
     background = show.to_uint8(np.asarray(run.frame.display.background, np.float32)[None])[0]
-    tone = extreme(images[rows, columns], background)
-    change = {"black": "make lights or exposure stronger", "white": "make lights or exposure weaker"}
-    return [f"the picture is almost {tone}: {change[tone]}, or check where the camera looks"] if tone else []
+    return sentences(images[rows, columns], background)
 
 
 def _report(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> Report:

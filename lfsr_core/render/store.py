@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import FRAME_FILE, LAYOUTS, Frame, read_part
+from lfsr_core.frames.frame import FRAME_FILE, LAYOUTS, SUBPIXELS, Frame, read_part
 from lfsr_core.frames.job import Job, check_scene
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lens_rows import shown
@@ -40,7 +40,7 @@ def check_same(folder: Path, job: Job) -> None:
     """
     found, wanted = fingerprint(read_part(folder)), fingerprint(job)
     free = {"samples", "lens_list"} if job.kind == "reference" else set()
-    free |= {"layout"} if job.layout == LAYOUTS[0] else set()
+    free |= {"layout"} if job.layout == LAYOUTS[0] and found["layout"] != SUBPIXELS else set()
     free |= {"scale", "samples"} if found["scale"] in job.scales else set()
     for name in (name for name in wanted if name not in free):
         if found[name] != wanted[name]:

@@ -8,7 +8,16 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LAYOUTS, Frame, frame_folder, read_part
+from lfsr_core.frames.frame import (
+    EIA_FILE,
+    EIA_LINEAR_FILE,
+    LAYOUTS,
+    PANEL_FILE,
+    SUBPIXELS,
+    Frame,
+    frame_folder,
+    read_part,
+)
 from lfsr_core.frames.job import AUTO, Job
 from lfsr_core.frames.report import read_report
 from lfsr_core.frames.sharing import check_shared, seed_in_turn
@@ -111,7 +120,8 @@ def _readable(folder: Path) -> Frame | None:
 def _is_same(folder: Path, job: Job, frame: Frame) -> bool:
     """True if the frame was rendered with the settings of ``job``, on whatever device."""
     try:
-        _check_same(folder, dataclasses.replace(job, device=AUTO, layout=LAYOUTS[0]), frame, "")
+        layout = job.layout if job.layout == SUBPIXELS else LAYOUTS[0]
+        _check_same(folder, dataclasses.replace(job, device=AUTO, layout=layout), frame, "")
     except LfsrError:
         return False
     return True
@@ -160,7 +170,7 @@ def _is_finished(folder: Path, second: SecondStage) -> bool:
         return False
     made = (report.method, report.dilate, report.weights, report.share_frames)
     same = made == (second.method, second.dilate, second.weights, second.share_frames)
-    return same and _ends_as_png(folder / EIA_FILE)
+    return same and _ends_as_png(folder / (PANEL_FILE if report.layout == SUBPIXELS else EIA_FILE))
 
 
 def _ends_as_png(path: Path) -> bool:

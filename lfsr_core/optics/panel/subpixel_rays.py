@@ -72,9 +72,13 @@ def subpixel_rays(profile: DisplayProfile, channel: int, rows: np.ndarray, colum
     ``rows`` from the top and ``columns`` broadcast. Fractions are not clipped to the light field. ``profile`` must be
     woven.
     """
-    place = subpixel_places(profile, channel, rows, columns)
+    return point_rays(profile, *subpixel_places(profile, channel, rows, columns))
+
+
+def point_rays(profile: DisplayProfile, x: np.ndarray, y: np.ndarray) -> SubpixelRays:
+    """Rays of points of the panel, millimetres from its centre, y up. ``profile`` must be woven."""
     of_sheet = _through_cylinders if profile.lenticular else _through_lenses
-    return of_sheet(profile, Geometry.of(profile), *place)
+    return of_sheet(profile, Geometry.of(profile), x, y)
 
 
 def subpixel_places(profile: DisplayProfile, channel: int, rows: np.ndarray,

@@ -131,7 +131,7 @@ def shown_part(color: np.ndarray, parallax: tuple[bool, bool] = (True, True)) ->
     pixels = color.reshape(*color.shape[:2], -1, color.shape[-1])
     varies = (pixels.max(2) > pixels.min(2)).any(-1)
     h, w = color.shape[2:4] if all(parallax) else (1, 1)  # pixels of the image that a lens takes
-    return _span(varies.any(1), h), _span(varies.any(0), w)
+    return span(varies.any(1), h), span(varies.any(0), w)
 
 
 def _as_image(images: np.ndarray, parallax: tuple[bool, bool]) -> np.ndarray:
@@ -150,8 +150,11 @@ def _as_elemental_images(image: np.ndarray, shape: tuple[int, ...], parallax: tu
     return image.reshape(h, w, sy, sx, channels).transpose(2, 3, 0, 1, 4)
 
 
-def _span(wanted: np.ndarray, pixels: int) -> slice:
-    """Wanted lenses of ``pixels`` each with CONTEXT around; begins where the library pools as in the whole image."""
+def span(wanted: np.ndarray, pixels: int) -> slice:
+    """The (n,) wanted lenses, of ``pixels`` each, with CONTEXT around.
+
+    It begins where the library pools as in the whole image.
+    """
     places = np.flatnonzero(wanted)
     if not len(places):
         return slice(0, 0)

@@ -1,0 +1,73 @@
+"""The OSL camera that sends the rays of a panel's subpixels."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from lfsr_core.optics.panel.panel_rays import PanelLayout, parts_of
+from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice, elemental_waves
+from lfsr_core.optics.sheet import Subpixels
+
+from .osl_camera import set_shader
+
+SOURCE = Path(__file__).with_name("panel_layout.osl")
+Numbers = dict[str, int | float]
+
+
+def set_panel_layout(camera: bpy.types.Camera, layout: PanelLayout, clip_start: float = 0.0) -> None:
+    """Make ``camera`` send the rays of ``layout`` from ``clip_start`` on; LfsrError if it does not compile."""
+    set_shader(camera, panel_source(layout), panel_parameters(layout, clip_start))
+
+
+def panel_source(layout: PanelLayout) -> str:
+    """OSL source with the subpixels of ``layout`` as constants (arrays cannot be passed as parameters)."""
+    parts, source = parts_of(layout), SOURCE.read_text(encoding="utf-8")
+    values = {"OFFSETS": str(parts.right.size), "RIGHT": _listed(parts.right), "UP": _listed(parts.up)}
+    for name, value in values.items():
+        source = re.sub(rf"#define {name} .*", f"#define {name} {value}", source)
+    return source
+
+
+def panel_parameters(layout: PanelLayout, clip_start: float = 0.0) -> Numbers:
+    """Values of the shader's parameters; those of the other kind of sheet keep their defaults."""
+    display, array, geometry = layout.display, layout.array, Geometry.of(layout.display)
+    waves, phases = elemental_waves(display)
+    (across, down), (part_x, part_y) = display.panel_pixels, (display.subpixels or Subpixels()).size
+    of_sheet = _cylinders(layout, geometry) if display.lenticular else _lenses(layout, geometry)
+    return {
+        "across": across, "down": down, "parts": layout.parts, "pixel_x": geometry.pixel[0],
+        "pixel_y": geometry.pixel[1], "part_x": part_x, "part_y": part_y,
+        **{f"wave_{name}": float(value) for name, value in zip(("xx", "xy", "yx", "yy"), waves.ravel(), strict=True)},
+        "phase_x": float(phases[0]), "phase_y": float(phases[1]),
+        "unit_x": 2 * array.half_width / geometry.lens_plane[0],
+        "unit_y": 2 * array.half_height / geometry.lens_plane[1], "camera_unit": array.spacing / geometry.spacing,
+        "aperture": float(layout.aperture),
+        "plane_distance": float(array.distance), "clip_start": float(clip_start)} | of_sheet
+
+
+def _cylinders(layout: PanelLayout, geometry: Geometry) -> Numbers:
+    display, sheet = layout.display, layout.display.lenticular
+    nearer = geometry.distance / (geometry.distance + geometry.gap)
+    return {"cylinders": 1, "flip_x": int(sheet.flip[0]), "flip_y": int(sheet.flip[1]), "slant": float(sheet.slant),
+            "pitch_in_row": sheet.pitch_mm * math.hypot(1, sheet.slant), "pitch": sheet.pitch_mm * nearer,
+            "zone": display.views[0] * geometry.spacing, "turned_views": int(sheet.reversed), "nearer": nearer}
+
+
+def _lenses(layout: PanelLayout, geometry: Geometry) -> Numbers:
+    sheet = layout.display.lenslet
+    images, lenses = (lattice.matrix(sheet.packing) for lattice in (elemental_lattice(layout.display), sheet.lenses))
+    metrics = {name: matrix.T @ matrix for name, matrix in (("image", images), ("lens_metric", lenses))}
+    steps = {f"{name}_{pair}": float(metric["xy".index(pair[0]), "xy".index(pair[1])])
+             for name, metric in metrics.items() for pair in ("xx", "xy", "yy")}
+    plane = {f"lens_{name}": float(value) for name, value in zip(("xx", "xy", "yx", "yy"), lenses.ravel(), strict=True)}
+    return {**steps, **plane, "shift_x": float(sheet.lenses.shift_mm[0]), "shift_y": float(sheet.lenses.shift_mm[1]),
+            "throw_ratio": geometry.distance / geometry.gap}
+
+
+def _listed(values: np.ndarray) -> str:
+    return "{ " + ", ".join(f"{value:.9f}" for value in values.ravel()) + " }"

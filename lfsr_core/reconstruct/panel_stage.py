@@ -1,0 +1,103 @@
+"""From the traced subpixels of a panel to its picture: the second stage where no light field was rendered.
+
+What is denoised is the render, in which every subpixel has a pixel with three colours, not the panel's picture, in
+which it has one: that costs three times the pixels and gains 2 to 3 dB (docs/results/displays.md).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.foreground import foreground_pixels
+from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS, Frame
+from lfsr_core.frames.low_res import over_background
+from lfsr_core.frames.report import Report, write_report
+from lfsr_core.images.exposure import sentences
+from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.png import write_png
+from lfsr_core.images.view_transform import ViewTransform
+from lfsr_core.optics.panel.panel_rays import shown_subpixels
+from lfsr_core.progress import Progress, silent
+from lfsr_core.reconstruct.clock import StageClock, peak_bytes
+from lfsr_core.reconstruct.method_name import AS_RENDERED, MethodName
+from lfsr_core.reconstruct.methods import denoise
+
+PANEL_METHODS = ("oidn", "oidn-fast", AS_RENDERED)  # the default first
+ROWS_AT_ONCE, MOST_WORKERS = 64, 8
+
+
+def check_panel_method(method: MethodName) -> None:
+    """LfsrError for a method that works on elemental images."""
+    if method.text not in PANEL_METHODS:
+        raise LfsrError(f"method {method.text!r} works on elemental images, which the layout {SUBPIXELS} goes without: "
+                        f"choose one of {', '.join(PANEL_METHODS)}")
+
+
+def finish_panel(folder: Path, frame: Frame, method: MethodName, progress: Progress = silent) -> Report:
+    """Write panel.png and report.json of a folder whose render is of the panel's subpixels; return the report."""
+    check_panel_method(method)
+    clock = StageClock()
+    clock.seconds["render"] = float(sum(frame.seconds.get(step, 0.0) for step in ("open", "render")))
+    progress("load", 0.0, LOW_RES_FILE)
+    with clock("load"):
+        layers, replaced = clean(read_layers(folder / LOW_RES_FILE))
+    progress("upscale", 0.0, method.text)
+    with clock("upscale"):
+        picture = panel_picture(layers, frame, method)
+    progress("color", 0.0, PANEL_FILE)
+    with clock("color"):
+        show = ViewTransform(frame.color, picture.shape[0] * picture.shape[1])
+        pixels = _shown(show, picture)
+    with clock("write"):
+        write_png(folder / PANEL_FILE, pixels)
+    background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]
+    report = Report(
+        method=method.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
+        seconds={stage: round(seconds, 4) for stage, seconds in clock.seconds.items()}, peak_bytes=peak_bytes(),
+        foreground_share=float(foreground_pixels(layers).mean()), notes=tuple(sentences(pixels, background)),
+        replaced_pixels=replaced, layout=frame.layout, device=frame.device)
+    write_report(folder, report)
+    return report
+
+
+def panel_picture(layers: Mapping[str, np.ndarray], frame: Frame, method: MethodName) -> np.ndarray:
+    """The panel's picture (H, W, 3), scene-linear, of the layers of a render of its subpixels.
+
+    LfsrError where they have another size than the frame says.
+    """
+    (width, height), shape = frame.panel_rays.size, layers["color"].shape
+    if shape[:2] != (height, width):
+        raise LfsrError(f"{LOW_RES_FILE} has {shape[1]}×{shape[0]} pixels, but frame.json says {width}×{height}: "
+                        "render the frame again")
+    traced = over_background(layers, frame)
+    if method.text != AS_RENDERED:
+        traced = _denoised(traced, np.asarray(frame.display.background, np.float32), fast=method.text == "oidn-fast")
+    return shown_subpixels(frame.panel_rays, traced)
+
+
+def _denoised(traced: np.ndarray, background: np.ndarray, fast: bool) -> np.ndarray:
+    """The rectangle that shows more than the background, denoised."""
+    seen = (traced != background).any(-1)
+    part = denoise.span(seen.any(1), 1), denoise.span(seen.any(0), 1)
+    if traced[part].size:
+        traced = traced.copy()
+        traced[part] = denoise.denoise_eia(traced[part], fast=fast)
+    return traced
+
+
+def _shown(show: ViewTransform, picture: np.ndarray) -> np.ndarray:
+    result = np.empty(picture.shape, np.uint8)
+
+    def work(start: int) -> None:
+        rows = slice(start, start + ROWS_AT_ONCE)
+        result[rows] = show.to_uint8(picture[rows])
+
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, MOST_WORKERS)) as pool:
+        list(pool.map(work, range(0, len(picture), ROWS_AT_ONCE)))
+    return result

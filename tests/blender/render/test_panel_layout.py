@@ -1,0 +1,92 @@
+"""Every subpixel's ray, decoded from a scene that shows its own world position, against panel_rays.py."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import bpy
+import mathutils
+import numpy as np
+import pytest
+
+from blender_addon.array import spaces
+from blender_addon.render import cycles, panel_camera
+from lfsr_core.frames.frame import SUBPIXELS
+from lfsr_core.images import exr
+from lfsr_core.optics.panel.panel_rays import PanelLayout, panel_rays
+from lfsr_core.optics.rays import CameraArray
+from tests.blender.render.test_ray_layout import ARRAY_TO_WORLD, CENTRE, plane_in_array
+from tests.support.panels import SHEETS, lenticular
+from tests.support.scenes import POSITION_OFFSET, add_plane, position_emission
+
+MIRRORED = lenticular(subpixels={"stripes": "bgr"})
+MIRRORED = dataclasses.replace(
+    MIRRORED, lenticular=dataclasses.replace(MIRRORED.lenticular, flip=(True, True), reversed=True))
+DISPLAYS = {**{name: make() for name, make in SHEETS.items()}, "mirrored": MIRRORED,
+            "white": lenticular(subpixels={"stripes": "white"})}
+
+
+def small(display):
+    """Fewer of its pixels, of the same pitch."""
+    return dataclasses.replace(display, panel_pixels=(48, 32), panel_mm=(24.0, 16.0), viewing_distance_mm=60.0)
+
+
+def shown_hits(scene, layout, folder, matrix_world, **settings):
+    shot = cycles.Shot(layout, matrix_world, SUBPIXELS)
+    cycles.render_encoded(scene, shot, cycles.RenderSettings(**{"samples": 1} | settings), folder / "panel.exr")
+    color = exr.read_layers(folder / "panel.exr")["color"]
+    assert (color[..., 3] == 1).all(), "a ray missed the plane, which fills the view"
+    return color[..., :3] - POSITION_OFFSET
+
+
+@pytest.mark.parametrize("name", DISPLAYS)
+def test_every_subpixel_hits_where_panel_rays_says(scene, tmp_path, name):
+    display = small(DISPLAYS[name])
+    array = CameraArray.for_display(display, 2.0)
+    layout, plane = PanelLayout(display, array, aperture=0.0), plane_in_array(0.7 * array.distance, 0.2)
+    add_plane(scene, plane, position_emission())
+    (width, height), (right, down) = layout.size, CENTRE
+    across, up = np.meshgrid((np.arange(width) + right) / width, 1 - (np.arange(height) + down) / height)
+    origin, direction = panel_rays(layout, across, up)
+    origin = origin @ ARRAY_TO_WORLD[:3, :3].T + ARRAY_TO_WORLD[:3, 3]
+    direction = direction @ ARRAY_TO_WORLD[:3, :3].T
+    normal, point = np.array(plane.col[2].to_3d()), np.array(plane.translation)
+    expected = origin + direction * (((point - origin) @ normal) / (direction @ normal))[..., None]
+    error = np.linalg.norm(shown_hits(scene, layout, tmp_path, ARRAY_TO_WORLD.tolist()) - expected, axis=-1)
+    assert error.max() <= 2e-5 * array.distance, f"{error.max() / array.distance:.1e} of the distance"
+
+
+@pytest.mark.parametrize("name", ["cells", "hexagonal"])
+def test_samples_fill_the_subpixel_and_the_lens(scene, tmp_path, name):
+    """On the plane of the lenses, and beyond it: as far around the middle as in panel_rays.py."""
+    display = small(DISPLAYS[name])
+    array = CameraArray.for_display(display, 2.0)
+    layout, looking_down = PanelLayout(display, array), spaces.from_blender(mathutils.Matrix())
+    for depth in (array.distance, 3 * array.distance):
+        means = []
+        for square in (False, True):
+            for item in list(scene.collection.objects):
+                bpy.data.objects.remove(item)
+            add_plane(scene, mathutils.Matrix.Translation((0, 0, -depth)), position_emission(square))
+            means.append(shown_hits(scene, layout, tmp_path, looking_down, samples=64)[..., :2])
+        found = means[1] + POSITION_OFFSET - means[0] ** 2
+        # Of most subpixels: some lie behind two lenses.
+        assert np.median(found, (0, 1)) == pytest.approx(np.median(spread(layout, depth), (0, 1)), rel=0.05)
+
+
+def spread(layout, depth):
+    """Variance (H, W, 2) of where the rays of pixels pass a plane, in panel_rays.py."""
+    (width, height), random = layout.size, np.random.default_rng(0)
+    draws = random.random((4, 64, height, width))
+    origin, direction = panel_rays(layout, (np.arange(width) + draws[0]) / width,
+                                   1 - (np.arange(height)[:, None] + draws[1]) / height, draws[2], draws[3])
+    return (origin + direction / direction[..., 2:] * depth)[..., :2].var(0)
+
+
+def test_every_parameter_of_the_shader_is_set_by_one_kind_of_sheet_or_the_other(scene):
+    source = panel_camera.SOURCE.read_text()
+    interface = source[source.index("shader panel_layout("):source.index("output point position")]
+    declared = {line.split("=")[0].split()[-1] for line in interface.splitlines() if "=" in line}
+    array = CameraArray.for_display(DISPLAYS["cells"], 2.0)
+    given = [set(panel_camera.panel_parameters(PanelLayout(DISPLAYS[name], array))) for name in ("cells", "hexagonal")]
+    assert set.union(*given) == declared and all(each < declared for each in given)
