@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.cli import main
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, WORLD_FILE, Frame, write_frame
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, write_frame
 from lfsr_core.frames.world import finished_layout
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.display import DisplayProfile, load_display
+from lfsr_core.optics.panel.panel_rays import panel_rays
 from lfsr_core.optics.rays import CameraArray, pixel_rays
 from lfsr_core.optics.world_view import WorldPicture
 
@@ -27,7 +28,18 @@ IDENTITY = tuple(tuple(float(row == column) for column in range(4)) for row in r
 def light_field(display: DisplayProfile = MINI) -> np.ndarray:
     """EIA (H, W, 4) in view order of a disc of waves behind the display plane; different in every direction."""
     frame = frame_of(1, display)
-    origin, direction = pixel_rays(frame.rays)
+    return _seen(frame, *pixel_rays(frame.rays))
+
+
+def traced_panel(display: DisplayProfile) -> np.ndarray:
+    """(H, W · 3, 4), what rays of the panel's subpixels see of the same."""
+    frame = frame_of(1, display, layout=SUBPIXELS)
+    width, height = frame.panel_rays.size
+    across, up = np.meshgrid((np.arange(width) + 0.5) / width, 1 - (np.arange(height) + 0.5) / height)
+    return _seen(frame, *panel_rays(frame.panel_rays, across, up))
+
+
+def _seen(frame: Frame, origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
     depth = 1.2 * frame.array.distance
     x, y = ((origin + direction * (depth / direction[..., 2:]))[..., axis] for axis in (0, 1))
     color = np.stack([0.5 + 0.4 * np.sin(9 * x + 2), 0.5 + 0.4 * np.cos(7 * y), 0.5 + 0.3 * np.sin(5 * (x + y))], -1)
@@ -64,6 +76,13 @@ def write_apart(folder: Path, world: float | None = None,
     right, down = np.meshgrid(np.linspace(0.1, 0.9, width), np.linspace(0.2, 0.6, height))
     picture = np.stack([right, down, right * down], -1) if world is None else np.full((height, width, 3), world)
     write_layers(folder / WORLD_FILE, {"color": picture.astype(np.float32)})
+    return folder
+
+
+def write_traced(folder: Path, display: DisplayProfile, **changes) -> Path:
+    """Folder as the render stage leaves it with the layout subpixels."""
+    write_layers(folder / LOW_RES_FILE, {"color": traced_panel(display)})
+    write_frame(folder, frame_of(1, display, layout=SUBPIXELS, **changes))
     return folder
 
 

@@ -1,0 +1,78 @@
+"""From a scene straight to a panel's picture, by real Cycles renders, against the one woven of every view."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon import compat
+from blender_addon.render import devices, frame_folder
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import PANEL_FILE
+from lfsr_core.frames.job import Job
+from lfsr_core.images.png import read_png
+from lfsr_core.reconstruct.second_stage import upscale_frame
+from tests.support.panels import cells, hexagonal
+from tests.support.scenes import add_box, add_camera
+
+
+def small(display):
+    """A corner of it, with small lenses for so few pixels."""
+    return dataclasses.replace(display, panel_pixels=(120, 80), panel_mm=(60.0, 40.0), viewing_distance_mm=150.0,
+                               lenses=(24, 40 if display.lenticular else 16), weave="all")
+
+
+@pytest.fixture
+def waves(scene):
+    """Boxes that shine in waves, before and behind the display plane."""
+    for place, half in (((-0.3, -0.3, 0), (0.5, 0.1, 0.3)), ((0.5, 0.4, 0.2), (0.4, 0.1, 0.5))):
+        add_box(scene, place, half, _waves())
+    add_camera(scene, (0, -4, 0), 0.7)
+    return scene
+
+
+def _waves():
+    material = bpy.data.materials.new("waves")
+    compat.use_nodes(material)
+    tree = material.node_tree
+    tree.nodes.clear()
+    place, noise, shader, output = (tree.nodes.new(f"ShaderNode{name}") for name in (
+        "NewGeometry", "TexNoise", "Emission", "OutputMaterial"))
+    noise.inputs["Scale"].default_value = 2.0
+    for source, target in ((place.outputs["Position"], noise.inputs["Vector"]), (
+            noise.outputs["Color"], shader.inputs["Color"]), (shader.outputs[0], output.inputs["Surface"])):
+        tree.links.new(source, target)
+    return material
+
+
+def panel(scene, folder, display, **options):
+    frame_folder.render_job(scene, Job(str(folder), display, **{"spp": 16, "scale": 1} | options))
+    upscale_frame(folder, "none")
+    return read_png(folder / PANEL_FILE).astype(float)
+
+
+def psnr(first, second):
+    return -10 * np.log10((((first - second) / 255) ** 2).mean())
+
+
+@pytest.mark.parametrize(("make", "world"), [(cells, False), (hexagonal, False), (cells, True)])
+def test_it_is_the_picture_that_is_woven_of_every_view(waves, tmp_path, make, world):
+    display = small(make())
+    if world:
+        waves.world = bpy.data.worlds.new("world")
+        waves.world.color = (0.1, 0.3, 0.7)
+    straight = panel(waves, tmp_path / "straight", display, layout="subpixels", world_visible=world)
+    woven = panel(waves, tmp_path / "woven", display, world_visible=world)
+    # 24 to 29 dB: what interpolating costs, most of it at the edges of the boxes.
+    assert straight.std() > 30 and psnr(straight, woven) > 22
+    others = straight[:, ::-1], straight[::-1], np.roll(straight, 1, 1)
+    assert max(psnr(other, woven) for other in others) < psnr(straight, woven) - 2, "this can tell"
+
+
+def test_a_device_without_the_osl_camera_is_refused(waves, tmp_path, monkeypatch):
+    monkeypatch.setattr(devices, "has_osl", lambda: False)
+    with pytest.raises(LfsrError, match="subpixels needs the OSL camera.*render on CPU or OPTIX"):
+        panel(waves, tmp_path, small(cells()), layout="subpixels")

@@ -1,0 +1,95 @@
+"""The second stage of a render of a panel's subpixels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lfsr_core.cli import main
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame, read_rendered
+from lfsr_core.frames.report import read_report
+from lfsr_core.images.exr import read_layers, write_layers
+from lfsr_core.images.png import read_png
+from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
+from tests.support.panels import SHEETS, cells, hexagonal
+from tests.support.prerequisites import needs_bpy
+from tests.support.synthetic import fails, write_reference, write_render, write_traced
+
+pytestmark = needs_bpy  # for Blender's colour configuration
+
+
+def psnr(first, second):
+    return -10 * np.log10((((first.astype(float) - second) / 255) ** 2).mean())
+
+
+@pytest.mark.parametrize("sheet", SHEETS)
+def test_it_is_the_picture_that_is_woven_of_every_view(tmp_path, sheet):
+    display = SHEETS[sheet](weave="all")
+    upscale_frame(write_traced(tmp_path / "straight", display), "none")
+    upscale_frame(write_render(tmp_path / "woven", 1, display), "none")
+    straight, woven = (read_png(tmp_path / name / PANEL_FILE) for name in ("straight", "woven"))
+    assert straight.shape == woven.shape and straight.std() > 10
+    # The least is what interpolation costs at the edge of the disc and in its waves; the rest, that this can tell.
+    assert psnr(straight, woven) > 22
+    others = straight[:, ::-1], straight[::-1], np.roll(straight, 1, 1), straight[..., ::-1]
+    assert max(psnr(other, woven) for other in others) < 17
+
+
+def test_the_background_shows_where_a_subpixel_sees_nothing(tmp_path):
+    display = hexagonal(background=[0.2, 0.5, 1.0])
+    upscale_frame(write_traced(tmp_path, display), "oidn")
+    panel = read_png(tmp_path / PANEL_FILE)
+    assert (panel[0, 0] == panel[-1, -1]).all() and panel[0, 0].tolist() == [124, 188, 255]
+    assert not (tmp_path / EIA_FILE).exists()
+
+
+def test_noise_goes_from_what_was_traced(tmp_path):
+    folder = write_traced(tmp_path, cells())
+    upscale_frame(folder, "none")
+    clean, color = read_png(folder / PANEL_FILE), read_layers(folder / "lr_eia.exr")["color"]
+    noise = np.random.default_rng(0).normal(0, 0.2, color.shape) * color[..., 3:] * [1, 1, 1, 0]
+    write_layers(folder / "lr_eia.exr", {"color": np.maximum(color + noise, 0).astype(np.float32)})
+    found = {}
+    for method in ("none", "oidn", "oidn-fast"):
+        report = upscale_frame(folder, method)
+        assert (report.method, report.layout) == (method, "subpixels") and 0 < report.foreground_share < 1
+        found[method] = psnr(read_png(folder / PANEL_FILE), clean)
+    assert min(found["oidn"], found["oidn-fast"]) > found["none"] + 1
+
+
+@pytest.mark.parametrize(("method", "options", "message"), [
+    ("oidn+bicubic", {}, "'oidn.bicubic' works on elemental images.*choose one of oidn, oidn-fast, none"),
+    ("none", {"linear_exr": True}, "--linear-exr is for elemental images"),
+    ("none", {"dilate": 1}, "--dilate is for"),
+    ("none", {"share_frames": 2}, "--share-frames is for"),
+])
+def test_what_needs_elemental_images_is_refused(tmp_path, method, options, message):
+    folder = write_traced(tmp_path, cells())
+    with pytest.raises(LfsrError, match=message):
+        upscale_frame(folder, method, UpscaleOptions(**options))
+    assert not (folder / PANEL_FILE).exists()
+
+
+def test_a_render_of_another_size_is_refused(tmp_path):
+    folder = write_traced(tmp_path, cells())
+    write_layers(folder / "lr_eia.exr", {"color": np.zeros((4, 4, 4), np.float32)})
+    with pytest.raises(LfsrError, match="4×4 pixels, but frame.json says 720×160"):
+        upscale_frame(folder, "none")
+
+
+def test_verbs_finish_it_show_it_to_an_eye_or_say_why_not(tmp_path, capsys):
+    folder = write_traced(tmp_path / "frame", cells())
+    reference = write_reference(tmp_path / "reference", display=cells(lenses=(20, 16), views=(8, 1)))
+    assert main(["upscale", str(folder)]) == 0
+    assert f"{PANEL_FILE}: the panel's image, traced" in capsys.readouterr().out
+    assert read_report(folder).method == "oidn" and read_rendered(folder).panel_rays.size == (720, 160)
+    assert main(["views", str(folder), "--eye=20,0,300"]) == 0
+    assert read_png(folder / "eye.png").std() > 5 and not (folder / "views.png").exists()
+    capsys.readouterr()
+    for command in (["views"], ["compare", str(reference)], ["view"],
+                    ["export", "-o", str(tmp_path / "out"), "--format", "quilt"]):
+        told = fails([command[0], str(folder), *command[1:]], capsys)
+        assert "holds the panel's picture alone" in told or "no frame folder" in told
+    with pytest.raises(LfsrError, match="need a render with another layout"):
+        read_frame(folder)
