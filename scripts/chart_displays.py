@@ -3,7 +3,8 @@
     python scripts/chart_displays.py SCENES… -o OUT               the real panels, many hours on a CPU
     python scripts/chart_displays.py SCENES… -o OUT --width 384   panels of 384×216 pixels with the same sheets
 
-What is complete in OUT is not done again. OUT/displays.json has everything, displays.md tables, displays.svg a picture.
+What is complete in OUT is not done again. OUT/displays.json has everything, displays.md tables, displays.svg and
+displays-traced.svg pictures: against every view, and against the panel's subpixels where it has a lens sheet.
 """
 
 from __future__ import annotations

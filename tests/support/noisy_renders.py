@@ -13,7 +13,7 @@ from lfsr_core.frames.job import Job, read_job
 from lfsr_core.images.exr import write_layers
 from lfsr_core.optics.lens_rows import pixel_rows
 from lfsr_core.render.protocol import RENDERED_STAGE, emit
-from tests.support.synthetic import MINI, frame_of, light_field, tiles
+from tests.support.synthetic import MINI, frame_of, light_field, tiles, traced_panel
 
 NOISE = 0.3  # of one sample
 SECONDS_PER_SAMPLE = 1e-5
@@ -30,7 +30,7 @@ def render(job: Job) -> None:
     frame = frame_of(1 if job.kind == "reference" else job.scale, job.display, samples=job.spp, lens_list=job.lens_list,
                      seed=job.seed, rows=job.rows, layout=job.layout,
                      **({} if job.frame is None else {"frame": job.frame}))
-    folder, image = Path(job.output), light_field(job.display)
+    folder, image = Path(job.output), traced_panel(job.display) if frame.panel_rays else light_field(job.display)
     if job.lens_list is not None:
         image = tiles(image, dataclasses.replace(frame, scale=1))
     height, width, _ = image.shape

@@ -9,7 +9,6 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, load_display
 
 FULL_WIDTH = {"integral": 7680, "lenticular": 3840, "hexagonal": 7680}  # pixels of the real panels
-SCALES = {"integral": 4, "lenticular": 2, "hexagonal": 4}  # by which we divide views
 STEP = 192  # pixels: 16:9 panels of whole integral lenses
 LENS_PIXELS = 12  # behind an integral lens
 HEXAGON_PIXELS, TURN_DEG, SHIFT_MM = 10.37, 0.3, (0.31, -0.17)
@@ -23,7 +22,6 @@ class Kind:
 
     name: str  # of FULL_WIDTH
     profile: DisplayProfile
-    scale: int  # by which we divide views
 
 
 def kind(name: str, width: int | None = None) -> Kind:
@@ -37,7 +35,7 @@ def kind(name: str, width: int | None = None) -> Kind:
         raise LfsrError(f"width is {wide}, but a panel must be a multiple of {STEP} pixels wide, at most "
                         f"{FULL_WIDTH[name]}")
     data = {"integral": _integral, "lenticular": _lenticular, "hexagonal": _hexagonal}[name](wide, wide * 9 // 16)
-    return Kind(name, DisplayProfile.from_dict({"name": f"{name}-{wide}", **data}), SCALES[name])
+    return Kind(name, DisplayProfile.from_dict({"name": f"{name}-{wide}", **data}))
 
 
 def _integral(width: int, height: int) -> dict:

@@ -1,6 +1,8 @@
-"""How near a panel's image comes to that of the reference light field: on the panel, and for eyes before it.
+"""How near a panel's image comes to a reference: on the panel, and for eyes before it.
 
-The reference is woven as finely as there is; its two halves are independent, so that its noise cancels.
+One reference is a light field of every view, woven as finely as there is, another the panel's subpixels traced: each
+is home to some of the ways, and the error of interpolating lies between them. The two halves of a reference are
+independent, so that its noise cancels.
 """
 
 from __future__ import annotations
@@ -8,11 +10,13 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.bench.displays.ways import Way, panel_image, shown
+from lfsr_core.bench.displays.ways import Way, panel_image, shown, traced
+from lfsr_core.frames.frame import REFERENCE_FILES, read_rendered
 from lfsr_core.frames.reference import Reference
 from lfsr_core.metrics.split_ssim import mean_of, psnr, split_mse, split_ssim_map
 from lfsr_core.optics.display import DisplayProfile
@@ -41,7 +45,9 @@ class Point:
     samples: int
     render_cpu: float  # seconds on all cores beyond opening the scene
     finish_cpu: float  # seconds on all cores from the render to the panel's image
-    accuracy: Accuracy
+    accuracy: Accuracy  # against the woven reference, or the EIA where the panel has no lens sheet
+    scale: int = 1  # by which views were divided
+    straight: Accuracy | None = None  # against the traced reference of a panel with a lens sheet
 
     @property
     def cpu(self) -> float:
@@ -59,15 +65,22 @@ class Target:
 
     @classmethod
     def of(cls, folder: Path) -> Target:
-        """Of a reference's frame folder."""
+        """Of the frame folder of a reference of every view."""
         reference = Reference.read(folder)
         profile = reference.frame.display
-        panels = tuple(shown(half, profile, "all") for half in (reference.half_a, reference.half_b))
-        return cls(profile, panels, tuple(tuple(_seen(panel, profile, place) for panel in panels) for place in PLACES))
+        return cls._with(profile, tuple(shown(half, profile, "all") for half in (reference.half_a, reference.half_b)))
 
-    def accuracy(self, panel: np.ndarray) -> Accuracy:
-        """Of a panel's image (H, W, 3) uint8."""
-        seen = [_seen(panel, self.profile, place) for place in PLACES]
+    @classmethod
+    def straight(cls, folder: Path) -> Target:
+        """Of the frame folder of a reference of the panel's subpixels."""
+        return cls._with(read_rendered(folder).display, tuple(traced(folder, name) for name in REFERENCE_FILES))
+
+    @classmethod
+    def _with(cls, profile: DisplayProfile, panels: Halves) -> Target:
+        return cls(profile, panels, tuple(zip(*(seen(panel, profile) for panel in panels), strict=True)))
+
+    def accuracy(self, panel: np.ndarray, seen: Sequence[np.ndarray]) -> Accuracy:
+        """Of a panel's image (H, W, 3) uint8, and of what eyes see of it."""
         error = np.mean([split_mse(eye, *halves) for eye, halves in zip(seen, self.eyes, strict=True)])
         ssim = np.mean([mean_of(split_ssim_map(eye, *halves)) for eye, halves in zip(seen, self.eyes, strict=True)])
         on_panel = split_mse(panel / 255, *(half / 255 for half in self.panels))
@@ -78,6 +91,11 @@ def finish(folder: Path, way: Way) -> tuple[np.ndarray, float]:
     """The panel's image of a rendered frame and the processor seconds that it took."""
     started = time.process_time()
     return panel_image(folder, way), time.process_time() - started
+
+
+def seen(panel: np.ndarray, profile: DisplayProfile) -> list[np.ndarray]:
+    """What eyes at PLACES see of a panel's image, (rows, columns, 3) in [0, 1] each."""
+    return [_seen(panel, profile, place) for place in PLACES]
 
 
 def _seen(panel: np.ndarray, profile: DisplayProfile, place: tuple[float, float]) -> np.ndarray:

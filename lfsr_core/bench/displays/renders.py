@@ -20,7 +20,7 @@ from pathlib import Path
 
 from lfsr_core.bench.cells import Cells, Fingerprint
 from lfsr_core.bench.displays.kinds import Kind
-from lfsr_core.bench.displays.ways import DIRECT, USUAL, WAYS, Way, measured_at
+from lfsr_core.bench.displays.ways import DIRECT, OURS, STRAIGHT, USUAL, WAYS, Way, measured_at
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.progress import ProgressBar
@@ -31,7 +31,7 @@ from lfsr_core.render.store import check_same, is_complete
 CPU_FOLDER, REFERENCE = "cpu", "reference"
 SINGLE = ("opening", "single")  # renders of a few lenses
 FEW = 4
-DIRECT_WAY = next(way for way in WAYS if way.name == DIRECT)
+DIRECT_WAY, STRAIGHT_WAY = (next(way for way in WAYS if way.name == name) for name in (DIRECT, STRAIGHT))
 LAYERS = ("albedo", "normal")
 
 
@@ -58,14 +58,20 @@ class Shelf:
         """Frame folder of the whole light field in two halves."""
         return self.folder / REFERENCE
 
+    @property
+    def straight_reference(self) -> Path | None:
+        """Frame folder of the panel's subpixels in two halves; None where the panel has no lens sheet."""
+        return self.folder / f"{REFERENCE}-{STRAIGHT}" if self.kind.profile.is_woven else None
+
     def path(self, way: Way, samples: int) -> Path:
         """Frame folder of a way's render."""
-        return self.folder / f"one-pass-s{way.scale(self.kind)}-spp{samples}"
+        name = way.name if way.name in (OURS, STRAIGHT) else "every-view"
+        return self.folder / f"{name}-spp{samples}"
 
     def fill(self) -> dict[tuple[str, int], Cost]:
         """Make what is not there; what each render took, by way and samples."""
-        jobs = {(way.name, samples): self._job(way, samples) for way, samples in measured_at()}
-        every = {job.output: job for job in (*jobs.values(), *self._usual_pictures(), self._reference())}
+        jobs = {(way.name, samples): self._job(way, samples) for way, samples in measured_at(self.kind.profile)}
+        every = {job.output: job for job in (*jobs.values(), *self._usual_pictures(), *self._references())}
         missing = [job for job in every.values() if self._cost(job) is None]
         if missing:
             self._render(missing)
@@ -82,7 +88,7 @@ class Shelf:
     def _render(self, jobs: Sequence[Job]) -> None:
         """One after the other; first two of a few lenses: the scene is built for one, the other says what any takes."""
         lenses = tuple(itertools.product(range(4), range(4)))
-        single = [dataclasses.replace(jobs[0], output=str(self.folder / name), scale=1, spp=1, kind="render",
+        single = [dataclasses.replace(jobs[0], output=str(self.folder / name), scale=1, scales=(), spp=1, kind="render",
                                       display=self.kind.profile, layout="one-pass", lens_list=lenses)
                   for name in SINGLE]
         bar, seconds = ProgressBar(), [_children()]
@@ -109,19 +115,20 @@ class Shelf:
         folder = Path(job.output)
         return self._cells.read(folder.name, _mark(job)) if is_complete(folder, job.kind) else None
 
-    def _reference(self) -> Job:
-        job = dataclasses.replace(self._job(DIRECT_WAY, self.reference_spp), output=str(self.reference))
-        return dataclasses.replace(job, kind="reference", clamp_indirect=0.0, layers=())
+    def _references(self) -> list[Job]:
+        ways = [(DIRECT_WAY, self.reference), (STRAIGHT_WAY, self.straight_reference)]
+        return [dataclasses.replace(self._job(way, self.reference_spp), output=str(folder), kind="reference",
+                                    clamp_indirect=0.0, layers=()) for way, folder in ways if folder]
 
     def _usual_pictures(self) -> list[Job]:
-        return [self._job(DIRECT_WAY, samples) for way, samples in measured_at() if way.name == USUAL]
+        return [self._job(DIRECT_WAY, samples) for way, samples in measured_at(self.kind.profile) if way.name == USUAL]
 
     def _job(self, way: Way, samples: int) -> Job:
-        scale, one_by_one = way.scale(self.kind), way.name == USUAL
+        scales, one_by_one = way.scales(self.kind.profile), way.name == USUAL
         return Job(output=str(self.folder / f"few-views-spp{samples}" if one_by_one else self.path(way, samples)),
                    display=with_few_views(self.kind.profile) if one_by_one else self.kind.profile,
-                   scene=str(self.scene.resolve()), scale=scale, spp=samples, layers=() if one_by_one else LAYERS,
-                   layout=way.layout)
+                   scene=str(self.scene.resolve()), scale=max(scales, default=1), scales=scales, spp=samples,
+                   layers=() if way.name in (USUAL, STRAIGHT) else LAYERS, layout=way.layout)
 
 
 def with_few_views(profile: DisplayProfile) -> DisplayProfile:

@@ -7,57 +7,69 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.bench.displays.kinds import Kind
-from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
+from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS, Frame, read_frame, read_rendered
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.optics.depth_scale import scales_up_to
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import flip_order, from_views
 from lfsr_core.optics.panel.gather import gather_map
 from lfsr_core.optics.panel.weave import weave
-from lfsr_core.reconstruct.method_name import default_method
+from lfsr_core.reconstruct.method_name import MethodName, default_method
 from lfsr_core.reconstruct.methods.denoise import GUIDES, clean_guides, denoise_eia
+from lfsr_core.reconstruct.panel_stage import panel_picture
 from lfsr_core.reconstruct.second_stage import finished_linear
 
-OURS, DIRECT, USUAL = "ours", "every view", "usual"
+OURS, DIRECT, STRAIGHT, USUAL = "ours", "every view", "straight", "usual"
 
 
 @dataclasses.dataclass(frozen=True)
 class Way:
     """How a panel's image is made."""
 
-    name: str  # OURS, DIRECT or USUAL
+    name: str  # OURS, DIRECT, STRAIGHT or USUAL
     layout: str  # how it is rendered, see frames.frame.LAYOUTS
-    sparse: bool  # whether views are divided by the kind's scale
-    samples: tuple[int, ...]  # per pixel, at which it is measured
+    samples: tuple[int, ...]  # per pixel of the render, at which it is measured
 
-    def scale(self, kind: Kind) -> int:
-        """By which it divides the views of a kind."""
-        return kind.scale if self.sparse else 1
+    def scales(self, profile: DisplayProfile) -> tuple[int, ...]:
+        """Scales to choose from by the scene's depth as `lfsr render` does, the largest first; empty: scale 1."""
+        if self.name != OURS:
+            return ()
+        method = MethodName.parse(default_method(profile.parallax))
+        return tuple(scale for scale in scales_up_to(profile) if scale == 1 or method.works_at(scale))
 
 
-WAYS = (Way(OURS, "one-pass", True, (4, 16, 64)), Way(DIRECT, "one-pass", False, (1, 4, 16)),
-        Way(USUAL, "view-by-view", False, (4,)))
+WAYS = (Way(OURS, "one-pass", (4, 16, 64)), Way(DIRECT, "one-pass", (1, 4, 16)),
+        Way(STRAIGHT, SUBPIXELS, (1, 4, 16)), Way(USUAL, "view-by-view", (4,)))
 NAMES = {
-    OURS: "fewer views in one pass, the default method, the weave",
+    OURS: "fewer views in one pass, as many as `lfsr render` chooses, the default method, the weave",
     DIRECT: "every view in one pass, OIDN, the weave",
+    STRAIGHT: "rays of the panel's subpixels, each a pixel of the render, OIDN, no weave",
     USUAL: "one render per view, OIDN per view, the nearest view",
 }
 
 
-def measured_at() -> list[tuple[Way, int]]:
-    """Every way with every number of samples."""
-    return [(way, samples) for way in WAYS for samples in way.samples]
+def measured_at(profile: DisplayProfile) -> list[tuple[Way, int]]:
+    """Every way that a display has, with every number of samples."""
+    return [(way, samples) for way in WAYS for samples in way.samples if way.name != STRAIGHT or profile.is_woven]
 
 
 def panel_image(folder: Path, way: Way) -> np.ndarray:
     """What the panel shows, (H, W, 3) uint8 sRGB, from the rendered frame in ``folder``."""
+    if way.name == STRAIGHT:
+        return traced(folder, LOW_RES_FILE, "oidn")
     frame = read_frame(folder)
     if way.name == USUAL:
         return shown(_view_by_view(folder, frame), frame.display, "nearest")
-    method = default_method(frame.display.parallax) if way.name == OURS else "oidn"
-    return shown(finished_linear(folder, method), frame.display)
+    method = MethodName.parse(default_method(frame.display.parallax))
+    return shown(finished_linear(folder, method if frame.scale > 1 else method.without_upscaler()), frame.display)
+
+
+def traced(folder: Path, name: str, method: str = "none") -> np.ndarray:
+    """What the panel shows of the file ``name`` of a render of its subpixels, (H, W, 3) uint8 sRGB."""
+    layers, frame = clean(read_layers(folder / name))[0], read_rendered(folder)
+    return _encoded(panel_picture(layers, frame, MethodName.parse(method)))
 
 
 def shown(linear: np.ndarray, display: DisplayProfile, sampling: str | None = None) -> np.ndarray:
@@ -65,10 +77,14 @@ def shown(linear: np.ndarray, display: DisplayProfile, sampling: str | None = No
 
     ``sampling``: of display.WEAVES, None for the display's own; for a display that is woven.
     """
-    eia = np.rint(srgb_encode(linear) * 255).astype(np.uint8)
+    eia = _encoded(linear)
     if display.is_woven:
         return weave(eia, gather_map(display, sampling or display.weave))
     return flip_order(eia, display.lenses) if display.ei_order == "flipped" else eia
+
+
+def _encoded(linear: np.ndarray) -> np.ndarray:
+    return np.rint(srgb_encode(linear) * 255).astype(np.uint8)
 
 
 def _view_by_view(folder: Path, frame: Frame) -> np.ndarray:

@@ -7,8 +7,8 @@ import pytest
 
 from lfsr_core.bench.displays import page, run
 from lfsr_core.bench.displays.kinds import Kind
-from lfsr_core.bench.displays.measure import Accuracy, Point, Target
-from lfsr_core.bench.displays.ways import DIRECT, OURS, USUAL, shown
+from lfsr_core.bench.displays.measure import Accuracy, Point, Target, seen
+from lfsr_core.bench.displays.ways import DIRECT, OURS, STRAIGHT, USUAL, shown
 from lfsr_core.records import read_record
 from tests.support.panels import whole
 from tests.support.played_blender import played_blender
@@ -21,10 +21,14 @@ def point(way: str, cpu: float, ssim: float) -> Point:
     return Point(way, 4, cpu / 2, cpu / 2, Accuracy(30.0, None, ssim))
 
 
+def accuracy(target: Target, panel: np.ndarray) -> Accuracy:
+    return target.accuracy(panel, seen(panel, target.profile))
+
+
 @pytest.fixture
 def one_kind(monkeypatch):
     monkeypatch.setattr(run, "FULL_WIDTH", {"lenticular": 128})
-    monkeypatch.setattr(run, "kind", lambda name, width: Kind(name, PANEL, 2))
+    monkeypatch.setattr(run, "kind", lambda name, width: Kind(name, PANEL))
 
 
 def test_everything_is_measured_once_and_shown(tmp_path, one_kind):
@@ -34,23 +38,27 @@ def test_everything_is_measured_once_and_shown(tmp_path, one_kind):
     settings = run.Settings(tmp_path / "out", None, 256, played_blender(blender))
     found = run.compare(settings, [scene], told.append)
     points = {(of.way, of.samples): of for of in found.rows[0].points}
-    assert {way for way, _ in points} == {OURS, DIRECT, USUAL} and len(points) == len(told) == 7
+    assert {way for way, _ in points} == {OURS, DIRECT, STRAIGHT, USUAL} and len(points) == len(told) == 10
     assert points[OURS, 64].accuracy.ssim_eye > points[OURS, 4].accuracy.ssim_eye > 0.5
+    assert points[STRAIGHT, 16].straight.ssim_eye > points[STRAIGHT, 1].straight.ssim_eye > 0.5
+    assert points[STRAIGHT, 16].straight.psnr_panel > points[STRAIGHT, 16].accuracy.psnr_panel, "at home there"
+    assert (points[OURS, 4].scale, points[STRAIGHT, 4].scale) == (4, 1)
     assert all(of.finish_cpu > 0 and of.render_cpu >= 0 for of in points.values())
     blender.unlink()
     assert run.compare(settings, [scene], told.append).rows == found.rows
-    table, picture = run.write_pages(settings.folder, found)
-    assert table.read_text().count("| disc |") == 4 + 7 and "<svg" in picture.read_text()
+    table, *pictures = run.write_pages(settings.folder, found)
+    assert table.read_text().count("| disc |") == 2 * 7 + 10
+    assert len(pictures) == 2 and all("<svg" in picture.read_text() for picture in pictures)
     assert read_record(settings.folder / run.RESULTS, page.Comparison, "a comparison").rows == found.rows
 
 
 def test_the_reference_itself_is_perfect_and_less_views_are_not(tmp_path):
     target = Target.of(write_reference(tmp_path, noise=0.02, display=PANEL))
     field = light_field(PANEL)[..., :3]
-    perfect = target.accuracy(shown(field, PANEL, "all"))
+    perfect = accuracy(target, shown(field, PANEL, "all"))
     assert perfect.ssim_eye > 0.99 and (perfect.psnr_panel or 99) > 45
     coarse = field.reshape(96, 16, 8, 3)[:, :, [1, 1, 1, 1, 6, 6, 6, 6]].reshape(field.shape)
-    worse = target.accuracy(shown(coarse, PANEL, "all"))
+    worse = accuracy(target, shown(coarse, PANEL, "all"))
     assert worse.ssim_eye < perfect.ssim_eye and worse.psnr_eye < (perfect.psnr_eye or 99)
 
 
