@@ -62,7 +62,7 @@ def _points(shelf: Shelf, settings: Settings, report: Report) -> Iterator[Point]
     for way, samples in measured_at(shelf.kind.profile):
         rendered = shelf.path(way, samples)
         mark = {"version": VERSION, "reference": settings.reference_spp, "render": costs[way.name, samples].cpu}
-        name = f"{way.name}-{samples}".replace(" ", "-")
+        name = shelf.path(way, samples).name if way.name != USUAL else f"{USUAL}-{samples}"
         point = cells.read(name, mark)
         if point is None:
             targets = targets or _targets(shelf)
