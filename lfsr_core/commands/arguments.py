@@ -32,7 +32,9 @@ def add_rows_argument(parser: argparse.ArgumentParser) -> None:
 def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
     """Display, views, subject and the Blender that renders them."""
     parser.add_argument("--display", default="bupt-32in-8k", metavar="NAME|FILE.toml", help="default: %(default)s")
-    parser.add_argument("--layout", choices=LAYOUTS, default=LAYOUTS[0], help="default: %(default)s")
+    parser.add_argument("--layout", choices=LAYOUTS, default=LAYOUTS[0],
+                        help="what sends the rays, default: %(default)s; subpixels: of `lfsr render` for displays with "
+                             "a lens sheet, no light field but the panel's own image, a pixel for each subpixel")
     parser.add_argument("--convention", choices=CONVENTIONS, default=CONVENTIONS[0],
                         help="where views lie; `paper` only to reproduce the paper")
     parser.add_argument("--view-aperture", type=float, default=1.0, metavar="0..1",

@@ -23,7 +23,7 @@ def psnr(first, second):
     return -10 * np.log10((((first.astype(float) - second) / 255) ** 2).mean())
 
 
-@pytest.mark.parametrize("sheet", SHEETS)
+@pytest.mark.parametrize("sheet", ["cells", "hexagonal"])
 def test_it_is_the_picture_that_is_woven_of_every_view(tmp_path, sheet):
     display = SHEETS[sheet](weave="all")
     upscale_frame(write_traced(tmp_path / "straight", display), "none")
