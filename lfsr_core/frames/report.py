@@ -21,7 +21,7 @@ class Report:
     samples: int
     seconds: dict[str, float]  # of each stage
     peak_bytes: int | None  # most memory that the process held, None where the system does not say
-    foreground_share: float  # of the lenses, in [0, 1]
+    foreground_share: float  # of the lenses, or of a panel's traced subpixels, in [0, 1]
     notes: tuple[str, ...] = ()  # what the user should know
     # against a reference, empty until it was compared
     metrics: dict[str, Any] = dataclasses.field(default_factory=dict)
