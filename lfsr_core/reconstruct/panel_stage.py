@@ -10,6 +10,7 @@ import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from lfsr_core.reconstruct.method_name import AS_RENDERED, MethodName
 from lfsr_core.reconstruct.methods import denoise
 
 PANEL_METHODS = ("oidn", "oidn-fast", AS_RENDERED)  # the default first
+OF_LENSES = ("dilate", "weights", "step", "linear_exr", "share_frames")
 ROWS_AT_ONCE, MOST_WORKERS = 64, 8
 
 
@@ -37,6 +39,14 @@ def check_panel_method(method: MethodName) -> None:
     if method.text not in PANEL_METHODS:
         raise LfsrError(f"method {method.text!r} works on elemental images, which the layout {SUBPIXELS} goes without: "
                         f"choose one of {', '.join(PANEL_METHODS)}")
+
+
+def check_panel_finish(method: MethodName, options: Mapping[str, Any]) -> None:
+    """LfsrError where ``method``, or one of the options of ``UpscaleOptions`` by name, wants elemental images."""
+    check_panel_method(method)
+    for name in (name for name in OF_LENSES if options.get(name)):
+        raise LfsrError(f"--{name.replace('_', '-')} is for elemental images, which the layout {SUBPIXELS} goes "
+                        "without: leave it out")
 
 
 def finish_panel(folder: Path, frame: Frame, method: MethodName, progress: Progress = silent) -> Report:

@@ -16,7 +16,6 @@ from lfsr_core.frames.frame import (
     LOW_RES_FILE,
     MASK_FILE,
     PANEL_FILE,
-    SUBPIXELS,
     Frame,
     read_frame,
     read_rendered,
@@ -39,7 +38,7 @@ from lfsr_core.reconstruct.contract import Upscaler
 from lfsr_core.reconstruct.method_name import PLAIN_METHOD, MethodName
 from lfsr_core.reconstruct.methods.shared_frames import share
 from lfsr_core.reconstruct.neighbours import Neighbour, neighbours_of, read_low, sharing_notes
-from lfsr_core.reconstruct.panel_stage import check_panel_method, finish_panel
+from lfsr_core.reconstruct.panel_stage import check_panel_finish, finish_panel
 from lfsr_core.reconstruct.registry import Method
 from lfsr_core.reconstruct.world import BeforeWorld, prepared
 
@@ -76,7 +75,7 @@ def upscale_frame(folder: str | Path, method: str | MethodName | Method,
     rendered = read_rendered(folder)
     if rendered.panel_rays:
         name = method.name if isinstance(method, Method) else MethodName.parse(method)
-        check_panel_finish(name, options)
+        check_panel_finish(name, vars(options))
         return finish_panel(Path(folder), rendered, name, options.progress)
     run = _begin(folder, method, options)
     show = _shown_by(run)
@@ -89,15 +88,6 @@ def upscale_frame(folder: str | Path, method: str | MethodName | Method,
     report = _report(run, assembly, replaced, _exposure_notes(run, show, assembly, pixels))
     write_report(run.folder, report)
     return report
-
-
-def check_panel_finish(method: MethodName, options: UpscaleOptions) -> None:
-    """LfsrError where ``method`` or ``options`` want lenses, which a render of a panel's subpixels has none of."""
-    check_panel_method(method)
-    asked = {"--dilate": options.dilate, "--weights": options.weights, "--step": options.step,
-             "--linear-exr": options.linear_exr, "--share-frames": options.share_frames}
-    for name in (name for name, value in asked.items() if value):
-        raise LfsrError(f"{name} is for elemental images, which the layout {SUBPIXELS} goes without: leave it out")
 
 
 def panel_image(folder: str | Path, method: str | MethodName | Method,
