@@ -1,7 +1,7 @@
 """From the traced subpixels of a panel to its picture: the second stage where no light field was rendered.
 
 What is denoised is the render, in which every subpixel has a pixel with three colours, not the panel's picture, in
-which it has one: that costs three times the pixels and gains 2 to 3 dB (docs/results/displays.md).
+which it has one: that costs three times the pixels and gains 1.6 to 3.2 dB (docs/results/displays.md).
 """
 
 from __future__ import annotations
