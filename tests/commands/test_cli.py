@@ -122,8 +122,8 @@ def test_render_goes_all_the_way(scene, blender, tmp_path, capsys):
 def test_render_defaults(scene, blender, tmp_path):
     assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender]) == 0
     (job,) = jobs(blender)
-    assert (job["scale"], job["spp"], job["layers"], job["frame"]) == (4, 16, ["albedo", "normal"], None)
-    assert job["scales"] == [4, 2, 1], "Blender sees the depth and chooses"
+    assert (job["scale"], job["spp"], job["layers"], job["frame"]) == (2, 16, ["albedo", "normal"], None)
+    assert job["scales"] == [2, 1], "Blender sees the depth and chooses"
     assert json.loads((tmp_path / "frame" / "report.json").read_text())["method"] == DEFAULT_METHOD
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from lfsr_core.bench.displays.measure import Accuracy, Point
-from lfsr_core.bench.displays.ways import BY_TWO, DIRECT, NAMES, OURS, STRAIGHT, USUAL
+from lfsr_core.bench.displays.ways import DIRECT, NAMES, OTHER, OURS, STRAIGHT, USUAL
 from lfsr_core.bench.environment import Environment
 from lfsr_core.bench.plots import (
     COLORS,
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 WOVEN, TRACED = "woven", "traced"  # references: every view, woven or as it is; the panel's subpixels
 HEADER = ("scene", "display", "way", "samples", "scale", "render", "rest", "CPU s", "PSNR panel", "PSNR eye",
           "SSIM eye", "traced: PSNR panel", "PSNR eye", "SSIM eye")
-OTHERS = (BY_TWO, DIRECT, STRAIGHT, USUAL)
+OTHERS = (OTHER, DIRECT, STRAIGHT, USUAL)
 
 
 @dataclasses.dataclass(frozen=True)

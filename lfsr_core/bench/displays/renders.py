@@ -20,7 +20,7 @@ from pathlib import Path
 
 from lfsr_core.bench.cells import Cells, Fingerprint
 from lfsr_core.bench.displays.kinds import Kind
-from lfsr_core.bench.displays.ways import BY_TWO, DIRECT, OURS, STRAIGHT, USUAL, WAYS, Way, measured_at
+from lfsr_core.bench.displays.ways import DIRECT, OTHER, OURS, STRAIGHT, USUAL, WAYS, Way, measured_at
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.progress import ProgressBar
@@ -65,7 +65,7 @@ class Shelf:
 
     def path(self, way: Way, samples: int) -> Path:
         """Frame folder of a way's render."""
-        name = {OURS: "ours", BY_TWO: "ours-s2", STRAIGHT: "straight"}.get(way.name, "every-view")
+        name = {OURS: "ours", OTHER: "ours-other", STRAIGHT: "straight"}.get(way.name, "every-view")
         return self.folder / f"{name}-spp{samples}"
 
     def fill(self) -> dict[tuple[str, int], Cost]:

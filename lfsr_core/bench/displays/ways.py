@@ -21,7 +21,7 @@ from lfsr_core.reconstruct.methods.denoise import GUIDES, clean_guides, denoise_
 from lfsr_core.reconstruct.panel_stage import panel_picture
 from lfsr_core.reconstruct.second_stage import finished_linear
 
-OURS, BY_TWO, DIRECT, STRAIGHT, USUAL = "ours", "ours, s = 2", "every view", "straight", "usual"
+OURS, OTHER, DIRECT, STRAIGHT, USUAL = "ours", "ours, other scale", "every view", "straight", "usual"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,19 +34,19 @@ class Way:
 
     def scales(self, profile: DisplayProfile) -> tuple[int, ...]:
         """Scales to choose from by the scene's depth as `lfsr render` does, the largest first; empty: scale 1."""
-        if self.name == BY_TWO:
-            return (2,)
+        if self.name == OTHER:
+            return (2,) if scales_up_to(profile)[0] > 2 else (4,)
         if self.name != OURS:
             return ()
         method = MethodName.parse(default_method(profile.parallax))
         return tuple(scale for scale in scales_up_to(profile) if scale == 1 or method.works_at(scale))
 
 
-WAYS = (Way(OURS, "one-pass", (4, 16, 64)), Way(BY_TWO, "one-pass", (4, 16, 64)), Way(DIRECT, "one-pass", (1, 4, 16)),
+WAYS = (Way(OURS, "one-pass", (4, 16, 64)), Way(OTHER, "one-pass", (4, 16, 64)), Way(DIRECT, "one-pass", (1, 4, 16)),
         Way(STRAIGHT, SUBPIXELS, (1, 4, 16)), Way(USUAL, "view-by-view", (4,)))
 NAMES = {
     OURS: "fewer views in one pass, as many as `lfsr render` chooses, the default method, the weave",
-    BY_TWO: "the same with half of the views along each axis that has several",
+    OTHER: "the same with half or a quarter of the views along each axis, whichever is not chosen for a flat scene",
     DIRECT: "every view in one pass, OIDN, the weave",
     STRAIGHT: "rays of the panel's subpixels, each a pixel of the render, OIDN, no weave",
     USUAL: "one render per view, OIDN per view, the nearest view",

@@ -8,7 +8,7 @@ import pytest
 from lfsr_core.bench.displays import page, run
 from lfsr_core.bench.displays.kinds import Kind
 from lfsr_core.bench.displays.measure import Accuracy, Point, Target, seen
-from lfsr_core.bench.displays.ways import BY_TWO, NAMES, OURS, STRAIGHT, shown
+from lfsr_core.bench.displays.ways import NAMES, OTHER, OURS, STRAIGHT, shown
 from lfsr_core.records import read_record
 from tests.support.panels import whole
 from tests.support.played_blender import played_blender
@@ -42,7 +42,7 @@ def test_everything_is_measured_once_and_shown(tmp_path, one_kind):
     assert points[OURS, 64].accuracy.ssim_eye > points[OURS, 4].accuracy.ssim_eye > 0.5
     assert points[STRAIGHT, 16].straight.ssim_eye > points[STRAIGHT, 1].straight.ssim_eye > 0.5
     assert points[STRAIGHT, 16].straight.psnr_panel > points[STRAIGHT, 16].accuracy.psnr_panel, "at home there"
-    assert (points[OURS, 4].scale, points[BY_TWO, 4].scale, points[STRAIGHT, 4].scale) == (4, 2, 1)
+    assert (points[OURS, 4].scale, points[OTHER, 4].scale, points[STRAIGHT, 4].scale) == (2, 4, 1)
     assert all(of.finish_cpu > 0 and of.render_cpu >= 0 for of in points.values())
     blender.unlink()
     assert run.compare(settings, [scene], told.append).rows == found.rows
