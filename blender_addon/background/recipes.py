@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import EIA_FILE, frame_folder
+from lfsr_core.frames.frame import EIA_FILE, SUBPIXELS, frame_folder
 from lfsr_core.frames.job import Job
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import to_data
@@ -39,6 +39,11 @@ class FrameRecipe:
     linear_exr: bool = False
 
     @property
+    def straight(self) -> bool:
+        """True if the panel's subpixels are rendered: there are no elemental images and no views."""
+        return self.job.layout == SUBPIXELS
+
+    @property
     def complete(self) -> bool:
         """True if the folder holds just this image already."""
         return scene_settings.is_complete(self.folder, self.job, self.method)
@@ -54,10 +59,10 @@ def frame_recipe(scene: bpy.types.Scene, number: int | None = None) -> FrameReci
     rig.placement(scene, job.display)
     # A second stage that cannot start should be an error before the render, not after it.
     runtime.second_stage_command(PANEL_TASKS)
-    method = MethodName.parse(scene.lfsr.method)
+    method = scene_settings.method_of(scene)
     if job.scale == 1 and scene.lfsr.scale == scene_settings.AUTO_SCALE:
         method = method.without_upscaler()
-    return FrameRecipe(folder, job, str(method), scene.lfsr.linear_exr)
+    return FrameRecipe(folder, job, str(method), scene.lfsr.linear_exr and job.layout != SUBPIXELS)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,8 +83,8 @@ class AnimationRecipe:
 def animation_recipe(scene: bpy.types.Scene) -> AnimationRecipe:
     """Recipe of the frames of the timeline's range; LfsrError where they cannot be rendered."""
     frames = tuple(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
-    return AnimationRecipe(frame_recipe(scene, frames[0]), frames, scene.lfsr.use_overwrite,
-                           scene.lfsr.share_frames)
+    first = frame_recipe(scene, frames[0])
+    return AnimationRecipe(first, frames, scene.lfsr.use_overwrite, 0 if first.straight else scene.lfsr.share_frames)
 
 
 def render_animation(recipe: AnimationRecipe) -> Steps:
@@ -94,7 +99,7 @@ def render_animation(recipe: AnimationRecipe) -> Steps:
     print(done["table"])
     if done["failed"]:
         raise LfsrError(f"{done['sentence']}; {done['failed']}; press Render Animation again to make what is missing")
-    if not is_decoded(recipe.last_folder):
+    if not first.straight and not is_decoded(recipe.last_folder):
         yield from decode_views(recipe.last_folder, 0.02)
     return recipe.last_folder, done["sentence"]
 
@@ -110,8 +115,9 @@ def render_frame(recipe: FrameRecipe) -> Steps:
                                       parts=str(parts_folder(recipe.folder)))
             yield render_step(job, folder, RENDER_SHARE, "Rendering")
             yield second_stage_step(
-                "Upscaling", 1 - RENDER_SHARE, folder, "upscale", folder=str(staged),
-                method=recipe.method, linear_exr=recipe.linear_exr, views=str(views_file(recipe.folder)))
+                "Denoising" if recipe.straight else "Upscaling", 1 - RENDER_SHARE, folder, "upscale",
+                folder=str(staged), method=recipe.method, linear_exr=recipe.linear_exr,
+                views=None if recipe.straight else str(views_file(recipe.folder)))
             publish(staged, recipe.folder, DERIVED_FILES)
     return recipe.folder
 
@@ -124,9 +130,9 @@ def _check_method(method: str, work: Path) -> Steps:
 
 def reference_recipe(scene: bpy.types.Scene) -> tuple[FrameRecipe, Job]:
     """The finished frame to judge and the job of its reference; LfsrError where there is no such frame."""
+    scene_settings.check_light_field(scene, "a reference")
     recipe = frame_recipe(scene)
-    if not (recipe.folder / EIA_FILE).is_file():
-        raise LfsrError(f"there is no image in {recipe.folder} to compare: render the EIA first")
+    scene_settings.check_image(recipe.folder, "to compare")
     if not recipe.complete:
         raise LfsrError(f"the image in {recipe.folder} was made with other settings: render the EIA again first")
     return recipe, scene_settings.reference_job(scene, scene_settings.reference_folder(scene))

@@ -8,9 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
-from lfsr_core.frames.frame import EIA_FILE
 from lfsr_core.share.format_names import default_target
 
 from . import runtime
@@ -20,12 +18,6 @@ from .worker import Worker
 FILM = "sway"
 ENCODE = "encode"  # what the headless Blender is asked for
 FRAMES_SHARE = 0.7
-
-
-def check_finished(folder: Path) -> None:
-    """LfsrError unless ``folder`` holds a finished image."""
-    if not (folder / EIA_FILE).is_file():
-        raise LfsrError(f"there is no image in {folder} to show or export: render the EIA first")
 
 
 def write_viewer(folder: Path) -> Steps:

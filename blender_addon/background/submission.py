@@ -31,6 +31,7 @@ def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> Submi
 
     LfsrError where the scene cannot be rendered or the folder not written to.
     """
+    scene_settings.check_light_field(scene, "a farm's job")
     recipe = animation_recipe(scene)
     with system_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)

@@ -117,7 +117,10 @@ def _geometry(scene: bpy.types.Scene) -> Iterator[Problem]:
             yield Problem("rig", rig.find(scene).name, _sentence(error), severity=ERROR, is_object=True)
         return
     if placed is not None:
+        straight = scene_settings.is_straight(scene)
         for found in geometry.find(scene, display, placed, subject):
+            if found.code == "background" and straight:
+                continue  # nothing is reconstructed that could take less time
             yield Problem(found.code, found.item.name, found.reason, found.fix, is_object=True)
 
 

@@ -27,6 +27,11 @@ def load(scene: bpy.types.Scene, path: Path) -> None:
         raise LfsrError(f"decoded views {path} cannot be read ({error}): press Preview View again") from None
 
 
+def unload(scene: bpy.types.Scene) -> None:
+    """Let go of the views of ``scene``."""
+    _views.pop(scene.name, None)
+
+
 def is_loaded(scene: bpy.types.Scene) -> bool:
     """True if the sliders of ``scene`` have views to show."""
     return scene.name in _views

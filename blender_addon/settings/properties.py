@@ -23,7 +23,7 @@ from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from ..array import rig
 from ..results import preview
 from .methods import method_items
-from .scene_settings import AUTO_SCALE, SCALES, profile_items, qualities
+from .scene_settings import AUTO_SCALE, SCALES, STRAIGHT, profile_items, qualities
 
 MAX_EYE_STEP = 10
 LIVE_SCALES = (1, 2, 4, 8)   # Blender's viewport knows these pixel sizes
@@ -95,6 +95,10 @@ class SceneSettings(bpy.types.PropertyGroup):
     profile_file: StringProperty(
         name="Profile", description="Display profile (.toml) of a display that is not built in",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_display_changed)
+    straight: BoolProperty(
+        name=STRAIGHT, description="Render the panel's own image, a pixel for each subpixel, instead of a light field: "
+        "more accurate for a finished picture, and a quarter of the samples does. There are no views to preview, "
+        "compare or export; Scale, Method, Linear EXR and Share Frames do not count", default=False, update=_draws)
     scale: EnumProperty(
         name="Scale", description="Render one view of this many in each direction and reconstruct the others",
         items=[(AUTO_SCALE, "Auto", "4×, or less where the subject is too deep for it", 0),

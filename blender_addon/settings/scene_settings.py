@@ -11,13 +11,13 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import check_name
-from lfsr_core.frames.frame import EIA_FILE, Frame, read_frame
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, SUBPIXELS, Frame, read_rendered
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
 from lfsr_core.frames.sharing import seed_in_turn
 from lfsr_core.optics.depth_scale import Choice, choose_scale, scales_up_to
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, MethodName, default_method
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PANEL_METHODS, MethodName, default_method
 
 from ..array import placement, rig
 from ..render import devices
@@ -31,6 +31,7 @@ SCALES = (1, 2, 3, 4, 5, 8)
 AUTO_SCALE = "AUTO"
 QUALITY_SAMPLES = {"DRAFT": 4, "BALANCED": 16, "FINAL": 64}
 GPU_TYPES = ("NONE", "CPU")
+STRAIGHT = "Straight to Subpixels"
 
 
 def profile_items() -> list[tuple[str, str, str, str, int]]:
@@ -94,9 +95,43 @@ def device_of(scene: bpy.types.Scene) -> str:
     return "CPU" if chosen in GPU_TYPES else chosen
 
 
+def has_sheet(scene: bpy.types.Scene) -> bool:
+    """True if the scene's display has a lens sheet; False also where its profile cannot be read."""
+    try:
+        return display_of(scene).is_woven
+    except LfsrError:
+        return False  # the panel says what is wrong with the display
+
+
+def is_straight(scene: bpy.types.Scene) -> bool:
+    """True if the panel's subpixels are to be rendered, without a light field."""
+    return scene.lfsr.straight and has_sheet(scene)
+
+
+def why_not_straight(scene: bpy.types.Scene) -> str | None:
+    """Why the subpixels of a panel cannot be rendered on the scene's device, None if they can."""
+    if not devices.has_osl():
+        return f"{STRAIGHT} needs Open Shading Language, which this Blender was built without"
+    device = device_of(scene)
+    if devices.has_osl_camera(device):
+        return None
+    return f"{STRAIGHT} needs a device that runs the OSL camera, {' or '.join(devices.WITH_OSL_CAMERA)}, not {device}"
+
+
+def check_light_field(scene: bpy.types.Scene, what: str) -> None:
+    """LfsrError if ``what``, as in "a plan", has no light field to work on."""
+    if is_straight(scene):
+        raise LfsrError(f"{what} needs a light field, which {STRAIGHT} goes without: switch it off under Display")
+
+
 def layout_of(scene: bpy.types.Scene) -> str:
-    """How the rays are sent on the scene's device."""
-    return devices.way_of(device_of(scene))
+    """Which rays are sent, and how on the scene's device."""
+    return SUBPIXELS if is_straight(scene) else devices.way_of(device_of(scene))
+
+
+def method_of(scene: bpy.types.Scene) -> MethodName:
+    """The second stage's method: the one that is set, unless only one makes sense."""
+    return MethodName.parse(PANEL_METHODS[0] if is_straight(scene) else scene.lfsr.method)
 
 
 def scene_folder(scene: bpy.types.Scene) -> Path:
@@ -122,6 +157,8 @@ def reference_folder(scene: bpy.types.Scene, number: int | None = None) -> Path:
 
 def scale_of(scene: bpy.types.Scene) -> int:
     """The scale that is set, or the largest that may be chosen; LfsrError where the display cannot be read."""
+    if is_straight(scene):
+        return 1
     if scene.lfsr.scale != AUTO_SCALE:
         return int(scene.lfsr.scale)
     return scales_up_to(display_of(scene))[0]
@@ -129,10 +166,10 @@ def scale_of(scene: bpy.types.Scene) -> int:
 
 def chosen_scale(scene: bpy.types.Scene) -> Choice:
     """The scale that is set, or what the subject's depth allows now, and why."""
-    display, method = display_of(scene), MethodName.parse(scene.lfsr.method)
+    display, method = display_of(scene), method_of(scene)
     scales = [scale for scale in scales_up_to(display) if scale == 1 or method.works_at(scale)]
     placed = rig.placement(scene, display)
-    if scene.lfsr.scale != AUTO_SCALE or placed is None:
+    if scene.lfsr.scale != AUTO_SCALE or placed is None or is_straight(scene):
         return Choice(scale_of(scene), scene.lfsr.samples)
     depths = placement.seen_depths(scene, placed, find_subject(scene))
     return choose_scale(display, placed[0], depths, scales, scene.lfsr.samples)
@@ -142,7 +179,7 @@ def render_job(scene: bpy.types.Scene, output: Path, number: int | None = None) 
     """The job of one frame; LfsrError where the settings cannot be rendered."""
     settings, scale = scene.lfsr, chosen_scale(scene)
     return Job(output=str(output), display=display_of(scene), scale=scale.scale, scale_reason=scale.reason,
-               spp=scale.samples, scene_name=scene.name, layers=MethodName.parse(settings.method).layers,
+               spp=scale.samples, scene_name=scene.name, layers=method_of(scene).layers,
                layout=layout_of(scene), seed=settings.seed,
                frame=scene.frame_current if number is None else number, device=device_of(scene))
 
@@ -157,10 +194,10 @@ def reference_job(scene: bpy.types.Scene, output: Path, number: int | None = Non
 
 def is_complete(folder: Path, job: Job, method: str) -> bool:
     """True if ``folder`` holds the finished image of just this job and method."""
-    if not (folder / EIA_FILE).is_file():
+    if not (folder / (PANEL_FILE if job.layout == SUBPIXELS else EIA_FILE)).is_file():
         return False
     try:
-        frame, report = read_frame(folder), read_report(folder)
+        frame, report = read_rendered(folder), read_report(folder)
     except LfsrError:
         return False  # an incomplete or older folder is rendered again
     return report.method == method and _same(frame, job, report.share_frames)
@@ -169,8 +206,19 @@ def is_complete(folder: Path, job: Job, method: str) -> bool:
 def _same(frame: Frame, job: Job, share_frames: int) -> bool:
     """True if ``frame`` was rendered as ``job`` says, alone or in an animation whose frames share."""
     seed = seed_in_turn(job.seed, frame.frame, share_frames)
-    wanted = (job.display, job.scale, job.spp, seed, job.frame)
-    return (frame.display, frame.scale, frame.samples, frame.seed, frame.frame) == wanted
+    wanted = (job.display, job.scale, job.spp, seed, job.frame, job.layout == SUBPIXELS)
+    made = (frame.display, frame.scale, frame.samples, frame.seed, frame.frame, frame.layout == SUBPIXELS)
+    return made == wanted
+
+
+def check_image(folder: Path, purpose: str) -> None:
+    """LfsrError unless ``folder`` holds the finished image of a light field; ``purpose``: as in "to preview"."""
+    if (folder / EIA_FILE).is_file():
+        return
+    if (folder / PANEL_FILE).is_file():
+        raise LfsrError(f"the image in {folder} was rendered straight to subpixels and has no views {purpose}: switch "
+                        f"{STRAIGHT} off under Display and render the EIA again")
+    raise LfsrError(f"there is no image in {folder} {purpose}: render the EIA first")
 
 
 def check_renderable(scene: bpy.types.Scene) -> None:
@@ -183,13 +231,25 @@ def check_renderable(scene: bpy.types.Scene) -> None:
 
 
 def check_method(scene: bpy.types.Scene) -> None:
-    """LfsrError where the display's views cannot be divided by the scale, or the method cannot make them."""
+    """LfsrError where the display's views cannot be divided by the scale, or the method cannot make them.
+
+    Or where the device cannot send the rays of subpixels.
+    """
+    if is_straight(scene):
+        _check_straight(scene)
+        return
     display, scale = display_of(scene), scale_of(scene)
     display.low_views(scale)
     if not MethodName.parse(scene.lfsr.method).works_with(display.parallax):
         raise LfsrError(f"display {display.name!r} has views in one direction, and this method's network needs two: "
                         "choose a method without Refine or a network, as Denoise + Bilinear + Recover")
     check_scale(scene.lfsr.method, scale)
+
+
+def _check_straight(scene: bpy.types.Scene) -> None:
+    reason = why_not_straight(scene)
+    if reason:
+        raise LfsrError(f"{reason}: choose another device, or switch it off under Display")
 
 
 def length(scene: bpy.types.Scene, value: float) -> str:

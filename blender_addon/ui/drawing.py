@@ -25,6 +25,13 @@ def columns(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     return column
 
 
+def row_if(applies: bool, layout: bpy.types.UILayout) -> bpy.types.UILayout:
+    """Row for a setting, greyed where it does not count."""
+    row = layout.row()
+    row.enabled = applies
+    return row
+
+
 def facts(layout: bpy.types.UILayout, pairs: list[tuple[str, str]]) -> None:
     """Names left and values right."""
     column = layout.column(align=True)

@@ -11,7 +11,7 @@ from ..background import session
 from ..results import preview
 from ..settings import scene_settings
 from . import summary
-from .drawing import LightFieldPanel, columns, facts, sentence
+from .drawing import LightFieldPanel, columns, facts, row_if, sentence
 from .presets import LFSR_PT_presets
 
 SEVERITY_ICONS = {"ERROR": "ERROR", "WARNING": "ERROR", "INFO": "INFO"}
@@ -30,14 +30,18 @@ class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Profile, scale and what they mean."""
-        layout, lfsr = columns(self.layout), context.scene.lfsr
+        scene, layout = context.scene, columns(self.layout)
+        lfsr, straight = scene.lfsr, scene_settings.is_straight(scene)
         layout.prop(lfsr, "display", text="Profile")
         if lfsr.display == scene_settings.PROFILE_FILE:
             layout.prop(lfsr, "profile_file", text="File")
-        layout.prop(lfsr, "scale")
+        if scene_settings.has_sheet(scene):
+            _draw_straight(layout, context)
+        row_if(not straight, layout).prop(lfsr, "scale")
         try:
-            display, scale = scene_settings.display_of(context.scene), scene_settings.scale_of(context.scene)
-            found = summary.display_facts(display, scale)
+            display = scene_settings.display_of(scene)
+            found = (summary.panel_facts(display) if straight
+                     else summary.display_facts(display, scene_settings.scale_of(scene)))
         except LfsrError as error:
             sentence(self.layout, str(error), "ERROR", context)
             return
@@ -108,18 +112,18 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Preset, samples, method, output."""
-        lfsr = context.scene.lfsr
+        lfsr, has_lenses = context.scene.lfsr, not scene_settings.is_straight(context.scene)
         layout = columns(self.layout)
         layout.prop(lfsr, "quality", text="Preset")
         layout.prop(lfsr, "samples")
-        layout.prop(lfsr, "method")
+        row_if(has_lenses, layout).prop(lfsr, "method")
         layout.prop(lfsr, "seed")
         if hasattr(context.scene, "cycles"):
             layout.prop(context.scene.cycles, "device")
             facts(self.layout, summary.device_facts(context.scene))
         layout.separator()
         layout.prop(lfsr, "output")
-        layout.prop(lfsr, "linear_exr", text="Linear EXR")
+        row_if(has_lenses, layout).prop(lfsr, "linear_exr", text="Linear EXR")
 
 
 class LFSR_PT_plan(LightFieldPanel, bpy.types.Panel):
@@ -163,7 +167,7 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         column.operator("lfsr.render_animation", icon="RENDER_ANIMATION")
         column.menu("LFSR_MT_submit")
         settings = columns(layout)
-        settings.prop(context.scene.lfsr, "share_frames")
+        row_if(not scene_settings.is_straight(context.scene), settings).prop(context.scene.lfsr, "share_frames")
         settings.prop(context.scene.lfsr, "use_overwrite")
         message = context.window_manager.lfsr.message
         if message:
@@ -222,6 +226,13 @@ class LFSR_PT_share(LightFieldPanel, bpy.types.Panel):
         row.enabled = session.current() is None
         row.operator("lfsr.open_viewer", icon="URL")
         row.menu("LFSR_MT_export", icon="EXPORT")
+
+
+def _draw_straight(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    lfsr, reason = context.scene.lfsr, scene_settings.why_not_straight(context.scene)
+    row_if(lfsr.straight or not reason, layout).prop(lfsr, "straight")
+    if reason:
+        sentence(layout, reason, "ERROR" if lfsr.straight else "INFO", context)
 
 
 def _draw_problem(layout: bpy.types.UILayout, problem: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:

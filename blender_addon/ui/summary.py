@@ -12,6 +12,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import REPORT_FILE
 from lfsr_core.frames.report import read_report
 from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.panel.panel_rays import rendered_size
 
 from ..array import rig
 from ..render import devices
@@ -35,6 +36,12 @@ def display_facts(display: DisplayProfile, scale: int) -> Facts:
             ("Rendered", f"{low[0]} × {low[1]}"),
             ("", f"{lenses[0] * low[0]} × {lenses[1] * low[1]} px"),
             ("Image", f"{display.eia_pixels[0]} × {display.eia_pixels[1]} px")]
+
+
+def panel_facts(display: DisplayProfile) -> Facts:
+    """Resolutions where the subpixels of a display with a lens sheet are rendered."""
+    sizes = {"Rendered": rendered_size(display), "Image": display.panel_pixels}
+    return [(name, f"{width} × {height} px") for name, (width, height) in sizes.items()]
 
 
 def depth_facts(scene: bpy.types.Scene) -> Facts:

@@ -54,9 +54,9 @@ def run(arguments: argparse.Namespace) -> None:
 
 def panel_method(arguments: argparse.Namespace) -> MethodName:
     """The method asked for, else the default, of a render of a panel's subpixels; LfsrError if it cannot finish one."""
-    from lfsr_core.reconstruct.method_name import MethodName
+    from lfsr_core.reconstruct.method_name import PANEL_METHODS, MethodName
     from lfsr_core.reconstruct.methods import denoise
-    from lfsr_core.reconstruct.panel_stage import PANEL_METHODS, check_panel_finish
+    from lfsr_core.reconstruct.panel_stage import check_panel_finish
 
     name = arguments.method or PANEL_METHODS[0 if denoise.is_available() else -1]
     method = MethodName.parse(name)

@@ -31,6 +31,7 @@ PREFILTERS = {
     "oidn-render": "Open Image Denoise by Cycles, on the device that renders: for GPUs",
 }
 AS_RENDERED, RECOVERY = "none", "epi"
+PANEL_METHODS = ("oidn", "oidn-fast", AS_RENDERED)  # of a render of a panel's subpixels, the default first
 GUIDED = ("oidn-guided", "oidn-both")
 DENOISED = "oidn-render"
 DENOISERS = ("oidn", "oidn-fast", "oidn-guided")  # prefilters that make sense before an interpolation

@@ -26,10 +26,9 @@ from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.panel.panel_rays import shown_subpixels
 from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.clock import StageClock, peak_bytes
-from lfsr_core.reconstruct.method_name import AS_RENDERED, MethodName
+from lfsr_core.reconstruct.method_name import AS_RENDERED, PANEL_METHODS, MethodName
 from lfsr_core.reconstruct.methods import denoise
 
-PANEL_METHODS = ("oidn", "oidn-fast", AS_RENDERED)  # the default first
 OF_LENSES = ("dilate", "weights", "step", "linear_exr", "share_frames")
 ROWS_AT_ONCE, MOST_WORKERS = 64, 8
 

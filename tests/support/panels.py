@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 from lfsr_core.optics.display import DisplayProfile
@@ -49,6 +50,12 @@ def whole(kind: str, **changes) -> DisplayProfile:
     pitch = 8 * 180 / (180 + gap)
     return profile(lenslet={"lenses": {"pitch_mm": [pitch, pitch], "shift_mm": [pitch / 2, pitch / 2]}},
                    **given | changes)
+
+
+def small(display: DisplayProfile) -> DisplayProfile:
+    """A corner of it, with small lenses for so few pixels."""
+    return dataclasses.replace(display, panel_pixels=(120, 80), panel_mm=(60.0, 40.0), viewing_distance_mm=150.0,
+                               lenses=(24, 40 if display.lenticular else 16), weave="all")
 
 
 SHEETS = {"lenticular": lenticular, "hexagonal": hexagonal, "square": square, "cells": cells}

@@ -16,7 +16,7 @@ CONTAINERS = {"row", "column", "split", "box", "column_flow", "grid_flow"}
 
 
 class RecordingLayout:
-    """Calls are kept in ``drawn`` as (function, arguments); containers share it."""
+    """Calls are kept in ``drawn`` as (function, arguments), what is set as ("set", it); containers share it."""
 
     def __init__(self, drawn: list[tuple[str, dict[str, Any]]] | None = None) -> None:
         self.__dict__["drawn"] = [] if drawn is None else drawn
@@ -26,6 +26,7 @@ class RecordingLayout:
         item = LAYOUT.properties[name]
         if item.type == "ENUM":
             assert value in item.enum_items, f"{name} cannot be {value!r}"
+        self.drawn.append(("set", {name: value}))
 
     def __getattr__(self, name: str) -> Any:
         if name in LAYOUT.properties:

@@ -18,6 +18,7 @@ from lfsr_core.tasks.plan_task import Found
 
 from ...background import recipes, session, steps
 from ...background.steps import Steps
+from ...settings import scene_settings
 from ...settings.methods import method_items
 from .base import UNDO, Prepared, Result, TaskOperator, reports_errors
 
@@ -31,6 +32,7 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """The plan of the current frame, then its result in the panel."""
         scene = context.scene
+        scene_settings.check_light_field(scene, "a plan")
         frame = recipes.frame_recipe(scene)
         options = wanted(scene)
         job = dataclasses.replace(frame.job, layers=layers_of(options.methods))

@@ -13,7 +13,6 @@ from typing import Any
 
 import bpy
 
-from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
 
 from ...background import recipes, session
@@ -75,8 +74,7 @@ class LFSR_OT_preview_view(TaskOperator, bpy.types.Operator):
         """Decode the current frame's views unless that is done, then show one."""
         scene = context.scene
         folder = scene_settings.frame_folder(scene)
-        if not (folder / EIA_FILE).is_file():
-            raise LfsrError(f"there is no image in {folder} to preview: render the EIA first")
+        scene_settings.check_image(folder, "to preview")
         if recipes.is_decoded(folder):
             _show_view(scene, recipes.views_file(folder))
             return None
@@ -102,12 +100,19 @@ class LFSR_OT_cancel(bpy.types.Operator):
 def _show_eia_of(scene_name: str) -> Callable[[Path], None]:
     def finish(folder: Path) -> None:
         scene = bpy.data.scenes.get(scene_name)
-        views = recipes.views_file(folder)
-        if scene is not None and views.is_file():
-            preview.load(scene, views)
+        if scene is not None:
+            _load_views(scene, folder)
         panel = folder / PANEL_FILE
         show_image.open_file(panel if panel.is_file() else folder / EIA_FILE)
     return finish
+
+
+def _load_views(scene: bpy.types.Scene, folder: Path) -> None:
+    views = recipes.views_file(folder)
+    if not (folder / EIA_FILE).is_file():
+        preview.unload(scene)  # those of another render must not seem to be this one's
+    elif views.is_file():
+        preview.load(scene, views)
 
 
 def _end_animation_of(scene_name: str) -> Callable[[tuple[Path, str]], None]:

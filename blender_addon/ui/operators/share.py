@@ -24,7 +24,7 @@ class LFSR_OT_open_viewer(TaskOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Write the page, then open it."""
         folder = scene_settings.frame_folder(context.scene)
-        sharing.check_finished(folder)
+        scene_settings.check_image(folder, "to show or export")
         return sharing.write_viewer(folder), _open
 
 
@@ -44,7 +44,7 @@ class LFSR_OT_export(TaskOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Export, then say where it is."""
         folder = scene_settings.frame_folder(context.scene)
-        sharing.check_finished(folder)
+        scene_settings.check_image(folder, "to show or export")
         return sharing.export(folder, self.format), _tell
 
 

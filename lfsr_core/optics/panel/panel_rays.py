@@ -45,12 +45,12 @@ class PanelLayout:
     @property
     def parts(self) -> int:
         """Subpixels of a pixel, side by side; 1 where one shows all three colours."""
-        return 1 if _subpixels(self).size == (1.0, 1.0) else CHANNELS
+        return _parts(self.display)
 
     @property
     def size(self) -> tuple[int, int]:
         """Rendered image size in pixels, (width, height)."""
-        return self.display.panel_pixels[0] * self.parts, self.display.panel_pixels[1]
+        return rendered_size(self.display)
 
     @property
     def reach(self) -> float:
@@ -65,12 +65,17 @@ def check_sheet(display: DisplayProfile) -> None:
                         "image already: leave out --layout subpixels, or give a profile of format 2")
 
 
+def rendered_size(display: DisplayProfile) -> tuple[int, int]:
+    """Size in pixels, (width, height), of a render of the subpixels of a display with a lens sheet."""
+    return display.panel_pixels[0] * _parts(display), display.panel_pixels[1]
+
+
 def parts_of(layout: PanelLayout) -> Parts:
     """The subpixels of every pixel, from left to right in the panel's image."""
     if layout.parts == 1:
         return Parts(*(np.zeros((PERIOD, PERIOD, 1), kind) for kind in (float, float, int)))
     rows, columns = np.arange(PERIOD)[:, None], np.arange(PERIOD)
-    each = [_subpixels(layout).offsets(channel, rows, columns) for channel in range(CHANNELS)]
+    each = [_subpixels(layout.display).offsets(channel, rows, columns) for channel in range(CHANNELS)]
     right, up = (np.stack([np.broadcast_to(pair[axis], (PERIOD, PERIOD)) for pair in each], -1) for axis in (0, 1))
     mirrored = layout.display.lenticular and layout.display.lenticular.flip[0]
     order = np.argsort(-right if mirrored else right, axis=-1, kind="stable")
@@ -138,8 +143,12 @@ def shown_subpixels(layout: PanelLayout, traced: np.ndarray) -> np.ndarray:
     return np.take_along_axis(by_pixel, place[:, :, None], 2)[:, :, 0]
 
 
-def _subpixels(layout: PanelLayout) -> Subpixels:
-    return layout.display.subpixels or Subpixels()
+def _parts(display: DisplayProfile) -> int:
+    return 1 if _subpixels(display).size == (1.0, 1.0) else CHANNELS
+
+
+def _subpixels(display: DisplayProfile) -> Subpixels:
+    return display.subpixels or Subpixels()
 
 
 def _on_panel(layout: PanelLayout, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -156,7 +165,7 @@ def _panel_points(layout: PanelLayout, raster_x: np.ndarray, raster_y: np.ndarra
                   for raster, count in zip((raster_x, raster_y), layout.size, strict=True))
     index, row = np.floor(at_x).astype(int), np.floor(at_y).astype(int)
     y, x = _on_panel(layout, row, index // parts)
-    (right, up, _), (wide, high) = parts_of(layout), _subpixels(layout).size
+    (right, up, _), (wide, high) = parts_of(layout), _subpixels(layout.display).size
     entry = y % PERIOD, x % PERIOD, index % parts
     return ((x + 0.5 + right[entry] + (at_x - index - 0.5) * wide) / across - 0.5) * layout.display.panel_mm[0], (
         (y + 0.5 + up[entry] + (at_y - row - 0.5) * high) / down - 0.5) * layout.display.panel_mm[1]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import bpy
 import numpy as np
 import pytest
@@ -15,14 +13,8 @@ from lfsr_core.frames.frame import PANEL_FILE
 from lfsr_core.frames.job import Job
 from lfsr_core.images.png import read_png
 from lfsr_core.reconstruct.second_stage import upscale_frame
-from tests.support.panels import cells, hexagonal
+from tests.support.panels import cells, hexagonal, small
 from tests.support.scenes import add_box, add_camera
-
-
-def small(display):
-    """A corner of it, with small lenses for so few pixels."""
-    return dataclasses.replace(display, panel_pixels=(120, 80), panel_mm=(60.0, 40.0), viewing_distance_mm=150.0,
-                               lenses=(24, 40 if display.lenticular else 16), weave="all")
 
 
 @pytest.fixture

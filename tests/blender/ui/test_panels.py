@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from types import SimpleNamespace
 
 import bpy
@@ -9,6 +10,8 @@ import pytest
 
 import blender_addon
 from blender_addon.background import session
+from blender_addon.render import devices
+from blender_addon.settings import scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.operators import check
 from tests.support import panel
@@ -50,6 +53,16 @@ def properties(drawn: list) -> set[str]:
     return {named["property"] for name, named in drawn if name == "prop"}
 
 
+def greyed(drawn: list) -> set[str]:
+    """Properties that begin a row or column that is switched off."""
+    return {named["property"] for (_, before), (name, named) in itertools.pairwise(drawn)
+            if name == "prop" and before == {"enabled": False}}
+
+
+def all_greyed(drawn: dict[str, list]) -> set[str]:
+    return set().union(*map(greyed, drawn.values()))
+
+
 def test_with_an_array(scene):
     drawn = draw_all()
     assert list(drawn) == ["Display", "Camera Array", "Scene Check", "Quality", "Least That Will Do", "Render",
@@ -82,6 +95,36 @@ def test_with_a_missing_profile(scene):
     assert "profile_file" in properties(drawn["Display"])
     # A long path is broken over lines.
     assert "gone.tomlcannotberead" in labels(drawn["Display"]).replace(" ", "")
+
+
+def test_straight_to_subpixels_only_for_a_lens_sheet(scene):
+    scene.lfsr.straight = True
+    drawn = draw_all()
+    assert "straight" not in properties(drawn["Display"]) and "64 × 48 px" in labels(drawn["Display"])
+    assert all_greyed(drawn) == {"eye_right"}, "there are no views yet"
+    scene.lfsr.display, scene.lfsr.straight = "looking-glass-16", False
+    drawn = draw_all()
+    assert "straight" in properties(drawn["Display"]) and "Lenses" in labels(drawn["Display"])
+    assert all_greyed(drawn) == {"eye_right"}, "there are no views yet"
+    scene.lfsr.straight = True
+    drawn = draw_all()
+    assert "Rendered 11520 × 2160 px Image 3840 × 2160 px" in labels(drawn["Display"])
+    assert "Lenses" not in labels(drawn["Display"])
+    assert all_greyed(drawn) == {"eye_right", "scale", "method", "linear_exr", "share_frames"}
+
+
+def test_straight_to_subpixels_says_why_it_cannot(scene, monkeypatch):
+    scene.lfsr.display = "looking-glass-16"
+    for spoil, reason in (((scene_settings, "device_of", lambda _: "CUDA"), "CPU or OPTIX, not CUDA"),
+                          ((devices, "has_osl", lambda: False), "Blender was built without")):
+        monkeypatch.setattr(*spoil)
+        scene.lfsr.straight = False
+        drawn = draw(panels.LFSR_PT_display)
+        assert reason in labels(drawn) and greyed(drawn) == {"straight"}
+        scene.lfsr.straight = True
+        assert greyed(draw(panels.LFSR_PT_display)) == {"scale"}, "it can be switched off"
+        check.refresh(scene)
+        assert reason in " ".join(line.reason for line in bpy.context.window_manager.lfsr.problems)
 
 
 def test_with_problems_of_every_kind(scene):

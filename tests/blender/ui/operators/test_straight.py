@@ -1,0 +1,107 @@
+"""The buttons where a panel's subpixels are rendered straight: its picture, an animation, and what they refuse."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.background import recipes
+from blender_addon.results import preview
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
+from lfsr_core.frames.report import read_report
+from lfsr_core.images.png import read_png
+from lfsr_core.optics.profile_file import write_profile
+from tests.support import panel
+from tests.support.panels import cells, small
+
+
+@pytest.fixture(scope="module")
+def add_on():
+    with panel.registered():
+        yield
+
+
+@pytest.fixture(scope="module")
+def rendered(add_on, tmp_path_factory) -> Path:
+    """A file whose frame 1 was rendered by the button, for a small lenticular display, while views were previewed."""
+    folder = tmp_path_factory.mktemp("straight")
+    write_profile(folder / "own.toml", small(cells()))
+    scene = panel.artist_scene(folder)
+    lfsr = scene.lfsr
+    lfsr.display, lfsr.profile_file, lfsr.straight = "FILE", "//own.toml", True
+    lfsr.linear_exr, lfsr.share_frames, lfsr.samples = True, 2, 4  # the first two do not count
+    bpy.ops.wm.save_mainfile()
+    views = recipes.views_file(folder / "lightfield" / "Scene" / "0001")
+    np.save(views, np.zeros((8, 8, 12, 16, 3), np.uint8))
+    preview.load(scene, views)
+    before = panel.snapshot(scene)
+    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
+    assert panel.snapshot(scene) == before and not preview.is_loaded(scene)
+    assert [image.name for image in bpy.data.images if image.filepath.endswith(PANEL_FILE)] == ["Scene 0001 panel"]
+    return folder / "scene.blend"
+
+
+@pytest.fixture
+def opened(rendered) -> bpy.types.Scene:
+    bpy.ops.wm.open_mainfile(filepath=str(rendered))
+    return bpy.context.scene
+
+
+def frame_one(rendered: Path) -> Path:
+    return rendered.parent / "lightfield" / "Scene" / "0001"
+
+
+def test_the_panels_picture_is_all_there_is(opened, rendered):
+    folder = frame_one(rendered)
+    assert {path.name for path in folder.iterdir()} == {"frame.json", "lr_eia.exr", "panel.png", "report.json"}
+    picture, frame, report = read_png(folder / PANEL_FILE), read_rendered(folder), read_report(folder)
+    assert picture.shape == (80, 120, 3) and picture.std() > 10
+    assert (frame.layout, frame.scale, frame.layers, frame.samples) == ("subpixels", 1, (), 4)
+    assert (report.method, report.share_frames) == ("oidn", 0)
+
+
+def test_it_is_complete_for_these_settings_alone(opened, rendered):
+    assert recipes.frame_recipe(opened).complete
+    opened.lfsr.straight, opened.lfsr.scale, opened.lfsr.method = False, "1", "oidn"
+    assert not recipes.frame_recipe(opened).complete
+    (frame_one(rendered) / EIA_FILE).touch()
+    assert not recipes.frame_recipe(opened).complete
+    (frame_one(rendered) / EIA_FILE).unlink()
+    opened.lfsr.straight, opened.lfsr.samples = True, 5
+    assert not recipes.frame_recipe(opened).complete
+
+
+def test_an_animation_keeps_the_frame_that_is_there(opened, rendered, capfd):
+    opened.frame_start, opened.frame_end = 1, 2
+    assert bpy.ops.lfsr.render_animation() == {"FINISHED"}
+    assert "2 frames: 1 made, 1 kept, 0 failed" in capfd.readouterr().out
+    second = frame_one(rendered).with_name("0002")
+    assert read_rendered(second).frame == 2 and read_png(second / PANEL_FILE).std() > 10
+    assert not (second / EIA_FILE).exists() and not recipes.views_file(second).exists()
+
+
+@pytest.mark.parametrize(("button", "arguments", "sentence"), [
+    ("preview_view", {}, "no views to preview"), ("open_viewer", {}, "no views to show or export"),
+    ("export", {"format": "quilt"}, "no views to show or export"),
+    ("render_reference", {}, "a reference needs a light field"), ("plan", {}, "a plan needs a light field"),
+    ("submit", {"farm": "openjd", "directory": "//job"}, "a farm's job needs a light field")])
+def test_what_needs_a_light_field_says_so(opened, rendered, button, arguments, sentence):
+    with pytest.raises(RuntimeError, match=f"{sentence}.* switch .*off under Display"):
+        getattr(bpy.ops.lfsr, button)(**arguments)
+    assert not (rendered.parent / "job").exists()
+
+
+def test_a_picture_without_views_has_no_reference(opened):
+    opened.lfsr.straight = False
+    with pytest.raises(RuntimeError, match="no views to compare"):
+        bpy.ops.lfsr.render_reference()
+
+
+def test_a_device_that_cannot_is_refused_before_the_render(opened, monkeypatch):
+    monkeypatch.setattr(recipes, "render_step", lambda *_: pytest.fail("it renders"))
+    monkeypatch.setattr(recipes.scene_settings, "device_of", lambda _: "CUDA")
+    with pytest.raises(RuntimeError, match="not CUDA: choose another device, or switch it off"):
+        bpy.ops.lfsr.render_eia()
