@@ -111,11 +111,11 @@ def is_straight(scene: bpy.types.Scene) -> bool:
 def why_not_straight(scene: bpy.types.Scene) -> str | None:
     """Why the subpixels of a panel cannot be rendered on the scene's device, None if they can."""
     if not devices.has_osl():
-        return f"{STRAIGHT} needs Open Shading Language, which this Blender was built without"
+        return f"{STRAIGHT} needs a Blender with Open Shading Language"
     device = device_of(scene)
     if devices.has_osl_camera(device):
         return None
-    return f"{STRAIGHT} needs a device that runs the OSL camera, {' or '.join(devices.WITH_OSL_CAMERA)}, not {device}"
+    return f"{STRAIGHT} renders on {' or '.join(devices.WITH_OSL_CAMERA)}, not on {device}"
 
 
 def check_light_field(scene: bpy.types.Scene, what: str) -> None:
@@ -249,7 +249,7 @@ def check_method(scene: bpy.types.Scene) -> None:
 def _check_straight(scene: bpy.types.Scene) -> None:
     reason = why_not_straight(scene)
     if reason:
-        raise LfsrError(f"{reason}: choose another device, or switch it off under Display")
+        raise LfsrError(f"{reason}: choose one, or switch it off under Display")
 
 
 def length(scene: bpy.types.Scene, value: float) -> str:

@@ -115,8 +115,8 @@ def test_straight_to_subpixels_only_for_a_lens_sheet(scene):
 
 def test_straight_to_subpixels_says_why_it_cannot(scene, monkeypatch):
     scene.lfsr.display = "looking-glass-16"
-    for spoil, reason in (((scene_settings, "device_of", lambda _: "CUDA"), "CPU or OPTIX, not CUDA"),
-                          ((devices, "has_osl", lambda: False), "Blender was built without")):
+    for spoil, reason in (((scene_settings, "device_of", lambda _: "CUDA"), "CPU or OPTIX, not on CUDA"),
+                          ((devices, "has_osl", lambda: False), "needs a Blender with Open Shading Language")):
         monkeypatch.setattr(*spoil)
         scene.lfsr.straight = False
         drawn = draw(panels.LFSR_PT_display)

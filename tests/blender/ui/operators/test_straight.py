@@ -103,5 +103,5 @@ def test_a_picture_without_views_has_no_reference(opened):
 def test_a_device_that_cannot_is_refused_before_the_render(opened, monkeypatch):
     monkeypatch.setattr(recipes, "render_step", lambda *_: pytest.fail("it renders"))
     monkeypatch.setattr(recipes.scene_settings, "device_of", lambda _: "CUDA")
-    with pytest.raises(RuntimeError, match="not CUDA: choose another device, or switch it off"):
+    with pytest.raises(RuntimeError, match="not on CUDA: choose one, or switch it off"):
         bpy.ops.lfsr.render_eia()
