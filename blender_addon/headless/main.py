@@ -16,7 +16,15 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
 from lfsr_core.frames.job import Job, read_job
 from lfsr_core.render.content import scene_content, stamp
-from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, RENDERED_STAGE, emit, emit_warning, repeated
+from lfsr_core.render.protocol import (
+    EXIT_BAD_INPUT,
+    EXIT_CANCELLED,
+    RENDERED_STAGE,
+    emit,
+    emit_last,
+    emit_warning,
+    repeated,
+)
 
 from ..array.cameras import choice_notice, choose_camera
 from ..render.frame_folder import render_job
@@ -94,7 +102,7 @@ def _progress(fraction: float, message: str = "") -> None:
 
 def _stop() -> None:
     try:
-        emit(stage="cancelled", message="stopped by a signal")
+        emit_last(stage="cancelled", message="stopped by a signal")
     finally:  # also where nobody listens any more and writing fails
         os._exit(EXIT_CANCELLED)
 

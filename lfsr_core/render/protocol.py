@@ -21,6 +21,8 @@ EXIT_BAD_INPUT, EXIT_CANCELLED = 2, 130
 # Environment variable that tells a process to end when its standard input does.
 ENDS_WITH_INPUT = "LFSR_ENDS_WITH_INPUT"
 SECONDS_OF_SILENCE = 1.0  # short, so that who prints a line every few seconds has something to print
+LONGEST_WAIT = 1.0  # seconds for which the last record waits for another that is being written
+_speaking = threading.Lock()
 _last: tuple[dict[str, Any], float] | None = None  # record of a step under way, and when it was new
 
 
@@ -32,7 +34,19 @@ def emit(**record: Any) -> None:
     _write(record)
 
 
+def emit_last(**record: Any) -> None:
+    """Write the record of a process that ends now: nobody who speaks meanwhile is heard after it."""
+    # Kept: others wait until the process ends. One who waits for a reader that has gone must not hold this up.
+    _speaking.acquire(timeout=LONGEST_WAIT)
+    _print(record)
+
+
 def _write(record: dict[str, Any]) -> None:
+    with _speaking:
+        _print(record)
+
+
+def _print(record: dict[str, Any]) -> None:
     # One write, because Cycles' thread speaks too.
     sys.stdout.write(PROGRESS_PREFIX + json.dumps(record) + "\n")
     sys.stdout.flush()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 import time
 
-from lfsr_core.render.protocol import emit, parse_progress, repeated
+from lfsr_core.render import protocol
+from lfsr_core.render.protocol import emit, emit_last, parse_progress, repeated
 
 LONG_ENOUGH = 30  # seconds after which a machine is broken, not slow
 
@@ -41,3 +43,25 @@ def test_after_an_end_nothing_is_said_again(capsys):
         capsys.readouterr()
         time.sleep(0.1)
         assert capsys.readouterr().out == ""
+
+
+def test_after_the_last_record_nobody_is_heard(capsys, monkeypatch):
+    monkeypatch.setattr(protocol, "_speaking", threading.Lock())
+    emit_last(stage="cancelled", message="stopped")
+    late = threading.Thread(target=emit, kwargs={"stage": "render", "message": "late"}, daemon=True)
+    late.start()
+    late.join(0.2)
+    heard = capsys.readouterr().out
+    protocol._speaking.release()
+    late.join()
+    assert "cancelled" in heard and "late" not in heard
+    assert "late" in capsys.readouterr().out, "only the end of the process silences it"
+
+
+def test_the_last_record_does_not_wait_for_one_that_hangs(capsys, monkeypatch):
+    hung = threading.Lock()
+    monkeypatch.setattr(protocol, "_speaking", hung)
+    monkeypatch.setattr(protocol, "LONGEST_WAIT", 0.01)
+    with hung:
+        emit_last(stage="cancelled", message="stopped")
+    assert "cancelled" in capsys.readouterr().out

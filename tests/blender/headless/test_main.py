@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import resource
 import signal
@@ -17,6 +16,7 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import DEVICES, Job
 from lfsr_core.images import exr
 from lfsr_core.records import to_data
+from lfsr_core.render.protocol import parse_progress
 from tests.support.scenes import MINI, ROOT, add_box, emission
 
 ENTRY = ROOT / "blender_addon" / "headless" / "entry.py"
@@ -39,7 +39,7 @@ def start(tmp_path, limit=None, **options):
 
 
 def records(lines):
-    return [json.loads(line[5:]) for line in lines if line.startswith("LFSR ")]
+    return [record for record in map(parse_progress, lines) if record]
 
 
 def test_job_becomes_a_frame_folder(blend, tmp_path):
