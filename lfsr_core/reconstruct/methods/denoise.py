@@ -25,13 +25,11 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct.methods import oidn
-from lfsr_core.reconstruct.methods.shear import interpolated
 
 GUIDES = ("albedo", "normal")
 CONTEXT = 32  # pixels around what is denoised that the library may look at
 POOLED = 16  # pixels that the library's network pools into one
-LEAST_HALVED = 10  # pixels along each side of an EI from which on its guides are cleaned at half the resolution
-VERSION = 4  # of what comes out: figures measured with another one are out of date
+VERSION = 5  # of what comes out: figures measured with another one are out of date
 
 
 def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.ndarray | None = None, *,
@@ -66,38 +64,15 @@ def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.
     return np.maximum(denoised, 0)
 
 
-def clean_guides(guides: Mapping[str, np.ndarray], size: tuple[int, int] | None = None) -> dict[str, np.ndarray]:
-    """Noisy "albedo" and "normal" (H, W, 3) without their noise, each as an image of its own.
-
-    ``size``: pixels (h, w) of each EI, even, where they are images of an EIA that are to be cleaned at half the
-    resolution: a quarter of the work, and no worse (docs/results/networks.md).
-    """
+def clean_guides(guides: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Noisy "albedo" and "normal" (H, W, 3) without their noise, each as an image of its own."""
     cleaned = {}
     if "albedo" in guides:
         # Cycles adds emission to it.
-        cleaned["albedo"] = _clean_guide(np.clip(guides["albedo"], 0, 1), size)
+        cleaned["albedo"] = denoise_eia(np.clip(guides["albedo"], 0, 1), fast=True)
     if "normal" in guides:
-        cleaned["normal"] = _clean_guide(np.clip(guides["normal"], -1, 1) / 2 + 0.5, size) * 2 - 1
+        cleaned["normal"] = denoise_eia(np.clip(guides["normal"], -1, 1) / 2 + 0.5, fast=True) * 2 - 1
     return cleaned
-
-
-def _clean_guide(image: np.ndarray, size: tuple[int, int] | None) -> np.ndarray:
-    return _doubled(denoise_eia(_halved(image), fast=True), size) if size else denoise_eia(image, fast=True)
-
-
-def _halved(image: np.ndarray) -> np.ndarray:
-    """Means over 2×2 pixels of (H, W, 3)."""
-    height, width, channels = image.shape
-    return image.reshape(height // 2, 2, width // 2, 2, channels).mean((1, 3))
-
-
-def _doubled(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """(H, W, 3) at twice the resolution, linear inside each EI of ``size`` (h, w) then: neighbours do not mix."""
-    (height, width, channels), (h, w) = image.shape, size
-    lenses = (2 * width // w, 2 * height // h)
-    images = np.ascontiguousarray(to_elemental_images(image, lenses)).reshape(-1, h // 2, w // 2, channels)
-    doubled = interpolated(images, "linear", (2, 2))
-    return from_elemental_images(doubled.reshape(*lenses[::-1], h, w, channels))
 
 
 def denoise_low_resolution(low: LowResEIA, *, fast: bool = False, guided: bool = False) -> LowResEIA:
@@ -112,15 +87,9 @@ def denoise_low_resolution(low: LowResEIA, *, fast: bool = False, guided: bool =
     rendered = low.color[part]
     color = low.color.copy()
     if rendered.size:
-        clean = clean_guides(layers, low.color.shape[2:4] if _can_be_halved(low) else None)
-        denoised = denoise_eia(_as_image(rendered, low.parallax), **clean, fast=fast)
+        denoised = denoise_eia(_as_image(rendered, low.parallax), **clean_guides(layers), fast=fast)
         color[part] = _as_elemental_images(denoised, rendered.shape, low.parallax)
     return dataclasses.replace(low, color=color, noisy=low.color)
-
-
-def _can_be_halved(low: LowResEIA) -> bool:
-    """Whether 2×2 pixels of the EIA are always of one EI, and these are not too small for that."""
-    return all(low.parallax) and all(side % 2 == 0 and side >= LEAST_HALVED for side in low.color.shape[2:4])
 
 
 def shown_part(color: np.ndarray, parallax: tuple[bool, bool] = (True, True)) -> tuple[slice, slice]:

@@ -149,36 +149,12 @@ def test_both_ways_are_the_two_of_them():
     assert set(bare.layers) == {"noisy"}
 
 
-@pytest.mark.parametrize("size", [None, (16, 32), (8, 8)])
-def test_cleaned_normals_keep_their_direction(size):
+def test_cleaned_normals_keep_their_direction():
     normal = np.zeros((64, 64, 3), np.float32) + np.float32([0, 0, 1])
     normal[:, 32:] = [-1, 0, 0]
     noisy = normal + RANDOM.normal(0, 0.2, normal.shape).astype(np.float32)
-    cleaned = clean_guides({"normal": noisy}, size)["normal"]
-    assert cleaned.shape == normal.shape
+    cleaned = clean_guides({"normal": noisy})["normal"]
     assert np.abs(cleaned - normal).mean() < 0.5 * np.abs(noisy - normal).mean()
-
-
-def test_guides_of_neighbouring_elemental_images_do_not_mix(monkeypatch):
-    monkeypatch.setattr(denoise, "denoise_eia", lambda image, fast: image)
-    normal = np.linspace(-1, 1, 12, dtype=np.float32).repeat(10, 0)[:, None, None] * np.ones((1, 36, 3), np.float32)
-    np.testing.assert_allclose(clean_guides({"normal": normal}, (10, 12))["normal"], normal, atol=1e-6)
-
-
-@pytest.mark.parametrize("shape, halved", [((10, 12), True), ((10, 11), False), ((8, 8), False), ((1, 12), False)])
-def test_guides_are_halved_only_inside_elemental_images(monkeypatch, shape, halved):
-    images = RANDOM.random((4, 4, *shape, 3)).astype(np.float32)
-    low = LowResEIA(images, images[..., :1], 16, 4, albedo=images, normal=images, parallax=(True, shape[0] > 1))
-    sizes = []
-
-    def seen(color, *guides, **settings):
-        sizes.append(color.shape[0] * color.shape[1])
-        return color
-
-    monkeypatch.setattr(denoise, "denoise_eia", seen)
-    denoise_low_resolution(low, guided=True)
-    albedo, normal, color = sizes
-    assert albedo == normal and color == (4 * normal if halved else normal)
 
 
 def test_fast_is_another_and_nearly_as_good_image():
