@@ -33,7 +33,10 @@ class Choice:
 
 
 def scales_up_to(display: DisplayProfile, most: int = MOST) -> tuple[int, ...]:
-    """Scales to choose from, the largest first: those that divide the display's views and leave enough, and 1."""
+    """Scales to choose from, the largest first: those that divide the display's views and leave enough, and 1.
+
+    Where none does, the smallest that divides them.
+    """
     fewest = min((count for count in display.views if count > 1), default=1)
     usual = [scale for scale in display.scales() if scale <= most and (scale <= 2 or fewest >= LEAST_VIEWS * scale)]
     usual = usual or display.scales()[:1]

@@ -49,6 +49,11 @@ def artist_scene(folder: Path | None) -> bpy.types.Scene:
     return scene
 
 
+def frame_one(file: Path) -> Path:
+    """Frame folder of frame 1 of the saved ``artist_scene``."""
+    return file.parent / "lightfield" / "Scene" / "0001"
+
+
 def snapshot(scene: bpy.types.Scene) -> dict[str, Any]:
     """Every setting that a render could have borrowed, and what the file holds."""
     layer = scene.view_layers[0]

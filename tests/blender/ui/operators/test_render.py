@@ -41,18 +41,8 @@ def rendered(add_on, tmp_path_factory) -> Path:
     return folder / "scene.blend"
 
 
-@pytest.fixture
-def opened(rendered) -> bpy.types.Scene:
-    bpy.ops.wm.open_mainfile(filepath=str(rendered))
-    return bpy.context.scene
-
-
-def frame_one(rendered: Path) -> Path:
-    return rendered.parent / "lightfield" / "Scene" / "0001"
-
-
 def test_render_writes_the_frame_folder_beside_the_file(rendered):
-    folder = frame_one(rendered)
+    folder = panel.frame_one(rendered)
     names = {path.name for path in folder.iterdir()}
     assert names == {"frame.json", "lr_eia.exr", "mask.png", "eia.png", "report.json"}
     assert [path.name for path in folder.parent.iterdir()] == ["0001"]
@@ -67,7 +57,7 @@ def test_render_used_the_array_of_the_scene(opened, rendered):
     from blender_addon.array import rig
 
     array, matrix = rig.placement(opened, scene_settings.display_of(opened))
-    frame = read_frame(frame_one(rendered))
+    frame = read_frame(panel.frame_one(rendered))
     assert frame.array.distance == pytest.approx(array.distance, rel=1e-6)
     assert np.allclose(frame.matrix_world, matrix, atol=1e-6)
 
@@ -75,7 +65,7 @@ def test_render_used_the_array_of_the_scene(opened, rendered):
 def test_preview_shows_the_view_of_the_eye(opened, rendered):
     assert bpy.ops.lfsr.preview_view() == {"FINISHED"}
     image = bpy.data.images[preview.IMAGE_NAME]
-    views = np.load(recipes.views_file(frame_one(rendered)))
+    views = np.load(recipes.views_file(panel.frame_one(rendered)))
     assert views.shape == (8, 8, 12, 16, 3)
     for eye, index in {(-1, 1): (0, 0), (1, 1): (0, 7), (1, -1): (7, 7)}.items():
         opened.lfsr.eye_right, opened.lfsr.eye_up = eye
@@ -87,8 +77,8 @@ def test_preview_shows_the_view_of_the_eye(opened, rendered):
 
 def test_decoded_views_are_not_mirrored(opened, rendered):
     # Behind lenses the panel holds each elemental image turned round: the left eye's view comes from its right end.
-    panel_order = read_png(frame_one(rendered) / "eia.png").reshape(12, 8, 16, 8, 3)
-    views = np.load(recipes.views_file(frame_one(rendered)))
+    panel_order = read_png(panel.frame_one(rendered) / "eia.png").reshape(12, 8, 16, 8, 3)
+    views = np.load(recipes.views_file(panel.frame_one(rendered)))
     assert np.array_equal(views[0, 0], panel_order[:, 7, :, 7])
 
 
@@ -104,7 +94,7 @@ def stamps(folder: Path) -> dict[str, int]:
 
 
 def test_animation_makes_what_is_missing(opened, rendered, capfd):
-    film = frame_one(rendered).parent
+    film = panel.frame_one(rendered).parent
     opened.frame_start, opened.frame_end = 1, 3
     assert bpy.ops.lfsr.render_animation() == {"FINISHED"}
     said = capfd.readouterr().out
@@ -128,10 +118,10 @@ def test_reference_and_ssim(opened, rendered):
     before = panel.snapshot(opened)
     assert bpy.ops.lfsr.render_reference() == {"FINISHED"}
     assert panel.snapshot(opened) == before
-    reference = frame_one(rendered).with_name("0001_reference")
+    reference = panel.frame_one(rendered).with_name("0001_reference")
     assert {path.name for path in reference.iterdir()} == {"frame.json", "reference_a.exr", "reference_b.exr"}
     assert len(read_frame(reference).lens_list) == 16
-    metrics = read_json(frame_one(rendered) / "report.json", "report")["metrics"]
+    metrics = read_json(panel.frame_one(rendered) / "report.json", "report")["metrics"]
     assert "ssim_lens_fg" in metrics and "ssim_eia_fg" not in metrics, "of sampled lenses"
     assert "SSIM, lens by lens" in dict(summary.metric_facts(opened))
 

@@ -44,18 +44,8 @@ def rendered(add_on, tmp_path_factory) -> Path:
     return folder / "scene.blend"
 
 
-@pytest.fixture
-def opened(rendered) -> bpy.types.Scene:
-    bpy.ops.wm.open_mainfile(filepath=str(rendered))
-    return bpy.context.scene
-
-
-def frame_one(rendered: Path) -> Path:
-    return rendered.parent / "lightfield" / "Scene" / "0001"
-
-
 def test_the_panels_picture_is_all_there_is(opened, rendered):
-    folder = frame_one(rendered)
+    folder = panel.frame_one(rendered)
     assert {path.name for path in folder.iterdir()} == {"frame.json", "lr_eia.exr", "panel.png", "report.json"}
     picture, frame, report = read_png(folder / PANEL_FILE), read_rendered(folder), read_report(folder)
     assert picture.shape == (80, 120, 3) and picture.std() > 10
@@ -67,9 +57,9 @@ def test_it_is_complete_for_these_settings_alone(opened, rendered):
     assert recipes.frame_recipe(opened).complete
     opened.lfsr.straight, opened.lfsr.scale, opened.lfsr.method = False, "1", "oidn"
     assert not recipes.frame_recipe(opened).complete
-    (frame_one(rendered) / EIA_FILE).touch()
+    (panel.frame_one(rendered) / EIA_FILE).touch()
     assert not recipes.frame_recipe(opened).complete
-    (frame_one(rendered) / EIA_FILE).unlink()
+    (panel.frame_one(rendered) / EIA_FILE).unlink()
     opened.lfsr.straight, opened.lfsr.samples = True, 5
     assert not recipes.frame_recipe(opened).complete
 
@@ -78,7 +68,7 @@ def test_an_animation_keeps_the_frame_that_is_there(opened, rendered, capfd):
     opened.frame_start, opened.frame_end = 1, 2
     assert bpy.ops.lfsr.render_animation() == {"FINISHED"}
     assert "2 frames: 1 made, 1 kept, 0 failed" in capfd.readouterr().out
-    second = frame_one(rendered).with_name("0002")
+    second = panel.frame_one(rendered).with_name("0002")
     assert read_rendered(second).frame == 2 and read_png(second / PANEL_FILE).std() > 10
     assert not (second / EIA_FILE).exists() and not recipes.views_file(second).exists()
 
