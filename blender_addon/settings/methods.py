@@ -10,10 +10,10 @@ from lfsr_core.reconstruct.networks import catalogue
 
 # The pure second stage knows more; these are worth a menu entry, best first.
 OURS = {
-    "oidn-both+refine+epi": ("Denoise + Refine + Recover", "Open Image Denoise without and with albedo and normal, our "
+    "oidn-both+refine+epi": ("Denoise + Refine + Recover", "Open Image Denoise at half and at full resolution, our "
                                                            "network takes the best of both, and detail that they took "
                                                            "for noise comes back along epipolar lines"),
-    "oidn-both+refine": ("Denoise + Refine", "Open Image Denoise without and with albedo and normal, then our network "
+    "oidn-both+refine": ("Denoise + Refine", "Open Image Denoise at half and at full resolution, then our network "
                                              "takes the best of both"),
     "light": ("Light", "Our network alone denoises and upscales each elemental image, without Open Image Denoise"),
 }
@@ -22,8 +22,11 @@ CLASSICAL = {
     "oidn+bilinear+epi": ("Denoise + Bilinear + Recover", "The same, and detail that the denoiser took for noise comes "
                                                           "back along epipolar lines"),
     "oidn-fast+bilinear": ("Fast Denoise + Bilinear", "Open Image Denoise in half the time, then linear views"),
-    "oidn-guided+bilinear": ("Guided Denoise + Bilinear", "Open Image Denoise with albedo and normal: best for plain, "
-                                                          "matte surfaces"),
+    "oidn-half+bilinear+epi": ("Half Denoise + Bilinear + Recover", "Open Image Denoise at half the resolution where "
+                                                                    "that shows the same: best for 1 to 4 samples"),
+    "oidn-guided+bilinear+epi": ("Guided Denoise + Bilinear + Recover", "Open Image Denoise with albedo and normal, "
+                                                                        "linear views, and detail comes back"),
+    "oidn-guided+bilinear": ("Guided Denoise + Bilinear", "Open Image Denoise with albedo and normal, linear views"),
     "oidn+bicubic": ("Denoise + Bicubic", "Open Image Denoise on the whole array, then sharper bicubic views"),
     "oidn+lanczos": ("Denoise + Lanczos", "Open Image Denoise on the whole array, then the sharpest, Lanczos views"),
     "oidn-render+bilinear": ("Denoise in Cycles + Bilinear", "Open Image Denoise by Cycles on the device that renders, "

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.reconstruct.methods import denoise, epipolar
+from lfsr_core.reconstruct.methods.guides import GUIDES
 from lfsr_core.reconstruct.networks import catalogue
 
 CLASSICAL = {
@@ -26,15 +27,16 @@ CLASSICAL = {
 PREFILTERS = {
     "oidn": "Open Image Denoise on the whole array",
     "oidn-fast": "the same in half the time, a little less accurate",
-    "oidn-guided": "Open Image Denoise with albedo and normal, cleaned first: for plain surfaces",
-    "oidn-both": "oidn and oidn-guided, for a network that mixes them",
+    "oidn-guided": "Open Image Denoise with albedo and normal",
+    "oidn-half": "the same at half the resolution of views where that shows the same: a quarter of the time",
+    "oidn-both": "oidn-half and oidn-guided, for a network that mixes them",
     "oidn-render": "Open Image Denoise by Cycles, on the device that renders: for GPUs",
 }
 AS_RENDERED, RECOVERY = "none", "epi"
 PANEL_METHODS = ("oidn", "oidn-fast", AS_RENDERED)  # of a render of a panel's subpixels, the default first
-GUIDED = ("oidn-guided", "oidn-both")
+GUIDED = ("oidn-guided", "oidn-half", "oidn-both")
 DENOISED = "oidn-render"
-DENOISERS = ("oidn", "oidn-fast", "oidn-guided")  # prefilters that make sense before an interpolation
+DENOISERS = ("oidn", "oidn-fast", "oidn-guided", "oidn-half")  # prefilters that make sense before an interpolation
 UPSCALERS = {**CLASSICAL, **catalogue.NAMES}
 METHODS = {**UPSCALERS, **PREFILTERS, RECOVERY: "last: detail that was taken for noise comes back along epipolar lines"}
 PLAIN_METHOD = "bilinear"  # after OIDN more accurate than bicubic, see docs/results/measurements.md
@@ -86,7 +88,7 @@ class MethodName:
     @property
     def layers(self) -> tuple[str, ...]:
         """Auxiliary layers that some part looks at, sorted."""
-        guides = denoise.GUIDES if set(GUIDED) & set(self.prefilters) else ()
+        guides = GUIDES if set(GUIDED) & set(self.prefilters) else ()
         denoised = ("denoised",) if DENOISED in self.prefilters else ()
         return tuple(sorted({*guides, *denoised, *(self.network.layers if self.network else ())}))
 
@@ -135,10 +137,11 @@ class MethodName:
 
     def guide_notes(self, layers: Collection[str]) -> list[str]:
         """For the report: a sentence if it would be guided by layers beside ``layers``, those that a frame has."""
-        missing = [layer for layer in denoise.GUIDES if layer not in layers]
-        if "oidn-guided" not in self.prefilters or not missing:
+        missing = [layer for layer in GUIDES if layer not in layers]
+        guided = next((part for part in self.prefilters if part in DENOISERS and part in GUIDED), None)
+        if not guided or not missing:
             return []
-        return [f"oidn-guided is guided by the layers {', '.join(missing)}, which this frame lacks: it was denoised "
+        return [f"{guided} is guided by the layers {', '.join(missing)}, which this frame lacks: it was denoised "
                 "without them; render it again with --layers albedo,normal"]
 
 
@@ -165,6 +168,6 @@ def _check_order(text: str, prefilters: Sequence[str], upscaler: str) -> None:
                             f"stand there: put one upscaler last, and {RECOVERY!r} after it")
     if upscaler == RECOVERY:
         raise LfsrError(f"method {text!r} has nothing before {RECOVERY!r}: use '{PLAIN_METHOD}+{RECOVERY}'")
-    before = catalogue.NETWORKS[upscaler].after if upscaler in catalogue.NETWORKS else None
-    if before and before not in prefilters:
-        raise LfsrError(f"method {text!r} needs {before!r} before {upscaler!r}: use '{before}+{upscaler}'")
+    before = catalogue.NETWORKS[upscaler].after if upscaler in catalogue.NETWORKS else ()
+    if before and not {*before} & {*prefilters}:
+        raise LfsrError(f"method {text!r} needs {before[0]!r} before {upscaler!r}: use '{before[0]}+{upscaler}'")

@@ -11,7 +11,12 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Cleaner, Upscaler
 from lfsr_core.reconstruct.method_name import HORIZONTAL_METHOD, RECOVERY, MethodName
-from lfsr_core.reconstruct.methods.denoise import as_rendered, denoise_both_ways, denoise_low_resolution
+from lfsr_core.reconstruct.methods.denoise import (
+    as_rendered,
+    denoise_at_half,
+    denoise_both_ways,
+    denoise_low_resolution,
+)
 from lfsr_core.reconstruct.methods.epipolar import Recovering
 from lfsr_core.reconstruct.methods.interpolation import Interpolation, NoUpscaling
 from lfsr_core.reconstruct.networks import catalogue
@@ -28,6 +33,7 @@ PREFILTERS: dict[str, Callable[[LowResEIA], LowResEIA]] = {
     "oidn": denoise_low_resolution,
     "oidn-fast": functools.partial(denoise_low_resolution, fast=True),
     "oidn-guided": functools.partial(denoise_low_resolution, guided=True),
+    "oidn-half": denoise_at_half,
     "oidn-both": denoise_both_ways,
     "oidn-render": as_rendered,
 }

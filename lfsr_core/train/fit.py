@@ -128,8 +128,7 @@ def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
     frame = read_frame(folder)
     check_reference(frame, read_frame(reference))
     low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame, read_world(folder, frame))
-    before = catalogue.spec(name).after
-    chain = method(f"{before}+{name}" if before else name)
+    chain = method(catalogue.spec(name).chain(name))
     low = prepared(low, chain)
     known = Reference.read(reference)
     chosen = known.lenses[known.foreground]

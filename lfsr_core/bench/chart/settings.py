@@ -76,10 +76,8 @@ def default_methods() -> tuple[str, ...]:
 def _chains(upscaler: str) -> tuple[str, ...]:
     """The ways to use one upscaler: networks of ours were trained for one of them only."""
     network = catalogue.NETWORKS.get(upscaler)
-    if network and network.after:
-        return (f"{network.after}+{upscaler}",)
     if network and network.light_field:
-        return (upscaler,)
+        return (network.chain(upscaler),)
     return upscaler, *(PLAIN_CHAINS if upscaler == PLAIN_METHOD else (f"{DENOISER}+{upscaler}",))
 
 

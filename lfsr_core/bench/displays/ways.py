@@ -17,7 +17,8 @@ from lfsr_core.optics.eia import flip_order, from_views
 from lfsr_core.optics.panel.gather import gather_map
 from lfsr_core.optics.panel.weave import weave
 from lfsr_core.reconstruct.method_name import MethodName, default_method
-from lfsr_core.reconstruct.methods.denoise import GUIDES, clean_guides, denoise_eia
+from lfsr_core.reconstruct.methods.denoise import clean_guides, denoise_eia
+from lfsr_core.reconstruct.methods.guides import GUIDES
 from lfsr_core.reconstruct.panel_stage import panel_picture
 from lfsr_core.reconstruct.second_stage import finished_linear
 

@@ -48,7 +48,7 @@ def default_methods(scale: int, parallax: tuple[bool, bool] = (True, True)) -> l
     """Bicubic, plain chains, the default, and every network with weights at ``scale``: those that the display can."""
     names = [BASELINE, *PLAIN_CHAINS, DEFAULT_METHOD]
     torch = importlib.util.find_spec("torch") is not None
-    names += [f"{entry.after}+{name}" if entry.after else name for name, entry in catalogue.NETWORKS.items()
+    names += [entry.chain(name) for name, entry in catalogue.NETWORKS.items()
               if scale in catalogue.trained_scales(name) and (torch or entry.light_field)]
     return [name for name in dict.fromkeys(names) if MethodName.parse(name).works_with(parallax)]
 

@@ -3,9 +3,10 @@
 The EIA, not decoded views: views of the low-resolution array lie far apart, the
 pixels inside one EI do not, so the EIA keeps far more detail (measured). Where
 views differ along one axis only the lenses are many and the views few, and whole
-views, one under the other, keep more (docs/reference/displays.md). Colour
-alone: a pixel of an EIA covers a whole lens, so albedo and normal are noisy too,
-and as guides they take away more than they give (docs/results/networks.md).
+views, one under the other, keep more (docs/reference/displays.md). And at half
+the resolution inside each elemental image, where that holds no fine texture: its
+views are alike, and a denoiser that sees four of them at once has half the noise
+(docs/results/networks.md).
 """
 
 from __future__ import annotations
@@ -14,7 +15,6 @@ import contextlib
 import dataclasses
 import importlib
 import importlib.util
-import math
 import sys
 from collections.abc import Iterator, Mapping
 from types import ModuleType
@@ -25,11 +25,13 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct.methods import oidn
+from lfsr_core.reconstruct.methods.guides import Cleaner, Guides, guides_of
+from lfsr_core.reconstruct.methods.rectangles import Box, rectangles, span
+from lfsr_core.reconstruct.methods.shear import interpolated
 
-GUIDES = ("albedo", "normal")
-CONTEXT = 32  # pixels around what is denoised that the library may look at
-POOLED = 16  # pixels that the library's network pools into one
-VERSION = 5  # of what comes out: figures measured with another one are out of date
+LEAST_HALVED = 10  # pixels along each side of an EI from which on it may be denoised at half the resolution
+HALF_KERNEL = "cubic"  # from half the resolution to the whole
+VERSION = 6  # of what comes out: figures measured with another one are out of date
 
 
 def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.ndarray | None = None, *,
@@ -65,7 +67,7 @@ def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.
 
 
 def clean_guides(guides: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Noisy "albedo" and "normal" (H, W, 3) without their noise, each as an image of its own."""
+    """Noisy "albedo" and "normal" of one view (H, W, 3) without their noise, as Blender does it."""
     cleaned = {}
     if "albedo" in guides:
         # Cycles adds emission to it.
@@ -78,21 +80,98 @@ def clean_guides(guides: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 def denoise_low_resolution(low: LowResEIA, *, fast: bool = False, guided: bool = False) -> LowResEIA:
     """The low-resolution EIA with denoised colour; what was rendered stays in the layer "noisy".
 
-    ``guided``: by its albedo and normal, cleaned first, where it has them. Only the
-    rectangle of lenses that shows anything is denoised.
+    ``guided``: by its albedo and normal, where it has them. Only the rectangle of lenses that shows anything is
+    denoised.
     """
     part = shown_part(low.color, low.parallax)
-    guides = [name for name in GUIDES if guided and name in low.layers]
-    layers = {name: _as_image(low.layers[name][part], low.parallax) for name in guides}
+    guides = _guides(low, part) if guided else None
+    return _replaced(low, part, _denoised(low.color[part], guides.images if guides else {}, low.parallax, fast=fast))
+
+
+def denoise_at_half(low: LowResEIA) -> LowResEIA:
+    """The same, guided, at half the resolution inside each EI, a quarter of the work, but where the guides show detail.
+
+    At full resolution where EIs are too small to be halved, unguided where there is no albedo.
+    """
+    part = shown_part(low.color, low.parallax)
+    guides = _guides(low, part)
+    if guides is None or not _can_be_halved(low):
+        return denoise_low_resolution(low, guided=True)
     rendered = low.color[part]
+    result = _at_half(rendered, guides)
+    for found in rectangles(guides.detail > 0, low.color.shape[2:4]):
+        whole = _denoised(rendered[found.outer], guides.part(found.outer), low.parallax)[found.crop]
+        result[found.inner] = _mixed(result[found.inner], whole, guides.detail[found.inner])
+    return _replaced(low, part, result)
+
+
+def denoise_both_ways(low: LowResEIA) -> LowResEIA:
+    """``denoise_at_half``, and by the guides at full resolution as the layer "guided".
+
+    Where EIs are too small to be halved, without guides instead; no second picture where there is no albedo.
+    """
+    part = shown_part(low.color, low.parallax)
+    guides = _guides(low, part)
+    if guides is None:
+        return denoise_low_resolution(low)
+    rendered = low.color[part]
+    whole = _denoised(rendered, guides.images, low.parallax)
+    half = _mixed(_at_half(rendered, guides), whole, guides.detail) if _can_be_halved(low) else \
+        _denoised(rendered, {}, low.parallax)
+    return dataclasses.replace(_replaced(low, part, half), guided=_replaced(low, part, whole).color)
+
+
+def _guides(low: LowResEIA, part: Box) -> Guides | None:
+    def clean(images: np.ndarray) -> np.ndarray:
+        return _denoised(images, {}, low.parallax, fast=True)
+
+    pixels = low.color.shape[2:4] if all(low.parallax) else (1, 1)
+    return guides_of({name: layer[part] for name, layer in low.layers.items()}, low.samples, Cleaner(clean, pixels))
+
+
+def _denoised(images: np.ndarray, guides: Mapping[str, np.ndarray], parallax: tuple[bool, bool], *,
+              fast: bool = False) -> np.ndarray:
+    """EIs (sy, sx, h, w, 3) as one image."""
+    if not images.size:
+        return images
+    seen = {name: _as_image(guide, parallax) for name, guide in guides.items()}
+    return _as_elemental_images(denoise_eia(_as_image(images, parallax), **seen, fast=fast), images.shape, parallax)
+
+
+def _can_be_halved(low: LowResEIA) -> bool:
+    """Whether 2×2 pixels of the EIA are always of one EI, and these are not too small for that."""
+    return all(low.parallax) and all(side % 2 == 0 and side >= LEAST_HALVED for side in low.color.shape[2:4])
+
+
+def _at_half(images: np.ndarray, guides: Guides) -> np.ndarray:
+    """EIs (sy, sx, h, w, 3), denoised by their guides at half the resolution."""
+    if not images.size:
+        return images
+    small = {name: _halved(guide) for name, guide in guides.images.items()}
+    denoised = _denoised(_halved(images), small, (True, True))
+    flat = np.ascontiguousarray(denoised).reshape(-1, *denoised.shape[2:])
+    return np.maximum(interpolated(flat, HALF_KERNEL, (2, 2)), 0).reshape(images.shape)
+
+
+def _halved(images: np.ndarray) -> np.ndarray:
+    """Means over 2×2 pixels of EIs (sy, sx, h, w, C)."""
+    sy, sx, h, w, channels = images.shape
+    return images.reshape(sy, sx, h // 2, 2, w // 2, 2, channels).mean((3, 5))
+
+
+def _mixed(half: np.ndarray, whole: np.ndarray, detail: np.ndarray) -> np.ndarray:
+    """Of EIs at half and at whole resolution the second where ``detail`` (sy, sx) is 1."""
+    return half + detail[:, :, None, None, None] * (whole - half)
+
+
+def _replaced(low: LowResEIA, part: Box, images: np.ndarray) -> LowResEIA:
+    """``low`` with denoised EIs in one part."""
     color = low.color.copy()
-    if rendered.size:
-        denoised = denoise_eia(_as_image(rendered, low.parallax), **clean_guides(layers), fast=fast)
-        color[part] = _as_elemental_images(denoised, rendered.shape, low.parallax)
+    color[part] = images
     return dataclasses.replace(low, color=color, noisy=low.color)
 
 
-def shown_part(color: np.ndarray, parallax: tuple[bool, bool] = (True, True)) -> tuple[slice, slice]:
+def shown_part(color: np.ndarray, parallax: tuple[bool, bool] = (True, True)) -> Box:
     """Rows and columns of lenses that hold every EI of ``color`` (sy, sx, h, w, C) that is not of one value.
 
     With CONTEXT around; empty where all are. ``parallax``: as of LowResEIA.
@@ -117,26 +196,6 @@ def _as_elemental_images(image: np.ndarray, shape: tuple[int, ...], parallax: tu
     if all(parallax):
         return to_elemental_images(image, (sx, sy))
     return image.reshape(h, w, sy, sx, channels).transpose(2, 3, 0, 1, 4)
-
-
-def span(wanted: np.ndarray, pixels: int) -> slice:
-    """The (n,) wanted lenses, of ``pixels`` each, with CONTEXT around.
-
-    It begins where the library pools as in the whole image.
-    """
-    places = np.flatnonzero(wanted)
-    if not len(places):
-        return slice(0, 0)
-    around, step = math.ceil(CONTEXT / pixels), POOLED // math.gcd(POOLED, pixels)
-    return slice(max(places[0] - around, 0) // step * step, min(places[-1] + 1 + around, len(wanted)))
-
-
-def denoise_both_ways(low: LowResEIA) -> LowResEIA:
-    """``denoise_low_resolution`` without guides, and with them as the layer "guided" where the frame has any."""
-    plain = denoise_low_resolution(low)
-    if not low.layers.keys() & set(GUIDES):
-        return plain
-    return dataclasses.replace(plain, guided=denoise_low_resolution(low, guided=True).color)
 
 
 def as_rendered(low: LowResEIA) -> LowResEIA:

@@ -29,15 +29,19 @@ class NetworkSpec:
     upscaler: str = PHOTOGRAPH_UPSCALER  # "module:class" that takes (name, **settings) and obeys ``contract.Upscaler``
     weights: str | None = None  # stem of its files, if that is not its name
     trained_at: int | None = None  # the one scale it was trained at, if its weights serve all
-    after: str | None = None  # prefilter that must come before it
+    after: tuple[str, ...] = ()  # prefilters of which one must come before it, the best first
 
     @property
     def light_field(self) -> bool:
         """True for our networks, trained on rendered light fields; the others saw photographs."""
         return self.upscaler == LIGHT_FIELD_UPSCALER
 
+    def chain(self, name: str) -> str:
+        """The method that it is meant for, of this network's ``name``: with what should come before it."""
+        return "+".join((*self.after[:1], name))
 
-def _ours(description: str, inputs: tuple[str, ...], size: tuple[int, int, int], after: str | None,
+
+def _ours(description: str, inputs: tuple[str, ...], size: tuple[int, int, int], after: tuple[str, ...],
           second_base: str = "") -> NetworkSpec:
     width, body_width, blocks = size
     options = {"inputs": inputs, "base": inputs[0], "width": width, "body_width": body_width, "blocks": blocks}
@@ -51,11 +55,11 @@ def _paper(convolutions: int, description: str) -> NetworkSpec:
 
 
 NETWORKS: dict[str, NetworkSpec] = {
-    "refine": _ours("our network after oidn-both: mixes the two and gives back what they took, per elemental image",
-                    ("oidn", "guided", "color", "alpha", "albedo", "normal"), (8, 16, 1), after="oidn-both",
-                    second_base="guided"),
+    "refine": _ours("our network after oidn: mixes its pictures and gives back what they took, per elemental image",
+                    ("oidn", "guided", "color", "alpha", "albedo", "normal"), (8, 16, 1),
+                    after=("oidn-both", "oidn-guided", "oidn-half"), second_base="guided"),
     "light": _ours("our network without oidn: denoises and upscales each elemental image",
-                   ("color", "alpha", "albedo", "normal"), (16, 32, 2), after=None),
+                   ("color", "alpha", "albedo", "normal"), (16, 32, 2), after=()),
     "paper": _paper(2, "the paper's generator per EI, trained with MSE only"),
     "paper-gan": _paper(2, "the paper's generator per EI, trained with its discriminator"),
     **{f"paper-{n}": _paper(n, f"the paper's generator with {n} convolutions, MSE only") for n in (3, 4, 5, 6)},

@@ -80,7 +80,8 @@ def mean_light(images: np.ndarray) -> np.ndarray:
 def network_inputs(network: ElementalNetwork, low: LowResEIA, lenses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Features (N, h, w, C) and base (N, h, w, 3) of ``lenses``, as in training."""
     after_oidn = "oidn" in network.inputs
-    layers = {**low.layers, "alpha": low.alpha, "oidn": low.color, "color": low.noisy if after_oidn else low.color}
+    layers = {"guided": low.color, **low.layers, "alpha": low.alpha, "oidn": low.color,
+              "color": low.noisy if after_oidn else low.color}
     rows, columns = lenses[:, 0], lenses[:, 1]
     shape = (len(lenses), *low.color.shape[2:4])
     features = np.empty((*shape, network.input_channels), np.float32)

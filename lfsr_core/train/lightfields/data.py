@@ -16,7 +16,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.reconstruct.networks.numpy_network import ENCODED, MAX_LOG2_SAMPLES
 from lfsr_core.reconstruct.networks.pytorch.lightfield import LightFieldConfig, encode
 
-DENOISED = ("oidn", "guided")  # Open Image Denoise alone, and with albedo and normal
+DENOISED = ("oidn", "guided")  # the two pictures of oidn-both
 LAYER_CHANNELS = {"color": slice(0, 3), "alpha": slice(3, 4), "albedo": slice(4, 7), "normal": slice(7, 10)}
 
 

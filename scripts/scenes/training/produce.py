@@ -4,8 +4,7 @@
 
     lr_{spp}    (H/s, W/s, 10)  R G B A (premultiplied), albedo R G B (above 1 on emitters: clip it),
                                 normal X Y Z (world space, zero where nothing was hit)
-    oidn_{spp}  (H/s, W/s, 3)   lr_{spp} over black, denoised
-    guided_{spp} (H/s, W/s, 3)  the same with albedo and normal as guides, which were denoised themselves
+    oidn_{spp}, guided_{spp} (H/s, W/s, 3)  lr_{spp} over black, both pictures of the method oidn-both
     ref_a, ref_b (H, W, 4)      two independent full-resolution halves, R G B A
     meta        ()              text, JSON: see ``_meta``
 """
@@ -29,9 +28,11 @@ from training.displays import choose_display
 from training.stage import Stage
 
 from lfsr_core.files import atomic_path
-from lfsr_core.reconstruct.methods.denoise import clean_guides, denoise_eia
+from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
+from lfsr_core.reconstruct.methods.denoise import denoise_both_ways
 
-FORMAT = 2
+FORMAT = 3
 LEAST_OCCUPANCY, EXPOSURES, ATTEMPTS = 0.12, (0.005, 200.0), 8
 
 
@@ -118,7 +119,8 @@ def _render(recipe: Recipe, capture: Capture, facts: dict[str, Any], clock: Cloc
             seed = facts["seeds"][f"lr_{samples}"] = _render_seed(capture.stage.rng)
             layers = capture.low(samples, seed)
         with clock.stage("oidn"):
-            arrays |= {f"{name}_{samples}": half_floats(image) for name, image in _denoised(layers).items()}
+            pictures = _denoised(layers, capture.stage.profile.lenses, (samples, recipe.scale))
+            arrays |= {f"{name}_{samples}": half_floats(image) for name, image in pictures.items()}
         arrays[f"lr_{samples}"] = half_floats(np.concatenate([layers[k] for k in ("color", "albedo", "normal")], -1))
     for half in ("ref_a", "ref_b"):
         with clock.stage("high"):
@@ -128,11 +130,15 @@ def _render(recipe: Recipe, capture: Capture, facts: dict[str, Any], clock: Cloc
     return arrays
 
 
-def _denoised(layers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Over black, premultiplied colour is the picture itself."""
-    finite = {name: np.nan_to_num(layers[name][..., :3], posinf=0.0) for name in ("color", "albedo", "normal")}
-    color = np.maximum(finite.pop("color"), 0)
-    return {"oidn": denoise_eia(color), "guided": denoise_eia(color, **clean_guides(finite))}
+def _denoised(layers: dict[str, np.ndarray], lenses: tuple[int, int],
+              render: tuple[int, int]) -> dict[str, np.ndarray]:
+    """Both pictures of ``oidn-both``, of (samples, scale). Over black, premultiplied colour is the picture itself."""
+    images = {name: to_elemental_images(np.nan_to_num(layers[name], posinf=0.0), lenses)
+              for name in ("color", "albedo", "normal")}
+    low = LowResEIA(np.maximum(images["color"][..., :3], 0), images["color"][..., 3:], *render,
+                    albedo=images["albedo"][..., :3], normal=images["normal"][..., :3])
+    both = denoise_both_ways(low)
+    return {"oidn": from_elemental_images(both.color), "guided": from_elemental_images(both.guided)}
 
 
 def _render_seed(rng: np.random.Generator) -> int:

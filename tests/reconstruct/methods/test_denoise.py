@@ -10,11 +10,13 @@ from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.methods import denoise, oidn
 from lfsr_core.reconstruct.methods.denoise import (
     clean_guides,
+    denoise_at_half,
     denoise_both_ways,
     denoise_eia,
     denoise_low_resolution,
     shown_part,
 )
+from lfsr_core.reconstruct.methods.guides import Cleaner, guides_of
 from tests.support.prerequisites import needs_bpy
 
 RANDOM = np.random.default_rng(0)
@@ -55,7 +57,7 @@ def test_normal_without_albedo_is_left_out():
 def low_resolution():
     """A noisy card as 8×8 lenses, with a noisy albedo."""
     clean, noisy = noisy_card()
-    albedo = np.clip(clean / 3 + RANDOM.normal(0, 0.1, clean.shape), 0, 1).astype(np.float32)
+    albedo = np.clip(clean / 3 + RANDOM.normal(0, 0.02, clean.shape), 0, 1).astype(np.float32)
     color, albedo = (image.reshape(8, 8, 12, 8, 3).swapaxes(1, 2) for image in (noisy, albedo))
     return LowResEIA(color, np.ones((*color.shape[:-1], 1), np.float32), 16, 4, albedo=albedo)
 
@@ -129,17 +131,16 @@ def test_part_holds_every_lens_that_shows_something(corner):
         assert part.start * 8 % 16 == 0, "the library pools the same pixels as in the whole image"
 
 
-def test_guides_lose_their_noise_first():
+def test_guides_are_smoothed_first():
     low = low_resolution()
-    guides = {"albedo": whole(low.albedo)}
-    cleaned = clean_guides(guides)
-    truth = np.clip(noisy_card()[0] / 3, 0, 1)
-    assert error(cleaned["albedo"], truth) < error(guides["albedo"], truth) / 2
-    expected = denoise_eia(whole(low.color), **cleaned)
+    low = dataclasses.replace(low, albedo=0.5 + low.albedo / 10)
+    guides = guides_of({"albedo": low.albedo}, low.samples, Cleaner(lambda images: images, (8, 8)))
+    assert not guides.detail.any() and not np.allclose(guides.images["albedo"], low.albedo, atol=1e-3)
+    expected = denoise_eia(whole(low.color), whole(guides.images["albedo"]))
     np.testing.assert_allclose(whole(denoise_low_resolution(low, guided=True).color), expected, atol=1e-5)
 
 
-def test_both_ways_are_the_two_of_them():
+def test_both_ways_are_two_pictures():
     low = low_resolution()
     both = denoise_both_ways(low)
     np.testing.assert_array_equal(both.color, denoise_low_resolution(low).color)
@@ -147,6 +148,56 @@ def test_both_ways_are_the_two_of_them():
     assert np.abs(both.guided - both.color).max() > 1e-3 and both.noisy is low.color
     bare = denoise_both_ways(dataclasses.replace(low, albedo=None))
     assert set(bare.layers) == {"noisy"}
+
+
+def matte(texture=0.0, samples=16):
+    """8×8 lenses of 12×12 views: lit from the left, tiled by ``texture``, three views each; noise of 16 samples."""
+    lens = np.add.outer(np.arange(8), np.arange(8))[:, :, None, None] / 16
+    tiles = np.add.outer(np.arange(12) // 3, np.arange(12) // 3) % 2 - 0.5
+    albedo = np.clip(0.5 + texture * tiles + np.zeros((8, 8, 1, 1)), 0, 1)[..., None].repeat(3, -1).astype(np.float32)
+    clean = (albedo * (0.2 + lens[..., None])).astype(np.float32)
+    noise = RANDOM.gamma(4, 1 / 4, clean.shape).astype(np.float32)
+    return clean, LowResEIA(clean * noise, np.ones((*clean.shape[:-1], 1), np.float32), samples, 4, albedo=albedo)
+
+
+def test_half_the_resolution_is_nearer_where_views_are_alike():
+    clean, low = matte()
+    half = denoise_at_half(low)
+    assert half.noisy is low.color and half.color.shape == low.color.shape and half.color.min() >= 0
+    assert error(half.color, clean) < error(denoise_low_resolution(low, guided=True).color, clean)
+
+
+def test_where_guides_show_detail_the_resolution_is_whole():
+    clean, low = matte(texture=0.8)
+    guided = denoise_low_resolution(low, guided=True).color
+    np.testing.assert_allclose(denoise_at_half(low).color, guided, atol=1e-5)
+    np.testing.assert_allclose(denoise_both_ways(low).color, guided, atol=1e-5)
+    assert error(guided, clean) < error(low.color, clean) / 2
+
+
+def test_detail_in_some_lenses_leaves_the_others_at_half_the_resolution():
+    (_, low), (_, tiled) = matte(), matte(texture=0.8)
+    color, albedo = low.color.copy(), low.albedo.copy()
+    color[:2, :2], albedo[:2, :2] = tiled.color[:2, :2], tiled.albedo[:2, :2]
+    some = dataclasses.replace(low, color=color, albedo=albedo)
+    guided, half = denoise_low_resolution(some, guided=True).color, denoise_at_half(some).color
+    assert np.abs(half[:2, :2] - guided[:2, :2]).mean() < 0.02
+    assert not np.allclose(half[4:], guided[4:], atol=1e-3)
+    both = denoise_both_ways(some)
+    np.testing.assert_allclose(both.color[4:], half[4:], atol=1e-5)
+    np.testing.assert_array_equal(both.guided, guided)
+
+
+def test_small_elemental_images_are_not_halved():
+    low = low_resolution()
+    np.testing.assert_array_equal(denoise_at_half(low).color, denoise_low_resolution(low, guided=True).color)
+
+
+@pytest.mark.parametrize("way", [denoise_at_half, denoise_both_ways])
+def test_nothing_to_denoise_at_half_stays_as_it_is(way):
+    _, low = matte()
+    empty = dataclasses.replace(low, color=np.full_like(low.color, 0.25))
+    np.testing.assert_array_equal(way(empty).color, empty.color)
 
 
 def test_cleaned_normals_keep_their_direction():

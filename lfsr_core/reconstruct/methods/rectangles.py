@@ -1,0 +1,69 @@
+"""Rectangles of lenses that the denoiser is given: those that are wanted, with some around."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+CONTEXT = 32  # pixels around what is denoised that the library may look at
+POOLED = 16  # pixels that the library's network pools into one
+
+Box = tuple[slice, slice]  # rows and columns of lenses
+
+
+@dataclasses.dataclass(frozen=True)
+class Rectangle:
+    """Wanted lenses and those around them that the library may look at."""
+
+    inner: Box
+    outer: Box
+
+    @property
+    def crop(self) -> Box:
+        """Where ``inner`` lies in an array of ``outer``."""
+        rows, columns = (slice(part.start - around.start, part.stop - around.start)
+                         for part, around in zip(self.inner, self.outer, strict=True))
+        return rows, columns
+
+
+def span(wanted: np.ndarray, pixels: int) -> slice:
+    """The (n,) wanted lenses, of ``pixels`` each, with CONTEXT around.
+
+    It begins where the library pools as in the whole image.
+    """
+    places = np.flatnonzero(wanted)
+    return _around(slice(places[0], places[-1] + 1), pixels, len(wanted)) if len(places) else slice(0, 0)
+
+
+def rectangles(wanted: np.ndarray, views: tuple[int, int]) -> list[Rectangle]:
+    """Rectangles that hold every ``wanted`` lens (sy, sx), of (h, w) ``views``, and none of which sees another's.
+
+    Empty rows and columns part them wherever they are wide enough to save work.
+    """
+    gaps = [2 * math.ceil(CONTEXT / pixels) for pixels in views]
+    outer = [lambda part, n=n: _around(part, views[n], wanted.shape[n]) for n in (0, 1)]
+    boxes = _parted(wanted, (slice(0, wanted.shape[0]), slice(0, wanted.shape[1])), gaps)
+    return [Rectangle(box, (outer[0](box[0]), outer[1](box[1]))) for box in boxes]
+
+
+def _around(part: slice, pixels: int, count: int) -> slice:
+    around, step = math.ceil(CONTEXT / pixels), POOLED // math.gcd(POOLED, pixels)
+    return slice(max(part.start - around, 0) // step * step, min(part.stop + around, count))
+
+
+def _parted(wanted: np.ndarray, box: Box, gaps: list[int]) -> list[Box]:
+    """Boxes inside ``box`` (a recursive X-Y cut: Nagy and Seth, ICPR 1984)."""
+    runs = [_runs(wanted[box].any(1 - axis), gaps[axis], box[axis].start) for axis in (0, 1)]
+    parts = [(rows, columns) for rows in runs[0] for columns in runs[1]]
+    if len(parts) < 2:
+        return parts
+    return [found for part in parts for found in _parted(wanted, part, gaps)]
+
+
+def _runs(wanted: np.ndarray, gap: int, start: int) -> list[slice]:
+    """Runs of the (n,) wanted ones, which begin at ``start``, parted by more than ``gap`` others."""
+    places = np.flatnonzero(wanted)
+    pieces = np.split(places, np.flatnonzero(np.diff(places) > gap + 1) + 1) if len(places) else []
+    return [slice(start + int(piece[0]), start + int(piece[-1]) + 1) for piece in pieces]
