@@ -2,8 +2,9 @@
 
 A pixel of an EIA covers a whole lens, so they are as noisy as colour, and a denoiser takes their grain for edges. A
 Gaussian inside each elemental image serves it better than guides that were denoised themselves, and costs nothing
-(measured: docs/results/networks.md). Where that takes away more than noise usually is, it may take detail: there the
-library says how much of it is, and that stays.
+(measured: docs/results/networks.md). Noise is white, so its finest band tells how much of it is in a coarser one: of
+that band what exceeds noise stays (Wiener's weight). Where the Gaussian takes away more than noise usually is, it may
+take fine detail: there the library says how much of it is, and that stays.
 """
 
 from __future__ import annotations
@@ -19,6 +20,10 @@ from lfsr_core.reconstruct.methods.rectangles import Box, rectangles
 GUIDES = ("albedo", "normal")
 WIDTH, SAMPLES = 2.0, 16  # of the Gaussian: standard deviation, in pixels, at so many samples per pixel
 NARROWEST, WIDEST = 1.0, 4.0  # at any number of samples
+FINE = 0.7  # Gaussian, in pixels, that parts the finest band, taken for noise, from the coarser one
+NOISIER = 1.5  # times the noise that the finest band tells of: the coarser one must exceed that
+# From the first to the second a coarser band, in rms at SAMPLES samples, is too much to be lost at half the resolution.
+STRUCTURE = (0.012, 0.024)
 # Mean of what the Gaussian takes away, times √samples, of values in [0, 1]: up to the first it is noise, from the
 # second on the library is asked.
 NOISE, DOUBT = 0.24, 0.36
@@ -68,25 +73,40 @@ def _in_unit(name: str, images: np.ndarray) -> np.ndarray:
 
 def _made(images: np.ndarray, samples: int, cleaner: Cleaner) -> tuple[np.ndarray, np.ndarray]:
     """EIs (sy, sx, h, w, 3) without grain and, (sy, sx), how surely each shows detail."""
-    result, doubt = _smoothed(images, samples)
-    detail = np.zeros_like(doubt)
+    result, doubt, detail = _smoothed(images, samples)
+    detail *= 1 - doubt
     for found in rectangles(doubt > 0, cleaner.pixels):
         cleaned = cleaner.clean(images[found.outer])[found.crop]
         kept, sure = _kept(images[found.inner], cleaned, samples)
         weight = doubt[found.inner]
         result[found.inner] += weight[:, :, None, None, None] * (kept - result[found.inner])
-        detail[found.inner] = weight * sure
+        detail[found.inner] = np.maximum(detail[found.inner], weight * sure)
     return result, detail
 
 
-def _smoothed(images: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """EIs after the Gaussian and, (sy, sx) in [0, 1], how surely it took more than noise."""
-    result, doubt = np.empty(images.shape, np.float32), np.empty(images.shape[:2], np.float32)
+def _smoothed(images: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """EIs without grain and, (sy, sx) in [0, 1], how surely that took more than noise, and of how much that stayed.
+
+    The last: whether it is too much to be lost at half the resolution.
+    """
+    result = np.empty(images.shape, np.float32)
+    doubt, structure = (np.empty(images.shape[:2], np.float32) for _ in range(2))
     for row, rendered in enumerate(images):  # of lenses: what stays in the cache
-        result[row] = _blurred(rendered, _width(samples))
-        taken = np.abs(rendered - result[row]).max(-1).mean((1, 2))
+        fine, broad = (_blurred(rendered, width) for width in (FINE, _width(samples)))
+        energy, noise = np.square(fine - broad).mean((1, 2, 3)), NOISIER * _noise_of(rendered, fine, _width(samples))
+        weight = np.divide(energy - noise, energy, out=np.zeros_like(energy), where=energy > noise)
+        result[row] = broad + weight[:, None, None, None] * (fine - broad)
+        taken = np.abs(rendered - broad).max(-1).mean((1, 2))
         doubt[row] = _step(taken * np.sqrt(samples), NOISE, DOUBT)
-    return result, np.where(doubt > LEAST_DOUBT, doubt, 0)
+        structure[row] = _step(np.sqrt(np.maximum(energy - noise, 0) * samples / SAMPLES), *STRUCTURE)
+    return result, np.where(doubt > LEAST_DOUBT, doubt, 0), structure
+
+
+def _noise_of(rendered: np.ndarray, fine: np.ndarray, width: float) -> np.ndarray:
+    """(N,) variance of white noise in the coarser band of EIs (N, h, w, 3), by that in the finest."""
+    size = rendered.shape[1:3]
+    finest, coarser = _white(size, 0, FINE), _white(size, FINE, width)
+    return np.square(rendered - fine).mean((1, 2, 3)) * (coarser / finest if finest else 0)
 
 
 def _kept(rendered: np.ndarray, cleaned: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
@@ -116,6 +136,18 @@ def _blurred(images: np.ndarray, width: float) -> np.ndarray:
     down, across = (_gaussian(size, width) for size in (rows, columns))
     tall = (down @ images.reshape(count, rows, -1)).reshape(-1, columns * channels)
     return (tall @ np.kron(across.T, np.eye(channels, dtype=np.float32))).reshape(images.shape)
+
+
+@functools.lru_cache(maxsize=16)
+def _white(size: tuple[int, int], narrow: float, broad: float) -> float:
+    """Mean square of what lies between two Gaussians, 0 for none, of white noise of variance 1 in EIs of ``size``."""
+    kernels = [[_gaussian(side, width) if width else np.eye(side) for side in size] for width in (narrow, broad)]
+
+    def product(one: list[np.ndarray], other: list[np.ndarray]) -> float:
+        return float(np.prod([np.sum(a * b, axis=1).mean() for a, b in zip(one, other, strict=True)]))
+
+    first, second = kernels
+    return product(first, first) - 2 * product(first, second) + product(second, second)
 
 
 @functools.lru_cache(maxsize=16)

@@ -84,6 +84,20 @@ def test_the_denoiser_is_asked_only_where_there_may_be_detail():
     assert len(asked) == 2, "one sample is as far from its mean"
 
 
+@pytest.mark.parametrize("samples", [4, 16, 64])
+def test_an_edge_stays_amid_grain_and_grain_is_no_structure(samples):
+    clean = plain()
+    edged = {"albedo": clean["albedo"].copy()}
+    edged["albedo"][0, 0, 6:] += 0.5
+    noisy = {"albedo": grainy(64, edged)["albedo"]}
+    made = guides_of(noisy, samples)
+    step = made.images["albedo"][0, 0, 6].mean() - made.images["albedo"][0, 0, 5].mean()
+    assert step > 0.2 and made.detail[0, 0] > 0.9
+    assert made.detail[1:].max() < 0.1
+    grain = np.abs(made.images["albedo"][1:] - 0.4).mean()
+    assert grain < np.abs(noisy["albedo"][1:] - 0.4).mean() / 2
+
+
 def test_mirrored_guides_make_mirrored_guides():
     noisy = grainy(4, plain())
     mirrored = guides_of({name: layer[:, :, ::-1, ::-1] for name, layer in noisy.items()}, 4)
