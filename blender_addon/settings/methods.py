@@ -23,7 +23,7 @@ CLASSICAL = {
                                                           "back along epipolar lines"),
     "oidn-fast+bilinear": ("Fast Denoise + Bilinear", "Open Image Denoise in half the time, then linear views"),
     "oidn-half+bilinear+epi": ("Half Denoise + Bilinear + Recover", "Open Image Denoise at half the resolution where "
-                                                                    "that shows the same: best for 1 to 4 samples"),
+                                                                    "that shows the same: for 1 to 4 samples"),
     "oidn-guided+bilinear+epi": ("Guided Denoise + Bilinear + Recover", "Open Image Denoise with albedo and normal, "
                                                                         "linear views, and detail comes back"),
     "oidn-guided+bilinear": ("Guided Denoise + Bilinear", "Open Image Denoise with albedo and normal, linear views"),

@@ -28,7 +28,7 @@ PREFILTERS = {
     "oidn": "Open Image Denoise on the whole array",
     "oidn-fast": "the same in half the time, a little less accurate",
     "oidn-guided": "Open Image Denoise with albedo and normal",
-    "oidn-half": "the same at half the resolution of views where that shows the same: a quarter of the time",
+    "oidn-half": "the same at half the resolution of views where that shows the same",
     "oidn-both": "oidn-half and oidn-guided, for a network that mixes them",
     "oidn-render": "Open Image Denoise by Cycles, on the device that renders: for GPUs",
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from lfsr_core.optics.eia import flip_order, from_views
 from lfsr_core.optics.panel.gather import gather_map
 from lfsr_core.optics.panel.weave import weave
 from lfsr_core.reconstruct.method_name import MethodName, default_method
-from lfsr_core.reconstruct.methods.denoise import clean_guides, denoise_eia
+from lfsr_core.reconstruct.methods.denoise import denoise_eia
 from lfsr_core.reconstruct.methods.guides import GUIDES
 from lfsr_core.reconstruct.panel_stage import panel_picture
 from lfsr_core.reconstruct.second_stage import finished_linear
@@ -102,3 +103,14 @@ def _view_by_view(folder: Path, frame: Frame) -> np.ndarray:
 def _denoised(low: LowResEIA, row: int, column: int) -> np.ndarray:
     guides = {name: low.layers[name][:, :, row, column] for name in GUIDES if name in low.layers}
     return denoise_eia(low.color[:, :, row, column], **clean_guides(guides))
+
+
+def clean_guides(guides: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Noisy "albedo" and "normal" of one view (H, W, 3) without their noise, as Blender does it."""
+    cleaned = {}
+    if "albedo" in guides:
+        # Cycles adds emission to it.
+        cleaned["albedo"] = denoise_eia(np.clip(guides["albedo"], 0, 1), fast=True)
+    if "normal" in guides:
+        cleaned["normal"] = denoise_eia(np.clip(guides["normal"], -1, 1) / 2 + 0.5, fast=True) * 2 - 1
+    return cleaned

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import importlib
 import importlib.util
 import sys
@@ -66,17 +67,6 @@ def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.
     return np.maximum(denoised, 0)
 
 
-def clean_guides(guides: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Noisy "albedo" and "normal" of one view (H, W, 3) without their noise, as Blender does it."""
-    cleaned = {}
-    if "albedo" in guides:
-        # Cycles adds emission to it.
-        cleaned["albedo"] = denoise_eia(np.clip(guides["albedo"], 0, 1), fast=True)
-    if "normal" in guides:
-        cleaned["normal"] = denoise_eia(np.clip(guides["normal"], -1, 1) / 2 + 0.5, fast=True) * 2 - 1
-    return cleaned
-
-
 def denoise_low_resolution(low: LowResEIA, *, fast: bool = False, guided: bool = False) -> LowResEIA:
     """The low-resolution EIA with denoised colour; what was rendered stays in the layer "noisy".
 
@@ -94,8 +84,8 @@ def denoise_at_half(low: LowResEIA) -> LowResEIA:
     At full resolution where EIs are too small to be halved, unguided where there is no albedo.
     """
     part = shown_part(low.color, low.parallax)
-    guides = _guides(low, part)
-    if guides is None or not _can_be_halved(low):
+    guides = _guides(low, part) if _can_be_halved(low) else None
+    if guides is None:
         return denoise_low_resolution(low, guided=True)
     rendered = low.color[part]
     result = _at_half(rendered, guides)
@@ -122,9 +112,7 @@ def denoise_both_ways(low: LowResEIA) -> LowResEIA:
 
 
 def _guides(low: LowResEIA, part: Box) -> Guides | None:
-    def clean(images: np.ndarray) -> np.ndarray:
-        return _denoised(images, {}, low.parallax, fast=True)
-
+    clean = functools.partial(_denoised, guides={}, parallax=low.parallax, fast=True)
     pixels = low.color.shape[2:4] if all(low.parallax) else (1, 1)
     return guides_of({name: layer[part] for name, layer in low.layers.items()}, low.samples, Cleaner(clean, pixels))
 

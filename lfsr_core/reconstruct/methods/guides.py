@@ -141,13 +141,13 @@ def _blurred(images: np.ndarray, width: float) -> np.ndarray:
 @functools.lru_cache(maxsize=16)
 def _white(size: tuple[int, int], narrow: float, broad: float) -> float:
     """Mean square of what lies between two Gaussians, 0 for none, of white noise of variance 1 in EIs of ``size``."""
-    kernels = [[_gaussian(side, width) if width else np.eye(side) for side in size] for width in (narrow, broad)]
+    first, second = ([_gaussian(side, width) if width else np.eye(side) for side in size] for width in (narrow, broad))
+    return _overlap(first, first) - 2 * _overlap(first, second) + _overlap(second, second)
 
-    def product(one: list[np.ndarray], other: list[np.ndarray]) -> float:
-        return float(np.prod([np.sum(a * b, axis=1).mean() for a, b in zip(one, other, strict=True)]))
 
-    first, second = kernels
-    return product(first, first) - 2 * product(first, second) + product(second, second)
+def _overlap(one: list[np.ndarray], other: list[np.ndarray]) -> float:
+    """Mean product of what two filters, of rows and of columns, make of the same white noise."""
+    return float(np.prod([np.sum(a * b, axis=1).mean() for a, b in zip(one, other, strict=True)]))
 
 
 @functools.lru_cache(maxsize=16)

@@ -43,9 +43,9 @@ def rectangles(wanted: np.ndarray, views: tuple[int, int]) -> list[Rectangle]:
     Empty rows and columns part them wherever they are wide enough to save work.
     """
     gaps = [2 * math.ceil(CONTEXT / pixels) for pixels in views]
-    outer = [lambda part, n=n: _around(part, views[n], wanted.shape[n]) for n in (0, 1)]
-    boxes = _parted(wanted, (slice(0, wanted.shape[0]), slice(0, wanted.shape[1])), gaps)
-    return [Rectangle(box, (outer[0](box[0]), outer[1](box[1]))) for box in boxes]
+    (sy, sx), (h, w) = wanted.shape, views
+    boxes = _parted(wanted, (slice(0, sy), slice(0, sx)), gaps)
+    return [Rectangle((rows, columns), (_around(rows, h, sy), _around(columns, w, sx))) for rows, columns in boxes]
 
 
 def _around(part: slice, pixels: int, count: int) -> slice:

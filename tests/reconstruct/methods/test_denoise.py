@@ -9,7 +9,6 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.methods import denoise, oidn
 from lfsr_core.reconstruct.methods.denoise import (
-    clean_guides,
     denoise_at_half,
     denoise_both_ways,
     denoise_eia,
@@ -198,14 +197,6 @@ def test_nothing_to_denoise_at_half_stays_as_it_is(way):
     _, low = matte()
     empty = dataclasses.replace(low, color=np.full_like(low.color, 0.25))
     np.testing.assert_array_equal(way(empty).color, empty.color)
-
-
-def test_cleaned_normals_keep_their_direction():
-    normal = np.zeros((64, 64, 3), np.float32) + np.float32([0, 0, 1])
-    normal[:, 32:] = [-1, 0, 0]
-    noisy = normal + RANDOM.normal(0, 0.2, normal.shape).astype(np.float32)
-    cleaned = clean_guides({"normal": noisy})["normal"]
-    assert np.abs(cleaned - normal).mean() < 0.5 * np.abs(noisy - normal).mean()
 
 
 def test_fast_is_another_and_nearly_as_good_image():
