@@ -43,6 +43,6 @@ cat <<END
 
 The numbers compare $out/frame with a path-traced reference that nothing was upscaled or denoised in.
 SSIM is 1 and FLIP 0 for a perfect picture. "split" means that the reference's own noise cancels;
-ssim_eia_plain does not have that, so even a perfect picture would score little more than
-ssim_ceiling there. The ± is the 95 % confidence interval that comes from looking at 12 lenses only.
+ssim_lens_plain does not have that, so even a perfect picture would score little more than
+ssim_lens_ceiling there. The ± is the 95 % confidence interval that comes from looking at 12 lenses only.
 END
