@@ -16,10 +16,10 @@ from lfsr_core.optics.rays import CameraArray
 
 MOST = 4  # largest scale that is chosen
 LEAST_VIEWS = 5  # along each axis that a scale above 2 must leave: too few lie far apart, docs/results/displays.md
-# Lenses by which rendered views may move what is seen, on average: the more where every view at as many rays would get
-# one sample or less, which no denoiser makes much of; the less where it would get four. docs/results/stress.md.
-FEW, MANY = 1, 4
-MOST_AT_FEW, MOST_AT_MANY = 0.75, 0.52
+# Lenses by which rendered views may move what is seen, on average, at scale 2 and above it, where every view at as many
+# rays would get so many samples. One sample or less no denoiser makes much of. docs/results/stress.md.
+HALVED = {1: 1.38, 16: 0.52}
+COARSER = {1: 0.75, 4: 0.52}
 LOST = 2.0  # lenses from which on nothing more can be lost
 
 
@@ -86,5 +86,5 @@ def mean_move(moves: np.ndarray, scale: int) -> float:
 
 def most_move(samples: int, scale: int) -> float:
     """The most of them that can be restored, against every view with as many rays."""
-    each = np.log([FEW, MANY])
-    return float(np.interp(np.log(samples / scale**2), each, [MOST_AT_FEW, MOST_AT_MANY]))
+    most = HALVED if scale == 2 else COARSER
+    return float(np.interp(np.log(samples / scale**2), np.log([*most]), [*most.values()]))

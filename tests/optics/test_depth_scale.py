@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.optics.depth_scale import choose_scale, lenses_per_view, scales_up_to
+from lfsr_core.optics.depth_scale import choose_scale, lenses_per_view, mean_move, scales_up_to
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray
 from tests.support.synthetic import FLAT, MINI
@@ -54,6 +54,14 @@ def test_more_samples_ask_for_more_views():
     chosen = [choose_scale(SMALL, array, depths, (4, 2, 1), samples) for samples in (1, 16, 64, 1024)]
     assert [choice.scale for choice in chosen] == sorted((choice.scale for choice in chosen), reverse=True)
     assert chosen[0].scale > chosen[-1].scale
+
+
+@pytest.mark.parametrize(("samples", "scale"), [(4, 2), (16, 2), (64, 1)])
+def test_half_of_the_views_are_enough_until_every_view_gets_many_samples(samples, scale):
+    array = array_of(SMALL)
+    depths = np.full(5, 2 * array.distance)
+    assert 0.52 < mean_move(lenses_per_view(SMALL, array, depths), 2) < 0.95
+    assert choose_scale(SMALL, array, depths, (4, 2, 1), samples).scale == scale
 
 
 def test_every_view_takes_as_many_rays_as_half_of_them():
