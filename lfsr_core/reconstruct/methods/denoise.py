@@ -32,7 +32,7 @@ from lfsr_core.reconstruct.methods.shear import interpolated
 
 LEAST_HALVED = 10  # pixels along each side of an EI from which on it may be denoised at half the resolution
 HALF_KERNEL = "cubic"  # from half the resolution to the whole
-VERSION = 6  # of what comes out: figures measured with another one are out of date
+VERSION = 7  # of what comes out: figures measured with another one are out of date
 
 
 def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.ndarray | None = None, *,

@@ -29,9 +29,9 @@ STRUCTURE = (0.012, 0.024)
 NOISE, DOUBT = 0.24, 0.36
 LEAST_DOUBT = 0.05  # below it an EI is not worth a rectangle
 # Of what the library left: the Gaussian that takes its own mistakes away, in pixels, and how far from that it must be
-# to be detail, in rms times √samples; less is enough where it is nearly all that was rendered (share of its variance).
+# to be detail, in rms times √samples.
 CLEANED_WIDTH = 1.5
-DETAIL, SLIGHT_DETAIL, SHARE = (0.2, 0.35), (0.05, 0.1), (0.85, 0.95)
+DETAIL = (0.1, 0.2)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,7 +77,7 @@ def _made(images: np.ndarray, samples: int, cleaner: Cleaner) -> tuple[np.ndarra
     detail *= 1 - doubt
     for found in rectangles(doubt > 0, cleaner.pixels):
         cleaned = cleaner.clean(images[found.outer])[found.crop]
-        kept, sure = _kept(images[found.inner], cleaned, samples)
+        kept, sure = _kept(cleaned, samples)
         weight = doubt[found.inner]
         result[found.inner] += weight[:, :, None, None, None] * (kept - result[found.inner])
         detail[found.inner] = np.maximum(detail[found.inner], weight * sure)
@@ -109,13 +109,10 @@ def _noise_of(rendered: np.ndarray, fine: np.ndarray, width: float) -> np.ndarra
     return np.square(rendered - fine).mean((1, 2, 3)) * (coarser / finest if finest else 0)
 
 
-def _kept(rendered: np.ndarray, cleaned: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
+def _kept(cleaned: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
     """What stays of denoised EIs (sy, sx, h, w, 3), and (sy, sx) in [0, 1] how surely that holds detail."""
     smooth = _blurred(cleaned.reshape(-1, *cleaned.shape[2:]), CLEANED_WIDTH).reshape(cleaned.shape)
-    variance, whole = (np.square(images - smooth).mean((2, 3, 4)) for images in (cleaned, rendered))
-    share = np.divide(variance, whole, out=np.zeros_like(variance), where=whole > 0)
-    strength = np.sqrt(variance * samples)
-    sure = np.maximum(_step(share, *SHARE) * _step(strength, *SLIGHT_DETAIL), _step(strength, *DETAIL))
+    sure = _step(np.sqrt(np.square(cleaned - smooth).mean((2, 3, 4)) * samples), *DETAIL)
     return smooth + sure[:, :, None, None, None] * (cleaned - smooth), sure
 
 

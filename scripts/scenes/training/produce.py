@@ -32,7 +32,7 @@ from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct.methods.denoise import denoise_both_ways
 
-FORMAT = 3
+FORMAT = 4
 LEAST_OCCUPANCY, EXPOSURES, ATTEMPTS = 0.12, (0.005, 200.0), 8
 
 
