@@ -25,13 +25,17 @@ import numpy as np
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
+from lfsr_core.reconstruct.encoding import encode
 from lfsr_core.reconstruct.methods import oidn
-from lfsr_core.reconstruct.methods.guides import Cleaner, Guides, guides_of
+from lfsr_core.reconstruct.methods.guides import Cleaner, Guides, guides_of, smooth_step
 from lfsr_core.reconstruct.methods.rectangles import Box, rectangles, span
 from lfsr_core.reconstruct.methods.shear import interpolated
 
 LEAST_HALVED = 10  # pixels along each side of an EI from which on it may be denoised at half the resolution
 HALF_KERNEL = "cubic"  # from half the resolution to the whole
+# Share of the noise taken away by which the picture at half the resolution may differ from the whole one: up to the
+# first that is noise, from the second on it lost what the guides do not show, as a shadow's edge.
+LOST = (0.25, 0.6)
 VERSION = 7  # of what comes out: figures measured with another one are out of date
 
 
@@ -106,8 +110,11 @@ def denoise_both_ways(low: LowResEIA) -> LowResEIA:
         return denoise_low_resolution(low)
     rendered = low.color[part]
     whole = _denoised(rendered, guides.images, low.parallax)
-    half = _mixed(_at_half(rendered, guides), whole, guides.detail) if _can_be_halved(low) else \
-        _denoised(rendered, {}, low.parallax)
+    if _can_be_halved(low):
+        half = _at_half(rendered, guides)
+        half = _mixed(half, whole, np.maximum(guides.detail, smooth_step(_lost(half, whole, rendered), *LOST)))
+    else:
+        half = _denoised(rendered, {}, low.parallax)
     return dataclasses.replace(_replaced(low, part, half), guided=_replaced(low, part, whole).color)
 
 
@@ -150,6 +157,13 @@ def _halved(images: np.ndarray) -> np.ndarray:
 def _mixed(half: np.ndarray, whole: np.ndarray, detail: np.ndarray) -> np.ndarray:
     """Of EIs at half and at whole resolution the second where ``detail`` (sy, sx) is 1."""
     return half + detail[:, :, None, None, None] * (whole - half)
+
+
+def _lost(half: np.ndarray, whole: np.ndarray, rendered: np.ndarray) -> np.ndarray:
+    """(sy, sx) squares of what two pictures of EIs differ by, per those of the noise taken away, in √light."""
+    half, whole, rendered = (encode(images) for images in (half, whole, rendered))
+    noise = np.square(rendered - whole).mean((2, 3, 4))
+    return np.divide(np.square(half - whole).mean((2, 3, 4)), noise, out=np.zeros_like(noise), where=noise > 0)
 
 
 def _replaced(low: LowResEIA, part: Box, images: np.ndarray) -> LowResEIA:

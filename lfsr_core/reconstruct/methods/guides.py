@@ -97,8 +97,8 @@ def _smoothed(images: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray,
         weight = np.divide(energy - noise, energy, out=np.zeros_like(energy), where=energy > noise)
         result[row] = broad + weight[:, None, None, None] * (fine - broad)
         taken = np.abs(rendered - broad).max(-1).mean((1, 2))
-        doubt[row] = _step(taken * np.sqrt(samples), NOISE, DOUBT)
-        structure[row] = _step(np.sqrt(np.maximum(energy - noise, 0) * samples / SAMPLES), *STRUCTURE)
+        doubt[row] = smooth_step(taken * np.sqrt(samples), NOISE, DOUBT)
+        structure[row] = smooth_step(np.sqrt(np.maximum(energy - noise, 0) * samples / SAMPLES), *STRUCTURE)
     return result, np.where(doubt > LEAST_DOUBT, doubt, 0), structure
 
 
@@ -112,7 +112,7 @@ def _noise_of(rendered: np.ndarray, fine: np.ndarray, width: float) -> np.ndarra
 def _kept(cleaned: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
     """What stays of denoised EIs (sy, sx, h, w, 3), and (sy, sx) in [0, 1] how surely that holds detail."""
     smooth = _blurred(cleaned.reshape(-1, *cleaned.shape[2:]), CLEANED_WIDTH).reshape(cleaned.shape)
-    sure = _step(np.sqrt(np.square(cleaned - smooth).mean((2, 3, 4)) * samples), *DETAIL)
+    sure = smooth_step(np.sqrt(np.square(cleaned - smooth).mean((2, 3, 4)) * samples), *DETAIL)
     return smooth + sure[:, :, None, None, None] * (cleaned - smooth), sure
 
 
@@ -121,7 +121,7 @@ def _width(samples: int) -> float:
     return float(np.clip(WIDTH * (SAMPLES / samples) ** 0.25, NARROWEST, WIDEST))
 
 
-def _step(values: np.ndarray, low: float, high: float) -> np.ndarray:
+def smooth_step(values: np.ndarray, low: float, high: float) -> np.ndarray:
     """0 up to ``low``, 1 from ``high`` on, smooth between."""
     values = np.clip((values - low) / (high - low), 0, 1).astype(np.float32)
     return values * values * (3 - 2 * values)

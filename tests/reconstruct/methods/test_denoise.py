@@ -187,6 +187,17 @@ def test_detail_in_some_lenses_leaves_the_others_at_half_the_resolution():
     np.testing.assert_array_equal(both.guided, guided)
 
 
+def test_a_shadow_that_no_guide_shows_keeps_the_whole_resolution():
+    _, low = matte()
+    clean = np.full_like(low.color, 0.5)
+    clean[:, :4] *= np.where(np.arange(12) // 2 % 2, 1, 0.3).astype(np.float32)[:, None]
+    noise = np.random.default_rng(1).gamma(64, 1 / 64, clean.shape).astype(np.float32)
+    shaded = dataclasses.replace(low, color=clean * noise, albedo=np.full_like(clean, 0.5))
+    both, half = denoise_both_ways(shaded), denoise_at_half(shaded).color
+    np.testing.assert_allclose(both.color[:, :3], both.guided[:, :3], atol=1e-5)
+    assert error(both.color[:, :3], clean[:, :3]) < error(half[:, :3], clean[:, :3]) / 2
+
+
 def test_small_elemental_images_are_not_halved():
     low = low_resolution()
     np.testing.assert_array_equal(denoise_at_half(low).color, denoise_low_resolution(low, guided=True).color)
