@@ -112,7 +112,7 @@ def denoise_both_ways(low: LowResEIA) -> LowResEIA:
     whole = _denoised(rendered, guides.images, low.parallax)
     if _can_be_halved(low):
         half = _at_half(rendered, guides)
-        half = _mixed(half, whole, np.maximum(guides.detail, smooth_step(_lost(half, whole, rendered), *LOST)))
+        half = _mixed(half, whole, _detail(guides.detail, half, whole, rendered))
     else:
         half = _denoised(rendered, {}, low.parallax)
     return dataclasses.replace(_replaced(low, part, half), guided=_replaced(low, part, whole).color)
@@ -159,11 +159,19 @@ def _mixed(half: np.ndarray, whole: np.ndarray, detail: np.ndarray) -> np.ndarra
     return half + detail[:, :, None, None, None] * (whole - half)
 
 
+def _detail(shown: np.ndarray, half: np.ndarray, whole: np.ndarray, rendered: np.ndarray) -> np.ndarray:
+    """(sy, sx) in [0, 1]: detail that is ``shown`` by guides, or that ``half`` the resolution lost without them."""
+    result, unsure = shown.copy(), shown < 1
+    lost = _lost(half[unsure], whole[unsure], rendered[unsure])
+    result[unsure] = np.maximum(result[unsure], smooth_step(lost, *LOST))
+    return result
+
+
 def _lost(half: np.ndarray, whole: np.ndarray, rendered: np.ndarray) -> np.ndarray:
-    """(sy, sx) squares of what two pictures of EIs differ by, per those of the noise taken away, in √light."""
+    """(N,) squares of what two pictures of EIs (N, h, w, 3) differ by, per those of the noise taken away, in √light."""
     half, whole, rendered = (encode(images) for images in (half, whole, rendered))
-    noise = np.square(rendered - whole).mean((2, 3, 4))
-    return np.divide(np.square(half - whole).mean((2, 3, 4)), noise, out=np.zeros_like(noise), where=noise > 0)
+    noise = np.square(rendered - whole).mean((1, 2, 3))
+    return np.divide(np.square(half - whole).mean((1, 2, 3)), noise, out=np.zeros_like(noise), where=noise > 0)
 
 
 def _replaced(low: LowResEIA, part: Box, images: np.ndarray) -> LowResEIA:
