@@ -96,12 +96,13 @@ def check_reference(frame: Frame, reference: Frame) -> None:
     if reference.scale != 1:
         raise LfsrError(f"the reference has scale {reference.scale}, but it must be 1: render it with 'lfsr reference'")
     pairs = {"display": (frame.display, reference.display), "convention": (frame.convention, reference.convention),
-             "frame number": (frame.frame, reference.frame)}
+             "frame number": (frame.frame, reference.frame),
+             "the world": tuple("seen" if of.world_visible else "hidden" for of in (frame, reference))}
     for name, (ours, theirs) in pairs.items():
         if ours != theirs:
             shown = (ours.name, theirs.name) if name == "display" and ours.name != theirs.name else (ours, theirs)
-            raise LfsrError(f"the reference was rendered with {name} {shown[1]}, but the frame with {shown[0]}: "
-                            "render the reference of the same frame")
+            raise LfsrError(f"the reference was rendered with {name} {shown[1]}, but the frame with {name} {shown[0]}: "
+                            "render the reference of the same frame in the same way")
     if not _same_place(frame, reference):
         raise LfsrError(_elsewhere(frame, reference))
     if frame.lens_list is not None and frame.lens_list != reference.lens_list:
