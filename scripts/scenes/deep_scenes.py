@@ -79,10 +79,10 @@ def load(path: Path) -> bpy.types.Object:
 
 def main(models: Path, folder: Path) -> int:
     """Write every scene into ``folder``; exit code: 0, 2 without the models."""
-    folder.mkdir(parents=True, exist_ok=True)
     try:
         for name, (light, *things) in SCENES.items():
             build(models, light, tuple(things))
+            folder.mkdir(parents=True, exist_ok=True)
             save(folder / f"{name}.blend")
     except LfsrError as error:
         emit(stage="error", message=str(error))

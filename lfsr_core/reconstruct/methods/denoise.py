@@ -100,7 +100,7 @@ def denoise_at_half(low: LowResEIA) -> LowResEIA:
 
 
 def denoise_both_ways(low: LowResEIA) -> LowResEIA:
-    """``denoise_at_half``, and by the guides at full resolution as the layer "guided".
+    """``denoise_at_half``, whole also where that lost what no guide shows, and whole everywhere as the layer "guided".
 
     Where EIs are too small to be halved, without guides instead; no second picture where there is no albedo.
     """
