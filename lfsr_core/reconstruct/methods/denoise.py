@@ -36,7 +36,7 @@ HALF_KERNEL = "cubic"  # from half the resolution to the whole
 # Share of the noise taken away by which the picture at half the resolution may differ from the whole one: up to the
 # first that is noise, from the second on it lost what the guides do not show, as a shadow's edge.
 LOST = (0.25, 0.6)
-VERSION = 7  # of what comes out: figures measured with another one are out of date
+VERSION = 8  # of what comes out: figures measured with another one are out of date
 
 
 def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.ndarray | None = None, *,

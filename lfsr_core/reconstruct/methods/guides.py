@@ -31,7 +31,7 @@ LEAST_DOUBT = 0.05  # below it an EI is not worth a rectangle
 # Of what the library left: the Gaussian that takes its own mistakes away, in pixels, and how far from that it must be
 # to be detail, in rms times √samples.
 CLEANED_WIDTH = 1.5
-DETAIL = (0.1, 0.2)
+DETAIL = (0.16, 0.3)
 
 
 @dataclasses.dataclass(frozen=True)
