@@ -8,6 +8,7 @@ scenes are ``row``, ``grove`` and ``steps``; docs/results/stress.md says how the
 
 from __future__ import annotations
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from mathutils import Vector
 from shared.objects import add_object
 from shared.script import leave, save
 
+from blender_addon.headless.main import script_arguments
 from blender_addon.scene.light import add_light
 from lfsr_core.errors import LfsrError
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, emit
@@ -91,4 +93,7 @@ def main(models: Path, folder: Path) -> int:
 
 
 if __name__ == "__main__":
-    leave(main(Path(sys.argv[-2]), Path(sys.argv[-1])))
+    parser = argparse.ArgumentParser(prog="deep_scenes.py", description=__doc__.splitlines()[0])
+    parser.add_argument("models", type=Path, metavar="MODELS", help="folder that holds the models")
+    parser.add_argument("folder", type=Path, metavar="DIR", help="where the scenes go")
+    leave(main(**vars(parser.parse_args(script_arguments()))))

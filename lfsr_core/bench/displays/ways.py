@@ -19,7 +19,7 @@ from lfsr_core.optics.panel.gather import gather_map
 from lfsr_core.optics.panel.weave import weave
 from lfsr_core.reconstruct.method_name import MethodName, default_method
 from lfsr_core.reconstruct.methods.denoise import denoise_eia
-from lfsr_core.reconstruct.methods.guides import GUIDES
+from lfsr_core.reconstruct.methods.guides import GUIDES, from_unit, in_unit
 from lfsr_core.reconstruct.panel_stage import panel_picture
 from lfsr_core.reconstruct.second_stage import finished_linear
 
@@ -107,10 +107,4 @@ def _denoised(low: LowResEIA, row: int, column: int) -> np.ndarray:
 
 def clean_guides(guides: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Noisy "albedo" and "normal" of one view (H, W, 3) without their noise, as Blender does it."""
-    cleaned = {}
-    if "albedo" in guides:
-        # Cycles adds emission to it.
-        cleaned["albedo"] = denoise_eia(np.clip(guides["albedo"], 0, 1), fast=True)
-    if "normal" in guides:
-        cleaned["normal"] = denoise_eia(np.clip(guides["normal"], -1, 1) / 2 + 0.5, fast=True) * 2 - 1
-    return cleaned
+    return {name: from_unit(name, denoise_eia(in_unit(name, guide), fast=True)) for name, guide in guides.items()}

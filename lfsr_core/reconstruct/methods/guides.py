@@ -61,14 +61,19 @@ def guides_of(layers: Mapping[str, np.ndarray], samples: int, cleaner: Cleaner) 
     """
     if "albedo" not in layers:
         return None
-    made = {name: _made(_in_unit(name, layers[name]), samples, cleaner) for name in GUIDES if name in layers}
-    images = {name: image if name == "albedo" else image * 2 - 1 for name, (image, _) in made.items()}
+    made = {name: _made(in_unit(name, layers[name]), samples, cleaner) for name in GUIDES if name in layers}
+    images = {name: from_unit(name, image) for name, (image, _) in made.items()}
     return Guides(images, np.maximum.reduce([detail for _, detail in made.values()]))
 
 
-def _in_unit(name: str, images: np.ndarray) -> np.ndarray:
+def in_unit(name: str, images: np.ndarray) -> np.ndarray:
     """Values in [0, 1]; Cycles adds emission to albedo."""
     return np.clip(images, 0, 1) if name == "albedo" else np.clip(images, -1, 1) / 2 + np.float32(0.5)
+
+
+def from_unit(name: str, images: np.ndarray) -> np.ndarray:
+    """``in_unit`` undone."""
+    return images if name == "albedo" else images * 2 - 1
 
 
 def _made(images: np.ndarray, samples: int, cleaner: Cleaner) -> tuple[np.ndarray, np.ndarray]:
