@@ -24,17 +24,18 @@ CLASSICAL = {
     "bicubic-eia": "cubic over the whole array: shows crosstalk",
     "none": "no upscaling, for renders at scale 1",
 }
+BOTH = "oidn-both"
 PREFILTERS = {
     "oidn": "Open Image Denoise on the whole array",
     "oidn-fast": "the same in half the time, a little less accurate",
     "oidn-guided": "Open Image Denoise with albedo and normal",
     "oidn-half": "the same at half the resolution of views where that shows the same",
-    "oidn-both": "oidn-half and oidn-guided, for a network that mixes them",
+    BOTH: "oidn-half and oidn-guided: for a network that mixes them, else their mean",
     "oidn-render": "Open Image Denoise by Cycles, on the device that renders: for GPUs",
 }
 AS_RENDERED, RECOVERY = "none", "epi"
 PANEL_METHODS = ("oidn", "oidn-fast", AS_RENDERED)  # of a render of a panel's subpixels, the default first
-GUIDED = ("oidn-guided", "oidn-half", "oidn-both")
+GUIDED = ("oidn-guided", "oidn-half", BOTH)
 DENOISED = "oidn-render"
 DENOISERS = ("oidn", "oidn-fast", "oidn-guided", "oidn-half")  # prefilters that make sense before an interpolation
 UPSCALERS = {**CLASSICAL, **catalogue.NAMES}
@@ -130,6 +131,10 @@ class MethodName:
             raise LfsrError(f"method {self.text!r} upscales nothing, but what is rendered at scale {scale} needs that: "
                             f"add an upscaler, as in {other!r}, or render at scale 1")
 
+    def mixes(self, prefilter: str) -> bool:
+        """Whether ``prefilter`` makes two pictures of which its network makes one."""
+        return prefilter == BOTH and self.network is not None and self.network.mixes
+
     def without_upscaler(self) -> MethodName:
         """What is left of it for a render of every view: its denoisers."""
         kept = [part if part in DENOISERS else DENOISERS[0] for part in self.prefilters]
@@ -138,7 +143,7 @@ class MethodName:
     def guide_notes(self, layers: Collection[str]) -> list[str]:
         """For the report: a sentence if it would be guided by layers beside ``layers``, those that a frame has."""
         missing = [layer for layer in GUIDES if layer not in layers]
-        guided = next((part for part in self.prefilters if part in DENOISERS and part in GUIDED), None)
+        guided = next((part for part in self.prefilters if part in GUIDED and not self.mixes(part)), None)
         if not guided or not missing:
             return []
         return [f"{guided} is guided by the layers {', '.join(missing)}, which this frame lacks: it was denoised "

@@ -10,12 +10,13 @@ from pathlib import Path
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Cleaner, Upscaler
-from lfsr_core.reconstruct.method_name import HORIZONTAL_METHOD, RECOVERY, MethodName
+from lfsr_core.reconstruct.method_name import BOTH, HORIZONTAL_METHOD, RECOVERY, MethodName
 from lfsr_core.reconstruct.methods.denoise import (
     as_rendered,
     denoise_at_half,
     denoise_both_ways,
     denoise_low_resolution,
+    mean_of_both,
 )
 from lfsr_core.reconstruct.methods.epipolar import Recovering
 from lfsr_core.reconstruct.methods.interpolation import Interpolation, NoUpscaling
@@ -34,7 +35,7 @@ PREFILTERS: dict[str, Callable[[LowResEIA], LowResEIA]] = {
     "oidn-fast": functools.partial(denoise_low_resolution, fast=True),
     "oidn-guided": functools.partial(denoise_low_resolution, guided=True),
     "oidn-half": denoise_at_half,
-    "oidn-both": denoise_both_ways,
+    BOTH: denoise_both_ways,
     "oidn-render": as_rendered,
 }
 
@@ -78,6 +79,8 @@ def method(name: str | MethodName, weights: str | Path | None = None, *, upscale
     """
     name = MethodName.parse(name)
     prefilters = tuple(PREFILTERS[part] for part in name.prefilters)
+    if BOTH in name.prefilters and not name.mixes(BOTH):
+        prefilters += (mean_of_both,)
     upscaler = upscaler or _load(name, weights)
     if name.recovers:
         upscaler = Recovering(_cleaner(upscaler), block)

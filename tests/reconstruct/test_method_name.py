@@ -81,10 +81,11 @@ def test_what_is_left_at_scale_1_and_how_many_steps_there_are(text, left, steps)
 
 def test_a_missing_guide_is_noted():
     assert MethodName.parse("oidn-guided+bilinear").guide_notes({"albedo", "normal"}) == []
-    for part in ("oidn-guided", "oidn-half"):
+    for part in ("oidn-guided", "oidn-half", "oidn-both"):
         assert f"{part} is guided by the layers normal, which" in MethodName.parse(f"{part}+bilinear").guide_notes(
             {"albedo"})[0]
-    assert MethodName.parse("oidn+bilinear").guide_notes(()) == []
+    for text in ("oidn+bilinear", "oidn-both+refine"):
+        assert MethodName.parse(text).guide_notes(()) == []
 
 
 @pytest.mark.parametrize(("name", "other"), [("oidn+epi", "oidn+bilinear+epi"), ("oidn", "oidn+bilinear"),

@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct import method_name, registry
@@ -19,6 +20,16 @@ def test_names_parse_and_compose():
     assert method("oidn+bicubic").upscaler is method("bicubic").upscaler
     assert method("oidn").upscaler.name == "none"
     assert method("oidn + lanczos").name.text == "oidn+lanczos"
+
+
+@pytest.mark.parametrize(("name", "pictures"), [("oidn-both+refine", 2), ("oidn-both+bilinear", 1), ("oidn-both", 1)])
+def test_both_pictures_are_one_but_for_a_network_that_mixes_them(name, pictures):
+    one = np.ones((2, 2, 2, 2, 3), np.float32)
+    low = LowResEIA(one, one[..., :1], 16, 4, noisy=one, guided=3 * one)
+    for prefilter in method(name).prefilters[1:]:
+        low = prefilter(low)
+    assert (low.guided is not None) == (pictures == 2)
+    np.testing.assert_array_equal(low.color, 1 if pictures == 2 else 2)
 
 
 def test_every_name_has_what_runs():

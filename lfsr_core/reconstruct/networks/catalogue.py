@@ -36,6 +36,11 @@ class NetworkSpec:
         """True for our networks, trained on rendered light fields; the others saw photographs."""
         return self.upscaler == LIGHT_FIELD_UPSCALER
 
+    @property
+    def mixes(self) -> bool:
+        """True for a network that takes two denoised pictures."""
+        return "second_base" in self.options
+
     def chain(self, name: str) -> str:
         """The method that it is meant for, of this network's ``name``: with what should come before it."""
         return "+".join((*self.after[:1], name))

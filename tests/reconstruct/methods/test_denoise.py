@@ -13,6 +13,7 @@ from lfsr_core.reconstruct.methods.denoise import (
     denoise_both_ways,
     denoise_eia,
     denoise_low_resolution,
+    mean_of_both,
     shown_part,
 )
 from lfsr_core.reconstruct.methods.guides import Cleaner, guides_of
@@ -147,6 +148,16 @@ def test_both_ways_are_two_pictures():
     assert np.abs(both.guided - both.color).max() > 1e-3 and both.noisy is low.color
     bare = denoise_both_ways(dataclasses.replace(low, albedo=None))
     assert set(bare.layers) == {"noisy"}
+
+
+def test_of_both_pictures_the_mean_is_between_them():
+    clean, low = matte()
+    both = denoise_both_ways(low)
+    mean = mean_of_both(both)
+    np.testing.assert_allclose(mean.color, (both.color + both.guided) / 2)
+    assert mean.guided is None and mean.noisy is low.color
+    assert error(mean.color, clean) < (error(both.color, clean) + error(both.guided, clean)) / 2
+    assert mean_of_both(low) is low
 
 
 def matte(texture=0.0, samples=16):
