@@ -121,9 +121,9 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
         if hasattr(context.scene, "cycles"):
             layout.prop(context.scene.cycles, "device")
             facts(self.layout, summary.device_facts(context.scene))
-        layout.separator()
-        layout.prop(lfsr, "output")
-        row_if(has_lenses, layout).prop(lfsr, "linear_exr", text="Linear EXR")
+        below = columns(self.layout)  # a second column: the first stands above the facts
+        below.prop(lfsr, "output")
+        row_if(has_lenses, below).prop(lfsr, "linear_exr", text="Linear EXR")
 
 
 class LFSR_PT_plan(LightFieldPanel, bpy.types.Panel):

@@ -124,6 +124,12 @@ class MethodName:
         """Whether it works on a display whose views differ along those axes: networks want both."""
         return not self.network or all(parallax)
 
+    def check_parallax(self, parallax: tuple[bool, bool]) -> None:
+        """LfsrError where it does not work on a display whose views differ along those axes."""
+        if not self.works_with(parallax):
+            raise LfsrError(f"method {self.text!r} needs views in two directions, but this display has one: "
+                            f"choose a method without a network, as {HORIZONTAL_METHOD!r}")
+
     def check_scale(self, scale: int) -> None:
         """LfsrError where it upscales nothing, but the render's ``scale`` asks for that."""
         if scale > 1 and self.upscaler == AS_RENDERED:

@@ -10,7 +10,7 @@ from pathlib import Path
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Cleaner, Upscaler
-from lfsr_core.reconstruct.method_name import BOTH, HORIZONTAL_METHOD, RECOVERY, MethodName
+from lfsr_core.reconstruct.method_name import BOTH, RECOVERY, MethodName
 from lfsr_core.reconstruct.methods.denoise import (
     as_rendered,
     denoise_at_half,
@@ -50,9 +50,7 @@ class Method:
 
     def prepare(self, low: LowResEIA) -> LowResEIA:
         """The low-resolution EIA after every prefilter; LfsrError for a network where views differ along one axis."""
-        if not self.name.works_with(low.parallax):
-            raise LfsrError(f"method {self.name.text!r} needs views in two directions, but this display has one: "
-                            f"choose a method without a network, as {HORIZONTAL_METHOD!r}")
+        self.name.check_parallax(low.parallax)
         for prefilter in self.prefilters:
             low = prefilter(low)
         return low

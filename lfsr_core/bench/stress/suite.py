@@ -56,8 +56,11 @@ def default_methods(scale: int, parallax: tuple[bool, bool] = (True, True)) -> l
 def run_suite(bench: Bench, choice: Choice) -> Path:
     """Measure every missing cell in the bench folder, then write the report, tables and pictures; path of stress.json.
 
-    LfsrError for a folder begun with other settings, and where Blender fails.
+    LfsrError for a method that the display cannot have, for a folder begun with other settings, and where Blender
+    fails.
     """
+    for name in choice.methods:
+        MethodName.parse(name).check_parallax(bench.settings.display.parallax)
     bench.claim()
     bench.build_scenes([(dial, value) for dial, values in choice.values.items() for value in values])
     for number, (dial, values) in enumerate(choice.values.items(), start=1):
