@@ -47,10 +47,10 @@ class NetworkSpec:
 
 
 def _ours(description: str, inputs: tuple[str, ...], size: tuple[int, int, int], after: tuple[str, ...],
-          second_base: str = "") -> NetworkSpec:
+          second_base: str = "", plain: float = 0.0) -> NetworkSpec:
     width, body_width, blocks = size
     options = {"inputs": inputs, "base": inputs[0], "width": width, "body_width": body_width, "blocks": blocks}
-    options |= {"second_base": second_base} if second_base else {}
+    options |= {"second_base": second_base, "plain": plain} if second_base else {}
     return NetworkSpec(description, "LightFieldNet", options, EVERY_SCALE,
                        ("albedo", "normal"), upscaler=LIGHT_FIELD_UPSCALER, trained_at=4, after=after)
 
@@ -62,7 +62,7 @@ def _paper(convolutions: int, description: str) -> NetworkSpec:
 NETWORKS: dict[str, NetworkSpec] = {
     "refine": _ours("our network after oidn: mixes its pictures and gives back what they took, per elemental image",
                     ("oidn", "guided", "color", "alpha", "albedo", "normal"), (8, 16, 1),
-                    after=("oidn-both", "oidn-guided", "oidn-half"), second_base="guided"),
+                    after=("oidn-both", "oidn-guided", "oidn-half"), second_base="guided", plain=0.3),
     "light": _ours("our network without oidn: denoises and upscales each elemental image",
                    ("color", "alpha", "albedo", "normal"), (16, 32, 2), after=()),
     "paper": _paper(2, "the paper's generator per EI, trained with MSE only"),

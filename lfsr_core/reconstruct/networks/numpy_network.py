@@ -113,11 +113,14 @@ class Options:
     body_width: int
     blocks: int  # of the body
     second_base: str = ""
+    plain: float = 0.0  # share of both bases' mean in the result
     spatial: bool = False  # blocks across lenses, which only training knows
 
     def __post_init__(self) -> None:
         if not {self.base, self.second_base or self.base} <= {*self.inputs} or not 0 <= self.blocks <= MOST_BLOCKS:
             raise LfsrError(f"bases must be among the inputs, and blocks, {self.blocks}, at most {MOST_BLOCKS}")
+        if not 0 <= self.plain <= 1:
+            raise LfsrError(f"the plain share is {self.plain}, expected 0 to 1")
 
 
 class ElementalNetwork:
@@ -128,7 +131,7 @@ class ElementalNetwork:
             raise LfsrError(f"{origin} holds a network with convolutions across lenses, which nothing runs: "
                             "train it again")
         known = from_data(Options, dict(options), "options")
-        self.inputs, self.base, self._blocks = known.inputs, known.base, known.blocks
+        self.inputs, self.base, self._blocks, self._plain = known.inputs, known.base, known.blocks, known.plain
         self._second = channels(self.inputs[:self.inputs.index(known.second_base)]) if known.second_base else None
         _check(self, tensors, known, origin)
         # Convolutions as (rows of a patch, outputs) matrices.
@@ -162,10 +165,11 @@ class ElementalNetwork:
         x += _unfold(self._dense(d, "up"))
         correction = self._conv(_relu(x)[:, :h, :w], "out")
         keep = 1 - np.clip(correction[..., 3:4], 0, 1)
-        if self._second is not None:
-            second = features[..., self._second:self._second + 3]
-            base = base + (second - base) * np.clip(correction[..., 4:], 0, 1)
-        return base * keep + correction[..., :3]
+        if self._second is None:
+            return base * keep + correction[..., :3]
+        second = features[..., self._second:self._second + 3]
+        mixed = (base + (second - base) * np.clip(correction[..., 4:], 0, 1)) * keep + correction[..., :3]
+        return mixed + ((base + second) / 2 - mixed) * np.float32(self._plain)
 
     def _conv(self, x: np.ndarray, name: str) -> np.ndarray:
         return self._dense(_patches(x), name)

@@ -179,6 +179,7 @@ def test_wrong_files_are_told(tmp_path, file):
         numpy_network.load(other)
     for change, message in (({"blocks": 10**9}, "blocks, 1000000000, at most 64"),
                             ({"base": "sky"}, "among the inputs"),
+                            ({"plain": 2.0}, "plain share is 2.0, expected 0 to 1"),
                             ({"width": "8"}, "width is '8'"), ({"depth": 3}, "unknown field 'depth'")):
         checkpoint.save(other, random_network(), 4, {}, {**catalogue.spec("refine").options, **change})
         with pytest.raises(LfsrError, match=message):

@@ -25,6 +25,7 @@ class LightFieldConfig:
     inputs: tuple[str, ...] = ("color", "alpha", "albedo", "normal")
     base: str = "color"  # the layer that the network corrects
     second_base: str = ""  # another picture of the same, which it mixes in pixel by pixel; "" for none
+    plain: float = 0.0  # share of both pictures' mean in what it gives
     width: int = 16  # channels at full angular resolution
     body_width: int = 32  # channels at half of it
     blocks: int = 2  # residual pairs of convolutions
@@ -93,7 +94,7 @@ class Block(nn.Module):
 
 
 class LightFieldNet(nn.Module):
-    """Denoise a low-resolution EIA, in the working domain; untrained, it gives back ``base``."""
+    """Denoise a low-resolution EIA, in the working domain; untrained, it gives back ``base``, and its plain share."""
 
     def __init__(self, config: LightFieldConfig) -> None:
         super().__init__()
@@ -119,9 +120,11 @@ class LightFieldNet(nn.Module):
         correction = self.out(x)
         # A gate lets the network drop a hopeless base instead of subtracting it.
         keep = 1 - correction[:, 3:4].clamp(0, 1)
-        if self.config.second_base:
-            base = torch.lerp(base, self._second_base(features), correction[:, 4:].clamp(0, 1))
-        return base * keep + correction[:, :3]
+        if not self.config.second_base:
+            return base * keep + correction[:, :3]
+        second = self._second_base(features)
+        mixed = torch.lerp(base, second, correction[:, 4:].clamp(0, 1)) * keep + correction[:, :3]
+        return torch.lerp(mixed, (base + second) / 2, self.config.plain)
 
     def _second_base(self, features: Tensor) -> Tensor:
         inputs = self.config.inputs

@@ -38,6 +38,13 @@ def test_untrained_network_gives_its_base_back():
     assert torch.equal(net(torch.rand(len(base), net.config.input_channels, 10, 10), base), base)
 
 
+def test_a_share_of_the_result_is_the_plain_mean_of_both_bases():
+    net = LightFieldNet(LightFieldConfig(("oidn", "guided"), "oidn", "guided", plain=0.3))
+    features = torch.rand(48, net.config.input_channels, 10, 10)
+    base, second = features[:, :3], features[:, 3:6]
+    torch.testing.assert_close(net(features, base), 0.85 * base + 0.15 * second)
+
+
 @pytest.mark.parametrize("scale", [2, 3, 4, 8])
 def test_upscaling_in_training_is_the_method_bilinear(scale):
     low = np.random.default_rng(0).random((5, 10, 10, 3)).astype(np.float32)
