@@ -27,7 +27,7 @@ def test_a_chart_is_read_back_as_it_was(tmp_path):
     assert read_chart(tmp_path / "chart.json") == chart
 
 
-@pytest.mark.parametrize("name", ["small.json", "eight-k-helmet.json"])
+@pytest.mark.parametrize("name", ["small.json", "small-now.json", "eight-k.json", "eight-k-helmet.json"])
 def test_charts_that_were_measured_are_still_read(name):
     data = json.loads((MEASURED / name).read_text())
     chart = read_chart(MEASURED / name)
