@@ -37,12 +37,13 @@ AS_RENDERED, RECOVERY = "none", "epi"
 PANEL_METHODS = ("oidn", "oidn-fast", AS_RENDERED)  # of a render of a panel's subpixels, the default first
 GUIDED = ("oidn-guided", "oidn-half", BOTH)
 DENOISED = "oidn-render"
-DENOISERS = ("oidn", "oidn-fast", "oidn-guided", "oidn-half")  # prefilters that make sense before an interpolation
+DENOISERS = ("oidn", "oidn-fast", "oidn-guided", "oidn-half")  # prefilters that make one picture
 UPSCALERS = {**CLASSICAL, **catalogue.NAMES}
 METHODS = {**UPSCALERS, **PREFILTERS, RECOVERY: "last: detail that was taken for noise comes back along epipolar lines"}
 PLAIN_METHOD = "bilinear"  # after OIDN more accurate than bicubic, see docs/results/measurements.md
 # What our networks must beat.
-PLAIN_CHAINS = (*(f"{name}+{PLAIN_METHOD}" for name in DENOISERS), f"{DENOISERS[0]}+{PLAIN_METHOD}+{RECOVERY}")
+PLAIN_CHAINS = (*(f"{name}+{PLAIN_METHOD}" for name in DENOISERS),
+                *(f"{name}+{PLAIN_METHOD}+{RECOVERY}" for name in (DENOISERS[0], BOTH)))
 DEFAULT_METHOD = "oidn-both+refine+epi"  # see docs/results/networks.md
 HORIZONTAL_METHOD = "oidn+bilinear+epi"  # the default where views differ along one axis only
 STEPS_OF_A_NETWORK = 3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import torch
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.encoding import decode, encode
-from lfsr_core.reconstruct.networks import catalogue, numpy_network
+from lfsr_core.reconstruct.networks import catalogue, numpy_network, weights_file
 from lfsr_core.reconstruct.networks.elemental import ElementalUpscaler, needs_network
 from lfsr_core.reconstruct.networks.numpy_network import ElementalNetwork, network_inputs
 from lfsr_core.reconstruct.networks.pytorch import checkpoint, lightfield
@@ -49,6 +50,13 @@ def file(tmp_path):
     path = tmp_path / "refine-x4.safetensors"
     checkpoint.save(path, random_network(), 4, {}, catalogue.spec("refine").options)
     return path
+
+
+@pytest.mark.parametrize("name", ["refine", "light"])
+def test_what_ships_is_the_network_of_the_catalogue(name):
+    header, _ = weights_file.read(catalogue.weights_path(name, 4))
+    options = json.loads(header["options"])
+    assert {**options, "inputs": tuple(options["inputs"])} == catalogue.spec(name).options
 
 
 @pytest.mark.parametrize("name", ["refine", "light"])

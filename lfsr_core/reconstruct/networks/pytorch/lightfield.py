@@ -94,7 +94,10 @@ class Block(nn.Module):
 
 
 class LightFieldNet(nn.Module):
-    """Denoise a low-resolution EIA, in the working domain; untrained, it gives back ``base``, and its plain share."""
+    """Denoise a low-resolution EIA, in the working domain; untrained, it gives back ``base``.
+
+    With a second base, ``plain`` of the result is always the mean of both.
+    """
 
     def __init__(self, config: LightFieldConfig) -> None:
         super().__init__()
