@@ -26,9 +26,9 @@ _HOMES = {
     "Reference": "frames.reference",
     "MethodName": "reconstruct.method_name",
     "compare_folders": "metrics.compare",
-    "export": "share.formats",
+    "export": "exports.formats",
     "find_blender": "render.blender",
-    "import_views": "share.importing",
+    "import_views": "exports.importing",
     "load_display": "optics.display",
     "make_plan": "plan.planner",
     "read_frame": "frames.frame",
@@ -36,7 +36,7 @@ _HOMES = {
     "run_job": "render.process",
     "see": "optics.eye",
     "upscale_frame": "reconstruct.second_stage",
-    "write_page": "share.page",
+    "write_page": "exports.page",
     "write_views": "frames.contact_sheet",
 }
 __all__ = ["__version__", *_HOMES]  # noqa: PLE0604  (all are texts)

@@ -14,19 +14,16 @@ from pathlib import Path
 
 from lfsr_core import __version__
 from lfsr_core.commands import (
-    chart,
     compare,
     displays,
     export,
     farm,
-    fit,
     import_views,
+    laboratory,
     merge,
     plan,
     reference,
     render,
-    stress,
-    train,
     upscale,
     view,
     views,
@@ -36,8 +33,7 @@ from lfsr_core.files import check_name, system_errors
 from lfsr_core.progress import is_openjd, tell_openjd
 
 # A verb is a module with NAME, HELP, add_arguments(parser) and run(args); it imports what is slow inside run.
-VERBS = (displays, render, merge, upscale, view, export, import_views, views, farm, plan, reference, compare, chart,
-         stress, train, fit)
+VERBS = (displays, render, merge, upscale, view, export, import_views, views, farm, plan, reference, compare)
 
 EXIT_BAD_INPUT, EXIT_INTERRUPTED = 2, 130
 ENDINGS = ("SIGTERM", "SIGHUP", "SIGQUIT")  # as Ctrl-C: a closed terminal too
@@ -68,11 +64,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Parser of every verb in VERBS."""
+    """Parser of every verb in VERBS and of the laboratory's."""
     parser = argparse.ArgumentParser(prog="lfsr", description="Light-field images for integral-imaging displays.")
     parser.add_argument("--version", action="version", version=f"lfsr {__version__}")
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    for verb in VERBS:
+    for verb in (*VERBS, *laboratory.verbs()):
         child = verbs.add_parser(verb.NAME, help=verb.HELP, description=verb.HELP)
         verb.add_arguments(child)
         child.set_defaults(run=verb.run)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-import re
 import shutil
 import subprocess
 import sys
@@ -105,8 +104,7 @@ def build_core(folder: Path) -> None:
 
 def only_core(project: str) -> str:
     """pyproject.toml without the packages that lie beside lfsr_core: the add-on is the zip itself."""
-    project = re.sub(r'"(blender_addon|lfsr_scenes)[\w.]*",\s*', "", project)
-    return re.sub(r"\[tool\.setuptools\.package-dir\]\n.*\n", "", project)
+    return project.replace('"blender_addon*", ', "")
 
 
 def download(folder: Path, names: Iterable[str]) -> None:

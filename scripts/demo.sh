@@ -13,7 +13,7 @@ lfsr=$venv/bin/lfsr
 mkdir -p "$out"
 
 report "A scene from Blender's own shapes -> $out/scene.blend"
-"$venv/bin/python" -W ignore scripts/scenes/demo_scene.py "$out/scene.blend" >"$out/scene.log" 2>&1 || { cat "$out/scene.log"; exit 1; }
+"$venv/bin/python" -W ignore scripts/lab/lfsr_lab/scenes/demo_scene.py "$out/scene.blend" >"$out/scene.log" 2>&1 || { cat "$out/scene.log"; exit 1; }
 
 report "20×20 views for each of 96×54 lenses at 16 samples, denoised and upscaled to 80×80 views"
 "$lfsr" render "$out/scene.blend" -o "$out/frame" --display bupt-32in-8k --scale 4 --spp 16

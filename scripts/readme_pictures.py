@@ -1,7 +1,8 @@
 """The pictures of README.md: python scripts/readme_pictures.py SCENE.blend FRAME_FOLDER [-o docs/images]
 
-SCENE.blend is the demo scene (scripts/scenes/demo_scene.py), FRAME_FOLDER its finished frame on any display; the
-README has it from `lfsr render scene.blend -o FRAME --display dense-8k --scale 4 --spp 64`. Needs bpy and Pillow.
+SCENE.blend is the demo scene (scripts/lab/lfsr_lab/scenes/demo_scene.py), FRAME_FOLDER its finished frame on any
+display; the README has it from `lfsr render scene.blend -o FRAME --display dense-8k --scale 4 --spp 64`. Needs bpy and
+Pillow.
 """
 
 from __future__ import annotations
@@ -14,8 +15,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
-import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+
+from lfsr_core.arrays import Array
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -47,7 +49,7 @@ def photograph(scene_file: Path, size: tuple[int, int]) -> Image.Image:
         return Image.alpha_composite(Image.new("RGBA", picture.size, "black"), picture).convert("RGB")
 
 
-def detail(eia: np.ndarray, profile: DisplayProfile) -> Image.Image:
+def detail(eia: Array, profile: DisplayProfile) -> Image.Image:
     """Some elemental images of an EIA (H, W, 3), large enough to be seen one by one."""
     (px, py), (wide, high) = profile.views, DETAIL_LENSES
     column, row = (int(lenses * place - size / 2)
@@ -56,7 +58,7 @@ def detail(eia: np.ndarray, profile: DisplayProfile) -> Image.Image:
     return Image.fromarray(part).resize(PANEL, Image.Resampling.LANCZOS)
 
 
-def seen(eia: np.ndarray, profile: DisplayProfile, eye_mm: tuple[float, float, float]) -> Image.Image:
+def seen(eia: Array, profile: DisplayProfile, eye_mm: tuple[float, float, float]) -> Image.Image:
     """What an eye sees through the lenses, one pixel per lens."""
     return Image.fromarray(see(eia, profile, eye_mm, width=profile.lenses[0]))
 
@@ -73,7 +75,7 @@ def side_by_side(pictures: Sequence[tuple[str, Image.Image]]) -> Image.Image:
     return sheet
 
 
-def sway(eia: np.ndarray, profile: DisplayProfile) -> list[Image.Image]:
+def sway(eia: Array, profile: DisplayProfile) -> list[Image.Image]:
     """What an eye sees that moves along an ellipse in front of the display, once round."""
     distance = profile.viewing_distance_mm
     reach = SWAY * distance * math.tan(math.radians(profile.viewing_angle_deg) / 2)

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Make the Python environment of this clone, once: scripts/setup.sh [EXTRA,EXTRA...]
+# Make the Python environment of this clone, once: scripts/setup.sh [EXTRA,EXTRA...]; the extra "lab" is the laboratory.
 # In .venv at the root, or in $LFSR_VENV. Prints its folder on standard output.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -43,12 +43,13 @@ case ",$extras," in *,blender,*)
 esac
 
 # Installed once per state of the two files that say what to install.
-stamp=$venv/.lfsr-$(cat "$root/pyproject.toml" "$root/scripts/constraints.txt" <(echo "$extras $root") | sha256sum | cut -c1-16)
+stamp=$venv/.lfsr-$(cat "$root/pyproject.toml" "$root/scripts/lab/pyproject.toml" "$root/scripts/constraints.txt" <(echo "$extras $root") | sha256sum | cut -c1-16)
 if [ ! -e "$stamp" ]; then
     echo "Making the environment in $venv (once; the Blender wheel is about 350 MB)" >&2
     [ -x "$venv/bin/python" ] || "$python" -m venv "$venv" >&2
     "$venv/bin/python" -m pip install -qq --disable-pip-version-check \
-        --constraint "$root/scripts/constraints.txt" --editable "$root[$extras]" >&2
+        --constraint "$root/scripts/constraints.txt" --editable "$root[${extras//,lab/}]" \
+        $(case ",$extras," in *,lab,*) echo "--editable $root/scripts/lab[training]" ;; esac) >&2
     touch "$stamp"
 fi
 echo "$venv"

@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-import tomllib
 import venv
 from pathlib import Path, PurePosixPath
 
@@ -18,7 +17,7 @@ from lfsr_core.optics.display import load_display
 from tests.support.prerequisites import needs_bpy
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = {"lfsr_core": "lfsr_core", "blender_addon": "blender_addon", "scripts/scenes": "lfsr_scenes"}
+PACKAGES = {"lfsr_core": "lfsr_core", "blender_addon": "blender_addon", "scripts/lab/lfsr_lab": "lfsr_lab"}
 
 
 def sources() -> list[str]:
@@ -34,10 +33,9 @@ def installed_paths() -> dict[str, str]:
             if path.startswith(folder + "/")}
 
 
-def test_every_folder_of_modules_is_a_listed_package():
-    folders = {str(PurePosixPath(path).parent).replace("/", ".") for path in installed_paths() if path.endswith(".py")}
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    assert set(project["tool"]["setuptools"]["packages"]) == folders
+def test_every_folder_of_modules_is_a_package():
+    folders = {PurePosixPath(path).parent for path in installed_paths() if path.endswith(".py")}
+    assert [folder for folder in folders if f"{folder}/__init__.py" not in installed_paths()] == []
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +49,7 @@ def environment(tmp_path_factory):
     # A plain line adds the folder without reading its own .pth files: an editable install there stays unseen.
     packages(folder / "venv").joinpath("libraries.pth").write_text(sysconfig.get_paths()["purelib"] + "\n")
     run(sys.executable, "-m", "pip", "--python", folder / "venv/bin/python", "install", "-q", "--no-index", "--no-deps",
-        "--no-build-isolation", "--ignore-installed", folder / "copy", cwd=folder)
+        "--no-build-isolation", "--ignore-installed", folder / "copy", folder / "copy/scripts/lab", cwd=folder)
     shutil.rmtree(folder / "copy")
     return folder / "venv"
 
@@ -81,7 +79,7 @@ def test_the_command_answers_outside_the_clone(environment, tmp_path, arguments,
 @pytest.mark.slow
 @needs_bpy
 def test_a_scene_of_the_package_renders_outside_the_clone(environment, tmp_path):
-    scenes = packages(environment) / "lfsr_scenes"
+    scenes = packages(environment) / "lfsr_lab" / "scenes"
     run(environment / "bin/python", scenes / "demo_scene.py", "scene.blend", cwd=tmp_path)
     run(environment / "bin/lfsr", "render", "scene.blend", "-o", "frame", "--display", "mini", "--spp", 1, cwd=tmp_path)
     picture = read_png(tmp_path / "frame" / "eia.png")
@@ -94,6 +92,6 @@ def test_a_scene_of_the_package_renders_outside_the_clone(environment, tmp_path)
 def test_scene_scripts_find_the_core_where_they_are_installed(environment, tmp_path, script):
     # Under another name than __main__ a script only imports what it needs.
     code = (f"import runpy, sys; sys.argv = [{script!r}]; "
-            f"runpy.run_path({str(packages(environment) / 'lfsr_scenes' / script)!r}); "
+            f"runpy.run_path({str(packages(environment) / 'lfsr_lab' / 'scenes' / script)!r}); "
             "import lfsr_core; print(lfsr_core.__file__)")
     assert run(environment / "bin/python", "-c", code, cwd=tmp_path).startswith(str(packages(environment)))

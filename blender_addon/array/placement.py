@@ -10,6 +10,7 @@ import bpy
 import mathutils
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import Clip
 from lfsr_core.frames.job import FIT
@@ -40,7 +41,7 @@ def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: Iterab
     return fit_array(*animated_bounds(scene, subject), profile)
 
 
-def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.types.Object]) -> np.ndarray:
+def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.types.Object]) -> Array:
     """Depths (n,) from the camera plane at which the middle of a ``placed`` array sees the subject, spread over it."""
     array, matrix = placed
     sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), to_blender(matrix), clip_of(scene))
@@ -56,7 +57,7 @@ def clip_of(scene: bpy.types.Scene) -> Clip | None:
     return scene.camera.data.clip_start, scene.camera.data.clip_end
 
 
-def fit_array(low: np.ndarray, high: np.ndarray, profile: DisplayProfile) -> Placement:
+def fit_array(low: Array, high: Array, profile: DisplayProfile) -> Placement:
     """Array in front of a box of world corners ``low``, ``high`` (3,), looking along +Y with Z up.
 
     The display plane halves the box's depth; the display keeps its true proportions and
@@ -95,7 +96,7 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
     return CameraArray.for_display(profile, 2 * half_width * distance, distance), from_blender(sight.matrix)
 
 
-def bounds(subject: Iterable[bpy.types.Object]) -> tuple[np.ndarray, np.ndarray]:
+def bounds(subject: Iterable[bpy.types.Object]) -> tuple[Array, Array]:
     """Lowest and highest world corner (3,) of the subject's render geometry, instances included."""
     corners = [corner for points in world_points(set(subject)) for corner in (points.min(0), points.max(0))]
     if not corners:
@@ -103,14 +104,14 @@ def bounds(subject: Iterable[bpy.types.Object]) -> tuple[np.ndarray, np.ndarray]
     return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
-def animated_bounds(scene: bpy.types.Scene, subject: Iterable[bpy.types.Object]) -> tuple[np.ndarray, np.ndarray]:
+def animated_bounds(scene: bpy.types.Scene, subject: Iterable[bpy.types.Object]) -> tuple[Array, Array]:
     """``bounds`` over the whole animation, so that every frame of it is seen from the same place."""
     subject = set(subject)
     corners = [corner for _ in motion.frames(scene) for corner in bounds(subject)]
     return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
-def world_points(subject: set[bpy.types.Object]) -> Iterable[np.ndarray]:
+def world_points(subject: set[bpy.types.Object]) -> Iterable[Array]:
     """World vertices (n, 3) of each object and instance of the subject that would be rendered."""
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         item = instance.object
@@ -123,7 +124,7 @@ def world_points(subject: set[bpy.types.Object]) -> Iterable[np.ndarray]:
             yield points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def _local_points(item: bpy.types.Object) -> np.ndarray:
+def _local_points(item: bpy.types.Object) -> Array:
     if item.type not in SOLID:
         return np.array(item.bound_box) if item.type in {"VOLUME", "CURVES", "POINTCLOUD"} else np.empty((0, 3))
     mesh = item.to_mesh()

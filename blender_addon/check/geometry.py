@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import bpy
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
@@ -58,8 +59,8 @@ class Extent:
     near: float
     far: float
     # Corners (2,) of the rectangle it covers, as shares of half the display.
-    low: np.ndarray
-    high: np.ndarray
+    low: Array
+    high: Array
 
     @property
     def visible(self) -> bool:
@@ -93,9 +94,9 @@ def find(scene: bpy.types.Scene, display: DisplayProfile, placed: Placement,
             yield from _problems(item, extent, view)
 
 
-def world_corners(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, list[np.ndarray]]:
+def world_corners(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, list[Array]]:
     """World corners (8, 3) of the bounding boxes of each object of the subject and its instances."""
-    corners: dict[bpy.types.Object, list[np.ndarray]] = {}
+    corners: dict[bpy.types.Object, list[Array]] = {}
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         item = instance.object
         owner = (instance.parent if instance.is_instance else item).original
@@ -106,7 +107,7 @@ def world_corners(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, list
     return corners
 
 
-def extent_of(points: np.ndarray, array: CameraArray) -> Extent:
+def extent_of(points: Array, array: CameraArray) -> Extent:
     """Extent of points (n, 3) in camera-array space, seen from the viewing position."""
     depths = points[:, 2]
     half = np.array([array.half_width, array.half_height]) / array.distance

@@ -14,6 +14,7 @@ import bpy
 import mathutils
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.optics.panel.panel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
 
@@ -47,7 +48,7 @@ def curtain(scene: bpy.types.Scene, layout: RayLayout | PanelLayout, matrix_worl
         bpy.data.batch_remove(made)
 
 
-def without_places(position: np.ndarray, matrix_world: Matrix, depth: float) -> np.ndarray:
+def without_places(position: Array, matrix_world: Matrix, depth: float) -> Array:
     """Position layer (H, W, 3) with 0 where a ray met the curtain at ``depth``."""
     place = np.asarray(matrix_world, float)
     # A thing so near to the curtain is lost with it: single precision tells them apart no better.

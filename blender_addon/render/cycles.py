@@ -10,8 +10,8 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, nullco
 from pathlib import Path
 
 import bpy
-import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
 from lfsr_core.frames.frame import SUBPIXELS, Clip
@@ -131,7 +131,7 @@ def _ended(scene: bpy.types.Scene, shot: Shot) -> AbstractContextManager[bool | 
     return curtain(scene, shot.layout, shot.matrix_world, shot.clip[1]) if shot.clip else nullcontext()
 
 
-def _without_misses(position: np.ndarray, shot: Shot, ended: bool) -> np.ndarray:
+def _without_misses(position: Array, shot: Shot, ended: bool) -> Array:
     if shot.way == "lens-card":
         position = without_misses(position, shot.matrix_world)
     return without_places(position, shot.matrix_world, shot.clip[1]) if ended else position

@@ -16,6 +16,7 @@ import bpy
 import mathutils
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.optics.lens_card import LensCard, lens_card
 from lfsr_core.optics.rays import RayLayout
 
@@ -81,7 +82,7 @@ def place_of(layout: RayLayout, far: float, clip_start: float = 0.0) -> Place:
     return Place(max(GAP * layout.array.distance, 4 * clear), clear, clip_start / layout.array.distance)
 
 
-def without_misses(position: np.ndarray, matrix_world: Matrix) -> np.ndarray:
+def without_misses(position: Array, matrix_world: Matrix) -> Array:
     """Position layer (H, W, 3) with 0 where a ray hit nothing: Cycles leaves the card's own place there.
 
     What a ray hits lies before the camera plane, the card behind it.
@@ -134,7 +135,7 @@ def _fill(mesh: bpy.types.Mesh, card: LensCard, depth: float) -> None:
     mesh.update(calc_edges=True)
 
 
-def _with_z(points: np.ndarray, z: float) -> np.ndarray:
+def _with_z(points: Array, z: float) -> Array:
     return np.column_stack([points, np.full(len(points), z)]).astype("f4").ravel()
 
 

@@ -7,8 +7,8 @@ import re
 from pathlib import Path
 
 import bpy
-import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.optics.panel.panel_rays import PanelLayout, parts_of
 from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice, elemental_waves
 from lfsr_core.optics.sheet import Subpixels
@@ -69,5 +69,5 @@ def _lenses(layout: PanelLayout, geometry: Geometry) -> Numbers:
             "throw_ratio": geometry.distance / geometry.gap}
 
 
-def _listed(values: np.ndarray) -> str:
+def _listed(values: Array) -> str:
     return "{ " + ", ".join(f"{value:.9f}" for value in values.ravel()) + " }"

@@ -18,6 +18,7 @@ import bpy
 import mathutils
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.images import exr
 from lfsr_core.optics import eia
@@ -108,7 +109,7 @@ class _Views:
         if lasting and self._new and is_worth_keeping(time.perf_counter() - self._since):
             self._keep()
 
-    def by_layer(self) -> dict[str, list[np.ndarray]]:
+    def by_layer(self) -> dict[str, list[Array]]:
         """Every layer's views."""
         return {name: [self._images[number][name] for number in range(self.count)] for name in self._images[0]}
 
@@ -171,7 +172,7 @@ def pixel_aspect(layout: RayLayout) -> dict[str, float]:
     return {"pixel_aspect_x": max(1.0, 1 / ratio), "pixel_aspect_y": max(1.0, ratio)}
 
 
-def assemble(layout: RayLayout, views: list[np.ndarray]) -> np.ndarray:
+def assemble(layout: RayLayout, views: list[Array]) -> Array:
     """Views (sy, sx, C), row by row, to the layout's image (H, W, C), listed lenses as tiles."""
     px, py = layout.views
     stacked = np.stack(views).reshape(py, px, *views[0].shape)

@@ -11,12 +11,13 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 
 IMAGE_NAME = "Light Field View"
 LEAST_WIDTH = 480   # views of few lenses are enlarged by repeating pixels
 # Mapped views (py, px, sy, sx, 3) by the scene they were rendered from.
-_views: dict[str, np.ndarray] = {}
+_views: dict[str, Array] = {}
 
 
 def load(scene: bpy.types.Scene, path: Path) -> None:
@@ -64,7 +65,7 @@ def view_index(count: tuple[int, int], eye: tuple[float, float]) -> tuple[int, i
     return min(max(row, 0), count[0] - 1), min(max(column, 0), count[1] - 1)
 
 
-def to_pixels(view: np.ndarray) -> np.ndarray:
+def to_pixels(view: Array) -> Array:
     """(sy, sx, 3) uint8 from the top -> Blender's (height, width, 4) float32 from the bottom, enlarged."""
     times = max(1, -(-LEAST_WIDTH // view.shape[1]))
     pixels = np.ones((*view.shape[:2], 4), np.float32)

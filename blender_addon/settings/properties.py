@@ -17,7 +17,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from lfsr_core.frames.sharing import MOST_SHARED
+from lfsr_core.frames.averaging import MOST_SHARED
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 
 from ..array import rig

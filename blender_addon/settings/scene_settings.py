@@ -11,10 +11,10 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import check_name
+from lfsr_core.frames.averaging import seed_in_turn
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, SUBPIXELS, Frame, read_rendered
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
-from lfsr_core.frames.sharing import seed_in_turn
 from lfsr_core.optics.depth_scale import Choice, choose_scale, scales_up_to
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PANEL_METHODS, MethodName, default_method

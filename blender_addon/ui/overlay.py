@@ -7,6 +7,7 @@ import math
 import bpy
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
@@ -22,19 +23,19 @@ LOOP = ((0, 1), (1, 2), (2, 3), (3, 0))
 _handle: object | None = None
 
 
-def rectangle(array: CameraArray, distance: float) -> np.ndarray:
+def rectangle(array: CameraArray, distance: float) -> Array:
     """Corners (4, 3) in array space of what the display shows at ``distance``, around from bottom left."""
     x, y = array.half_width * distance / array.distance, array.half_height * distance / array.distance
     return np.array([(-x, -y, distance), (x, -y, distance), (x, y, distance), (-x, y, distance)])
 
 
-def viewing_zone(array: CameraArray, display: DisplayProfile) -> np.ndarray:
+def viewing_zone(array: CameraArray, display: DisplayProfile) -> Array:
     """Corners (4, 3) of the cameras' rectangle at the viewing position."""
     x, y = (count * array.spacing / 2 for count in display.views)
     return np.array([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, y, 0)])
 
 
-def lines(array: CameraArray, display: DisplayProfile, scale: int) -> list[tuple[tuple, float, float, np.ndarray]]:
+def lines(array: CameraArray, display: DisplayProfile, scale: int) -> list[tuple[tuple, float, float, Array]]:
     """(colour, opacity, width in pixels, points (2n, 3) in array space) of every set of lines."""
     near, far = rig.usable_depth(array, display)
     seen_far = far if math.isfinite(far) else BEYOND * array.distance
@@ -52,7 +53,7 @@ def lines(array: CameraArray, display: DisplayProfile, scale: int) -> list[tuple
     return drawn
 
 
-def _loop(corners: np.ndarray) -> np.ndarray:
+def _loop(corners: Array) -> Array:
     return np.concatenate([corners[list(pair)] for pair in LOOP])
 
 
@@ -90,7 +91,7 @@ def _draw(placed: rig.Placement, display: DisplayProfile, scale: int) -> None:
         gpu.state.depth_test_set("NONE")
 
 
-def _in_world(points: np.ndarray, to_world: np.ndarray) -> list[tuple[float, ...]]:
+def _in_world(points: Array, to_world: Array) -> list[tuple[float, ...]]:
     return [tuple(point) for point in points @ to_world[:3, :3].T + to_world[:3, 3]]
 
 

@@ -6,8 +6,8 @@ import argparse
 import os
 from pathlib import Path
 
+from lfsr_core.exports.format_names import DESCRIPTIONS, FILM_TYPES, VIEW_TYPES
 from lfsr_core.progress import ProgressBar
-from lfsr_core.share.format_names import DESCRIPTIONS, FILM_TYPES, VIEW_TYPES
 
 NAME = "export"
 HELP = "write a finished frame or an animation as quilt, stereo pair, film or folder of views"
@@ -32,10 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Write the export and say where it is."""
-    from lfsr_core.share.formats import export
-    from lfsr_core.share.frame_folders import is_sequence
-    from lfsr_core.share.options import ExportOptions
-    from lfsr_core.share.sequences import export_sequence
+    from lfsr_core.exports.formats import export
+    from lfsr_core.exports.frame_folders import is_sequence
+    from lfsr_core.exports.options import ExportOptions
+    from lfsr_core.exports.sequences import export_sequence
 
     progress = ProgressBar()
     views = arguments.views

@@ -11,8 +11,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from lfsr_core.arrays import Array
 from lfsr_core.commands.arguments import add_rows_argument, add_scene_arguments, make_job, render
 from lfsr_core.commands.cluster_arguments import add_cluster_arguments, chosen_cluster
 from lfsr_core.errors import LfsrError
@@ -91,7 +90,7 @@ def _count(job: Job) -> int:
     return len(job.lens_list) if job.lens_list else math.prod(job.display.lenses)
 
 
-def _quick_mask(arguments: argparse.Namespace, reference: Job) -> np.ndarray:
+def _quick_mask(arguments: argparse.Namespace, reference: Job) -> Array:
     """Foreground mask (sy, sx) from a few samples of every lens, in a folder that is thrown away."""
     from lfsr_core.frames.foreground import foreground_mask
     from lfsr_core.images.exr import read_layers

@@ -12,10 +12,10 @@ from lfsr_core.commands import upscale
 from lfsr_core.commands.arguments import add_rows_argument, add_scene_arguments, make_job, render
 from lfsr_core.commands.cluster_arguments import add_cluster_arguments, chosen_cluster
 from lfsr_core.errors import LfsrError
+from lfsr_core.frames.averaging import check_shared, seed_in_turn
 from lfsr_core.frames.foreground import check_dilate
 from lfsr_core.frames.frame import SUBPIXELS, read_frame
 from lfsr_core.frames.job import LAYERS, Job
-from lfsr_core.frames.sharing import check_shared, seed_in_turn
 from lfsr_core.optics.depth_scale import scales_up_to
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lens_rows import shown

@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lfsr_core.frames.averaging import check_shared
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, frame_folder, read_rendered
-from lfsr_core.frames.sharing import check_shared
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.progress import Progress, ProgressBar, silent
 

@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Write the page and say where it is."""
-    from lfsr_core.share.page import write_page
+    from lfsr_core.exports.page import write_page
 
     progress = ProgressBar()
     try:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame, read_rendered
 from lfsr_core.images.png import read_png, write_png
@@ -20,7 +21,7 @@ SHEET_FILE, HORIZONTAL_EPI_FILE, VERTICAL_EPI_FILE, EYE_FILE = "views.png", "epi
 LEAST_EPI_HEIGHT, LEAST_VIEW_WIDTH = 160, 192
 
 
-def view_order(panel: np.ndarray, profile: DisplayProfile) -> np.ndarray:
+def view_order(panel: Array, profile: DisplayProfile) -> Array:
     """Finished EIA (H, W, C) in panel order -> view order; LfsrError if it is not the profile's size."""
     width, height = profile.eia_pixels
     if panel.shape[:2] != (height, width):
@@ -29,7 +30,7 @@ def view_order(panel: np.ndarray, profile: DisplayProfile) -> np.ndarray:
     return eia.flip_order(panel, profile.lenses) if profile.ei_order == "flipped" else panel
 
 
-def contact_sheet(image: np.ndarray, lenses: tuple[int, int], across: int = VIEWS_ACROSS) -> np.ndarray:
+def contact_sheet(image: Array, lenses: tuple[int, int], across: int = VIEWS_ACROSS) -> Array:
     """Grid of evenly spaced views of an EIA (H, W, C) in view order; topmost, leftmost camera first.
 
     Views of few lenses are enlarged by repeating pixels.
@@ -42,7 +43,7 @@ def contact_sheet(image: np.ndarray, lenses: tuple[int, int], across: int = VIEW
     return eia.from_elemental_images(padded)[:-GAP_PIXELS, :-GAP_PIXELS]
 
 
-def epi_pair(image: np.ndarray, lenses: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+def epi_pair(image: Array, lenses: tuple[int, int]) -> tuple[Array, Array]:
     """Horizontal and vertical epipolar image through the middle, enlarged to be visible.
 
     (views, lenses, C): a slanted line is a point in depth, a vertical one lies on the display.
@@ -77,13 +78,13 @@ def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = 
     return [folder / name for name in pictures]
 
 
-def _evenly(count: int, wanted: int) -> np.ndarray:
+def _evenly(count: int, wanted: int) -> Array:
     """Indices of ``wanted`` views, each the middle of an equal share of ``count``."""
     wanted = min(count, wanted)
     return ((np.arange(wanted) + 0.5) * count / wanted).astype(int)
 
 
-def _enlarged(epi: np.ndarray) -> np.ndarray:
+def _enlarged(epi: Array) -> Array:
     times = _times(epi.shape[0], LEAST_EPI_HEIGHT)
     return epi.repeat(times, axis=0).repeat(times, axis=1)
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.eia import to_elemental_images
 
@@ -13,7 +14,7 @@ MOST_DILATE = 65536
 FOREGROUND_INDEX, BACKGROUND_INDEX = 1, 2
 
 
-def foreground_mask(layers: Mapping[str, np.ndarray], lenses: tuple[int, int], dilate: int = 0) -> np.ndarray:
+def foreground_mask(layers: Mapping[str, Array], lenses: tuple[int, int], dilate: int = 0) -> Array:
     """Boolean (sy, sx): lenses with any hit of a foreground object.
 
     ``layers`` as ``images.exr.read_layers`` gives them, ``lenses`` (sx, sy).
@@ -35,14 +36,14 @@ def check_dilate(dilate: int) -> None:
                         "lenses")
 
 
-def _grown(mask: np.ndarray, reach: int) -> np.ndarray:
+def _grown(mask: Array, reach: int) -> Array:
     """The mask grown by ``reach`` up and down."""
     reach = min(reach, len(mask))
     padded = np.pad(mask, ((reach, reach), (0, 0)))
     return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=0).any(-1)
 
 
-def foreground_pixels(layers: Mapping[str, np.ndarray]) -> np.ndarray:
+def foreground_pixels(layers: Mapping[str, Array]) -> Array:
     """Boolean (H, W): pixels that a foreground object covers in part.
 
     Where background meshes are in sight, coverage alone does not decide it. Cycles
@@ -57,7 +58,7 @@ def foreground_pixels(layers: Mapping[str, np.ndarray]) -> np.ndarray:
     return (index[..., 0] == FOREGROUND_INDEX) | (covered & (index[..., 0] != BACKGROUND_INDEX))
 
 
-def recall(mask: np.ndarray, reference_mask: np.ndarray) -> float:
+def recall(mask: Array, reference_mask: Array) -> float:
     """Share of the reference's foreground lenses that ``mask`` has too; 1 where it has none. Both (sy, sx) bool."""
     if mask.shape != reference_mask.shape:
         raise LfsrError(f"foreground masks have shapes {mask.shape} and {reference_mask.shape}: "

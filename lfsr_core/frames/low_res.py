@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame
 from lfsr_core.optics.eia import to_elemental_images
@@ -23,26 +24,26 @@ class LowResEIA:
     Low view k' covers high views s·k' … s·k' + s - 1.
     """
 
-    color: np.ndarray  # scene-linear RGB over the background, or before a ``world`` premultiplied; finite, >= 0
-    alpha: np.ndarray  # coverage in [0, 1], C = 1
+    color: Array  # scene-linear RGB over the background, or before a ``world`` premultiplied; finite, >= 0
+    alpha: Array  # coverage in [0, 1], C = 1
     samples: int  # per pixel, the noise level
     scale: int  # s, high-resolution views per low-resolution view along each axis with parallax
     # albedo, normal, position: where rendered, C = 3
-    albedo: np.ndarray | None = None
-    normal: np.ndarray | None = None
-    position: np.ndarray | None = None
-    denoised: np.ndarray | None = None  # colour as Cycles denoised it right after the render
-    noisy: np.ndarray | None = None  # colour as rendered, where a denoiser has changed ``color``
-    guided: np.ndarray | None = None  # colour denoised by the guides, beside ``color`` denoised without
+    albedo: Array | None = None
+    normal: Array | None = None
+    position: Array | None = None
+    denoised: Array | None = None  # colour as Cycles denoised it right after the render
+    noisy: Array | None = None  # colour as rendered, where a denoiser has changed ``color``
+    guided: Array | None = None  # colour denoised by the guides, beside ``color`` denoised without
     parallax: tuple[bool, bool] = (True, True)  # axes, (horizontal, vertical), along which the display's views differ
     # A world that is put behind the finished elemental images: what it hides of it (C = 3, in [0, 1]), which lens of
     # the display each is (sy, sx, 2), row and column, and what those see.
-    opacity: np.ndarray | None = None
-    places: np.ndarray | None = None
+    opacity: Array | None = None
+    places: Array | None = None
     world: WorldView | None = None
 
     @property
-    def layers(self) -> dict[str, np.ndarray]:
+    def layers(self) -> dict[str, Array]:
         """The auxiliary layers that are there, by name of LAYERS."""
         return {name: layer for name in LAYERS if (layer := getattr(self, name)) is not None}
 
@@ -58,11 +59,11 @@ class LowResEIA:
         return self.color.shape[2] * self.factors[1], self.color.shape[3] * self.factors[0]
 
     @property
-    def rendered(self) -> np.ndarray:
+    def rendered(self) -> Array:
         """Colour as rendered, before any denoiser."""
         return self.color if self.noisy is None else self.noisy
 
-    def each(self, change: Callable[[np.ndarray], np.ndarray]) -> LowResEIA:
+    def each(self, change: Callable[[Array], Array]) -> LowResEIA:
         """The same with every array changed in the same way, as by picking lenses."""
         arrays = {"color": self.color, "alpha": self.alpha, **self.layers}
         if self.opacity is not None:
@@ -70,7 +71,7 @@ class LowResEIA:
         return dataclasses.replace(self, **{name: change(array) for name, array in arrays.items()})
 
 
-def over_background(layers: Mapping[str, np.ndarray], frame: Frame) -> np.ndarray:
+def over_background(layers: Mapping[str, Array], frame: Frame) -> Array:
     """Opaque scene-linear colour (H, W, 3) >= 0 of a render: over the world where visible, else the display's colour.
 
     Cycles has already weighted the environment layer by what shows of it, so it
@@ -90,7 +91,7 @@ def over_background(layers: Mapping[str, np.ndarray], frame: Frame) -> np.ndarra
     return np.maximum(color[..., :3] + (1 - np.clip(color[..., 3:], 0, 1)) * background, 0)
 
 
-def low_resolution(layers: Mapping[str, np.ndarray], frame: Frame, world: WorldView | None = None) -> LowResEIA:
+def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView | None = None) -> LowResEIA:
     """What a method sees, from the layers of lr_eia.exr; LfsrError where their size is not the frame's.
 
     ``world``: what ``frames.world.read_world`` has found beside them.

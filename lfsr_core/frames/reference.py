@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import REFERENCE_FILES, Frame, read_frame
@@ -26,9 +27,9 @@ class Reference:
     folder: Path  # where it came from
     frame: Frame  # how it was rendered
     # half_a, half_b: (H, W, 3) scene-linear over the background; all lenses, or side by side those of the list
-    half_a: np.ndarray
-    half_b: np.ndarray
-    hits: np.ndarray  # (rows, columns) bool, the tiles where either half shows foreground
+    half_a: Array
+    half_b: Array
+    hits: Array  # (rows, columns) bool, the tiles where either half shows foreground
 
     @classmethod
     def read(cls, folder: str | Path) -> Reference:
@@ -47,37 +48,37 @@ class Reference:
         return self.frame.lens_list
 
     @property
-    def lenses(self) -> np.ndarray:
+    def lenses(self) -> Array:
         """(n, 2) rows and columns of the lenses it shows, in the order of its tiles."""
         sx, sy = self.frame.display.lenses
         return np.argwhere(np.ones((sy, sx), bool)) if self.lens_list is None else np.array(self.lens_list)
 
     @property
-    def foreground(self) -> np.ndarray:
+    def foreground(self) -> Array:
         """(n,) bool: which of ``lenses`` show foreground."""
         return self.hits.reshape(-1)[:len(self.lenses)]
 
-    def linear_images(self) -> tuple[np.ndarray, np.ndarray]:
+    def linear_images(self) -> tuple[Array, Array]:
         """Both halves as scene-linear elemental images (n, py, px, 3), in the order of ``lenses``."""
         return listed_images(self.half_a, self.frame), listed_images(self.half_b, self.frame)
 
-    def elemental_images(self) -> tuple[np.ndarray, np.ndarray]:
+    def elemental_images(self) -> tuple[Array, Array]:
         """Both halves as sRGB values in [0, 1], (n, py, px, 3), in the order of ``lenses``."""
         return tuple(srgb_encode(images) for images in self.linear_images())
 
-    def foreground_mask(self, low_resolution: np.ndarray) -> np.ndarray:
+    def foreground_mask(self, low_resolution: Array) -> Array:
         """(sy, sx) bool: its own foreground where it shows every lens, else that of a ``low_resolution`` render."""
         return self.hits if self.lens_list is None else low_resolution
 
 
-def listed_images(pixels: np.ndarray, frame: Frame) -> np.ndarray:
+def listed_images(pixels: Array, frame: Frame) -> Array:
     """Elemental images (n, py, px, 3) of the lenses that a render (H, W, 3) of ``frame`` shows, without spare tiles."""
     images = to_elemental_images(pixels, frame.rays.tiles)
     count = images.shape[0] * images.shape[1] if frame.lens_list is None else len(frame.lens_list)
     return images.reshape(-1, *images.shape[2:])[:count]
 
 
-def read_half(path: Path, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+def read_half(path: Path, frame: Frame) -> tuple[Array, Array]:
     """One half of a reference: (H, W, 3) scene-linear over its background, and (rows, columns) of tiles with any hit.
 
     LfsrError where the file is missing or of another size than ``frame``.

@@ -12,6 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import PyOpenColorIO as ocio
 
+from lfsr_core.arrays import Array
+
 # Scene-linear light from 0 to 2^STOPS[1], even in log2(light + 2^STOPS[0]); what is brighter is not in the table.
 STOPS, GRID = (-7.0, 3.0), 97
 BRIGHTEST = 2.0**STOPS[1] - 2.0**STOPS[0]
@@ -20,7 +22,7 @@ BRIGHTEST = 2.0**STOPS[1] - 2.0**STOPS[0]
 MOST_STEPS, SHARE_AT_MOST, WITHIN_ONE, TRIED = 3, 1e-4, 0.999, 1 << 17
 THREADS = 4
 
-Apply = Callable[[np.ndarray], np.ndarray]
+Apply = Callable[[Array], Array]
 
 
 def bake(to_float: Apply, to_bytes: Apply) -> ocio.CPUProcessor | None:
@@ -41,7 +43,7 @@ def bake(to_float: Apply, to_bytes: Apply) -> ocio.CPUProcessor | None:
     return processor if _is_near(steps) else None
 
 
-def _is_near(steps: np.ndarray) -> bool:
+def _is_near(steps: Array) -> bool:
     """True if a table may stand for its chain, whose colours it misses by ``steps`` of 255."""
     few = np.mean(steps >= MOST_STEPS) <= SHARE_AT_MOST
     return bool(steps.max() <= MOST_STEPS and few and np.mean(steps <= 1) >= WITHIN_ONE)
@@ -57,7 +59,7 @@ def _table(to_float: Apply) -> ocio.Lut3DTransform:
     low, high = STOPS
     light = (2 ** np.linspace(low, high, GRID) - 2.0**low).astype(np.float32)
 
-    def slab(red: np.float32) -> np.ndarray:
+    def slab(red: np.float32) -> Array:
         """Display values (green, blue, 3) for one red."""
         colors = np.empty((GRID, GRID, 3), np.float32)
         colors[..., 0], colors[..., 1], colors[..., 2] = red, light[:, None], light
@@ -71,7 +73,7 @@ def _table(to_float: Apply) -> ocio.Lut3DTransform:
     return table
 
 
-def _random_colors() -> np.ndarray:
+def _random_colors() -> Array:
     """(1, TRIED, 3) scene-linear colours of every lightness and saturation, half pure, the same each time."""
     random = np.random.default_rng(0)
     stops = random.uniform(STOPS[0] - 4, STOPS[1], (1, TRIED, 1)) + random.normal(0, 1.2, (1, TRIED, 3))

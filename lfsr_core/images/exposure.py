@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from lfsr_core.arrays import Array
+
 BLACK, WHITE = 8.5 / 255, 249.5 / 255  # display values
 # Percentiles of the pixels that say so: sparks in the dark and specks on white do not make a picture.
 SPARKS, SPECKS = 99.5, 5.0
 REMEDIES = {"black": "make lights or exposure stronger", "white": "make lights or exposure weaker"}
 
 
-def sentences(shown: np.ndarray, background: np.ndarray) -> list[str]:
+def sentences(shown: Array, background: Array) -> list[str]:
     """For a report: one if the picture is almost black or almost white; arguments as of ``extreme``."""
     tone = extreme(shown, background)
     return [f"the picture is almost {tone}: {REMEDIES[tone]}, or check where the camera looks"] if tone else []
 
 
-def extreme(shown: np.ndarray, background: np.ndarray | None = None) -> str:
+def extreme(shown: Array, background: Array | None = None) -> str:
     """"black" or "white" where the picture is almost that, else "".
 
     Parameters

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, reading
 
@@ -29,10 +30,10 @@ MAGIC = b"\x76\x2f\x31\x01"
 # A header that lies must not cost memory. Deflate shrinks at most 1032 times, and 16-bit floats become 32-bit ones.
 MOST_COMPRESSION = 2200
 MOST_BYTES, MOST_SIDE, MOST_PARTS = 2**35, 65536, 1024
-Layers = dict[str, np.ndarray]
+Layers = dict[str, Array]
 
 
-def read_layers(path: str | Path) -> dict[str, np.ndarray]:
+def read_layers(path: str | Path) -> dict[str, Array]:
     """Layers of a multi-layer EXR as float32 (H, W, C), by name.
 
     Always "color" (RGBA, premultiplied, scene-linear; alpha 1 where the file has
@@ -47,7 +48,7 @@ def read_layers(path: str | Path) -> dict[str, np.ndarray]:
     with reading(path, "an EXR image") as file:
         if file.read(len(MAGIC)) != MAGIC:
             raise _unreadable(path, "it does not begin as one")
-    layers: dict[str, np.ndarray] = {}
+    layers: dict[str, Array] = {}
     try:
         parts = _read_parts(path)
     except (UnicodeDecodeError, MemoryError) as error:
@@ -68,7 +69,7 @@ def read_layers(path: str | Path) -> dict[str, np.ndarray]:
     return layers
 
 
-def _check_sizes(path: Path, layers: Mapping[str, np.ndarray]) -> None:
+def _check_sizes(path: Path, layers: Mapping[str, Array]) -> None:
     """LfsrError unless all layers have the colour's size, and as many channels as they should."""
     for layer, pixels in layers.items():
         height, width, channels = pixels.shape
@@ -76,7 +77,7 @@ def _check_sizes(path: Path, layers: Mapping[str, np.ndarray]) -> None:
             raise _unreadable(path, f"its layer {layer} has {width}×{height} pixels of {channels} channels")
 
 
-def write_layers(path: str | Path, layers: Mapping[str, np.ndarray], half: bool = False) -> None:
+def write_layers(path: str | Path, layers: Mapping[str, Array], half: bool = False) -> None:
     """Write layers, (H, W, C) each, as one EXR part: R, G, B, A, albedo.R, ...
 
     ``half`` stores 16-bit floats, clipped to their range. "color" may have three
@@ -124,13 +125,13 @@ def size(path: str | Path) -> tuple[int, int]:
     return width, height
 
 
-def _stacked(layers: Mapping[str, np.ndarray], half: bool) -> np.ndarray:
+def _stacked(layers: Mapping[str, Array], half: bool) -> Array:
     pixels = np.concatenate([np.asarray(layer, np.float32) for layer in layers.values()], axis=2)
     return np.clip(pixels, -HALF_MAX, HALF_MAX) if half else pixels
 
 
 @contextmanager
-def _output(path: str | Path, layers: Mapping[str, np.ndarray], height: int, half: bool) -> Iterator[oiio.ImageOutput]:
+def _output(path: str | Path, layers: Mapping[str, Array], height: int, half: bool) -> Iterator[oiio.ImageOutput]:
     """An EXR of these layers and of ``height`` rows that is being written."""
     names = [name for layer, pixels in layers.items() for name in _channel_names(layer, pixels.shape[2])]
     width = next(iter(layers.values())).shape[1]
@@ -170,7 +171,7 @@ def _cut(path: str | Path, reason: str) -> LfsrError:
     return LfsrError(f"{path} was not written whole ({first_line}): free some space or choose another folder")
 
 
-def clean(layers: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], int]:
+def clean(layers: Mapping[str, Array]) -> tuple[dict[str, Array], int]:
     """The layers with every NaN and infinity set to 0, and how many pixels had one."""
     cleaned, broken = dict(layers), None
     for name, pixels in layers.items():
@@ -185,7 +186,7 @@ def clean(layers: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], int]
     return cleaned, 0 if broken is None else int(broken.sum())
 
 
-def _read_parts(path: Path) -> list[tuple[tuple[str, ...], np.ndarray]]:
+def _read_parts(path: Path) -> list[tuple[tuple[str, ...], Array]]:
     """(channel names, (H, W, C) float32) of every part of the file that has a layer of ours."""
     source = oiio.ImageInput.open(str(path))
     if source is None:
@@ -240,7 +241,7 @@ def _ordered(columns: Mapping[str, int], components: str) -> list[int]:
     return list(columns.values())[:len(components)]
 
 
-def _columns_of(pixels: np.ndarray, columns: list[int]) -> np.ndarray:
+def _columns_of(pixels: Array, columns: list[int]) -> Array:
     first = columns[0]
     if columns == list(range(first, first + len(columns))):
         return np.ascontiguousarray(pixels[..., first:first + len(columns)])

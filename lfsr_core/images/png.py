@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, reading
 
@@ -27,7 +28,7 @@ COLOR_TYPES = {1: 0, 3: 2}
 ADLER_PRIME = 65521
 
 
-def encode_png(pixels: np.ndarray) -> list[bytes]:
+def encode_png(pixels: Array) -> list[bytes]:
     """PNG file, in pieces, of uint8 (H, W, 3) RGB or (H, W) grey, rows from the top."""
     rows = np.ascontiguousarray(pixels).reshape(pixels.shape[0], -1)
     channels = rows.shape[1] // pixels.shape[1]
@@ -45,7 +46,7 @@ def encode_png(pixels: np.ndarray) -> list[bytes]:
             _chunk(b"IDAT", tail), _chunk(b"IEND", b"")]
 
 
-def _deflate_band(rows: np.ndarray, start: int) -> tuple[bytes, int, int]:
+def _deflate_band(rows: Array, start: int) -> tuple[bytes, int, int]:
     """Compressed bytes, Adler-32 and length of the filtered rows from ``start`` on."""
     band = rows[start:start + BAND_ROWS]
     filtered = np.empty((len(band), band.shape[1] + 1), np.uint8)
@@ -69,7 +70,7 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(data, zlib.crc32(kind)))
 
 
-def write_png(path: str | Path, pixels: np.ndarray) -> None:
+def write_png(path: str | Path, pixels: Array) -> None:
     """Write uint8 (H, W, 3) RGB or (H, W) grey, whole or not at all; LfsrError where that fails."""
     encoded = encode_png(pixels)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
@@ -77,17 +78,17 @@ def write_png(path: str | Path, pixels: np.ndarray) -> None:
             file.write(part)
 
 
-def read_png(path: str | Path) -> np.ndarray:
+def read_png(path: str | Path) -> Array:
     """8-bit image as uint8 (H, W, 3) RGB; LfsrError where it cannot be read."""
     return _decode(path, grey=False)
 
 
-def write_mask(path: str | Path, mask: np.ndarray) -> None:
+def write_mask(path: str | Path, mask: Array) -> None:
     """Write a boolean (rows, columns) mask as a black-and-white PNG, one pixel per entry."""
     write_png(path, np.where(mask, np.uint8(255), np.uint8(0)))
 
 
-def read_mask(path: str | Path, lenses: tuple[int, int] | None = None) -> np.ndarray:
+def read_mask(path: str | Path, lenses: tuple[int, int] | None = None) -> Array:
     """Boolean (rows, columns) mask of a PNG that ``write_mask`` wrote; LfsrError unless it has the size ``lenses``."""
     mask = _decode(path, grey=True) >= 128
     if lenses and mask.shape[::-1] != tuple(lenses):
@@ -105,7 +106,7 @@ def _sizes_fit(head: bytes, size: int) -> bool:
     return max(width, height) <= MOST_SIDE and bits <= size * 8 * MOST_COMPRESSION
 
 
-def _decode(path: str | Path, grey: bool) -> np.ndarray:
+def _decode(path: str | Path, grey: bool) -> Array:
     with reading(path, "a PNG image") as file:
         sizes_fit = _sizes_fit(file.read(26), file.seek(0, os.SEEK_END))
     source = oiio.ImageInput.open(str(path)) if sizes_fit else None

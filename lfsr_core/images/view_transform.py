@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import PyOpenColorIO as ocio
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.images.baked_color import BRIGHTEST, bake
 from lfsr_core.images.color_settings import ColorSettings
@@ -45,14 +46,14 @@ class ViewTransform:
         """True where bytes come from a table of the chain."""
         return self._baked is not None
 
-    def __call__(self, linear: np.ndarray) -> np.ndarray:
+    def __call__(self, linear: Array) -> Array:
         """Display values, float32 (..., W, 3), of scene-linear (..., W, 3); 0 to 1 is what the display can show."""
         source = np.ascontiguousarray(linear, np.float32)
         result = np.empty_like(source)
         self._to_float.apply(_image(source), _image(result))
         return result
 
-    def to_uint8(self, linear: np.ndarray) -> np.ndarray:
+    def to_uint8(self, linear: Array) -> Array:
         """Display values, uint8 (..., W, 3), of scene-linear (..., W, 3), rounded as Blender rounds."""
         source = np.ascontiguousarray(linear, np.float32)
         result = np.empty(source.shape, np.uint8)
@@ -61,7 +62,7 @@ class ViewTransform:
             self._correct(source.reshape(-1, 3), result.reshape(-1, 3))
         return result
 
-    def _correct(self, source: np.ndarray, result: np.ndarray) -> None:
+    def _correct(self, source: Array, result: Array) -> None:
         """Show pixels (n, 3) that are not in the table exactly, in place."""
         outside = ~((source >= 0) & (source <= BRIGHTEST)).all(1)
         pixels = np.ascontiguousarray(source[outside][None])
@@ -151,7 +152,7 @@ def _check_known(what: str, name: str, known: Iterable[str]) -> None:
         raise LfsrError(f"{what} {name!r} is not in Blender's colour configuration: {hint}")
 
 
-def _image(pixels: np.ndarray) -> ocio.PackedImageDesc:
+def _image(pixels: Array) -> ocio.PackedImageDesc:
     width, channels = pixels.shape[-2:]
     height = pixels.size // (width * channels)
     depth = ocio.BIT_DEPTH_UINT8 if pixels.dtype == np.uint8 else ocio.BIT_DEPTH_F32

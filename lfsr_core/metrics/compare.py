@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import recall
 from lfsr_core.frames.frame import MASK_FILE, read_frame
@@ -49,7 +50,7 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
     return metrics
 
 
-def sampled_recall(mask: np.ndarray, hits: np.ndarray, lens_list: tuple[tuple[int, int], ...]) -> float | None:
+def sampled_recall(mask: Array, hits: Array, lens_list: tuple[tuple[int, int], ...]) -> float | None:
     """Recall of ``mask`` (sy, sx), estimated from the true ``hits`` (N,) of listed (row, column) lenses.
 
     The list samples lenses inside and outside the mask at different rates, so

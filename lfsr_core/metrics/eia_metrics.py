@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.intervals import stratified, stratum
@@ -39,7 +40,7 @@ NO_FLIP = "FLIP was not computed: the Python that compared has no package flip-e
 LensList = tuple[tuple[int, int], ...]
 
 
-def compare(image: np.ndarray, halves: tuple[np.ndarray, np.ndarray], lenses: tuple[int, int], mask: np.ndarray,
+def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], mask: Array,
             lens_list: LensList | None = None) -> dict[str, Any]:
     """Every metric of an EIA by name; None stands for what cannot be known.
 
@@ -77,7 +78,7 @@ def compare(image: np.ndarray, halves: tuple[np.ndarray, np.ndarray], lenses: tu
     return _compare_whole(*(srgb_encode(values) for values in (image, *halves)), lenses, mask) | notes
 
 
-def mean_flip(image: np.ndarray, reference: np.ndarray) -> float | None:
+def mean_flip(image: Array, reference: Array) -> float | None:
     """Mean LDR-FLIP (Andersson et al. 2020) of two (H, W, 3) sRGB images in [0, 1]; None without its package."""
     if flip_evaluator is None:
         return None
@@ -90,8 +91,8 @@ def _shape_error(reference: tuple[int, ...], image: tuple[int, ...]) -> LfsrErro
                      "render the reference of the same frame")
 
 
-def _compare_whole(x: np.ndarray, a: np.ndarray, b: np.ndarray, lenses: tuple[int, int],
-                   mask: np.ndarray) -> dict[str, Any]:
+def _compare_whole(x: Array, a: Array, b: Array, lenses: tuple[int, int],
+                   mask: Array) -> dict[str, Any]:
     mean = (a + b) / 2
     px, py = views_per_lens(x, lenses)
     foreground = np.kron(mask, np.ones((py, px), bool))
@@ -107,20 +108,20 @@ def _compare_whole(x: np.ndarray, a: np.ndarray, b: np.ndarray, lenses: tuple[in
     }
 
 
-def _ssim_of_eia(x: np.ndarray, a: np.ndarray, b: np.ndarray, foreground: np.ndarray) -> dict[str, Any]:
+def _ssim_of_eia(x: Array, a: Array, b: Array, foreground: Array) -> dict[str, Any]:
     """Split SSIM of the whole EIA and of its ``foreground`` pixels; windows cross from lens to lens."""
     local, inside = inside_border(split_ssim_map(x, a, b)), inside_border(foreground)
     return {"ssim_eia": mean_of(local), "ssim_eia_fg": mean_of(local[inside]) if inside.any() else None}
 
 
-def _ssim_of_lenses(x: np.ndarray, a: np.ndarray, b: np.ndarray, mask: np.ndarray) -> dict[str, Any]:
+def _ssim_of_lenses(x: Array, a: Array, b: Array, mask: Array) -> dict[str, Any]:
     """Split SSIM of elemental images each on its own, of all lenses and of those in ``mask`` (sy, sx)."""
     values = lens_ssim(x, a, b, mask.shape[::-1])
     return {"ssim_lens": mean_of(values), "ssim_lens_fg": mean_of(values[mask]) if mask.any() else None}
 
 
-def _views_ssim(x: np.ndarray, a: np.ndarray, b: np.ndarray, lenses: tuple[int, int],
-                mask: np.ndarray) -> float | None:
+def _views_ssim(x: Array, a: Array, b: Array, lenses: tuple[int, int],
+                mask: Array) -> float | None:
     """Split SSIM of the decoded views over foreground lenses; views are small, so their borders count."""
     if not mask.any():
         return None
@@ -128,8 +129,8 @@ def _views_ssim(x: np.ndarray, a: np.ndarray, b: np.ndarray, lenses: tuple[int, 
     return mean_of(stacked_ssim(*stacks)[:, mask])
 
 
-def _compare_sampled(image: np.ndarray, halves: tuple[np.ndarray, np.ndarray], lenses: tuple[int, int],
-                     mask: np.ndarray, lens_list: LensList) -> dict[str, Any]:
+def _compare_sampled(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int],
+                     mask: Array, lens_list: LensList) -> dict[str, Any]:
     rows, columns = np.asarray(lens_list).T
     chosen = to_elemental_images(image, lenses)[rows, columns]
     stacks = [srgb_encode(chosen), *(srgb_encode(_tiles(half, chosen.shape)) for half in halves)]
@@ -145,7 +146,7 @@ def _compare_sampled(image: np.ndarray, halves: tuple[np.ndarray, np.ndarray], l
             "lenses": len(lens_list), "ci95": {name: width for name, (_, width) in estimates.items()}}
 
 
-def _tiles(half: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def _tiles(half: Array, shape: tuple[int, ...]) -> Array:
     """The first N of the (py, px) tiles of a reference, (N, py, px, C)."""
     count, py, px, channels = shape
     if half.shape[0] % py or half.shape[1] % px or half.shape[0] * half.shape[1] < count * py * px:
@@ -153,7 +154,7 @@ def _tiles(half: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     return to_elemental_images(half, (half.shape[1] // px, half.shape[0] // py)).reshape(-1, py, px, channels)[:count]
 
 
-def _per_lens(x: np.ndarray, a: np.ndarray, b: np.ndarray) -> dict[str, np.ndarray]:
+def _per_lens(x: Array, a: Array, b: Array) -> dict[str, Array]:
     """Metrics (N,) of each EI (N, py, px, C) on its own; "psnr" holds squared errors."""
     mean = (a + b) / 2
     flip = {"flip": np.array([mean_flip(*pair) for pair in zip(x, mean, strict=True)])} if flip_evaluator else {}

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import lens_ssim, mean_of, split_ssim_map
 from lfsr_core.optics.eia import to_elemental_images
@@ -20,8 +21,8 @@ NORMAL_95 = 1.959964  # standard errors around the mean within which 95 % of man
 NORMAL_ONE_SIDED = 1.644854  # standard errors below which 95 % of many samples lie
 
 
-def lens_intervals(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray, lenses: tuple[int, int],
-                   mask: np.ndarray) -> dict[str, float | None]:
+def lens_intervals(image: Array, half_a: Array, half_b: Array, lenses: tuple[int, int],
+                   mask: Array) -> dict[str, float | None]:
     """Half-widths of the 95 % intervals of SSIM and psnr_fg (in dB, first order), from whole images.
 
     Parameters
@@ -47,7 +48,7 @@ def lens_intervals(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray, le
             "ssim_lens_fg": block_interval(alone, mask)[1], "psnr_fg": decibels}
 
 
-def block_interval(values: np.ndarray, mask: np.ndarray) -> tuple[float, float | None]:
+def block_interval(values: Array, mask: Array) -> tuple[float, float | None]:
     """Mean of ``values`` (sy, sx) over ``mask`` and its 95 % half-width from blocks of BLOCK × BLOCK lenses.
 
     A ratio estimate: blocks count by how many of their lenses are in the mask.
@@ -63,19 +64,19 @@ def block_interval(values: np.ndarray, mask: np.ndarray) -> tuple[float, float |
     return mean, student_95(number - 1) * error
 
 
-def _per_lens(values: np.ndarray, lenses: tuple[int, int]) -> np.ndarray:
+def _per_lens(values: Array, lenses: tuple[int, int]) -> Array:
     """Means (sy, sx) of the elemental images of (H, W, C)."""
     return to_elemental_images(values, lenses).mean(axis=(2, 3, 4), dtype=np.float64)
 
 
-def _blocks(values: np.ndarray) -> np.ndarray:
+def _blocks(values: Array) -> Array:
     """Sums over blocks, flat."""
     padded = np.pad(values, [(0, -size % BLOCK) for size in values.shape])
     rows, columns = (size // BLOCK for size in padded.shape)
     return padded.reshape(rows, BLOCK, columns, BLOCK).sum((1, 3)).ravel()
 
 
-def stratum(values: np.ndarray, population: int) -> tuple[float | None, float | None]:
+def stratum(values: Array, population: int) -> tuple[float | None, float | None]:
     """Mean of a random sample of ``population`` lenses and its 95 % half-width, None where unknown."""
     if len(values) == 0:
         return None, None
@@ -101,7 +102,7 @@ def student(z: float, freedom: float) -> float:
     return z + sum(term / freedom ** (power + 1) for power, term in enumerate(terms))
 
 
-def stratified(values: np.ndarray, in_foreground: np.ndarray, mask: np.ndarray) -> tuple[float | None, float | None]:
+def stratified(values: Array, in_foreground: Array, mask: Array) -> tuple[float | None, float | None]:
     """Mean over all lenses and its half-width, from samples inside and outside the mask."""
     total, squared_width = 0.0, 0.0
     for chosen, population in ((in_foreground, int(mask.sum())), (~in_foreground, int((~mask).sum()))):

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.optics.eia import to_elemental_images
 
 SSIM_SIGMA, SSIM_WINDOW = 1.5, 11
@@ -20,7 +21,7 @@ BAND_ROWS = 256
 MAX_CHANNELS = 512  # of many small images side by side: enough for one call to be worth it
 
 
-def split_ssim_map(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> np.ndarray:
+def split_ssim_map(image: Array, half_a: Array, half_b: Array) -> Array:
     """Local SSIM (H, W, C) of ``image`` against two noisy halves of one reference.
 
     All (H, W, C) in [0, 1]. Gaussian window of 11 × 11, σ = 1.5, data
@@ -38,17 +39,17 @@ def split_ssim_map(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) ->
     return local
 
 
-def split_ssim(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> float:
+def split_ssim(image: Array, half_a: Array, half_b: Array) -> float:
     """Mean of ``split_ssim_map`` over the pixels whose window lies inside the image."""
     return mean_of(inside_border(split_ssim_map(image, half_a, half_b)))
 
 
-def ssim(image: np.ndarray, reference: np.ndarray) -> float:
+def ssim(image: Array, reference: Array) -> float:
     """Plain SSIM of two (H, W, C) images in [0, 1]."""
     return split_ssim(image, reference, reference)
 
 
-def stacked_ssim(images: np.ndarray, halves_a: np.ndarray, halves_b: np.ndarray) -> np.ndarray:
+def stacked_ssim(images: Array, halves_a: Array, halves_b: Array) -> Array:
     """Local split SSIM (N, h, w) of many small images (N, h, w, C), mean of C; none sees another."""
     count, height, width, channels = images.shape
     step, parts = max(1, MAX_CHANNELS // channels), []
@@ -61,14 +62,14 @@ def stacked_ssim(images: np.ndarray, halves_a: np.ndarray, halves_b: np.ndarray)
     return np.concatenate(parts)
 
 
-def lens_ssim(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray, lenses: tuple[int, int]) -> np.ndarray:
+def lens_ssim(image: Array, half_a: Array, half_b: Array, lenses: tuple[int, int]) -> Array:
     """Split SSIM (sy, sx) of every elemental image of EIAs (H, W, C) on its own; ``lenses``: (sx, sy)."""
     stacks = [to_elemental_images(values, lenses) for values in (image, half_a, half_b)]
     flat = [stack.reshape(-1, *stack.shape[2:]) for stack in stacks]
     return stacked_ssim(*flat).mean((1, 2), dtype=np.float64).reshape(lenses[::-1])
 
 
-def split_mse(image: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> float:
+def split_mse(image: Array, half_a: Array, half_b: Array) -> float:
     """mean((x - a) · (x - b)): unbiased squared error; below 0 where noise outweighs the error."""
     return mean_of((image - half_a) * (image - half_b))
 
@@ -78,17 +79,17 @@ def psnr(squared_error: float) -> float | None:
     return -10 * math.log10(squared_error) if squared_error > 0 else None
 
 
-def inside_border(values: np.ndarray) -> np.ndarray:
+def inside_border(values: Array) -> Array:
     """Rows and columns whose whole SSIM window lies inside the image."""
     return values[SSIM_BORDER:-SSIM_BORDER, SSIM_BORDER:-SSIM_BORDER]
 
 
-def mean_of(values: np.ndarray) -> float:
+def mean_of(values: Array) -> float:
     """Mean as a plain number, summed in double precision."""
     return float(np.mean(values, dtype=np.float64))
 
 
-def _local_ssim(x: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _local_ssim(x: Array, a: Array, b: Array) -> Array:
     mean_x, mean_a, mean_b = _blur(x), _blur(a), _blur(b)
     mean_r = (mean_a + mean_b) / 2
     variance_x = _blur(x * x) - mean_x * mean_x
@@ -99,20 +100,20 @@ def _local_ssim(x: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return light * (2 * covariance + SSIM_C2) / (np.maximum(variance_x + variance_r, 0) + SSIM_C2)
 
 
-def _blur(values: np.ndarray) -> np.ndarray:
+def _blur(values: Array) -> Array:
     return blur(values, SSIM_SIGMA, SSIM_WINDOW)
 
 
 STRIP_ROWS = 16  # what is being added up stays in a core's cache
 
 
-def weights(sigma: float, window: int) -> np.ndarray:
+def weights(sigma: float, window: int) -> Array:
     """Weights (window // 2 + 1,) of a Gaussian from its centre outwards; the whole odd window sums to 1."""
     half = np.exp(-np.arange(window // 2 + 1) ** 2 / (2 * sigma**2))
     return half / (2 * half.sum() - half[0])
 
 
-def blur(values: np.ndarray, sigma: float, window: int) -> np.ndarray:
+def blur(values: Array, sigma: float, window: int) -> Array:
     """Blurred float (H, W, C) of the same type; beyond the border lies the mirror image, border pixel included.
 
     ``window``: odd width in pixels, at most twice the image's.
@@ -127,7 +128,7 @@ def blur(values: np.ndarray, sigma: float, window: int) -> np.ndarray:
     return result
 
 
-def _along(padded: np.ndarray, half: np.ndarray) -> np.ndarray:
+def _along(padded: Array, half: Array) -> Array:
     """Weighted sum along the first axis, shorter by the window less one."""
     reach = len(half) - 1
     count = len(padded) - 2 * reach

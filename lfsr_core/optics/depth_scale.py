@@ -11,6 +11,7 @@ from collections.abc import Collection
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
@@ -43,7 +44,7 @@ def scales_up_to(display: DisplayProfile, most: int = MOST) -> tuple[int, ...]:
     return (*sorted(usual, reverse=True), 1)
 
 
-def lenses_per_view(display: DisplayProfile, array: CameraArray, depths: np.ndarray) -> np.ndarray:
+def lenses_per_view(display: DisplayProfile, array: CameraArray, depths: Array) -> Array:
     """By how many lenses neighbouring views of the display move points at ``depths`` (n,) from the camera plane."""
     pitches = [2 * half / lenses for half, lenses, many in zip(
         (array.half_width, array.half_height), display.lenses, display.parallax, strict=True) if many]
@@ -51,7 +52,7 @@ def lenses_per_view(display: DisplayProfile, array: CameraArray, depths: np.ndar
     return np.abs(array.distance / np.maximum(depths, nearest) - 1) * array.spacing / min(pitches, default=np.inf)
 
 
-def choose_scale(display: DisplayProfile, array: CameraArray, depths: np.ndarray, scales: Collection[int],
+def choose_scale(display: DisplayProfile, array: CameraArray, depths: Array, scales: Collection[int],
                  samples: int) -> Choice:
     """The largest of ``scales`` whose missing views can be restored.
 
@@ -79,7 +80,7 @@ def choose_scale(display: DisplayProfile, array: CameraArray, depths: np.ndarray
     return Choice(scale, fewer, f"{reason}; {fewer} of {samples} samples, for all views are rendered")
 
 
-def mean_move(moves: np.ndarray, scale: int) -> float:
+def mean_move(moves: Array, scale: int) -> float:
     """Lenses by which views rendered at ``scale`` move points that those of the display move by ``moves`` (n,)."""
     return float(np.minimum(moves * scale, LOST).mean())
 

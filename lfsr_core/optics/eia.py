@@ -7,49 +7,48 @@ pixel k of an EI is view k, left to right and top to bottom.
 
 from __future__ import annotations
 
-import numpy as np
-
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 
 
-def to_elemental_images(eia: np.ndarray, lenses: tuple[int, int]) -> np.ndarray:
+def to_elemental_images(eia: Array, lenses: tuple[int, int]) -> Array:
     """(H, W, C) -> (sy, sx, py, px, C), a view of the same memory where possible."""
     px, py = views_per_lens(eia, lenses)
     return eia.reshape(lenses[1], py, lenses[0], px, eia.shape[2]).transpose(0, 2, 1, 3, 4)
 
 
-def from_elemental_images(elemental_images: np.ndarray) -> np.ndarray:
+def from_elemental_images(elemental_images: Array) -> Array:
     """(sy, sx, py, px, C) -> (H, W, C)."""
     sy, sx, py, px, channels = elemental_images.shape
     return elemental_images.transpose(0, 2, 1, 3, 4).reshape(sy * py, sx * px, channels)
 
 
-def to_views(eia: np.ndarray, lenses: tuple[int, int]) -> np.ndarray:
+def to_views(eia: Array, lenses: tuple[int, int]) -> Array:
     """(H, W, C) -> sub-aperture images (py, px, sy, sx, C)."""
     return to_elemental_images(eia, lenses).transpose(2, 3, 0, 1, 4)
 
 
-def from_views(views: np.ndarray) -> np.ndarray:
+def from_views(views: Array) -> Array:
     """(py, px, sy, sx, C) -> (H, W, C)."""
     return from_elemental_images(views.transpose(2, 3, 0, 1, 4))
 
 
-def horizontal_epi(eia: np.ndarray, lenses: tuple[int, int], lens_row: int, view_row: int) -> np.ndarray:
+def horizontal_epi(eia: Array, lenses: tuple[int, int], lens_row: int, view_row: int) -> Array:
     """Epipolar-plane image (px, sx, C) of one row of lenses and one row of views of an EIA (H, W, C)."""
     return to_views(eia, lenses)[view_row, :, lens_row]
 
 
-def vertical_epi(eia: np.ndarray, lenses: tuple[int, int], lens_column: int, view_column: int) -> np.ndarray:
+def vertical_epi(eia: Array, lenses: tuple[int, int], lens_column: int, view_column: int) -> Array:
     """Epipolar-plane image (py, sy, C) of one column of lenses and one column of views of an EIA (H, W, C)."""
     return to_views(eia, lenses)[:, view_column, :, lens_column]
 
 
-def flip_order(eia: np.ndarray, lenses: tuple[int, int]) -> np.ndarray:
+def flip_order(eia: Array, lenses: tuple[int, int]) -> Array:
     """Reverse the pixels inside each EI in both axes: view order <-> panel order behind lenses."""
     return from_elemental_images(to_elemental_images(eia, lenses)[:, :, ::-1, ::-1])
 
 
-def views_per_lens(eia: np.ndarray, lenses: tuple[int, int]) -> tuple[int, int]:
+def views_per_lens(eia: Array, lenses: tuple[int, int]) -> tuple[int, int]:
     """(px, py) of an EIA of shape (H, W, C); LfsrError unless lenses divide it."""
     if eia.ndim != 3 or eia.shape[1] % lenses[0] or eia.shape[0] % lenses[1]:
         raise LfsrError(f"image has shape {eia.shape}, expected (rows, columns, channels) with "

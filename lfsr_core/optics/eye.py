@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import flip_order
@@ -25,8 +26,8 @@ def gap_mm(profile: DisplayProfile) -> float:
     return profile.lens_pitch_mm[0] / 2 / math.tan(math.radians(profile.viewing_angle_deg) / 2)
 
 
-def see(eia: np.ndarray, profile: DisplayProfile, eye_mm: tuple[float, float, float],
-        width: int = DEFAULT_WIDTH) -> np.ndarray:
+def see(eia: Array, profile: DisplayProfile, eye_mm: tuple[float, float, float],
+        width: int = DEFAULT_WIDTH) -> Array:
     """What an eye sees of a finished EIA: one sample per lens.
 
     Outside the viewing zone an eye sees the neighbouring lens's elemental image, as
@@ -55,7 +56,7 @@ def see(eia: np.ndarray, profile: DisplayProfile, eye_mm: tuple[float, float, fl
     return enlarged(_pixels_or_black(eia, row, column), width)
 
 
-def check_sight(image: np.ndarray, profile: DisplayProfile, eye_mm: tuple[float, float, float]) -> None:
+def check_sight(image: Array, profile: DisplayProfile, eye_mm: tuple[float, float, float]) -> None:
     """LfsrError unless ``image`` (H, W, C) has the panel's size and the eye is in front of the lenses."""
     columns, rows = profile.panel_pixels
     if image.shape[:2] != (rows, columns):
@@ -65,13 +66,13 @@ def check_sight(image: np.ndarray, profile: DisplayProfile, eye_mm: tuple[float,
         raise LfsrError(f"the eye is at z = {eye_mm[2]} mm, but it must be in front of the display, above 0")
 
 
-def enlarged(picture: np.ndarray, width: int) -> np.ndarray:
+def enlarged(picture: Array, width: int) -> Array:
     """A picture (rows, columns, C) with each pixel as many times as fit into ``width``, at least once."""
     times = max(1, width // picture.shape[1])
     return picture.repeat(times, axis=0).repeat(times, axis=1)
 
 
-def _seen_pixel(profile: DisplayProfile, eye_mm: tuple[float, float, float], axis: int) -> np.ndarray:
+def _seen_pixel(profile: DisplayProfile, eye_mm: tuple[float, float, float], axis: int) -> Array:
     """Panel pixel seen through each lens along one axis, counted in the axis's direction; may be off the panel."""
     lenses, length, pixels = profile.lenses[axis], profile.panel_mm[axis], profile.panel_pixels[axis]
     gap, distance = gap_mm(profile), profile.viewing_distance_mm
@@ -81,7 +82,7 @@ def _seen_pixel(profile: DisplayProfile, eye_mm: tuple[float, float, float], axi
     return np.floor((on_panel / length + 0.5) * pixels).astype(int)
 
 
-def _pixels_or_black(eia: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+def _pixels_or_black(eia: Array, row: Array, column: Array) -> Array:
     height, width = eia.shape[:2]
     seen = eia[np.clip(row, 0, height - 1)[:, None], np.clip(column, 0, width - 1)]
     seen[(row < 0) | (row >= height)] = 0
@@ -89,7 +90,7 @@ def _pixels_or_black(eia: np.ndarray, row: np.ndarray, column: np.ndarray) -> np
     return seen
 
 
-def seen_views(profile: DisplayProfile, eye_mm: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
+def seen_views(profile: DisplayProfile, eye_mm: tuple[float, float, float]) -> tuple[Array, Array]:
     """Which view of which lens's elemental image an eye sees through each lens, along each axis on its own.
 
     Returns

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eye import seen_views
@@ -73,7 +74,7 @@ def eye_card(layout: RayLayout, profile: DisplayProfile, eye_mm: Place, region: 
 
 
 def _seen(profile: DisplayProfile, layout: RayLayout, eye_mm: Place,
-          fold: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+          fold: tuple[int, int]) -> tuple[Array, Array]:
     """(tiles, 2) elemental image and rendered view of every tile, row by row; a lens is ``fold`` tiles."""
     axes = [np.repeat([image, view * layout.views[axis] // profile.views[axis]], fold[axis], axis=1)
             for axis, (image, view) in enumerate(seen_views(profile, eye_mm))]

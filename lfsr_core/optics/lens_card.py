@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.optics.rays import RayLayout, view_offset
 
 RIM = 0.01  # pixels by which the card is larger than the image: no ray may miss it by a rounding error
@@ -24,9 +25,9 @@ class LensCard:
     """Quads, and what the material adds to them; scene units, +X right, +Y up, seen from the camera."""
 
     pixel: float  # side of a pixel on the card
-    corners: np.ndarray  # (quads, 4, 2) around the card's centre: upper left, lower left, lower right, upper right
-    cells: np.ndarray  # (quads, 4, 2) views from the upper left, rightwards and downwards
-    targets: np.ndarray  # (quads, 2) display-plane point that the first place of a lens is sent to
+    corners: Array  # (quads, 4, 2) around the card's centre: upper left, lower left, lower right, upper right
+    cells: Array  # (quads, 4, 2) views from the upper left, rightwards and downwards
+    targets: Array  # (quads, 2) display-plane point that the first place of a lens is sent to
     lens_step: tuple[float, float]  # from the first to the last place of a lens, or of one view of it ("paper")
     first_view: tuple[float, float]  # place of view 0 on the camera plane
     view_step: tuple[float, float]  # from view to view
@@ -34,7 +35,7 @@ class LensCard:
     place_in_pixel: bool  # whether the place inside the pixel chooses the point on the lens, or that inside the tile
 
     @property
-    def size(self) -> np.ndarray:
+    def size(self) -> Array:
         """(width, height)."""
         return self.corners.reshape(-1, 2).max(0) - self.corners.reshape(-1, 2).min(0)
 
@@ -58,8 +59,8 @@ def lens_card(layout: RayLayout, radius: float = math.inf) -> LensCard:
         aperture=_pair((0, 0) if paper else layout.cell * up), place_in_pixel=not paper)
 
 
-def card_rays(card: LensCard, cells: np.ndarray, targets: np.ndarray, distance: float,
-              random: np.ndarray | float = 0.5) -> tuple[np.ndarray, np.ndarray]:
+def card_rays(card: LensCard, cells: Array, targets: Array, distance: float,
+              random: Array | float = 0.5) -> tuple[Array, Array]:
     """What the material computes, in camera-array space.
 
     Parameters
@@ -88,7 +89,7 @@ def card_rays(card: LensCard, cells: np.ndarray, targets: np.ndarray, distance: 
 _UNIT = np.array([(0, 0), (0, 1), (1, 1), (1, 0)], float)
 
 
-def _pair(values: np.ndarray) -> tuple[float, float]:
+def _pair(values: Array) -> tuple[float, float]:
     return float(values[0]), float(values[1])
 
 
@@ -103,13 +104,13 @@ def _count(layout: RayLayout) -> int:
     return layout.tiles[0] * layout.tiles[1]
 
 
-def _tiles(layout: RayLayout) -> np.ndarray:
+def _tiles(layout: RayLayout) -> Array:
     """(quads, 2) column and row of every tile, row by row."""
     rows, columns = np.divmod(np.arange(_count(layout)), layout.tiles[0])
     return np.stack([columns, rows], axis=-1)
 
 
-def _lenses(layout: RayLayout) -> np.ndarray:
+def _lenses(layout: RayLayout) -> Array:
     """(quads, 2) column and row of every tile's lens; those after the last listed lens repeat it."""
     if layout.lens_list is None:
         return _tiles(layout)
@@ -117,12 +118,12 @@ def _lenses(layout: RayLayout) -> np.ndarray:
     return listed[np.minimum(np.arange(_count(layout)), len(listed) - 1)]
 
 
-def _places(layout: RayLayout) -> np.ndarray:
+def _places(layout: RayLayout) -> Array:
     """(quads, 4, 2) corners in pixels, rightwards and downwards from the image's upper left one, the rim with them."""
     places = (_tiles(layout)[:, None] + _UNIT) * layout.views
     return places + RIM * ((places == layout.size).astype(float) - (places == 0))
 
 
-def _corners(layout: RayLayout) -> np.ndarray:
+def _corners(layout: RayLayout) -> Array:
     """(quads, 4, 2) in pixels from the image's centre, Y up."""
     return (_places(layout) - np.array(layout.size) / 2) * (1, -1)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 
 BACKGROUND_SHARE = 8  # one in so many chosen lenses is background, to catch what the mask missed
 BITS = 16
 
 
-def choose_lenses(mask: np.ndarray, count: int, seed: int = 0) -> tuple[tuple[int, int], ...]:
+def choose_lenses(mask: Array, count: int, seed: int = 0) -> tuple[tuple[int, int], ...]:
     """``count`` different random lenses, (row, column), in reading order.
 
     ``mask`` (sy, sx) bool is the foreground. One lens in eight is background
@@ -35,14 +36,14 @@ def check_count(count: int, lenses: int) -> None:
         raise LfsrError(f"number of lenses is {str(count)[:20]}, but it must be from 1 to the display's {lenses}")
 
 
-def spread(lenses: np.ndarray, count: int, random: np.random.Generator) -> np.ndarray:
+def spread(lenses: Array, count: int, random: np.random.Generator) -> Array:
     """``count`` of ``lenses`` (n, 2) row and column, in equal steps along their Z-order from a random start."""
     ordered = lenses[np.argsort(_z_order(lenses))]
     places = (np.arange(count) + random.random()) * (len(lenses) / max(count, 1))
     return ordered[np.minimum(places.astype(int), len(lenses) - 1)]
 
 
-def _z_order(lenses: np.ndarray) -> np.ndarray:
+def _z_order(lenses: Array) -> Array:
     """Place of each lens on the Z-order curve: the bits of row and column, interleaved."""
     bits = (lenses[:, :, None] >> np.arange(BITS)) & 1
     weights = 4 ** np.arange(BITS)

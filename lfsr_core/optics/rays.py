@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 
@@ -92,7 +93,7 @@ class RayLayout:
         return across, math.ceil(len(self.lens_list) / across)
 
     @property
-    def shown_lenses(self) -> np.ndarray:
+    def shown_lenses(self) -> Array:
         """Row and column on the display of the lens that each tile shows, (rows, columns, 2)."""
         across, down = self.tiles
         columns, rows = _lens_of_tile(self, *np.meshgrid(np.arange(across), np.arange(down)))
@@ -115,7 +116,7 @@ def _check_lens_list(layout: RayLayout) -> None:
                             f"{layout.lenses[0]} columns of the display: name lenses inside it")
 
 
-def view_offset(index: np.ndarray, count: int, spacing: float, convention: str = "centred") -> np.ndarray:
+def view_offset(index: Array, count: int, spacing: float, convention: str = "centred") -> Array:
     """Offset of a view on the camera plane, rightwards positive.
 
     Centred: (k + 1/2 - count/2) · spacing. Paper Eqs. (5), (7): (k - ⌊count/2⌋) · spacing.
@@ -136,8 +137,8 @@ def view_offset(index: np.ndarray, count: int, spacing: float, convention: str =
     return (index + 0.5 - count / 2) * spacing
 
 
-def rays(layout: RayLayout, raster_x: np.ndarray, raster_y: np.ndarray,
-         random_x: np.ndarray | float = 0.5, random_y: np.ndarray | float = 0.5) -> tuple[np.ndarray, np.ndarray]:
+def rays(layout: RayLayout, raster_x: Array, raster_y: Array,
+         random_x: Array | float = 0.5, random_y: Array | float = 0.5) -> tuple[Array, Array]:
     """Rays of points of the image, in camera-array space.
 
     Parameters
@@ -163,7 +164,7 @@ def rays(layout: RayLayout, raster_x: np.ndarray, raster_y: np.ndarray,
     return origin, direction / np.linalg.norm(direction, axis=-1, keepdims=True)
 
 
-def pixel_rays(layout: RayLayout, place: tuple[float, float] = (0.5, 0.5)) -> tuple[np.ndarray, np.ndarray]:
+def pixel_rays(layout: RayLayout, place: tuple[float, float] = (0.5, 0.5)) -> tuple[Array, Array]:
     """Origins and unit directions, (H, W, 3), of one ray per pixel, rows from the top.
 
     ``place`` is where in the pixel, (rightwards, downwards) in [0, 1).
@@ -174,13 +175,13 @@ def pixel_rays(layout: RayLayout, place: tuple[float, float] = (0.5, 0.5)) -> tu
     return rays(layout, raster_x, raster_y)
 
 
-def _split(raster: np.ndarray, pixels: int, views: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _split(raster: Array, pixels: int, views: int) -> tuple[Array, Array, Array]:
     position = np.clip(np.asarray(raster, float) * pixels, 0, pixels - 1e-9)
     index = np.floor(position).astype(int)
     return index // views, index % views, position - index
 
 
-def _split_rows(raster_y: np.ndarray, pixels: int, views: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _split_rows(raster_y: Array, pixels: int, views: int) -> tuple[Array, Array, Array]:
     """As ``_split``, counted from the top; a pixel's own lower edge stays in it."""
     position = np.clip(np.asarray(raster_y, float) * pixels, 0, pixels - 1e-9)
     row = np.floor(position).astype(int)
@@ -188,7 +189,7 @@ def _split_rows(raster_y: np.ndarray, pixels: int, views: int) -> tuple[np.ndarr
     return index // views, index % views, 1 - (position - row)
 
 
-def _lens_of_tile(layout: RayLayout, tile_x: np.ndarray, tile_y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _lens_of_tile(layout: RayLayout, tile_x: Array, tile_y: Array) -> tuple[Array, Array]:
     if layout.lens_list is None:
         return tile_x, tile_y
     listed = np.asarray(layout.lens_list)
@@ -197,8 +198,8 @@ def _lens_of_tile(layout: RayLayout, tile_x: np.ndarray, tile_y: np.ndarray) -> 
     return chosen[..., 1], chosen[..., 0]
 
 
-def _axis(layout: RayLayout, axis: int, lens: np.ndarray, view: np.ndarray, place: np.ndarray,
-          random: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+def _axis(layout: RayLayout, axis: int, lens: Array, view: Array, place: Array,
+          random: Array | float) -> tuple[Array, Array]:
     """Origin on the camera plane and target on the display plane along one axis."""
     half = (layout.array.half_width, layout.array.half_height)[axis]
     views, lenses = layout.views[axis], layout.lenses[axis]

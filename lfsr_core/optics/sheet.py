@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 
 STRIPES = ("rgb", "bgr", "white")
@@ -47,7 +48,7 @@ class Subpixels:
             fail("subpixels.cell_rule", self.cell_rule, f"it needs {needed} cells and there are {len(self.cells)}, of "
                                                         f"at most {MOST_CELLS}")
 
-    def offsets(self, channel: int, rows_from_bottom: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def offsets(self, channel: int, rows_from_bottom: Array, columns: Array) -> tuple[Array, Array]:
         """(x, y) in pixels, y up, from the centres of pixels to their subpixel of a channel.
 
         ``rows_from_bottom`` (n, 1), ``columns`` (m,) -> two arrays that broadcast to (n, m).
@@ -107,7 +108,7 @@ class Lattice:
         for value in self.shift_mm:
             _within("shift_mm", value, -MOST_MM, MOST_MM)
 
-    def matrix(self, packing: str) -> np.ndarray:
+    def matrix(self, packing: str) -> Array:
         """(2, 2): columns are the steps to the next point in the row and to the next row; hexagonal: half a step on."""
         across, up = self.pitch_mm
         plain = np.array([[across, across / 2 if packing == "hexagonal" else 0.0], [0.0, up]])
@@ -137,7 +138,7 @@ class Lenslet:
             _length("lenslet.gap_mm", self.gap_mm)
 
 
-def cell_of(rule: str, rows_from_bottom: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def cell_of(rule: str, rows_from_bottom: Array, columns: Array) -> Array:
     """Number of the cell that pixels have by one of CELL_RULES; shapes broadcast."""
     x, y = np.asarray(columns), np.asarray(rows_from_bottom)
     return {"0": 0 * (x + y), "(x+y)%2": (x + y) % 2, "x%2": x % 2 + 0 * y, "y%2": y % 2 + 0 * x, "y%4": y % 4 + 0 * x,

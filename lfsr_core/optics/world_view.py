@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.optics.rays import RayLayout, view_offset
 
 PER_PIXEL = 6      # steps of the picture across what a pixel of the light field sees
@@ -56,10 +57,10 @@ class WorldView:
 
     layout: RayLayout  # every view of the display
     picture: WorldPicture
-    pixels: np.ndarray  # (H, W, 3) of the picture, float32, blurred as the layout's pixels see it
+    pixels: Array  # (H, W, 3) of the picture, float32, blurred as the layout's pixels see it
 
     @classmethod
-    def of(cls, layout: RayLayout, pixels: np.ndarray) -> WorldView:
+    def of(cls, layout: RayLayout, pixels: Array) -> WorldView:
         """View through ``layout`` of the rendered ``pixels`` (H, W, 3) of its picture."""
         picture = WorldPicture.of(layout)
         down, across = (_blur(picture.size[axis], [width / picture.step[axis] for width in _boxes(layout, axis)])
@@ -68,7 +69,7 @@ class WorldView:
         blurred = np.einsum("hwc,xw->hxc", rows.reshape(picture.size[1], -1, 3), across, optimize=True)
         return cls(layout, picture, np.maximum(blurred, 0).astype(np.float32))
 
-    def elemental_images(self, lenses: np.ndarray) -> np.ndarray:
+    def elemental_images(self, lenses: Array) -> Array:
         """What ``lenses`` (N, 2), row and column on the display, see of the world: (N, py, px, 3) scene-linear."""
         lenses, (px, py) = np.asarray(lenses), self.layout.views
         images = np.empty((len(lenses), py, px, 3), np.float32)
@@ -80,20 +81,20 @@ class WorldView:
             images[chosen] = np.moveaxis(left + part * (seen[:, first + 1] - left), 0, 1)
         return images
 
-    def _row(self, row: int) -> np.ndarray:
+    def _row(self, row: int) -> Array:
         """(py, W, 3): the picture at the heights that one row of lenses looks at."""
         first, part = (values[row] for values in self._heights)
         return self.pixels[first] + part[:, None, None] * (self.pixels[first + 1] - self.pixels[first])
 
     @functools.cached_property
-    def _places(self) -> tuple[np.ndarray, np.ndarray]:
+    def _places(self) -> tuple[Array, Array]:
         return self._at(0)
 
     @functools.cached_property
-    def _heights(self) -> tuple[np.ndarray, np.ndarray]:
+    def _heights(self) -> tuple[Array, Array]:
         return self._at(1)
 
-    def _at(self, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    def _at(self, axis: int) -> tuple[Array, Array]:
         """Pixel of the picture below every (lens, view) and how far past its middle, in pixels."""
         at = slopes(self.layout, axis) / self.picture.step[axis] + (self.picture.size[axis] - 1) / 2
         at = np.clip(at, 0, self.picture.size[axis] - 1)
@@ -101,7 +102,7 @@ class WorldView:
         return first, (at - first).astype(np.float32)
 
 
-def slopes(layout: RayLayout, axis: int) -> np.ndarray:
+def slopes(layout: RayLayout, axis: int) -> Array:
     """Slope of the middle ray of every (lens, view) of the display along an axis, rightwards or downwards positive."""
     lenses, views = layout.lenses[axis], layout.views[axis]
     half = (layout.array.half_width, layout.array.half_height)[axis]
@@ -119,14 +120,14 @@ def _boxes(layout: RayLayout, axis: int) -> tuple[float, float]:
     return lens / layout.array.distance, (0.0 if paper else layout.cell[axis]) / layout.array.distance
 
 
-def _blur(size: int, widths: list[float]) -> np.ndarray:
+def _blur(size: int, widths: list[float]) -> Array:
     """Matrix (size, size) of boxes of so many pixels one after the other, less what the picture is blurred already."""
     widths = sorted(widths)
     widths[-1] = math.sqrt(max(widths[-1] ** 2 - OWN_BLUR, 0))
     return functools.reduce(np.matmul, (_box(size, width) for width in widths))
 
 
-def _box(size: int, width: float) -> np.ndarray:
+def _box(size: int, width: float) -> Array:
     """Matrix of the mean over ``width`` pixels around each; beyond the edge the last one repeats."""
     if width <= 1:
         return np.eye(size)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.metrics.intervals import NORMAL_ONE_SIDED, student
 
@@ -31,10 +32,10 @@ class Stratum:
     """Random lenses of one part of the display."""
 
     population: int  # lenses of the part
-    values: np.ndarray  # (n,) accuracy of the sampled ones
-    inside: np.ndarray  # (n,) bool, which of them count for the metric at all
-    covariates: np.ndarray | None = None  # (n, k), what is known of every lens of the part and may explain the values
-    population_means: np.ndarray | None = None  # (k,) means of the covariates over the part
+    values: Array  # (n,) accuracy of the sampled ones
+    inside: Array  # (n,) bool, which of them count for the metric at all
+    covariates: Array | None = None  # (n, k), what is known of every lens of the part and may explain the values
+    population_means: Array | None = None  # (k,) means of the covariates over the part
 
 
 def estimate(strata: Sequence[Stratum], z: float = NORMAL_ONE_SIDED) -> Estimate:
@@ -77,7 +78,7 @@ class _Part:
     """What a stratum's sample says."""
 
     mean: float  # over inside and outside lenses, which count as 0
-    deviations: np.ndarray  # (n,) of each lens from it
+    deviations: Array  # (n,) of each lens from it
     covariates: int  # how many were of use
 
 
@@ -96,7 +97,7 @@ def _part(stratum: Stratum) -> _Part:
     return _Part(float(target @ coefficients), len(x) * weights * residuals, x.shape[1])
 
 
-def _useful(stratum: Stratum) -> np.ndarray | None:
+def _useful(stratum: Stratum) -> Array | None:
     """Covariates (n, k) less their population means, those that vary; None where lenses are too few for them."""
     x = stratum.covariates
     if x is None or len(x) < LEAST_FOR_REGRESSION + x.shape[1] or not stratum.inside.all():
@@ -106,7 +107,7 @@ def _useful(stratum: Stratum) -> np.ndarray | None:
     return (x - stratum.population_means)[:, varies] if varies.any() else None
 
 
-def _spread(stratum: Stratum, part: _Part, residuals: np.ndarray) -> tuple[float, float]:
+def _spread(stratum: Stratum, part: _Part, residuals: Array) -> tuple[float, float]:
     """Variance of the stratum's share of the total, and its degrees of freedom."""
     count, population = len(residuals), stratum.population
     squares = float(((residuals - residuals.mean()) ** 2).sum())
@@ -114,7 +115,7 @@ def _spread(stratum: Stratum, part: _Part, residuals: np.ndarray) -> tuple[float
     return population**2 * (1 - count / population) * variance / count, max(count - 1 - part.covariates, 1)
 
 
-def _skewness(residuals: np.ndarray) -> float:
+def _skewness(residuals: Array) -> float:
     centred = residuals - residuals.mean()
     deviation = centred.std()
     return float(np.mean(centred**3) / deviation**3) if deviation > 0 else 0.0

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import Frame
 from lfsr_core.frames.job import Job
@@ -153,7 +154,7 @@ class Measurements:
             return
         self._stages[candidate.scale, candidate.method] = stage
 
-    def _between(self) -> Iterator[tuple[Candidate, np.ndarray]]:
+    def _between(self) -> Iterator[tuple[Candidate, Array]]:
         """Candidates between measured ones, and the accuracy (n,) of each lens there."""
         for scale, method in sorted({(candidate.scale, candidate.method) for candidate in self.scores}):
             known = {candidate.spp: scores.values for candidate, scores in self.scores.items()
@@ -161,7 +162,7 @@ class Measurements:
             for spp, fewer, more, weight in between(list(known), self.question.options.between):
                 yield Candidate(scale, spp, method), (1 - weight) * known[fewer] + weight * known[more]
 
-    def _estimate(self, of_lenses: np.ndarray) -> Estimate:
+    def _estimate(self, of_lenses: Array) -> Estimate:
         """Mean over the display from the accuracy (n,) of every sampled lens."""
         look, whole, strata, start = self.sample.look, self.question.whole, [], 0
         for name in STRATA:

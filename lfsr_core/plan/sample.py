@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lens_sampling import spread
@@ -89,12 +90,12 @@ def budget(display: DisplayProfile, wanted: Sequence[Candidate], reference_spp: 
     return Budget(share * costliest, quick, math.prod(display.views) * reference_spp, renders)
 
 
-def strata_masks(mask: np.ndarray, wide: np.ndarray) -> dict[str, np.ndarray]:
+def strata_masks(mask: Array, wide: Array) -> dict[str, Array]:
     """(sy, sx) bool by name of STRATA: the foreground ``mask``, what ``wide`` has beside it, all others."""
     return {"foreground": mask, "edge": wide & ~mask, "rest": ~(mask | wide)}
 
 
-def sample(masks: Mapping[str, np.ndarray], count: int, seed: int, whole: bool) -> dict[str, list[Lens]]:
+def sample(masks: Mapping[str, Array], count: int, seed: int, whole: bool) -> dict[str, list[Lens]]:
     """Random (row, column) lenses of each stratum, spread over it; none that has LEAST_OF_STRATUM lenses gets fewer.
 
     Parameters
@@ -111,11 +112,11 @@ def sample(masks: Mapping[str, np.ndarray], count: int, seed: int, whole: bool) 
     return {name: _as_lenses(spread(np.argwhere(masks[name]), sizes[name], random)) for name in STRATA}
 
 
-def _as_lenses(places: np.ndarray) -> list[Lens]:
+def _as_lenses(places: Array) -> list[Lens]:
     return sorted((int(row), int(column)) for row, column in places)
 
 
-def with_neighbours(lenses: Sequence[Lens], reach_: int, grid: tuple[int, int]) -> tuple[list[Lens], np.ndarray]:
+def with_neighbours(lenses: Sequence[Lens], reach_: int, grid: tuple[int, int]) -> tuple[list[Lens], Array]:
     """Lenses to render, and which of them each block shows: indices (n, 2·reach + 1, 2·reach + 1).
 
     ``grid`` (sx, sy). Beyond the display's edge a block repeats the lens at the edge.
@@ -133,11 +134,11 @@ def with_neighbours(lenses: Sequence[Lens], reach_: int, grid: tuple[int, int]) 
 class Mosaic:
     """Blocks of lenses side by side, as one small EIA."""
 
-    index: np.ndarray  # (rows, columns) of its lenses, into a list of rendered ones
-    centres: np.ndarray  # (n, 2) row and column of each block's middle
+    index: Array  # (rows, columns) of its lenses, into a list of rendered ones
+    centres: Array  # (n, 2) row and column of each block's middle
 
     @classmethod
-    def of(cls, blocks: np.ndarray) -> Mosaic:
+    def of(cls, blocks: Array) -> Mosaic:
         """Nearly square mosaic of ``blocks`` (n, side, side); spare places repeat the last one."""
         count, side, _ = blocks.shape
         across = math.isqrt(count - 1) + 1
@@ -155,6 +156,6 @@ class Mosaic:
         """The mosaic of a rendered list of lenses, whose tiles ``low`` holds in reading order."""
         return low.each(lambda layer: layer.reshape(-1, *layer.shape[2:])[self.index])
 
-    def of_mask(self, tiles: np.ndarray) -> np.ndarray:
+    def of_mask(self, tiles: Array) -> Array:
         """(n,) bool: what a mask (rows, columns) of the rendered tiles says of each block's centre."""
         return tiles.reshape(-1)[self.index[tuple(self.centres.T)]]

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
@@ -37,13 +38,13 @@ FINISHING = ("load", "mask", "assemble", "color", "write")
 class QuickLook:
     """What a few samples of every lens show."""
 
-    masks: dict[str, np.ndarray]  # (sy, sx) bool by name of the stratum, see sample.strata_masks
-    features: np.ndarray  # (sy, sx, k), see the function ``features``
+    masks: dict[str, Array]  # (sy, sx) bool by name of the stratum, see sample.strata_masks
+    features: Array  # (sy, sx, k), see the function ``features``
     finish: dict[str, float]  # seconds of the second stage's steps that no method changes
     shown: float  # share of the frame that a denoiser looks at
     world: float = 0.0  # seconds of the lenses that show nothing but a world that lies apart
 
-    def covariates(self, name: str, lenses: Sequence[Lens]) -> tuple[np.ndarray | None, np.ndarray | None]:
+    def covariates(self, name: str, lenses: Sequence[Lens]) -> tuple[Array | None, Array | None]:
         """Covariates (n, k) of sampled foreground lenses and their means over all of them; None for other strata."""
         if name != "foreground" or not lenses:
             return None, None
@@ -55,8 +56,8 @@ class QuickLook:
 class SampledReference:
     """The sampled lenses' reference."""
 
-    quarters: tuple[np.ndarray, ...]  # four independent renders (n, py, px, 3), scene-linear
-    hits: np.ndarray  # (n,) bool, lenses with any foreground
+    quarters: tuple[Array, ...]  # four independent renders (n, py, px, 3), scene-linear
+    hits: Array  # (n,) bool, lenses with any foreground
     noise: float  # standard deviation of the mean of two quarters, a half, in sRGB values
 
     @classmethod
@@ -68,7 +69,7 @@ class SampledReference:
         noise = float(np.sqrt(np.mean((shown[0] - shown[1]) ** 2, dtype=np.float64) / 2))
         return cls(quarters, np.any(hits, 0).reshape(-1)[:count], noise)
 
-    def pair(self, first: Sequence[int], second: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    def pair(self, first: Sequence[int], second: Sequence[int]) -> tuple[Array, Array]:
         """Two halves, each the mean of the named quarters, encoded after averaging as a longer render would be."""
         return tuple(srgb_encode(np.mean([self.quarters[n] for n in names], 0)) for names in (first, second))
 
@@ -77,7 +78,7 @@ class SampledReference:
 class Scores:
     """How near a method comes."""
 
-    values: np.ndarray  # (n,) split SSIM of each sampled lens, corrected for the reference's noise
+    values: Array  # (n,) split SSIM of each sampled lens, corrected for the reference's noise
     gain: float  # by which twice the reference's samples raised their mean
 
 
@@ -93,7 +94,7 @@ def quick_look(folder: Path) -> QuickLook:
                      _world_seconds(low, mask))
 
 
-def _world_seconds(low: LowResEIA, mask: np.ndarray) -> float:
+def _world_seconds(low: LowResEIA, mask: Array) -> float:
     """Seconds of a whole frame's lenses beside ``mask``, which see the world alone; 0 where none lies apart."""
     if low.world is None or mask.all():
         return 0.0
@@ -102,7 +103,7 @@ def _world_seconds(low: LowResEIA, mask: np.ndarray) -> float:
     return _seconds(lambda: low.world.elemental_images(few)) * len(rest) / len(few) / _threads()
 
 
-def features(low: LowResEIA) -> np.ndarray:
+def features(low: LowResEIA) -> Array:
     """What may explain a lens's accuracy, (sy, sx, 3): its coverage, how noisy it is, how much detail it shows.
 
     Noise: split SSIM of the quick look against itself denoised; detail: mean step
@@ -134,7 +135,7 @@ def score(folder: Path, name: str, mosaic: Mosaic, reference: SampledReference) 
     return split_scores(images, reference)
 
 
-def split_scores(images: np.ndarray, reference: SampledReference) -> Scores:
+def split_scores(images: Array, reference: SampledReference) -> Scores:
     """Split SSIM of images (n, py, px, 3) in [0, 1], corrected for the reference's noise.
 
     The metric falls short by what is left of that noise, about in proportion to
@@ -180,7 +181,7 @@ def stage_time(folder: Path, name: str, mosaic: Mosaic, one: Mosaic) -> StageTim
     return StageTime(max(few - per_pixel * pixels[0], 0.0), per_pixel, per_lens + upscaling / threads)
 
 
-def _sampled(folder: Path, mosaic: Mosaic) -> tuple[LowResEIA, np.ndarray]:
+def _sampled(folder: Path, mosaic: Mosaic) -> tuple[LowResEIA, Array]:
     """The mosaic of a rendered list of lenses and which of its centres are foreground there."""
     frame = read_frame(folder)
     layers, _ = clean(read_layers(folder / LOW_RES_FILE))
@@ -192,7 +193,7 @@ def _threads() -> int:
     return min(os.cpu_count() or 1, MAX_WORKERS)
 
 
-def _mean_ssim(images: np.ndarray, half_a: np.ndarray, half_b: np.ndarray) -> np.ndarray:
+def _mean_ssim(images: Array, half_a: Array, half_b: Array) -> Array:
     return stacked_ssim(images, half_a, half_b).mean((1, 2))
 
 

@@ -15,6 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import to_elemental_images
@@ -24,7 +25,7 @@ from lfsr_core.reconstruct.contract import Upscaler
 
 MAX_WORKERS = 8
 STEP_IN_CACHE = 24
-Finish = Callable[[np.ndarray, np.ndarray], None]
+Finish = Callable[[Array, Array], None]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,8 +33,8 @@ class Assembly:
     """Which lenses of a frame are finished by what."""
 
     low: LowResEIA  # the low-resolution EIA after every prefilter
-    mask: np.ndarray  # (sy, sx) bool, lenses for the upscaler
-    fill: np.ndarray  # (sy, sx) bool, lenses for the filler
+    mask: Array  # (sy, sx) bool, lenses for the upscaler
+    fill: Array  # (sy, sx) bool, lenses for the filler
     upscaler: Upscaler  # the method's
     filler: Upscaler  # a cheap one
 
@@ -43,7 +44,7 @@ class Assembly:
         (sy, sx), (py, px) = self.low.color.shape[:2], self.low.finished_views
         return sy * py, sx * px
 
-    def parts(self, step: int | None) -> list[tuple[Upscaler, np.ndarray]]:
+    def parts(self, step: int | None) -> list[tuple[Upscaler, Array]]:
         """Upscaler and lenses (n, 2) of every call, n <= ``step``, in reading order.
 
         By default as many lenses as stay in a core's cache, or for an upscaler that
@@ -76,7 +77,7 @@ def upscale_all(assembly: Assembly, step: int | None, finish: Finish, clock: Sta
     workers = max(1, min(os.cpu_count() or 1, MAX_WORKERS, len(parts)))
     one_at_a_time = threading.Lock()
 
-    def work(part: tuple[Upscaler, np.ndarray]) -> None:
+    def work(part: tuple[Upscaler, Array]) -> None:
         upscaler, lenses = part
         if upscaler.thread_safe:
             with clock("upscale"):
@@ -93,7 +94,7 @@ def upscale_all(assembly: Assembly, step: int | None, finish: Finish, clock: Sta
             progress("upscale", done / len(parts), f"{done} of {len(parts)} steps")
 
 
-def filled(size: tuple[int, int], color: np.ndarray) -> np.ndarray:
+def filled(size: tuple[int, int], color: Array) -> Array:
     """Buffer (H, W, C) of one ``color`` (C,) and its type."""
     buffer = np.empty((*size, len(color)), color.dtype)
     # Whole rows at once; broadcasting one pixel would copy byte by byte.
@@ -101,7 +102,7 @@ def filled(size: tuple[int, int], color: np.ndarray) -> np.ndarray:
     return buffer
 
 
-def place(buffer: np.ndarray, grid: tuple[int, int], lenses: np.ndarray, images: np.ndarray, flipped: bool) -> None:
+def place(buffer: Array, grid: tuple[int, int], lenses: Array, images: Array, flipped: bool) -> None:
     """Put elemental images where they belong.
 
     Parameters
@@ -117,7 +118,7 @@ def place(buffer: np.ndarray, grid: tuple[int, int], lenses: np.ndarray, images:
         slots[row, column] = image
 
 
-def _reversed(images: np.ndarray) -> np.ndarray:
+def _reversed(images: Array) -> Array:
     """EIs (n, py, px, C) with their pixels in reverse order, in both axes."""
     count, *_, channels = images.shape
     # As one item per pixel, which NumPy moves three times as fast as three channels.

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-import numpy as np
-
+from lfsr_core.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
 
 
@@ -26,7 +25,7 @@ class Upscaler(Protocol):
     thread_safe: bool
     notes: Sequence[str]
 
-    def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray: ...
+    def __call__(self, low: LowResEIA, lenses: Array) -> Array: ...
 
 
 class Cleaner(Protocol):
@@ -37,5 +36,5 @@ class Cleaner(Protocol):
     thread_safe: bool
     notes: Sequence[str]
 
-    def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+    def clean(self, low: LowResEIA, lenses: Array) -> Array:
         """EIs (N, h, w, 3) of the (N, 2) ``lenses`` before interpolation, encoded."""

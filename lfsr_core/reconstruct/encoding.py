@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from lfsr_core.arrays import Array
+
 MAX_EXPONENT = 80  # keeps overshoot beside the brightest floats finite
 
 
-def encode(linear: np.ndarray) -> np.ndarray:
+def encode(linear: Array) -> Array:
     """Scene-linear >= 0 to the domain of interpolation: √x up to 1, 1 + ½·ln x above.
 
     Near the eye's response, so that a highlight does not ring over dark
@@ -20,7 +22,7 @@ def encode(linear: np.ndarray) -> np.ndarray:
     return encoded
 
 
-def decode(encoded: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
+def decode(encoded: Array, out: Array | None = None) -> Array:
     """Inverse of ``encode``, into ``out`` if given; negative overshoot becomes 0."""
     bright = encoded > 1 if encoded.size and encoded.max() > 1 else None
     # Highlights are few: only they pay for an exponential.

@@ -110,7 +110,7 @@ class MethodName:
     def weights_digest(self) -> str:
         """SHA-256 over the shipped weights that it may use, at any scale; empty where it has none."""
         stem = self.network and (self.network.weights or self.upscaler)
-        files = sorted(catalogue.WEIGHTS_FOLDER.glob(f"{stem}-x*.safetensors")) if stem else []
+        files = sorted(self.network.folder.glob(f"{stem}-x*.safetensors")) if self.network else []
         return hashlib.sha256(b"".join(map(Path.read_bytes, files))).hexdigest() if files else ""
 
     def untrained(self, scale: int) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import foreground_pixels
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS, Frame
@@ -75,7 +76,7 @@ def finish_panel(folder: Path, frame: Frame, method: MethodName, progress: Progr
     return report
 
 
-def panel_picture(layers: Mapping[str, np.ndarray], frame: Frame, method: MethodName) -> np.ndarray:
+def panel_picture(layers: Mapping[str, Array], frame: Frame, method: MethodName) -> Array:
     """The panel's picture (H, W, 3), scene-linear, of the layers of a render of its subpixels.
 
     LfsrError where they have another size than the frame says.
@@ -90,7 +91,7 @@ def panel_picture(layers: Mapping[str, np.ndarray], frame: Frame, method: Method
     return shown_subpixels(frame.panel_rays, traced)
 
 
-def _denoised(traced: np.ndarray, background: np.ndarray, fast: bool) -> np.ndarray:
+def _denoised(traced: Array, background: Array, fast: bool) -> Array:
     """The rectangle that shows more than the background, denoised."""
     seen = (traced != background).any(-1)
     part = denoise.span(seen.any(1), 1), denoise.span(seen.any(0), 1)
@@ -100,7 +101,7 @@ def _denoised(traced: np.ndarray, background: np.ndarray, fast: bool) -> np.ndar
     return traced
 
 
-def _shown(show: ViewTransform, picture: np.ndarray) -> np.ndarray:
+def _shown(show: ViewTransform, picture: Array) -> Array:
     result = np.empty(picture.shape, np.uint8)
 
     def work(start: int) -> None:

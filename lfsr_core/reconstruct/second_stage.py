@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import (
@@ -36,7 +37,7 @@ from lfsr_core.reconstruct.assembly import Assembly, filled, place, upscale_all
 from lfsr_core.reconstruct.clock import StageClock, peak_bytes
 from lfsr_core.reconstruct.contract import Upscaler
 from lfsr_core.reconstruct.method_name import PLAIN_METHOD, MethodName
-from lfsr_core.reconstruct.methods.shared_frames import share
+from lfsr_core.reconstruct.methods.temporal_averaging import share
 from lfsr_core.reconstruct.neighbours import Neighbour, neighbours_of, read_low, sharing_notes
 from lfsr_core.reconstruct.panel_stage import check_panel_finish, finish_panel
 from lfsr_core.reconstruct.registry import Method
@@ -91,7 +92,7 @@ def upscale_frame(folder: str | Path, method: str | MethodName | Method,
 
 
 def panel_image(folder: str | Path, method: str | MethodName | Method,
-                options: UpscaleOptions = DEFAULT) -> np.ndarray:
+                options: UpscaleOptions = DEFAULT) -> Array:
     """The pixels of eia.png, (H, W, 3) uint8 in panel order. Writes nothing."""
     run = _begin(folder, method, options)
     show = _shown_by(run)
@@ -99,12 +100,12 @@ def panel_image(folder: str | Path, method: str | MethodName | Method,
 
 
 def finished_linear(folder: str | Path, method: str | MethodName | Method,
-                    options: UpscaleOptions = DEFAULT) -> np.ndarray:
+                    options: UpscaleOptions = DEFAULT) -> Array:
     """The finished EIA, (H, W, 3) float32, scene-linear, in view order: what metrics compare. Writes nothing."""
     return linear_and_mask(folder, method, options)[0]
 
 
-def kept_linear(folder: str | Path) -> np.ndarray | None:
+def kept_linear(folder: str | Path) -> Array | None:
     """The finished EIA as ``finished_linear`` makes it, from the folder's eia.exr; None where there is none.
 
     To half precision. A second stage that writes no eia.exr removes that of an earlier one.
@@ -127,20 +128,20 @@ def kept_linear(folder: str | Path) -> np.ndarray | None:
 
 
 def linear_and_mask(folder: str | Path, method: str | MethodName | Method,
-                    options: UpscaleOptions = DEFAULT) -> tuple[np.ndarray, np.ndarray]:
+                    options: UpscaleOptions = DEFAULT) -> tuple[Array, Array]:
     """``finished_linear`` and the foreground mask (sy, sx) that it was made with. Writes nothing."""
     run = _begin(folder, method, options)
     assembly, _ = _prepare(run)
     result = filled(assembly.size, np.asarray(run.frame.display.background, np.float32))
 
-    def finish(lenses: np.ndarray, images: np.ndarray) -> None:
+    def finish(lenses: Array, images: Array) -> None:
         place(result, run.frame.rays.tiles, lenses, images, flipped=False)
 
     upscale_all(assembly, options.step, finish, run.clock, options.progress)
     return result, assembly.mask
 
 
-def finished_lenses(low: LowResEIA, mask: np.ndarray, method: Method, lenses: np.ndarray) -> np.ndarray:
+def finished_lenses(low: LowResEIA, mask: Array, method: Method, lenses: Array) -> Array:
     """Elemental images of a few lenses, made as those of a whole frame are.
 
     Parameters
@@ -221,7 +222,7 @@ def _with_neighbours(run: _Run, low: LowResEIA) -> LowResEIA:
         return share(low, (read_low(each.folder) for each in run.neighbours if each.shares))
 
 
-def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[np.ndarray, np.ndarray | None]:
+def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[Array, Array | None]:
     """The finished EIA in panel order: uint8 as Blender shows it and, where asked for, scene-linear float16."""
     clock, background = run.clock, np.asarray(run.frame.display.background, np.float32)
     with clock("assemble"):
@@ -229,7 +230,7 @@ def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[n
         linear = filled(assembly.size, background.astype(np.float16)) if run.options.linear_exr else None
     grid, flipped = run.frame.rays.tiles, run.frame.display.ei_order == "flipped"
 
-    def finish(lenses: np.ndarray, images: np.ndarray) -> None:
+    def finish(lenses: Array, images: Array) -> None:
         with clock("color"):
             shown = show.to_uint8(images)
         with clock("assemble"):
@@ -241,7 +242,7 @@ def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[n
     return pixels, linear
 
 
-def _woven(run: _Run, pixels: np.ndarray) -> np.ndarray | None:
+def _woven(run: _Run, pixels: Array) -> Array | None:
     """The image of a panel with a lens sheet; None where the EIA is the panel's image."""
     display = run.frame.display
     if not display.is_woven:
@@ -253,14 +254,14 @@ def _woven(run: _Run, pixels: np.ndarray) -> np.ndarray | None:
         return weave(pixels, mapped)
 
 
-def _write_panel(run: _Run, panel: np.ndarray | None) -> None:
+def _write_panel(run: _Run, panel: Array | None) -> None:
     if panel is None:
         (run.folder / PANEL_FILE).unlink(missing_ok=True)
     else:
         write_png(run.folder / PANEL_FILE, panel)
 
 
-def _write(run: _Run, pixels: np.ndarray, linear: np.ndarray | None, mask: np.ndarray) -> None:
+def _write(run: _Run, pixels: Array, linear: Array | None, mask: Array) -> None:
     run.options.progress("write", 0.0, EIA_FILE)
     write_png(run.folder / EIA_FILE, pixels)
     write_mask(run.folder / MASK_FILE, mask)
@@ -272,7 +273,7 @@ def _write(run: _Run, pixels: np.ndarray, linear: np.ndarray | None, mask: np.nd
     run.options.progress("write", 1.0, EIA_FILE)
 
 
-def _exposure_notes(run: _Run, show: ViewTransform, assembly: Assembly, pixels: np.ndarray) -> list[str]:
+def _exposure_notes(run: _Run, show: ViewTransform, assembly: Assembly, pixels: Array) -> list[str]:
     """A sentence if what the finished ``pixels`` show is almost black or almost white."""
     images = to_elemental_images(pixels, run.frame.rays.tiles)
     lenses = np.argwhere(assembly.mask | assembly.fill)

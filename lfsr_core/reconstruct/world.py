@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Upscaler
@@ -33,7 +34,7 @@ def prepared(low: LowResEIA, method: Method) -> LowResEIA:
     return dataclasses.replace(ready, opacity=_cleaned(low) if method.name.prefilters else low.opacity)
 
 
-def _cleaned(low: LowResEIA) -> np.ndarray:
+def _cleaned(low: LowResEIA) -> Array:
     alone = dataclasses.replace(low, color=low.opacity, noisy=None)
     cleaned = np.clip(denoise_low_resolution(alone, fast=True).color, 0, 1)
     # Nothing is there that a denoiser could spread into them.
@@ -61,7 +62,7 @@ class BeforeWorld:
         """See ``contract.Upscaler``."""
         return self.upscaler.notes
 
-    def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+    def __call__(self, low: LowResEIA, lenses: Array) -> Array:
         """EIs of ``lenses`` (N, 2), (N, h·s, w·s, 3) scene-linear, before the world where there is one."""
         lenses = np.asarray(lenses)
         if low.world is None:
@@ -73,7 +74,7 @@ class BeforeWorld:
             images[some] += self.upscaler(low, lenses[some])
         return images
 
-    def behind(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+    def behind(self, low: LowResEIA, lenses: Array) -> Array:
         """What of the world shows past the subject in ``lenses`` (N, 2), (N, h·s, w·s, 3) scene-linear."""
         rows, columns = lenses.T
         images, opacity = low.world.elemental_images(low.places[rows, columns]), low.opacity[rows, columns]
@@ -82,7 +83,7 @@ class BeforeWorld:
             images[hiding] *= 1 - self._upscaled(opacity[hiding], low)
         return images
 
-    def _upscaled(self, opacity: np.ndarray, low: LowResEIA) -> np.ndarray:
+    def _upscaled(self, opacity: Array, low: LowResEIA) -> Array:
         hidden = np.empty((len(opacity), *low.finished_views, 3), np.float32)
         interpolate(encode(opacity), getattr(self.upscaler, "kernel", KERNEL), low.factors, hidden)
         return np.clip(hidden, 0, 1, out=hidden)

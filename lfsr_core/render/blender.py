@@ -56,14 +56,6 @@ def entry_script() -> Path:
     return Path(next(iter(spec.submodule_search_locations)), "headless", "entry.py")
 
 
-def scene_script(name: str) -> Path:
-    """A script that builds or changes scenes inside Blender, of the package ``lfsr_scenes`` (scripts/scenes)."""
-    spec = importlib.util.find_spec("lfsr_scenes")
-    for folder in (spec.submodule_search_locations or ()) if spec else ():
-        return Path(folder, name)
-    raise LfsrError(f"the package lfsr_scenes, which holds {name}, is not installed: install LFSR again")
-
-
 def find_blender(executable: str | None = None) -> Blender:
     """The Blender asked for, else the bpy wheel, else ``blender`` on PATH; LfsrError if none will do."""
     if executable is None and importlib.util.find_spec("bpy") is not None:

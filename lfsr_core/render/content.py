@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.files import system_errors
 
 BLEND_MAGIC = b"BLENDER"
@@ -86,7 +87,7 @@ def _blend_content(path: Path) -> str:
     return hashed.hexdigest()
 
 
-def _scene_blocks(data: np.ndarray) -> Iterator[_Block]:
+def _scene_blocks(data: Array) -> Iterator[_Block]:
     """Blocks of the scene; those called DATA belong to the one before."""
     wanted = False
     for block in _blocks(data):
@@ -96,7 +97,7 @@ def _scene_blocks(data: np.ndarray) -> Iterator[_Block]:
             yield block
 
 
-def _blocks(data: np.ndarray) -> Iterator[_Block]:
+def _blocks(data: Array) -> Iterator[_Block]:
     """Every block up to the last; ValueError or struct.error where the file is no uncompressed .blend."""
     head = data[:OLD_HEADER].tobytes()
     if head[:7] != BLEND_MAGIC:
@@ -124,7 +125,7 @@ class _Addresses:
         self._order = np.argsort(known, kind="stable").astype(np.uint64)
         self._sorted = known[self._order]
 
-    def numbered(self, content: np.ndarray) -> bytes:
+    def numbered(self, content: Array) -> bytes:
         """Bytes of a block with every address in it replaced by the number of its block."""
         whole = len(content) // 8 * 8
         words = content[:whole].view(np.uint64)

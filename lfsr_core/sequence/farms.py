@@ -12,8 +12,8 @@ from typing import Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, write_json
+from lfsr_core.frames.averaging import check_shared
 from lfsr_core.frames.job import Job
-from lfsr_core.frames.sharing import check_shared
 
 OPENJD, FLAMENCO = "openjd", "flamenco"
 TEMPLATES = {OPENJD: "openjd.yaml", FLAMENCO: "flamenco.js"}

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.frames.averaging import check_shared, seed_in_turn
 from lfsr_core.frames.frame import (
     EIA_FILE,
     EIA_LINEAR_FILE,
@@ -20,7 +21,6 @@ from lfsr_core.frames.frame import (
 )
 from lfsr_core.frames.job import AUTO, Job
 from lfsr_core.frames.report import read_report
-from lfsr_core.frames.sharing import check_shared, seed_in_turn
 from lfsr_core.images.exr import check_whole
 from lfsr_core.reconstruct.neighbours import numbered_beside
 from lfsr_core.reconstruct.second_stage import UpscaleOptions

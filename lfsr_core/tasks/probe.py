@@ -20,7 +20,7 @@ def report() -> str:
     importlib.import_module("lfsr_core.reconstruct.second_stage")
     found = [f"Python {platform.python_version()}", f"LFSR {__version__}"]
     found += ["Open Image Denoise"] if denoise.is_available() else []
-    return ", ".join([*found, _torch()])
+    return ", ".join(found)
 
 
 def _imports(name: str) -> bool:
@@ -29,15 +29,6 @@ def _imports(name: str) -> bool:
     except (ImportError, OSError):
         return False
     return True
-
-
-def _torch() -> str:
-    if not _imports("torch"):
-        return "no PyTorch"
-    import torch
-
-    device = torch.cuda.get_device_name() if torch.cuda.is_available() else "no GPU"
-    return f"PyTorch {torch.__version__} ({device})"
 
 
 def main() -> int:

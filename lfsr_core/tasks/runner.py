@@ -17,12 +17,12 @@ import threading
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, system_errors
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit, repeated
-from lfsr_core.tasks import frame_tasks, plan_task, sequence_task, share_tasks
+from lfsr_core.tasks import export_tasks, frame_tasks, plan_task, sequence_task
 from lfsr_core.tasks.task import Task
 
 TASKS = {task.__name__: Task(task) for task in (
     frame_tasks.upscale, frame_tasks.decode, frame_tasks.check, frame_tasks.choose, frame_tasks.compare,
-    share_tasks.view, share_tasks.export)}
+    export_tasks.view, export_tasks.export)}
 TASKS |= {task.__name__: Task(task, starts_processes=True) for task in (plan_task.plan, sequence_task.animation)}
 
 

@@ -35,7 +35,7 @@ def lfsr(*arguments: object, **options) -> subprocess.CompletedProcess[str]:
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
     path = tmp_path_factory.mktemp("scene") / "demo.blend"
-    script = ROOT / "scripts" / "scenes" / "demo_scene.py"
+    script = ROOT / "scripts" / "lab" / "lfsr_lab" / "scenes" / "demo_scene.py"
     subprocess.run([sys.executable, script, path], check=True, capture_output=True)
     return path
 

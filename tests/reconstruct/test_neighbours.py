@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lfsr_core.frames.averaging import seed_in_turn
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.sharing import seed_in_turn
 from lfsr_core.reconstruct.neighbours import near, neighbours_of, numbered_beside, sharing_notes
 from lfsr_core.reconstruct.second_stage import UpscaleOptions, linear_and_mask, upscale_frame
 from tests.support.synthetic import IDENTITY, write_render

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from lfsr_core.bench.chart.records import chart_of
 from lfsr_core.cli import main
+from lfsr_lab.experiments.chart.records import chart_of
 from tests.support.synthetic import write_reference, write_render
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from lfsr_core.bench.chart.analysis import METRICS, analyse
-from lfsr_core.bench.chart.records import (
+from lfsr_core.metrics.eia_metrics import METRIC_NAMES
+from lfsr_lab.experiments.chart.analysis import METRICS, analyse
+from lfsr_lab.experiments.chart.records import (
     CEILING,
     DIRECT,
     FORMAT,
@@ -17,8 +18,7 @@ from lfsr_core.bench.chart.records import (
     Spread,
     UsedReference,
 )
-from lfsr_core.bench.environment import Environment
-from lfsr_core.metrics.eia_metrics import METRIC_NAMES
+from lfsr_lab.experiments.environment import Environment
 
 # name: (accuracy without noise, noise at one sample, seconds of the second stage)
 LOW_METHODS = {"oidn+bilinear": (0.96, 0.22, 0.7), "bicubic": (0.97, 0.6, 0.1), "nearest": (0.85, 0.62, 0.08),

@@ -7,8 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from lfsr_core.train.config import TrainConfig
-from lfsr_core.train.photographs.data import Photographs
+from lfsr_lab.train.config import TrainConfig
+from lfsr_lab.train.photographs.data import Photographs
 
 
 def pictures(count=3, height=40, width=52, seed=0):

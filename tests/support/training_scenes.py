@@ -1,4 +1,4 @@
-"""Small rendered scenes to train on, as scripts/scenes/training_scenes.py stores them."""
+"""Small rendered scenes to train on, as scripts/lab/lfsr_lab/scenes/training_scenes.py stores them."""
 
 from __future__ import annotations
 

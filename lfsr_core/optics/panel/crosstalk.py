@@ -10,6 +10,7 @@ import dataclasses
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_rays
 from lfsr_core.optics.panel.trace import trace
@@ -41,7 +42,7 @@ def view_spread(profile: DisplayProfile, seed: int = 0) -> ViewSpread:
     return ViewSpread(*map(float, np.mean(parts, 0)))
 
 
-def _views_off(profile: DisplayProfile, view: tuple[int, int], random: np.random.Generator) -> list[np.ndarray]:
+def _views_off(profile: DisplayProfile, view: tuple[int, int], random: np.random.Generator) -> list[Array]:
     """Views, across and down, by which what an eye at the centre of ``view`` sees lies off it, at random points."""
     geometry = Geometry.of(profile)
     across, down = ((number - (count - 1) / 2) * geometry.spacing

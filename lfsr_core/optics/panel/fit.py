@@ -14,6 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.patterns import carrier, dots
@@ -33,7 +34,7 @@ MOST_APART = 0.05  # of an elemental image, between the shifts that photographs 
 class Photograph:
     """A photograph of the phase pattern and where it was taken."""
 
-    image: np.ndarray  # (H, W, 3) from 0 to 1
+    image: Array  # (H, W, 3) from 0 to 1
     eye_mm: tuple[float, float, float]  # camera, from the middle of the lenses, y up, z towards the viewer
 
 
@@ -41,7 +42,7 @@ class Photograph:
 class Fringes:
     """The waves of one channel as seen on the plane of the lenses."""
 
-    wave: np.ndarray  # (2,) per millimetre
+    wave: Array  # (2,) per millimetre
     phase: float  # at the middle, in waves
     contrast: float  # amplitude
     share: float  # of the variation
@@ -64,7 +65,7 @@ def fitted_profile(profile: DisplayProfile, photographs: Sequence[Photograph]) -
     return rebuilt(profile, waves, phases.mean(0))
 
 
-def _lens_waves(profile: DisplayProfile, photograph: Photograph) -> tuple[np.ndarray, np.ndarray]:
+def _lens_waves(profile: DisplayProfile, photograph: Photograph) -> tuple[Array, Array]:
     """Waves of the lenses (n, 2) per millimetre and their phases (n,) at the middle; n is 1 for cylinders, else 2."""
     geometry, (eye_x, eye_y, height) = Geometry.of(profile), photograph.eye_mm
     if height <= 0:
@@ -88,11 +89,11 @@ def _lens_waves(profile: DisplayProfile, photograph: Photograph) -> tuple[np.nda
     return np.array([wave for wave, _ in found]), np.array([phase for _, phase in found])
 
 
-def _nominal_lens_wave(wave: np.ndarray, geometry: Geometry) -> np.ndarray:
+def _nominal_lens_wave(wave: Array, geometry: Geometry) -> Array:
     return wave * (1 + geometry.gap / geometry.distance)
 
 
-def _straight(image: np.ndarray, matrix: np.ndarray, size: tuple[float, float]) -> np.ndarray:
+def _straight(image: Array, matrix: Array, size: tuple[float, float]) -> Array:
     """The middle of the plane seen from the front, rows from the top."""
     columns, rows = (min(most, round(length)) for most, length in zip(GRID, _extent(matrix, size), strict=True))
     x, y = ((np.arange(count) + 0.5) / count - 0.5 for count in (columns, rows))
@@ -100,13 +101,13 @@ def _straight(image: np.ndarray, matrix: np.ndarray, size: tuple[float, float]) 
     return sampled(image, project(matrix, places))
 
 
-def _extent(matrix: np.ndarray, size: tuple[float, float]) -> tuple[float, float]:
+def _extent(matrix: Array, size: tuple[float, float]) -> tuple[float, float]:
     """Pixels of the photograph that the plane's width and height cover."""
     ends = project(matrix, np.array([[-1, 0], [1, 0], [0, -1], [0, 1]]) / 2 * np.array(size))
     return float(np.linalg.norm(ends[1] - ends[0])), float(np.linalg.norm(ends[3] - ends[2]))
 
 
-def find_fringes(image: np.ndarray, size: tuple[float, float], expected: np.ndarray) -> Fringes:
+def find_fringes(image: Array, size: tuple[float, float], expected: Array) -> Fringes:
     """The strongest wave of an image (rows, columns) near the ``expected`` one.
 
     ``size``: of the plane, millimetres, of which the image shows the share MARGIN. LfsrError where there is none.
@@ -131,23 +132,23 @@ def find_fringes(image: np.ndarray, size: tuple[float, float], expected: np.ndar
     return Fringes(wave, float(np.angle(value) / (2 * math.pi)), contrast, share)
 
 
-def _strongest(weighted: np.ndarray, places: tuple[np.ndarray, np.ndarray], wave: np.ndarray,
-               steps: np.ndarray) -> np.ndarray:
+def _strongest(weighted: Array, places: tuple[Array, Array], wave: Array,
+               steps: Array) -> Array:
     """The wave near ``wave`` with the strongest response."""
     across, up = wave[0] + steps, wave[1] + steps
     row, column = np.unravel_index(np.abs(_spectrum(weighted, places, across, up)).argmax(), (len(up), len(across)))
     return np.array([across[column], up[row]])
 
 
-def _spectrum(weighted: np.ndarray, places: tuple[np.ndarray, np.ndarray], across: np.ndarray,
-              up: np.ndarray) -> np.ndarray:
+def _spectrum(weighted: Array, places: tuple[Array, Array], across: Array,
+              up: Array) -> Array:
     """(len(up), len(across)) sums of the image times waves of these numbers per millimetre."""
     x, y = places
     right = np.exp(-2j * math.pi * np.outer(x, across))
     return np.exp(-2j * math.pi * np.outer(up, y)) @ (weighted @ right)
 
 
-def _lenticular(profile: DisplayProfile, waves: np.ndarray, phases: np.ndarray) -> DisplayProfile:
+def _lenticular(profile: DisplayProfile, waves: Array, phases: Array) -> DisplayProfile:
     geometry, (width, height) = Geometry.of(profile), profile.panel_mm
     wave = waves[0] / (1 + geometry.gap / geometry.distance)  # of elemental images, further apart than lenses
     slant = float(wave[1] / wave[0])
@@ -158,7 +159,7 @@ def _lenticular(profile: DisplayProfile, waves: np.ndarray, phases: np.ndarray) 
     return dataclasses.replace(profile, lenticular=sheet)
 
 
-def _lenslet(profile: DisplayProfile, waves: np.ndarray, phases: np.ndarray) -> DisplayProfile:
+def _lenslet(profile: DisplayProfile, waves: Array, phases: Array) -> DisplayProfile:
     matrix, sheet = np.linalg.inv(waves), profile.lenslet
     turn = math.atan2(matrix[1, 0], matrix[0, 0])
     across, up = float(np.hypot(*matrix[:, 0])), float(-math.sin(turn) * matrix[0, 1] + math.cos(turn) * matrix[1, 1])

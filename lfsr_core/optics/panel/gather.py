@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
@@ -27,7 +28,7 @@ class Axis:
     """One interpolated axis of a gather map."""
 
     stride: int  # bytes of the EIA from a sample to the next along it
-    weights: np.ndarray  # (H, W, 3) uint8 of that next sample, in 1 / ONE
+    weights: Array  # (H, W, 3) uint8 of that next sample, in 1 / ONE
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,7 +36,7 @@ class GatherMap:
     """Where the subpixels of a panel (H, W, 3) find their values in the bytes of an EIA (rows, columns, 3)."""
 
     eia_pixels: tuple[int, int]  # (columns, rows) of the EIA
-    first: np.ndarray  # (H, W, 3) int32, index of the first sample's byte
+    first: Array  # (H, W, 3) int32, index of the first sample's byte
     axes: tuple[Axis, ...]  # what is interpolated; empty: the nearest sample
 
 
@@ -67,7 +68,7 @@ def gather_map(profile: DisplayProfile, sampling: str) -> GatherMap:
     return GatherMap((columns, rows), first, tuple(axis for axis in axes if axis.weights.any()))
 
 
-def taps(mapped: GatherMap, rows: slice) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def taps(mapped: GatherMap, rows: slice) -> Iterator[tuple[Array, Array]]:
     """(index, weight in [0, 1]) of every sample of the panel's ``rows``, each (n, W, 3)."""
     first, axes = mapped.first[rows].astype(np.int64), mapped.axes
     for corner in range(2 ** len(axes)):
@@ -91,8 +92,8 @@ def _light_field_axes(profile: DisplayProfile, sampling: str) -> list[tuple[int,
             (CHANNELS, px, sampling != "nearest" and px > 1), (line, py, sampling != "nearest" and py > 1)]
 
 
-def _block(profile: DisplayProfile, sampling: str, channel: int, rows: np.ndarray) -> tuple[np.ndarray,
-                                                                                           list[np.ndarray]]:
+def _block(profile: DisplayProfile, sampling: str, channel: int, rows: Array) -> tuple[Array,
+                                                                                           list[Array]]:
     rays = subpixel_rays(profile, channel, rows[:, None], np.arange(profile.panel_pixels[0]))
     places = (rays.column, rays.row, rays.view_x, rays.view_y)
     index, fractions = np.zeros((len(rows), profile.panel_pixels[0])) + channel, []

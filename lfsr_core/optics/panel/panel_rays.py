@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import Geometry, lattice_point, nearest_point, point_rays
@@ -26,9 +27,9 @@ CHANNELS = 3
 class Parts(NamedTuple):
     """Subpixels of pixels, by row from the panel's bottom and column, both modulo PERIOD; (PERIOD, PERIOD, n) each."""
 
-    right: np.ndarray  # offset from the pixel's centre, in pixels
-    up: np.ndarray
-    channel: np.ndarray  # 0 red … 2 blue; 0 where a subpixel shows all three
+    right: Array  # offset from the pixel's centre, in pixels
+    up: Array
+    channel: Array  # 0 red … 2 blue; 0 where a subpixel shows all three
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,8 +83,8 @@ def parts_of(layout: PanelLayout) -> Parts:
     return Parts(np.take_along_axis(right, order, -1), np.take_along_axis(up, order, -1), order)
 
 
-def panel_rays(layout: PanelLayout, raster_x: np.ndarray, raster_y: np.ndarray, random_x: np.ndarray | float = 0.5,
-               random_y: np.ndarray | float = 0.5) -> tuple[np.ndarray, np.ndarray]:
+def panel_rays(layout: PanelLayout, raster_x: Array, raster_y: Array, random_x: Array | float = 0.5,
+               random_y: Array | float = 0.5) -> tuple[Array, Array]:
     """Rays of points of the rendered image, in camera-array space, as ``rays.rays`` gives them.
 
     Parameters
@@ -111,7 +112,7 @@ def panel_rays(layout: PanelLayout, raster_x: np.ndarray, raster_y: np.ndarray, 
     return origin, direction / np.linalg.norm(direction, axis=-1, keepdims=True)
 
 
-def lens_points(display: DisplayProfile, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def lens_points(display: DisplayProfile, first: Array, second: Array) -> tuple[Array, Array]:
     """Millimetres (x, y) from the middle of a lens, or square to a cylinder's axis, of two numbers in [0, 1).
 
     Evenly over what lies nearer to that lens than to any other.
@@ -128,7 +129,7 @@ def lens_points(display: DisplayProfile, first: np.ndarray, second: np.ndarray) 
     return x - near_x, y - near_y
 
 
-def shown_subpixels(layout: PanelLayout, traced: np.ndarray) -> np.ndarray:
+def shown_subpixels(layout: PanelLayout, traced: Array) -> Array:
     """The panel's picture (H, W, 3) of what its subpixels' rays bring: of each its own colour.
 
     ``traced``: (H, W · parts, 3), rows from the top.
@@ -151,14 +152,14 @@ def _subpixels(display: DisplayProfile) -> Subpixels:
     return display.subpixels or Subpixels()
 
 
-def _on_panel(layout: PanelLayout, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _on_panel(layout: PanelLayout, rows: Array, columns: Array) -> tuple[Array, Array]:
     """Rows from the bottom and columns of the panel itself, of those of its image, which may be mirrored."""
     (across, down), sheet = layout.display.panel_pixels, layout.display.lenticular
     flip = sheet.flip if sheet else (False, False)
     return down - 1 - rows if flip[1] else rows, across - 1 - columns if flip[0] else columns
 
 
-def _panel_points(layout: PanelLayout, raster_x: np.ndarray, raster_y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _panel_points(layout: PanelLayout, raster_x: Array, raster_y: Array) -> tuple[Array, Array]:
     """Millimetres from the panel's centre, y up."""
     (across, down), parts = layout.display.panel_pixels, layout.parts
     at_x, at_y = (np.clip(np.asarray(raster, float) * count, 0, count - 1e-9)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import (
@@ -29,7 +30,7 @@ DOT_LEVELS = 0.3, 1.0
 LEAST_DOT_LENSES = 1.5
 
 
-def pattern(profile: DisplayProfile, kind: str) -> np.ndarray:
+def pattern(profile: DisplayProfile, kind: str) -> Array:
     """The panel's image (H, W, 3) uint8 of one of PATTERNS.
 
     LfsrError for another word, or a profile without a lens sheet to look at.
@@ -58,7 +59,7 @@ def carrier(profile: DisplayProfile) -> int:
     return int(np.clip(lenses / FRINGES, LEAST_CARRIER, MOST_CARRIER))
 
 
-def dots(profile: DisplayProfile) -> tuple[np.ndarray, float]:
+def dots(profile: DisplayProfile) -> tuple[Array, float]:
     """(n, 2) millimetres from the panel's centre, y up, of the phase pattern's dots, and their standard deviation."""
     places = [((np.arange(count) + 0.5) / count - 0.5) * size for count, size
               in zip(DOTS, profile.panel_mm, strict=True)]
@@ -67,7 +68,7 @@ def dots(profile: DisplayProfile) -> tuple[np.ndarray, float]:
     return np.stack(np.meshgrid(*places), -1).reshape(-1, 2), spread
 
 
-def _phase(profile: DisplayProfile, channel: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def _phase(profile: DisplayProfile, channel: int, rows: Array, columns: Array) -> Array:
     x, y = subpixel_places(profile, channel, rows, columns)
     if channel == 2:
         centers, spread = dots(profile)
@@ -78,7 +79,7 @@ def _phase(profile: DisplayProfile, channel: int, rows: np.ndarray, columns: np.
     return 0.5 + 0.5 * np.cos(2 * np.pi * (1 + 1 / carrier(profile)) * coordinate)
 
 
-def _lens(profile: DisplayProfile, channel: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def _lens(profile: DisplayProfile, channel: int, rows: Array, columns: Array) -> Array:
     place = subpixel_places(profile, channel, rows, columns)
     if profile.lenslet:
         first, second = nearest_point(elemental_lattice(profile), profile.lenslet.packing, *place)
@@ -87,7 +88,7 @@ def _lens(profile: DisplayProfile, channel: int, rows: np.ndarray, columns: np.n
     return ((first % LENS_STEP == 0) & (second % LENS_STEP == 0)).astype(float)
 
 
-def _band(profile: DisplayProfile, channel: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def _band(profile: DisplayProfile, channel: int, rows: Array, columns: Array) -> Array:
     rays = subpixel_rays(profile, channel, rows, columns)
     across, down = (np.abs(view - (count - 1) / 2) for view, count
                     in zip((rays.view_x, rays.view_y), profile.views, strict=True))
@@ -104,12 +105,12 @@ def _pixels_behind(profile: DisplayProfile) -> tuple[float, float]:
     return across, down
 
 
-def _rgb(profile: DisplayProfile, channel: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def _rgb(profile: DisplayProfile, channel: int, rows: Array, columns: Array) -> Array:
     view = (subpixel_rays(profile, channel, rows, columns).view_x + 0.5) / profile.views[0]
     return (np.clip(np.floor(view * 3), 0, 2) == channel).astype(float)
 
 
-def _grid(profile: DisplayProfile, channel: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def _grid(profile: DisplayProfile, channel: int, rows: Array, columns: Array) -> Array:
     coordinates = lattice_coordinates(profile, *subpixel_places(profile, channel, rows, columns))
     edges = [np.abs(number - np.floor(number) - 0.5) < BORDER for number in coordinates]
     return np.logical_or(*np.broadcast_arrays(*edges)).astype(float) if profile.lenslet else edges[0].astype(float)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 
 LIT = 0.4  # of the light of the panel's middle
@@ -16,7 +17,7 @@ LEAST_DOT = 0.05  # of the light range that a dot must stand out by
 LEAST_SIDE = 200  # pixels of the lit panel
 
 
-def homography_of(blue: np.ndarray, size: tuple[float, float], dots: np.ndarray, spread: float) -> np.ndarray:
+def homography_of(blue: Array, size: tuple[float, float], dots: Array, spread: float) -> Array:
     """(3, 3) from millimetres on the plane, y up, to (column, row) in the photograph.
 
     Parameters
@@ -43,14 +44,14 @@ def homography_of(blue: np.ndarray, size: tuple[float, float], dots: np.ndarray,
     return matrix
 
 
-def project(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+def project(matrix: Array, points: Array) -> Array:
     """(…, 2) points through a homography."""
     x, y = points[..., 0], points[..., 1]
     scaled = [matrix[n, 0] * x + matrix[n, 1] * y + matrix[n, 2] for n in range(3)]
     return np.stack([scaled[0] / scaled[2], scaled[1] / scaled[2]], -1)
 
 
-def fitted(points: np.ndarray, images: np.ndarray) -> np.ndarray:
+def fitted(points: Array, images: Array) -> Array:
     """The homography (3, 3) that takes (n, 2) ``points`` nearest to ``images``, n of 4 or more."""
     before, after = (_normalised(places) for places in (points, images))
     x, y = project(before, points).T
@@ -63,7 +64,7 @@ def fitted(points: np.ndarray, images: np.ndarray) -> np.ndarray:
     return result / result[2, 2]
 
 
-def sampled(image: np.ndarray, places: np.ndarray) -> np.ndarray:
+def sampled(image: Array, places: Array) -> Array:
     """Values of an (H, W) image at (…, 2) columns and rows, bilinear; 0 outside."""
     height, width = image.shape
     column, row = places[..., 0], places[..., 1]
@@ -76,7 +77,7 @@ def sampled(image: np.ndarray, places: np.ndarray) -> np.ndarray:
     return (upper * (1 - down) + lower * down) * inside
 
 
-def _lit_corners(blue: np.ndarray) -> np.ndarray:
+def _lit_corners(blue: Array) -> Array:
     """(4, 2) columns and rows of the lit panel's corners: top left, top right, bottom right, bottom left."""
     height, width = blue.shape
     middle = np.median(blue[height * 2 // 5:height * 3 // 5, width * 2 // 5:width * 3 // 5])
@@ -93,7 +94,7 @@ def _lit_corners(blue: np.ndarray) -> np.ndarray:
     return corners
 
 
-def _middle(blue: np.ndarray, matrix: np.ndarray, dot: np.ndarray, spread: float) -> tuple[np.ndarray, bool]:
+def _middle(blue: Array, matrix: Array, dot: Array, spread: float) -> tuple[Array, bool]:
     """Where a dot's middle lies on the plane by the present ``matrix``, and whether there is a dot at all."""
     steps = np.linspace(-WIDE, WIDE, GRID) * spread
     window = np.stack(np.meshgrid(steps, steps), -1)
@@ -107,7 +108,7 @@ def _middle(blue: np.ndarray, matrix: np.ndarray, dot: np.ndarray, spread: float
     return dot + 2 * (window * (above * bell)[..., None]).sum((0, 1)) / total, True
 
 
-def _normalised(points: np.ndarray) -> np.ndarray:
+def _normalised(points: Array) -> Array:
     """(3, 3) that brings points about the origin to a size of about 1."""
     middle, size = points.mean(0), max(float(points.std()), 1e-12)
     return np.array([[1 / size, 0, -middle[0] / size], [0, 1 / size, -middle[1] / size], [0, 0, 1.0]])

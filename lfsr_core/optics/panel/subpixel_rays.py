@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.sheet import Lattice, Lenslet, Lenticular, Subpixels
 
@@ -22,11 +23,11 @@ class SubpixelRays:
     """Places in the regular light field, whole numbers at the centres of lenses and views; arrays broadcast."""
 
     # column, row: of the lens, rows from the top
-    column: np.ndarray
-    row: np.ndarray
+    column: Array
+    row: Array
     # view_x, view_y: of the view, from the left and from the top
-    view_x: np.ndarray
-    view_y: np.ndarray
+    view_x: Array
+    view_y: Array
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,7 +67,7 @@ def sheet_gap(sheet: Lenslet | Lenticular, half_tangent: float, distance: float)
     return pitch / (2 * half_tangent - pitch / distance)
 
 
-def subpixel_rays(profile: DisplayProfile, channel: int, rows: np.ndarray, columns: np.ndarray) -> SubpixelRays:
+def subpixel_rays(profile: DisplayProfile, channel: int, rows: Array, columns: Array) -> SubpixelRays:
     """Rays of one channel (0 red … 2 blue) of pixels of the panel's image.
 
     ``rows`` from the top and ``columns`` broadcast. Fractions are not clipped to the light field. ``profile`` must be
@@ -75,14 +76,14 @@ def subpixel_rays(profile: DisplayProfile, channel: int, rows: np.ndarray, colum
     return point_rays(profile, *subpixel_places(profile, channel, rows, columns))
 
 
-def point_rays(profile: DisplayProfile, x: np.ndarray, y: np.ndarray) -> SubpixelRays:
+def point_rays(profile: DisplayProfile, x: Array, y: Array) -> SubpixelRays:
     """Rays of points of the panel, millimetres from its centre, y up. ``profile`` must be woven."""
     of_sheet = _through_cylinders if profile.lenticular else _through_lenses
     return of_sheet(profile, Geometry.of(profile), x, y)
 
 
-def subpixel_places(profile: DisplayProfile, channel: int, rows: np.ndarray,
-                    columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def subpixel_places(profile: DisplayProfile, channel: int, rows: Array,
+                    columns: Array) -> tuple[Array, Array]:
     """Millimetres (x, y) from the panel's centre, y up, of the subpixels of a channel; ``rows`` from the top."""
     across, down = profile.panel_pixels
     x, y = np.asarray(columns), down - 1 - np.asarray(rows)
@@ -93,7 +94,7 @@ def subpixel_places(profile: DisplayProfile, channel: int, rows: np.ndarray,
             ((y + 0.5 + up) / down - 0.5) * profile.panel_mm[1])
 
 
-def _through_cylinders(profile: DisplayProfile, geometry: Geometry, x: np.ndarray, y: np.ndarray) -> SubpixelRays:
+def _through_cylinders(profile: DisplayProfile, geometry: Geometry, x: Array, y: Array) -> SubpixelRays:
     sheet, (width, height) = profile.lenticular, profile.panel_mm
     across = sheet.lenses_across(width)
     # RESEARCH: a = (x + y·tilt)·P − center with x, y in 0 … 1 and tilt = slant·height / width.
@@ -107,8 +108,8 @@ def _through_cylinders(profile: DisplayProfile, geometry: Geometry, x: np.ndarra
     return _in_light_field(profile, geometry, (_axis_point(sheet, (on_axis, x, y), nearer, eye)), (view, np.float64(0)))
 
 
-def _axis_point(sheet: Lenticular, place: tuple[np.ndarray, ...], nearer: float,
-                eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _axis_point(sheet: Lenticular, place: tuple[Array, ...], nearer: float,
+                eye: Array) -> tuple[Array, Array]:
     """Where light of a subpixel passes its cylinder's axis on its way to (``eye``, 0).
 
     ``place``: x of the elemental image's middle in the subpixel's row, x and y of the subpixel. Square to the axis
@@ -122,7 +123,7 @@ def _axis_point(sheet: Lenticular, place: tuple[np.ndarray, ...], nearer: float,
     return across * normal[0] + straight * along[0], across * normal[1] + straight * along[1]
 
 
-def _through_lenses(profile: DisplayProfile, geometry: Geometry, x: np.ndarray, y: np.ndarray) -> SubpixelRays:
+def _through_lenses(profile: DisplayProfile, geometry: Geometry, x: Array, y: Array) -> SubpixelRays:
     sheet = profile.lenslet
     first, second = nearest_point(elemental_lattice(profile), sheet.packing, x, y)
     center_x, center_y = lattice_point(sheet.lenses, sheet.packing, first, second)
@@ -132,22 +133,22 @@ def _through_lenses(profile: DisplayProfile, geometry: Geometry, x: np.ndarray, 
     return _in_light_field(profile, geometry, (center_x, center_y), view)
 
 
-def _in_light_field(profile: DisplayProfile, geometry: Geometry, point: tuple[np.ndarray, np.ndarray],
-                    view: tuple[np.ndarray, np.ndarray]) -> SubpixelRays:
+def _in_light_field(profile: DisplayProfile, geometry: Geometry, point: tuple[Array, Array],
+                    view: tuple[Array, Array]) -> SubpixelRays:
     """``point``: millimetres on the plane of the lenses, from its centre, y up."""
     (width, height), (columns, rows) = geometry.lens_plane, profile.lenses
     return SubpixelRays((point[0] / width + 0.5) * columns - 0.5, (0.5 - point[1] / height) * rows - 0.5, *view)
 
 
-def lattice_point(lattice: Lattice, packing: str, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray,
-                                                                                                  np.ndarray]:
+def lattice_point(lattice: Lattice, packing: str, first: Array, second: Array) -> tuple[Array,
+                                                                                                  Array]:
     """(x, y) of the lattice's points (first, second)."""
     matrix = lattice.matrix(packing)
     return (matrix[0, 0] * first + matrix[0, 1] * second + lattice.shift_mm[0],
             matrix[1, 0] * first + matrix[1, 1] * second + lattice.shift_mm[1])
 
 
-def nearest_point(lattice: Lattice, packing: str, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def nearest_point(lattice: Lattice, packing: str, x: Array, y: Array) -> tuple[Array, Array]:
     """Numbers (first, second) of the point of the lattice nearest to (x, y)."""
     inverse = np.linalg.inv(lattice.matrix(packing))
     right, up = x - lattice.shift_mm[0], y - lattice.shift_mm[1]
@@ -157,7 +158,7 @@ def nearest_point(lattice: Lattice, packing: str, x: np.ndarray, y: np.ndarray) 
     return _nearest_of_four(lattice.matrix(packing), first, second)
 
 
-def _nearest_of_four(matrix: np.ndarray, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _nearest_of_four(matrix: Array, first: Array, second: Array) -> tuple[Array, Array]:
     """Of the corners of the cell that (first, second) lies in; enough unless the lattice is much sheared."""
     left, below = np.floor(first), np.floor(second)
     in_first, in_second = first - left, second - below
@@ -172,7 +173,7 @@ def _nearest_of_four(matrix: np.ndarray, first: np.ndarray, second: np.ndarray) 
     return left + step_first, below + step_second
 
 
-def lattice_coordinates(profile: DisplayProfile, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def lattice_coordinates(profile: DisplayProfile, x: Array, y: Array) -> tuple[Array, Array]:
     """Places on the panel, millimetres from its centre, counted in elemental images: whole in the middle of each.
 
     Along both steps of the lattice; of cylinders from one to the next, and 0.
@@ -182,7 +183,7 @@ def lattice_coordinates(profile: DisplayProfile, x: np.ndarray, y: np.ndarray) -
     return first, second
 
 
-def elemental_waves(profile: DisplayProfile) -> tuple[np.ndarray, np.ndarray]:
+def elemental_waves(profile: DisplayProfile) -> tuple[Array, Array]:
     """(2, 2) elemental images per millimetre (x, y) along each step of their lattice, and (2,) phases at the centre."""
     if profile.lenticular:
         sheet, (width, height) = profile.lenticular, profile.panel_mm

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eye import DEFAULT_WIDTH, check_sight, enlarged
 from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_places
@@ -27,14 +28,14 @@ GOLDEN = np.array([0.8566748838545029, 0.733891856627126, 0.6287067210378087, 0.
 class Seen:
     """Subpixels that rays of an eye end on; arrays of one shape."""
 
-    row: np.ndarray  # of the panel's image, from the top
-    column: np.ndarray  # of the panel's image
-    channel: np.ndarray  # 0 red, 1 green, 2 blue; -1 where a pixel shows all three
-    on_panel: np.ndarray  # bool; elsewhere the numbers above are of the nearest pixel
+    row: Array  # of the panel's image, from the top
+    column: Array  # of the panel's image
+    channel: Array  # 0 red, 1 green, 2 blue; -1 where a pixel shows all three
+    on_panel: Array  # bool; elsewhere the numbers above are of the nearest pixel
 
 
-def see_panel(panel: np.ndarray, profile: DisplayProfile, eye_mm: tuple[float, float, float],
-              width: int = DEFAULT_WIDTH) -> np.ndarray:
+def see_panel(panel: Array, profile: DisplayProfile, eye_mm: tuple[float, float, float],
+              width: int = DEFAULT_WIDTH) -> Array:
     """What an eye sees of a woven panel's image.
 
     Parameters
@@ -65,7 +66,7 @@ def see_panel(panel: np.ndarray, profile: DisplayProfile, eye_mm: tuple[float, f
     return enlarged(np.rint(_filled(light) / np.maximum(_filled(count), 1e-12)).astype(np.uint8), width)
 
 
-def trace(profile: DisplayProfile, eye_mm: tuple[float, float, float], x: np.ndarray, y: np.ndarray,
+def trace(profile: DisplayProfile, eye_mm: tuple[float, float, float], x: Array, y: Array,
           spread: tuple[float, float] = (0.0, 0.0)) -> Seen:
     """Subpixels that an eye sees at points (x, y) of the plane of the lenses, millimetres from its middle, y up.
 
@@ -86,7 +87,7 @@ def _result_size(profile: DisplayProfile) -> tuple[int, int]:
 
 
 def _seen_by_pixels(profile: DisplayProfile, eye_mm: tuple[float, float, float], size: tuple[int, int],
-                    place: np.ndarray) -> Seen:
+                    place: Array) -> Seen:
     """One ray of every pixel of a picture of ``size``, through ``place`` in [0, 1)⁴: in the pixel, in the focus."""
     (columns, rows), (width, height) = size, Geometry.of(profile).lens_plane
     x = ((np.arange(columns) + place[0]) / columns - 0.5) * width
@@ -103,7 +104,7 @@ def _focus_width(profile: DisplayProfile) -> float:
 
 
 def _cylinder_focus(profile: DisplayProfile, geometry: Geometry, eye: tuple[float, float, float],
-                    point: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+                    point: tuple[Array, Array]) -> tuple[Array, Array]:
     sheet, (width, height) = profile.lenticular, profile.panel_mm
     long = math.hypot(1, sheet.slant)
     normal, along = np.array([1, sheet.slant]) / long, np.array([-sheet.slant, 1]) / long
@@ -122,7 +123,7 @@ def _cylinder_focus(profile: DisplayProfile, geometry: Geometry, eye: tuple[floa
 
 
 def _lens_focus(profile: DisplayProfile, geometry: Geometry, eye: tuple[float, float, float],
-                point: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+                point: tuple[Array, Array]) -> tuple[Array, Array]:
     lattice = profile.lenslet.lenses
     matrix = lattice.matrix(profile.lenslet.packing)
     right, up = point[0] - lattice.shift_mm[0], point[1] - lattice.shift_mm[1]
@@ -140,7 +141,7 @@ def _lens_focus(profile: DisplayProfile, geometry: Geometry, eye: tuple[float, f
     return center_x + (center_x - eye[0]) * behind, center_y + (center_y - eye[1]) * behind
 
 
-def _subpixel_at(profile: DisplayProfile, x: np.ndarray, y: np.ndarray) -> Seen:
+def _subpixel_at(profile: DisplayProfile, x: Array, y: Array) -> Seen:
     """The subpixel at a point of the panel, millimetres from its centre: the nearest of those of the pixels around."""
     (across, down), (width, height) = profile.panel_pixels, profile.panel_mm
     column = np.floor((x / width + 0.5) * across).astype(int)
@@ -160,7 +161,7 @@ def _subpixel_at(profile: DisplayProfile, x: np.ndarray, y: np.ndarray) -> Seen:
     return Seen(row, column, third if subpixels.stripes == "rgb" else 2 - third, on_panel)
 
 
-def _nearest_subpixel(profile: DisplayProfile, x: np.ndarray, y: np.ndarray, near: Seen) -> Seen:
+def _nearest_subpixel(profile: DisplayProfile, x: Array, y: Array, near: Seen) -> Seen:
     across, down = profile.panel_pixels
     best = np.full(x.shape, np.inf)
     found = [np.zeros(x.shape, int) for _ in range(3)]
@@ -173,7 +174,7 @@ def _nearest_subpixel(profile: DisplayProfile, x: np.ndarray, y: np.ndarray, nea
     return Seen(*found, near.on_panel)
 
 
-def _filled(values: np.ndarray) -> np.ndarray:
+def _filled(values: Array) -> Array:
     """A little of the eight neighbours, so that a channel that no ray of a pixel met is theirs."""
     padded = np.pad(values, ((1, 1), (1, 1), (0, 0)))
     rows, columns = values.shape[:2]

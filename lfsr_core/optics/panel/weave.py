@@ -7,13 +7,14 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.panel.gather import MOST_WORKERS, ONE, GatherMap
 
 AT_ONCE = 1 << 17  # subpixels: what belongs to them stays in a core's cache
 
 
-def weave(eia: np.ndarray, mapped: GatherMap) -> np.ndarray:
+def weave(eia: Array, mapped: GatherMap) -> Array:
     """The panel's image (H, W, 3) uint8.
 
     Parameters
@@ -47,7 +48,7 @@ def weave(eia: np.ndarray, mapped: GatherMap) -> np.ndarray:
     return result
 
 
-def _mixed(source: np.ndarray, index: np.ndarray, axes: list[tuple[int, np.ndarray]]) -> np.ndarray:
+def _mixed(source: Array, index: Array, axes: list[tuple[int, Array]]) -> Array:
     """Values at ``index``, interpolated along every axis (stride, weights), the last one outermost."""
     if not axes:
         return source.take(index)

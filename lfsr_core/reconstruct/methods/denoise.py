@@ -22,6 +22,7 @@ from types import ModuleType
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
@@ -39,8 +40,8 @@ LOST = (0.25, 0.6)
 VERSION = 8  # of what comes out: figures measured with another one are out of date
 
 
-def denoise_eia(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.ndarray | None = None, *,
-                fast: bool = False) -> np.ndarray:
+def denoise_eia(color: Array, albedo: Array | None = None, normal: Array | None = None, *,
+                fast: bool = False) -> Array:
     """One denoised image.
 
     Parameters
@@ -134,8 +135,8 @@ def _guides(low: LowResEIA, part: Box) -> Guides | None:
     return guides_of({name: layer[part] for name, layer in low.layers.items()}, low.samples, Cleaner(clean, pixels))
 
 
-def _denoised(images: np.ndarray, guides: Mapping[str, np.ndarray], parallax: tuple[bool, bool], *,
-              fast: bool = False) -> np.ndarray:
+def _denoised(images: Array, guides: Mapping[str, Array], parallax: tuple[bool, bool], *,
+              fast: bool = False) -> Array:
     """EIs (sy, sx, h, w, 3) as one image."""
     if not images.size:
         return images
@@ -148,7 +149,7 @@ def _can_be_halved(low: LowResEIA) -> bool:
     return all(low.parallax) and all(side % 2 == 0 and side >= LEAST_HALVED for side in low.color.shape[2:4])
 
 
-def _at_half(images: np.ndarray, guides: Guides) -> np.ndarray:
+def _at_half(images: Array, guides: Guides) -> Array:
     """EIs (sy, sx, h, w, 3), denoised by their guides at half the resolution."""
     if not images.size:
         return images
@@ -158,18 +159,18 @@ def _at_half(images: np.ndarray, guides: Guides) -> np.ndarray:
     return np.maximum(interpolated(flat, HALF_KERNEL, (2, 2)), 0).reshape(images.shape)
 
 
-def _halved(images: np.ndarray) -> np.ndarray:
+def _halved(images: Array) -> Array:
     """Means over 2×2 pixels of EIs (sy, sx, h, w, C)."""
     rows = images[:, :, ::2] + images[:, :, 1::2]  # seven times as fast as the mean over two axes
     return (rows[:, :, :, ::2] + rows[:, :, :, 1::2]) * np.float32(0.25)
 
 
-def _mixed(half: np.ndarray, whole: np.ndarray, detail: np.ndarray) -> np.ndarray:
+def _mixed(half: Array, whole: Array, detail: Array) -> Array:
     """Of EIs at half and at whole resolution the second where ``detail`` (sy, sx) is 1."""
     return half + detail[:, :, None, None, None] * (whole - half)
 
 
-def _detail(shown: np.ndarray, half: np.ndarray, whole: np.ndarray, rendered: np.ndarray) -> np.ndarray:
+def _detail(shown: Array, half: Array, whole: Array, rendered: Array) -> Array:
     """(sy, sx) in [0, 1]: detail that is ``shown`` by guides, or that ``half`` the resolution lost without them."""
     result, unsure = shown.copy(), shown < 1
     lost = _lost(half[unsure], whole[unsure], rendered[unsure])
@@ -177,21 +178,21 @@ def _detail(shown: np.ndarray, half: np.ndarray, whole: np.ndarray, rendered: np
     return result
 
 
-def _lost(half: np.ndarray, whole: np.ndarray, rendered: np.ndarray) -> np.ndarray:
+def _lost(half: Array, whole: Array, rendered: Array) -> Array:
     """(N,) squares of what two pictures of EIs (N, h, w, 3) differ by, per those of the noise taken away, in √light."""
     half, whole, rendered = (encode(images) for images in (half, whole, rendered))
     noise = np.square(rendered - whole).mean((1, 2, 3))
     return np.divide(np.square(half - whole).mean((1, 2, 3)), noise, out=np.zeros_like(noise), where=noise > 0)
 
 
-def _replaced(low: LowResEIA, part: Box, images: np.ndarray) -> LowResEIA:
+def _replaced(low: LowResEIA, part: Box, images: Array) -> LowResEIA:
     """``low`` with denoised EIs in one part."""
     color = low.color.copy()
     color[part] = images
     return dataclasses.replace(low, color=color, noisy=low.color)
 
 
-def shown_part(color: np.ndarray, parallax: tuple[bool, bool] = (True, True)) -> Box:
+def shown_part(color: Array, parallax: tuple[bool, bool] = (True, True)) -> Box:
     """Rows and columns of lenses that hold every EI of ``color`` (sy, sx, h, w, C) that is not of one value.
 
     With CONTEXT around; empty where all are. ``parallax``: as of LowResEIA.
@@ -202,7 +203,7 @@ def shown_part(color: np.ndarray, parallax: tuple[bool, bool] = (True, True)) ->
     return span(varies.any(1), h), span(varies.any(0), w)
 
 
-def _as_image(images: np.ndarray, parallax: tuple[bool, bool]) -> np.ndarray:
+def _as_image(images: Array, parallax: tuple[bool, bool]) -> Array:
     """EIs (sy, sx, h, w, C) in the order in which they are denoised: the EIA, or views one under the other."""
     if all(parallax):
         return from_elemental_images(images)
@@ -210,7 +211,7 @@ def _as_image(images: np.ndarray, parallax: tuple[bool, bool]) -> np.ndarray:
     return images.transpose(2, 3, 0, 1, 4).reshape(h * w * sy, sx, channels)
 
 
-def _as_elemental_images(image: np.ndarray, shape: tuple[int, ...], parallax: tuple[bool, bool]) -> np.ndarray:
+def _as_elemental_images(image: Array, shape: tuple[int, ...], parallax: tuple[bool, bool]) -> Array:
     """``_as_image`` undone; ``shape`` (sy, sx, h, w, C)."""
     sy, sx, h, w, channels = shape
     if all(parallax):

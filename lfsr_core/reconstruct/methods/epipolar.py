@@ -20,6 +20,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from lfsr_core.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Cleaner
 from lfsr_core.reconstruct.encoding import decode, encode
@@ -48,10 +49,10 @@ VERSION = 3  # of what comes out: figures measured with another one are out of d
 class LostDetail:
     """What a method lacks of a low-resolution EIA; nothing of it is known where the foreground does not show."""
 
-    cleaned: np.ndarray  # what the method interpolates, (sy, sx, h, w, 3) encoded
-    lost: np.ndarray  # what that lacks, (sy, sx, h, w, 3) encoded
-    line: np.ndarray  # along which of LINES a lens lost most, (sy, sx) int
-    covered: np.ndarray  # lenses where the foreground shows, (sy, sx) bool
+    cleaned: Array  # what the method interpolates, (sy, sx, h, w, 3) encoded
+    lost: Array  # what that lacks, (sy, sx, h, w, 3) encoded
+    line: Array  # along which of LINES a lens lost most, (sy, sx) int
+    covered: Array  # lenses where the foreground shows, (sy, sx) bool
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,7 +91,7 @@ class Recovering:
         self._share = float((share[covered] > 0).mean()) if covered.any() else 0.0
         return RecoverableEIA(**vars(low) | {"detail": LostDetail(cleaned, lost, line, covered)})
 
-    def __call__(self, low: RecoverableEIA, lenses: np.ndarray) -> np.ndarray:
+    def __call__(self, low: RecoverableEIA, lenses: Array) -> Array:
         """EIs of ``lenses`` (N, 2), (N, h·s, w·s, 3) float32 scene-linear."""
         lenses = np.asarray(lenses)
         result = np.empty((len(lenses), *low.finished_views, 3), np.float32)
@@ -99,7 +100,7 @@ class Recovering:
             decode(self._encoded(low, lenses[part]), out=result[part])
         return result
 
-    def _encoded(self, low: RecoverableEIA, lenses: np.ndarray) -> np.ndarray:
+    def _encoded(self, low: RecoverableEIA, lenses: Array) -> Array:
         (rows, columns), detail = lenses.T, low.detail
         cleaned, lost = detail.cleaned[rows, columns], detail.lost[rows, columns]
         rest = ~detail.covered[rows, columns]
@@ -115,7 +116,7 @@ class Recovering:
             finished[chosen] += sheared(detail.lost, detail.covered, lenses[chosen], low.factors, float(slope))
         return finished
 
-    def _parts(self, covered: np.ndarray) -> list[tuple[slice, slice]]:
+    def _parts(self, covered: Array) -> list[tuple[slice, slice]]:
         """Rectangles of lenses with foreground that see nothing of each other."""
         if self._block is None:
             return [_around(covered, 0)] if covered.any() else []
@@ -123,10 +124,10 @@ class Recovering:
         squares = ((slice(y, y + self._block), slice(x, x + self._block)) for y, x in itertools.product(*starts))
         return [square for square in squares if covered[square].any()]
 
-    def _clean_all(self, low: LowResEIA, covered: np.ndarray) -> np.ndarray:
+    def _clean_all(self, low: LowResEIA, covered: Array) -> Array:
         lenses, cleaned = np.argwhere(covered), np.zeros_like(low.color)
 
-        def work(part: np.ndarray) -> None:
+        def work(part: Array) -> None:
             cleaned[part[:, 0], part[:, 1]] = self._upscaler.clean(low, part)
 
         workers = max(1, min(os.cpu_count() or 1, MAX_WORKERS)) if self.thread_safe else 1
@@ -135,8 +136,8 @@ class Recovering:
         return cleaned
 
 
-def lost_detail(rendered: np.ndarray, cleaned: np.ndarray, covered: np.ndarray, kernel: str,
-                factors: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def lost_detail(rendered: Array, cleaned: Array, covered: Array, kernel: str,
+                factors: tuple[int, int]) -> tuple[Array, Array, Array]:
     """What interpolating ``cleaned`` will lack.
 
     Parameters
@@ -167,14 +168,14 @@ def lost_detail(rendered: np.ndarray, cleaned: np.ndarray, covered: np.ndarray, 
     return lost * weight.astype(np.float32)[:, :, None, None, None], share, line
 
 
-def residual(rendered: np.ndarray, shown: np.ndarray) -> np.ndarray:
+def residual(rendered: Array, shown: Array) -> Array:
     """Their difference, both (…, 3) scene-linear, times the slope of ``encoding.encode``; at most LIMIT."""
     dark = np.maximum(shown, DARK)
     slope = np.float32(0.5) / np.where(dark < 1, np.sqrt(dark), dark)
     return np.clip((rendered - shown) * slope, -LIMIT, LIMIT)
 
 
-def lost_share(found: np.ndarray, covered: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def lost_share(found: Array, covered: Array) -> tuple[Array, Array]:
     """Share of a residual's variance that is detail, in [0, 1], and the index into LINES along which; (sy, sx).
 
     ``found`` (sy, sx, h, w): its luminance, 0 where ``covered`` (sy, sx) is False.
@@ -193,7 +194,7 @@ def lost_share(found: np.ndarray, covered: np.ndarray) -> tuple[np.ndarray, np.n
     return np.clip(share, 0, 1), line
 
 
-def _products(values: np.ndarray, step: tuple[int, int]) -> np.ndarray:
+def _products(values: Array, step: tuple[int, int]) -> Array:
     """Per lens, the sum of its pixels' products with those one ``step`` on and back; (sy, sx)."""
     sums = np.zeros(values.shape[:2])
     for axis in (0, 1):
@@ -205,7 +206,7 @@ def _products(values: np.ndarray, step: tuple[int, int]) -> np.ndarray:
     return sums
 
 
-def _pairs(views: tuple[int, ...], covered: np.ndarray, step: tuple[int, int]) -> np.ndarray:
+def _pairs(views: tuple[int, ...], covered: Array, step: tuple[int, int]) -> Array:
     """Per lens, how many products ``_products`` adds up where both lenses are ``covered``; (sy, sx)."""
     pairs = np.zeros(covered.shape)
     for axis in (0, 1):
@@ -216,7 +217,7 @@ def _pairs(views: tuple[int, ...], covered: np.ndarray, step: tuple[int, int]) -
     return pairs
 
 
-def _mean_along(found: np.ndarray, covered: np.ndarray, step: tuple[int, int]) -> np.ndarray:
+def _mean_along(found: Array, covered: Array, step: tuple[int, int]) -> Array:
     """Mean over covered pixels up to REACH steps on and back, in rows and in columns: a patch of one point."""
     count = np.broadcast_to(covered[:, :, None, None, None], (*found.shape[:4], 1)).astype(np.float32)
     for axis in (0, 1):
@@ -224,7 +225,7 @@ def _mean_along(found: np.ndarray, covered: np.ndarray, step: tuple[int, int]) -
     return found / np.maximum(count, 1)
 
 
-def _sum_along(values: np.ndarray, axis: int, step: tuple[int, int]) -> np.ndarray:
+def _sum_along(values: Array, axis: int, step: tuple[int, int]) -> Array:
     total = values.copy()
     for steps in range(1, REACH + 1):
         lenses = _ends(values.shape, axis, steps * step[0])
@@ -246,7 +247,7 @@ def _ends(shape: Sequence[int], axis: int, shift: int) -> tuple[tuple[slice, ...
     return tuple(first), tuple(second)
 
 
-def _pooled(values: np.ndarray) -> np.ndarray:
+def _pooled(values: Array) -> Array:
     """Sums over each lens and its NEIGHBOURS."""
     for axis in (0, 1):
         padded = np.pad(values, [(NEIGHBOURS, NEIGHBOURS) if axis == n else (0, 0) for n in (0, 1)])
@@ -255,7 +256,7 @@ def _pooled(values: np.ndarray) -> np.ndarray:
     return values
 
 
-def _around(chosen: np.ndarray, margin: int) -> tuple[slice, slice]:
+def _around(chosen: Array, margin: int) -> tuple[slice, slice]:
     """Rectangle of the chosen lenses with ``margin`` around."""
     places = (np.flatnonzero(chosen.any(1)), np.flatnonzero(chosen.any(0)))
     return tuple(slice(max(0, where[0] - margin), where[-1] + 1 + margin) for where in places)

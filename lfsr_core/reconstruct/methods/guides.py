@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.reconstruct.methods.rectangles import Box, rectangles
 
 GUIDES = ("albedo", "normal")
@@ -38,7 +39,7 @@ DETAIL = (0.16, 0.3)
 class Cleaner:
     """The library, asked where there may be detail."""
 
-    clean: Callable[[np.ndarray], np.ndarray]  # EIs (sy, sx, h, w, 3) in [0, 1], without their noise
+    clean: Callable[[Array], Array]  # EIs (sy, sx, h, w, 3) in [0, 1], without their noise
     pixels: tuple[int, int]  # of the image that it denoises a lens takes so many, (h, w)
 
 
@@ -46,15 +47,15 @@ class Cleaner:
 class Guides:
     """Guides of a rectangle of lenses, ready for the denoiser."""
 
-    images: dict[str, np.ndarray]  # those there are, (sy, sx, h, w, 3): albedo in [0, 1], normal in [-1, 1]
-    detail: np.ndarray  # (sy, sx) in [0, 1]: how surely a lens shows detail, which was not smoothed
+    images: dict[str, Array]  # those there are, (sy, sx, h, w, 3): albedo in [0, 1], normal in [-1, 1]
+    detail: Array  # (sy, sx) in [0, 1]: how surely a lens shows detail, which was not smoothed
 
-    def part(self, lenses: Box) -> dict[str, np.ndarray]:
+    def part(self, lenses: Box) -> dict[str, Array]:
         """The images of some ``lenses``, rows and columns."""
         return {name: images[lenses] for name, images in self.images.items()}
 
 
-def guides_of(layers: Mapping[str, np.ndarray], samples: int, cleaner: Cleaner) -> Guides | None:
+def guides_of(layers: Mapping[str, Array], samples: int, cleaner: Cleaner) -> Guides | None:
     """Guides from the rendered "albedo" and "normal" (sy, sx, h, w, 3); None where there is no albedo.
 
     ``samples`` per pixel: few are smoothed more, and less of what they show counts as detail.
@@ -66,17 +67,17 @@ def guides_of(layers: Mapping[str, np.ndarray], samples: int, cleaner: Cleaner) 
     return Guides(images, np.maximum.reduce([detail for _, detail in made.values()]))
 
 
-def in_unit(name: str, images: np.ndarray) -> np.ndarray:
+def in_unit(name: str, images: Array) -> Array:
     """Values in [0, 1]; Cycles adds emission to albedo."""
     return np.clip(images, 0, 1) if name == "albedo" else np.clip(images, -1, 1) / 2 + np.float32(0.5)
 
 
-def from_unit(name: str, images: np.ndarray) -> np.ndarray:
+def from_unit(name: str, images: Array) -> Array:
     """``in_unit`` undone."""
     return images if name == "albedo" else images * 2 - 1
 
 
-def _made(images: np.ndarray, samples: int, cleaner: Cleaner) -> tuple[np.ndarray, np.ndarray]:
+def _made(images: Array, samples: int, cleaner: Cleaner) -> tuple[Array, Array]:
     """EIs (sy, sx, h, w, 3) without grain and, (sy, sx), how surely each shows detail."""
     result, doubt, detail = _smoothed(images, samples)
     detail *= 1 - doubt
@@ -89,7 +90,7 @@ def _made(images: np.ndarray, samples: int, cleaner: Cleaner) -> tuple[np.ndarra
     return result, detail
 
 
-def _smoothed(images: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _smoothed(images: Array, samples: int) -> tuple[Array, Array, Array]:
     """EIs without grain and, (sy, sx) in [0, 1], how surely that took more than noise, and of how much that stayed.
 
     The last: whether it is too much to be lost at half the resolution.
@@ -107,14 +108,14 @@ def _smoothed(images: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray,
     return result, np.where(doubt > LEAST_DOUBT, doubt, 0), structure
 
 
-def _noise_of(rendered: np.ndarray, fine: np.ndarray, width: float) -> np.ndarray:
+def _noise_of(rendered: Array, fine: Array, width: float) -> Array:
     """(N,) variance of white noise in the coarser band of EIs (N, h, w, 3), by that in the finest."""
     size = rendered.shape[1:3]
     finest, coarser = _white(size, 0, FINE), _white(size, FINE, width)
     return np.square(rendered - fine).mean((1, 2, 3)) * (coarser / finest if finest else 0)
 
 
-def _kept(cleaned: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
+def _kept(cleaned: Array, samples: int) -> tuple[Array, Array]:
     """What stays of denoised EIs (sy, sx, h, w, 3), and (sy, sx) in [0, 1] how surely that holds detail."""
     smooth = _blurred(cleaned.reshape(-1, *cleaned.shape[2:]), CLEANED_WIDTH).reshape(cleaned.shape)
     sure = smooth_step(np.sqrt(np.square(cleaned - smooth).mean((2, 3, 4)) * samples), *DETAIL)
@@ -126,13 +127,13 @@ def _width(samples: int) -> float:
     return float(np.clip(WIDTH * (SAMPLES / samples) ** 0.25, NARROWEST, WIDEST))
 
 
-def smooth_step(values: np.ndarray, low: float, high: float) -> np.ndarray:
+def smooth_step(values: Array, low: float, high: float) -> Array:
     """0 up to ``low``, 1 from ``high`` on, smooth between."""
     values = np.clip((values - low) / (high - low), 0, 1).astype(np.float32)
     return values * values * (3 - 2 * values)
 
 
-def _blurred(images: np.ndarray, width: float) -> np.ndarray:
+def _blurred(images: Array, width: float) -> Array:
     """EIs (N, h, w, 3) after a Gaussian inside each."""
     count, rows, columns, channels = images.shape
     down, across = (_gaussian(size, width) for size in (rows, columns))
@@ -147,13 +148,13 @@ def _white(size: tuple[int, int], narrow: float, broad: float) -> float:
     return _overlap(first, first) - 2 * _overlap(first, second) + _overlap(second, second)
 
 
-def _overlap(one: list[np.ndarray], other: list[np.ndarray]) -> float:
+def _overlap(one: list[Array], other: list[Array]) -> float:
     """Mean product of what two filters, of rows and of columns, make of the same white noise."""
     return float(np.prod([np.sum(a * b, axis=1).mean() for a, b in zip(one, other, strict=True)]))
 
 
 @functools.lru_cache(maxsize=16)
-def _gaussian(size: int, width: float) -> np.ndarray:
+def _gaussian(size: int, width: float) -> Array:
     """Weights (size, size) that smooth a row of pixels, of which the outermost go on beyond its ends."""
     reach = int(np.ceil(4 * width))
     places = np.arange(-reach, size + reach)

@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.encoding import decode, encode
@@ -18,17 +19,17 @@ from lfsr_core.reconstruct.encoding import decode, encode
 CUBIC_SHARPNESS = -0.75  # OpenCV's and Blender's choice of Keys' a (1981)
 
 
-def nearest(distance: np.ndarray) -> np.ndarray:
+def nearest(distance: Array) -> Array:
     """1 for the sample in whose pixel the point lies; the tie goes to the right one, as ``floor`` says."""
     return ((distance > -0.5) & (distance <= 0.5)).astype(np.float64)
 
 
-def linear(distance: np.ndarray) -> np.ndarray:
+def linear(distance: Array) -> Array:
     """Tent, two samples wide."""
     return np.maximum(1 - np.abs(distance), 0)
 
 
-def cubic(distance: np.ndarray) -> np.ndarray:
+def cubic(distance: Array) -> Array:
     """Keys' cubic convolution, four samples wide."""
     a, x = CUBIC_SHARPNESS, np.abs(distance)
     inner = ((a + 2) * x - (a + 3)) * x * x + 1
@@ -36,19 +37,19 @@ def cubic(distance: np.ndarray) -> np.ndarray:
     return np.where(x <= 1, inner, np.where(x < 2, outer, 0))
 
 
-def lanczos(distance: np.ndarray) -> np.ndarray:
+def lanczos(distance: Array) -> Array:
     """sinc windowed by a sinc four times as wide: eight samples."""
     return np.where(np.abs(distance) < 4, np.sinc(distance) * np.sinc(distance / 4), 0)
 
 
-KERNELS: dict[str, tuple[int, Callable[[np.ndarray], np.ndarray]]] = {
+KERNELS: dict[str, tuple[int, Callable[[Array], Array]]] = {
     "nearest": (1, nearest), "linear": (1, linear), "cubic": (2, cubic), "lanczos": (4, lanczos),
 }
 """Reach in samples to either side, and the weight at a distance from a sample."""
 
 
 @functools.lru_cache(maxsize=64)
-def kernel_matrix(kernel: str, size: int, scale: int, margin: int = 0) -> np.ndarray:
+def kernel_matrix(kernel: str, size: int, scale: int, margin: int = 0) -> Array:
     """Matrix that upscales a row of samples at half-pixel centres; beyond the last one it repeats.
 
     Parameters
@@ -88,7 +89,7 @@ class Interpolation:
     thread_safe: bool = True
     notes: tuple[str, ...] = ()
 
-    def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+    def __call__(self, low: LowResEIA, lenses: Array) -> Array:
         lenses, margin = np.asarray(lenses), CROSSTALK_REACH if self.crosstalk else 0
         result = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
         for start in range(0, len(lenses), EIS_IN_CACHE):
@@ -97,12 +98,12 @@ class Interpolation:
             interpolate(encoded, self.kernel, low.factors, result[part], margin)
         return result
 
-    def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+    def clean(self, low: LowResEIA, lenses: Array) -> Array:
         """What is interpolated: EIs of ``lenses``, (N, h, w, 3) in the domain of ``encode``."""
         return encode(low.color[lenses[:, 0], lenses[:, 1]])
 
 
-def interpolate(encoded: np.ndarray, kernel: str, factors: tuple[int, int], out: np.ndarray, margin: int = 0) -> None:
+def interpolate(encoded: Array, kernel: str, factors: tuple[int, int], out: Array, margin: int = 0) -> None:
     """Upscale elemental images.
 
     Parameters
@@ -122,7 +123,7 @@ def interpolate(encoded: np.ndarray, kernel: str, factors: tuple[int, int], out:
 
 
 @functools.lru_cache(maxsize=16)
-def interleaved(kernel: str, columns: int, scale: int, margin: int, channels: int) -> np.ndarray:
+def interleaved(kernel: str, columns: int, scale: int, margin: int, channels: int) -> Array:
     """Matrix (columns·channels + margins, columns·scale·channels) that upscales rows of interleaved channels.
 
     The same weights for each, zero between them. Other parameters as of ``kernel_matrix``.
@@ -139,18 +140,18 @@ class NoUpscaling:
     thread_safe: bool = True
     notes: tuple[str, ...] = ()
 
-    def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+    def __call__(self, low: LowResEIA, lenses: Array) -> Array:
         if low.scale != 1:
             raise LfsrError(f"method {self.name!r} does not upscale, but the frame was rendered at scale {low.scale}: "
                             "choose an upscaling method, or render at scale 1")
         return low.color[lenses[:, 0], lenses[:, 1]]
 
-    def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+    def clean(self, low: LowResEIA, lenses: Array) -> Array:
         """EIs of ``lenses``, (N, h, w, 3) in the domain of ``encode``."""
         return encode(self(low, lenses))
 
 
-def _gather(images: np.ndarray, lenses: np.ndarray, margin: int) -> np.ndarray:
+def _gather(images: Array, lenses: Array, margin: int) -> Array:
     """EIs of ``lenses`` with ``margin`` pixels of their neighbours around, (N, h + 2·margin, w + 2·margin, C)."""
     if margin == 0:
         return images[lenses[:, 0], lenses[:, 1]]

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.arrays import Array
+
 # Seen from a folder above Blender's Python; by platform: Linux, macOS, Windows, the bpy wheel on Windows.
 PLACES = ("lib/libOpenImageDenoise.so.2", "lib/libOpenImageDenoise.dylib", "blender.shared/OpenImageDenoise.dll",
           "OpenImageDenoise.dll")
@@ -38,8 +40,8 @@ SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
 }
 
 
-def denoise(color: np.ndarray, albedo: np.ndarray | None = None, normal: np.ndarray | None = None, *,
-            hdr: bool = False, clean_aux: bool = False, quality: str = "high") -> np.ndarray:
+def denoise(color: Array, albedo: Array | None = None, normal: Array | None = None, *,
+            hdr: bool = False, clean_aux: bool = False, quality: str = "high") -> Array:
     """The function of the same name in the package pyoidn, with its parameters, on the CPU.
 
     Parameters
@@ -100,7 +102,7 @@ def _load() -> ctypes.CDLL:
     return library
 
 
-def _run(library: ctypes.CDLL, device: int, images: dict[str, np.ndarray], flags: dict[bytes, bool],
+def _run(library: ctypes.CDLL, device: int, images: dict[str, Array], flags: dict[bytes, bool],
          quality: int) -> None:
     height, width, _ = images["color"].shape
     work = library.oidnNewFilter(device, b"RT")

@@ -7,6 +7,8 @@ import math
 
 import numpy as np
 
+from lfsr_core.arrays import Array
+
 CONTEXT = 32  # pixels around what is denoised that the library may look at
 POOLED = 16  # pixels that the library's network pools into one
 
@@ -28,7 +30,7 @@ class Rectangle:
         return rows, columns
 
 
-def span(wanted: np.ndarray, pixels: int) -> slice:
+def span(wanted: Array, pixels: int) -> slice:
     """The (n,) wanted lenses, of ``pixels`` each, with CONTEXT around.
 
     It begins where the library pools as in the whole image.
@@ -37,7 +39,7 @@ def span(wanted: np.ndarray, pixels: int) -> slice:
     return _around(slice(places[0], places[-1] + 1), pixels, len(wanted)) if len(places) else slice(0, 0)
 
 
-def rectangles(wanted: np.ndarray, views: tuple[int, int]) -> list[Rectangle]:
+def rectangles(wanted: Array, views: tuple[int, int]) -> list[Rectangle]:
     """Rectangles that hold every ``wanted`` lens (sy, sx), of (h, w) ``views``, and none of which sees another's.
 
     Empty rows and columns part them wherever they are wide enough to save work.
@@ -53,7 +55,7 @@ def _around(part: slice, pixels: int, count: int) -> slice:
     return slice(max(part.start - around, 0) // step * step, min(part.stop + around, count))
 
 
-def _parted(wanted: np.ndarray, box: Box, gaps: list[int]) -> list[Box]:
+def _parted(wanted: Array, box: Box, gaps: list[int]) -> list[Box]:
     """Boxes inside ``box`` (a recursive X-Y cut: Nagy and Seth, ICPR 1984)."""
     runs = [_runs(wanted[box].any(1 - axis), gaps[axis], box[axis].start) for axis in (0, 1)]
     parts = [(rows, columns) for rows in runs[0] for columns in runs[1]]
@@ -62,7 +64,7 @@ def _parted(wanted: np.ndarray, box: Box, gaps: list[int]) -> list[Box]:
     return [found for part in parts for found in _parted(wanted, part, gaps)]
 
 
-def _runs(wanted: np.ndarray, gap: int, start: int) -> list[slice]:
+def _runs(wanted: Array, gap: int, start: int) -> list[slice]:
     """Runs of the (n,) wanted ones, which begin at ``start``, parted by more than ``gap`` others."""
     places = np.flatnonzero(wanted)
     pieces = np.split(places, np.flatnonzero(np.diff(places) > gap + 1) + 1) if len(places) else []

@@ -7,12 +7,13 @@ import math
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.reconstruct.methods.interpolation import KERNELS, interleaved, kernel_matrix
 
 LENS_KERNEL = "cubic"  # across lenses, along a line
 
 
-def interpolated(images: np.ndarray, kernel: str, factors: tuple[int, int]) -> np.ndarray:
+def interpolated(images: Array, kernel: str, factors: tuple[int, int]) -> Array:
     """EIs (N, h, w, 3) -> (N, h·vertical, w·horizontal, 3), in whatever domain; ``factors``: (horizontal, vertical)."""
     count, rows, columns, channels = images.shape
     down, across = kernel_matrix(kernel, rows, factors[1]), interleaved(kernel, columns, factors[0], 0, channels)
@@ -20,7 +21,7 @@ def interpolated(images: np.ndarray, kernel: str, factors: tuple[int, int]) -> n
     return (tall @ across).reshape(count, rows * factors[1], columns * factors[0], channels)
 
 
-def averaged(images: np.ndarray, kernel: str, factors: tuple[int, int]) -> np.ndarray:
+def averaged(images: Array, kernel: str, factors: tuple[int, int]) -> Array:
     """What low-resolution pixels of (sy, sx, h, w, 3) become when they are interpolated and averaged again."""
     down, across = (_blur(kernel, *axis) for axis in zip(images.shape[2:4], factors[::-1], strict=True))
     rows, columns, channels = images.shape[2:]
@@ -28,12 +29,12 @@ def averaged(images: np.ndarray, kernel: str, factors: tuple[int, int]) -> np.nd
     return (tall @ np.kron(across.T, np.eye(channels, dtype=np.float32))).reshape(images.shape)
 
 
-def _blur(kernel: str, size: int, scale: int) -> np.ndarray:
+def _blur(kernel: str, size: int, scale: int) -> Array:
     return kernel_matrix(kernel, size, scale).reshape(size, scale, size).mean(1)
 
 
-def sheared(images: np.ndarray, covered: np.ndarray, lenses: np.ndarray, factors: tuple[int, int],
-            steep: float) -> np.ndarray:
+def sheared(images: Array, covered: Array, lenses: Array, factors: tuple[int, int],
+            steep: float) -> Array:
     """Elemental images at every view, along epipolar lines: between two rendered views a point stands in other lenses.
 
     Parameters
@@ -65,7 +66,7 @@ def _lens_reach(steep: float) -> int:
 
 
 @functools.lru_cache(maxsize=64)
-def _shear(size: int, scale: int, steep: float) -> np.ndarray:
+def _shear(size: int, scale: int, steep: float) -> Array:
     """Weights (size·scale, lenses around, size) of both nearest rendered views, where these show the same point."""
     reach, weight = _lens_reach(steep), KERNELS[LENS_KERNEL][1]
     places = (np.arange(size * scale) + 0.5) / scale - 0.5

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.encoding import encode
 from lfsr_core.reconstruct.methods.interpolation import interpolate
@@ -48,7 +49,7 @@ class ElementalUpscaler:
         total = sum(self.counts.values())
         return [f"{self.name} ran on {self.counts['network']} of {total} elemental images; the others are flat"]
 
-    def __call__(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+    def __call__(self, low: LowResEIA, lenses: Array) -> Array:
         """EIs of ``lenses`` (N, 2), (N, h·s, w·s, 3) float32 scene-linear."""
         network, lenses = self._network(low), np.asarray(lenses)
         result = np.empty((len(lenses), *low.finished_views, 3), np.float32)
@@ -57,7 +58,7 @@ class ElementalUpscaler:
             interpolate(self._clean(network, low, lenses[part]), self.kernel, low.factors, result[part])
         return result
 
-    def clean(self, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+    def clean(self, low: LowResEIA, lenses: Array) -> Array:
         """What is upscaled: EIs of ``lenses``, (N, h, w, 3) in the domain of ``encoding.encode``."""
         return self._clean(self._network(low), low, np.asarray(lenses))
 
@@ -66,7 +67,7 @@ class ElementalUpscaler:
         self._missing = tuple(layer for layer in network.layers if layer not in low.layers)
         return None if self._missing else network
 
-    def _clean(self, network: ElementalNetwork | None, low: LowResEIA, lenses: np.ndarray) -> np.ndarray:
+    def _clean(self, network: ElementalNetwork | None, low: LowResEIA, lenses: Array) -> Array:
         images = encode(low.color[lenses[:, 0], lenses[:, 1]])
         busy = needs_network(images, self._flat) & (network is not None)
         if network is not None and busy.any():
@@ -79,7 +80,7 @@ class ElementalUpscaler:
         return images
 
 
-def needs_network(images: np.ndarray, flat: float) -> np.ndarray:
+def needs_network(images: Array, flat: float) -> Array:
     """(N,) bool: EIs (N, h, w, 3), encoded, whose values differ by more than ``flat`` in some channel."""
     # Axis by axis: over whole rows of pixels at once, not over three channels.
     return (images.max(1).max(1) - images.min(1).min(1)).max(-1) > flat

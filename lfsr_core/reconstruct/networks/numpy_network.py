@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import parse_json
 from lfsr_core.frames.low_res import LowResEIA
@@ -31,7 +32,7 @@ MOST_BLOCKS = 64
 ENCODED = ("oidn", "guided", "color")
 
 
-def conserve(encoded: np.ndarray, light: np.ndarray) -> np.ndarray:
+def conserve(encoded: Array, light: Array) -> Array:
     """EIs (N, h, w, 3), encoded, scaled to the mean scene-linear ``light`` (N, 1, 1, 3) they were rendered with.
 
     The render's mean over an EI is unbiased and has little noise; a network's is neither.
@@ -41,7 +42,7 @@ def conserve(encoded: np.ndarray, light: np.ndarray) -> np.ndarray:
     return encode(linear * np.clip(gain, 1 / MAX_GAIN, MAX_GAIN))
 
 
-def steady_light(rendered: np.ndarray, encoded: np.ndarray) -> np.ndarray:
+def steady_light(rendered: Array, encoded: Array) -> Array:
     """Mean scene-linear light (N, 1, 1, 3) of ``rendered`` EIs (N, h, w, 3), without their fireflies.
 
     One path that met a lamp by chance would brighten its whole EI. A value is such a firefly where it alone moves
@@ -60,7 +61,7 @@ def steady_light(rendered: np.ndarray, encoded: np.ndarray) -> np.ndarray:
     return light
 
 
-def _brightest_around(images: np.ndarray) -> np.ndarray:
+def _brightest_around(images: Array) -> Array:
     """Largest value among a pixel and its eight neighbours, (N, h, w, 3)."""
     for axis in (1, 2):
         padding = [(0, 0)] * 4
@@ -72,12 +73,12 @@ def _brightest_around(images: np.ndarray) -> np.ndarray:
     return images
 
 
-def mean_light(images: np.ndarray) -> np.ndarray:
+def mean_light(images: Array) -> Array:
     """(N, h, w, 3) -> (N, 1, 1, 3)."""
     return images.mean(1, keepdims=True).mean(2, keepdims=True)
 
 
-def network_inputs(network: ElementalNetwork, low: LowResEIA, lenses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def network_inputs(network: ElementalNetwork, low: LowResEIA, lenses: Array) -> tuple[Array, Array]:
     """Features (N, h, w, C) and base (N, h, w, 3) of ``lenses``, as in training."""
     after_oidn = "oidn" in network.inputs
     layers = {"guided": low.color, **low.layers, "alpha": low.alpha, "oidn": low.color,
@@ -126,7 +127,7 @@ class Options:
 class ElementalNetwork:
     """The arithmetic of ``lightfield.LightFieldNet`` on channels-last arrays, from its tensors and options."""
 
-    def __init__(self, tensors: Mapping[str, np.ndarray], options: Mapping[str, Any], origin: object) -> None:
+    def __init__(self, tensors: Mapping[str, Array], options: Mapping[str, Any], origin: object) -> None:
         if options.get("spatial"):
             raise LfsrError(f"{origin} holds a network with convolutions across lenses, which nothing runs: "
                             "train it again")
@@ -154,7 +155,7 @@ class ElementalNetwork:
         extra = tuple(name for name in self.inputs if name not in (*ENCODED, "alpha"))
         return (*extra, "noisy") if "oidn" in self.inputs else extra
 
-    def __call__(self, features: np.ndarray, base: np.ndarray) -> np.ndarray:
+    def __call__(self, features: Array, base: Array) -> Array:
         """(N, h, w, C) and (N, h, w, 3) -> (N, h, w, 3), in the encoded domain."""
         h, w = features.shape[1:3]
         x = _even(_relu(self._conv(features, "stem")))
@@ -171,10 +172,10 @@ class ElementalNetwork:
         mixed = (base + (second - base) * np.clip(correction[..., 4:], 0, 1)) * keep + correction[..., :3]
         return mixed + ((base + second) / 2 - mixed) * np.float32(self._plain)
 
-    def _conv(self, x: np.ndarray, name: str) -> np.ndarray:
+    def _conv(self, x: Array, name: str) -> Array:
         return self._dense(_patches(x), name)
 
-    def _dense(self, x: np.ndarray, name: str) -> np.ndarray:
+    def _dense(self, x: Array, name: str) -> Array:
         out = x.reshape(-1, x.shape[-1]) @ self._matrix[f"{name}.weight"]
         out += self._bias[f"{name}.bias"]
         return out.reshape(*x.shape[:3], -1)
@@ -198,7 +199,7 @@ def _load(path: Path, _written: int) -> ElementalNetwork:
         raise LfsrError(f"{path} holds no network ({error}): get it again or train it again") from None
 
 
-def _check(network: ElementalNetwork, tensors: Mapping[str, np.ndarray], options: Options,
+def _check(network: ElementalNetwork, tensors: Mapping[str, Array], options: Options,
            origin: object) -> None:
     """LfsrError unless every tensor has the shape that the options ask for."""
     width, body = options.width, options.body_width
@@ -218,12 +219,12 @@ def channels(layers: Sequence[str]) -> int:
     return sum(1 if name == "alpha" else 3 for name in layers)
 
 
-def _matrix(weight: np.ndarray) -> np.ndarray:
+def _matrix(weight: Array) -> Array:
     """(outputs, inputs, rows, columns) -> (rows·columns·inputs, outputs)."""
     return np.ascontiguousarray(weight.transpose(2, 3, 1, 0).reshape(-1, len(weight)))
 
 
-def _patches(x: np.ndarray) -> np.ndarray:
+def _patches(x: Array) -> Array:
     """(N, h, w, C) -> (N, h, w, 9·C): 3×3 neighbours, the border repeated."""
     n, h, w, c = x.shape
     padded = _bordered(x)
@@ -233,7 +234,7 @@ def _patches(x: np.ndarray) -> np.ndarray:
     return runs.reshape(n, h, w, 9 * c)
 
 
-def _bordered(x: np.ndarray) -> np.ndarray:
+def _bordered(x: Array) -> Array:
     """(N, h, w, C) -> (N, h + 2, w + 2, C), the border repeated.
 
     What np.pad does, whose own bookkeeping takes longer than the network's arithmetic.
@@ -246,23 +247,23 @@ def _bordered(x: np.ndarray) -> np.ndarray:
     return padded
 
 
-def _even(x: np.ndarray) -> np.ndarray:
+def _even(x: Array) -> Array:
     """The last row and column repeated where their number is odd."""
     h, w = x.shape[1:3]
     return np.pad(x, ((0, 0), (0, h % 2), (0, w % 2), (0, 0)), mode="edge") if h % 2 or w % 2 else x
 
 
-def _fold(x: np.ndarray) -> np.ndarray:
+def _fold(x: Array) -> Array:
     """(N, 2h, 2w, C) -> (N, h, w, 4·C)."""
     n, h, w, c = x.shape
     return x.reshape(n, h // 2, 2, w // 2, 2, c).transpose(0, 1, 3, 2, 4, 5).reshape(n, h // 2, w // 2, 4 * c)
 
 
-def _unfold(x: np.ndarray) -> np.ndarray:
+def _unfold(x: Array) -> Array:
     """Pixel shuffle: (N, h, w, 4·C), channel c·4 + 2·row + column -> (N, 2h, 2w, C)."""
     n, h, w, c = x.shape
     return x.reshape(n, h, w, c // 4, 2, 2).transpose(0, 1, 4, 2, 5, 3).reshape(n, 2 * h, 2 * w, c // 4)
 
 
-def _relu(x: np.ndarray) -> np.ndarray:
+def _relu(x: Array) -> Array:
     return np.maximum(x, 0, out=x)

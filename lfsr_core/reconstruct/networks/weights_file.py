@@ -16,6 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import parse_json, read_bytes
 from lfsr_core.records import from_data
@@ -25,7 +26,7 @@ MAX_BYTES, MOST_AXES = 1_000_000, 8
 TYPES = {"F32": np.dtype("<f4"), "F16": np.dtype("<f2"), "I64": np.dtype("<i8")}
 
 
-def read(path: str | Path) -> tuple[dict[str, str], dict[str, np.ndarray]]:
+def read(path: str | Path) -> tuple[dict[str, str], dict[str, Array]]:
     """Header and tensors; LfsrError for a damaged file, another format or version, or a wrong hash."""
     path = Path(path)
     content = read_bytes(path, "weights, as 'lfsr train' makes", 2 * MAX_BYTES)
@@ -44,7 +45,7 @@ def read(path: str | Path) -> tuple[dict[str, str], dict[str, np.ndarray]]:
     return header, tensors
 
 
-def digest(tensors: Mapping[str, np.ndarray]) -> str:
+def digest(tensors: Mapping[str, Array]) -> str:
     """SHA-256 over names, types, shapes and bytes, in the order of the names."""
     state = hashlib.sha256()
     for name in sorted(tensors):
@@ -63,7 +64,7 @@ class _Entry:
     data_offsets: tuple[int, int]
 
 
-def _parse(content: bytes) -> tuple[dict[str, str], dict[str, np.ndarray]]:
+def _parse(content: bytes) -> tuple[dict[str, str], dict[str, Array]]:
     """Header and tensors of a file's bytes; ValueError where they are damaged."""
     length = int.from_bytes(content[:8], "little")
     if len(content) < 8 or length > len(content) - 8:
@@ -75,7 +76,7 @@ def _parse(content: bytes) -> tuple[dict[str, str], dict[str, np.ndarray]]:
     return metadata, {name: _tensor(entry, body) for name, entry in known.items()}
 
 
-def _tensor(entry: _Entry, body: bytes) -> np.ndarray:
+def _tensor(entry: _Entry, body: bytes) -> Array:
     kind, shape, (start, end) = TYPES[entry.dtype], entry.shape, entry.data_offsets
     fits = len(shape) <= MOST_AXES and all(0 <= count <= MAX_BYTES for count in shape)
     if not (fits and 0 <= start <= end <= len(body) and end - start == kind.itemsize * math.prod(shape)):

@@ -18,9 +18,9 @@ def test_unknown_network_names_the_nearest():
 
 def test_missing_package_is_one_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
-    monkeypatch.delitem(sys.modules, "lfsr_core.reconstruct.networks.pytorch.upscalers", raising=False)
-    monkeypatch.delitem(sys.modules, "lfsr_core.reconstruct.networks.pytorch.engine", raising=False)
-    with pytest.raises(LfsrError, match=r"need the Python package 'torch'.*install lfsr\[training\]"):
+    monkeypatch.delitem(sys.modules, "lfsr_lab.networks.upscalers", raising=False)
+    monkeypatch.delitem(sys.modules, "lfsr_lab.networks.engine", raising=False)
+    with pytest.raises(LfsrError, match=r"need the Python package 'torch'.*install lfsr-lab\[training\]"):
         catalogue.upscaler("espcn")
 
 

@@ -15,10 +15,10 @@ from lfsr_core.reconstruct.encoding import decode, encode
 from lfsr_core.reconstruct.networks import catalogue, numpy_network, weights_file
 from lfsr_core.reconstruct.networks.elemental import ElementalUpscaler, needs_network
 from lfsr_core.reconstruct.networks.numpy_network import ElementalNetwork, network_inputs
-from lfsr_core.reconstruct.networks.pytorch import checkpoint, lightfield
-from lfsr_core.reconstruct.networks.pytorch.networks import build
 from lfsr_core.reconstruct.registry import method
-from lfsr_core.train.lightfields.data import network_inputs as training_inputs
+from lfsr_lab.networks import checkpoint, lightfield
+from lfsr_lab.networks.networks import build
+from lfsr_lab.train.lightfields.data import network_inputs as training_inputs
 
 GRID, SIDE = (3, 4), 6
 LENSES = np.array([(0, 0), (2, 3), (1, 1), (0, 2), (2, 0)])

@@ -24,13 +24,13 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
-from lfsr_core.bench import plots
 from lfsr_core.frames.reference import Reference
 from lfsr_core.images.png import read_png
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.metrics.split_ssim import split_mse, split_ssim
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import flip_order
+from lfsr_lab.experiments import plots
 from tests.support.window.desktop import Window, blender_window
 from tests.support.window.latency_chart import TIMES, Line, draw, table
 from tests.support.window.pictures import SCENE

@@ -9,7 +9,7 @@ import pytest
 from tests.support.window.desktop import SCRIPTS, Window
 
 SAMPLES, SAMPLES_OF_HARD_SCENES = 256, 2048   # two noisy images are compared
-DEMO = SCRIPTS / "scenes" / "demo_scene.py"
+DEMO = SCRIPTS / "lab" / "lfsr_lab" / "scenes" / "demo_scene.py"
 CORNELL = SCRIPTS.parents[1] / "shared" / "assets" / "scenes" / "cornell" / "CornellBox.blend"
 SCENE = """
 def make_scene(path):

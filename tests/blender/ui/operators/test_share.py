@@ -7,11 +7,11 @@ import bpy
 import pytest
 
 from blender_addon.settings import scene_settings
+from lfsr_core.exports.format_names import DESCRIPTIONS
+from lfsr_core.exports.light_field import read_light_field
+from lfsr_core.exports.pictures import on_screen
+from lfsr_core.exports.sway import eye_place
 from lfsr_core.images.png import read_png, write_png
-from lfsr_core.share.format_names import DESCRIPTIONS
-from lfsr_core.share.light_field import read_light_field
-from lfsr_core.share.pictures import on_screen
-from lfsr_core.share.sway import eye_place
 from tests.support import panel
 from tests.support.finished import finished
 

@@ -1,1 +1,0 @@
-"""The paper's figures and tables, measured again: ``scripts/reproduce_paper.py``."""

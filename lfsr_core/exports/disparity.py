@@ -1,0 +1,62 @@
+"""How far neighbouring views move each point: from the position layer, for the camera in the middle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfsr_core.arrays import Array
+from lfsr_core.exports.light_field import LightField
+from lfsr_core.frames.frame import LOW_RES_FILE, Frame
+from lfsr_core.frames.low_res import LowResEIA, low_resolution
+from lfsr_core.images.exr import clean, read_layers
+
+
+def central_disparity(field: LightField) -> Array | None:
+    """(sy, sx) float32 of the middle of all cameras; None where the frame has no position layer.
+
+    In pixels (lenses) between neighbouring dense views, positive in front of the display
+    plane: a camera one step to the right sees a point that many pixels further left,
+    one step up that many further down. Where nothing was hit, that of infinity.
+    """
+    path = field.folder / LOW_RES_FILE
+    if "position" not in field.frame.layers or not path.is_file() or field.frame.lens_list is not None:
+        return None
+    layers, _ = clean(read_layers(path))
+    if "position" not in layers:
+        return None
+    low = low_resolution(layers, field.frame)
+    row, column = low.color.shape[2] // 2, low.color.shape[3] // 2
+    seen = _of_view(low, field.frame, row, column)
+    places = [(index + 0.5) * field.frame.scale - count / 2
+              for index, count in ((column, field.count[0]), (row, field.count[1]))]
+    array, (sx, sy) = field.frame.array, field.display.lenses
+    # Disparity counts lenses across; where lenses are not square, as many down are another number.
+    places[1] *= array.half_width / sx / (array.half_height / sy)
+    return _from_the_middle(seen, *places)
+
+
+def _of_view(low: LowResEIA, frame: Frame, row: int, column: int) -> Array:
+    """Disparity (sy, sx) that the rendered view at ``row``, ``column`` of the low-resolution EIA sees."""
+    hit = low.alpha[:, :, row, column, 0] > 0
+    depth = np.where(hit, _depth(low.position[:, :, row, column], frame), np.inf)
+    array = frame.array
+    pixel = 2 * array.half_width / frame.display.lenses[0]
+    return ((array.distance / np.maximum(depth, 1e-6 * array.distance) - 1) * array.spacing / pixel).astype(np.float32)
+
+
+def _depth(position: Array, frame: Frame) -> Array:
+    """Distance from the camera plane, along its axis, of world positions (..., 3)."""
+    to_array = np.linalg.inv(np.asarray(frame.matrix_world, float))
+    return position @ to_array[2, :3] + to_array[2, 3]
+
+
+def _from_the_middle(seen: Array, right: float, down: float) -> Array:
+    """``seen`` by a camera some steps right of the middle and below it, as the middle sees it.
+
+    One step of a fixed-point iteration, enough for the fractions of a pixel in
+    question: an even number of rendered views has none in the middle.
+    """
+    rows, columns = np.indices(seen.shape)
+    column = np.clip(np.rint(columns - right * seen), 0, seen.shape[1] - 1).astype(int)
+    row = np.clip(np.rint(rows - down * seen), 0, seen.shape[0] - 1).astype(int)
+    return seen[row, column]

@@ -1,0 +1,143 @@
+"""Light fields of others: a folder of views becomes a frame folder, with an explicit display for its geometry."""
+
+from __future__ import annotations
+
+import configparser
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.exports.hci import PARAMETERS_FILE
+from lfsr_core.exports.view_files import ViewFiles, find_views, read_views
+from lfsr_core.files import read_bytes
+from lfsr_core.frames.frame import LOW_RES_FILE, Frame, write_frame
+from lfsr_core.images.exr import write_layers
+from lfsr_core.images.srgb import srgb_decode
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.eia import from_views
+from lfsr_core.optics.rays import CameraArray
+from lfsr_core.progress import Progress, silent
+from lfsr_core.render.process import DERIVED_FILES, check_folder
+from lfsr_core.render.staging import publish, staging_folder
+
+NAME = "imported"
+MOST_SCALE = 10
+SAMPLES = 1024  # per pixel, as if rendered almost without noise
+IDENTITY = tuple(tuple(float(row == column) for column in range(4)) for row in range(4))
+MOST_PARAMETER_BYTES = 100_000
+
+
+@dataclasses.dataclass(frozen=True)
+class Geometry:
+    """What the pictures themselves do not tell; None for what the folder says, else the usual."""
+
+    width_mm: float | None = None  # of the plane without parallax, which becomes the display
+    distance_mm: float | None = None  # from the cameras to it
+    angle_deg: float | None = None  # over which the cameras are spread, seen from its middle
+    mirror: str = ""  # "x", "y" or "xy" where the cameras are in the other order than their names say
+
+
+# Where nothing is known: a desk display seen from a metre.
+USUAL = {"width_mm": 600.0, "distance_mm": 1000.0, "angle_deg": 20.0}
+
+
+@dataclasses.dataclass(frozen=True)
+class Imported:
+    """What was made of a folder."""
+
+    display: DisplayProfile
+    notes: tuple[str, ...]  # what was assumed
+
+
+def import_views(source: str | Path, output: str | Path, scale: int = 1, geometry: Geometry | None = None,
+                 progress: Progress = silent) -> Imported:
+    """Make a frame folder, as the render stage leaves it, of a folder of views.
+
+    Parameters
+    ----------
+    source : folder of views named as in the HCI benchmark, the Stanford archive, JPEG Pleno, or our own
+    output : frame folder to write
+    scale : views that the second stage is to make of each, along each axis
+    geometry : replaces what the folder says
+    progress : called with (stage, fraction, message)
+
+    Raises
+    ------
+    LfsrError : for views that are missing, unreadable or of several sizes, a scale or geometry that cannot be
+    """
+    source, output, geometry = Path(source), Path(output), geometry or Geometry()
+    check_folder(output, "render")
+    known = _hci_parameters(source / PARAMETERS_FILE)
+    files = find_views(source, known and known.columns).square()
+    display, notes = _display(files, scale, geometry, known)
+    views = read_views(files, geometry.mirror, progress)
+    frame = Frame(display, scale, CameraArray.for_display(display, display.panel_mm[0]), IDENTITY, SAMPLES,
+                  scene=source.resolve().name)
+    with staging_folder(output) as work:
+        staged = work / "frame"
+        staged.mkdir()
+        # Display values are 8 bit, and so are exactly what comes back through the curve.
+        linear = srgb_decode(np.arange(256, dtype=np.float32) / 255)[from_views(views)]
+        write_layers(staged / LOW_RES_FILE, {"color": linear})
+        write_frame(staged, frame)
+        publish(staged, output, DERIVED_FILES)
+    progress("import", 1.0, str(output))
+    return Imported(display, (*files.notes, *notes))
+
+
+def _display(files: ViewFiles, scale: int, given: Geometry, hci: _Hci | None) -> tuple[DisplayProfile, list[str]]:
+    """Display whose lenses are the pictures' pixels, and what had to be assumed."""
+    if not 1 <= scale <= MOST_SCALE:
+        raise LfsrError(f"scale is {scale}, but it must be a whole number from 1 to {MOST_SCALE}")
+    known, usual = hci.geometry(files) if hci else {}, USUAL
+    chosen = {name: next(value for value in (getattr(given, name), known.get(name), usual[name]) if value is not None)
+              for name in usual}
+    assumed = [f"--{name.replace('_', '-')} {usual[name]:g}" for name in usual
+               if getattr(given, name) is None and name not in known]
+    notes = [f"the folder does not tell its geometry, assumed was {', '.join(assumed)}"] if assumed else []
+    (width, height), (across, down) = files.size, files.count
+    views = (across * scale, down * scale)
+    display = DisplayProfile(
+        NAME, (width * views[0], height * views[1]), (chosen["width_mm"], chosen["width_mm"] * height / width),
+        (width, height), views, chosen["distance_mm"], chosen["angle_deg"],
+        description=f"{across}×{down} views of another program or camera")
+    return display, notes
+
+
+@dataclasses.dataclass(frozen=True)
+class _Hci:
+    """What parameters.cfg says; lengths in millimetres."""
+
+    columns: int | None  # cameras across
+    focal: float
+    sensor: float
+    baseline: float
+    focus: float
+
+    def geometry(self, files: ViewFiles) -> dict[str, float]:
+        """The values of a ``Geometry``, by name."""
+        width = self.focus * self.sensor / self.focal * files.size[0] / max(files.size)
+        angle = 2 * math.degrees(math.atan(self.baseline * files.count[0] / 2 / self.focus))
+        return {"width_mm": width, "distance_mm": self.focus, "angle_deg": angle}
+
+
+def _hci_parameters(path: Path) -> _Hci | None:
+    """The benchmark's parameters.cfg; None without one. LfsrError where it is wrong."""
+    if not path.is_file():
+        return None
+    parser = configparser.ConfigParser(interpolation=None)
+    try:
+        parser.read_string(read_bytes(path, "the parameters of an HCI light field", MOST_PARAMETER_BYTES).decode())
+        inside, outside = parser["intrinsics"], parser["extrinsics"]
+        lengths = (float(inside["focal_length_mm"]), float(inside["sensor_size_mm"]),
+                   float(outside["baseline_mm"]), float(outside["focus_distance_m"]) * 1000)
+        columns = outside.getint("num_cams_x")
+        if not all(0 < value < math.inf for value in (*lengths, columns or 1)):
+            raise ValueError("a number is not above 0")
+    except (configparser.Error, ValueError, KeyError) as error:
+        raise LfsrError(f"{path} cannot be read as the parameters of an HCI light field "
+                        f"({str(error).splitlines()[0][:80]}): correct it, or remove it") from None
+    return _Hci(columns, *lengths)

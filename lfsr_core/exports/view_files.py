@@ -1,0 +1,167 @@
+"""Folders of views as others name them: which file is which camera's."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from lfsr_core.arrays import Array
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.display import MOST_PIXELS
+from lfsr_core.progress import Progress, silent
+
+MOST_CAMERAS = 65536
+MOST_BYTES = 2**35  # of all views together
+Place = tuple[int, int]  # row from the top, column from the left
+
+
+@dataclasses.dataclass(frozen=True)
+class ViewFiles:
+    """A full grid of view files of one size."""
+
+    paths: tuple[tuple[Path, ...], ...]  # rows from the topmost cameras, each from the left
+    size: tuple[int, int]  # (width, height) of every view
+    notes: tuple[str, ...] = ()  # what the user should know
+
+    @property
+    def count(self) -> tuple[int, int]:
+        """Cameras (across, down)."""
+        return len(self.paths[0]), len(self.paths)
+
+    def square(self) -> ViewFiles:
+        """As many cameras down as across, those in the middle: panel pixels are square. LfsrError for a single row."""
+        across, down = self.count
+        least = min(across, down)
+        if across == down:
+            return self
+        if least < 2:
+            raise LfsrError(f"the folder has {across}×{down} cameras, but a display with lenses needs at least 2×2: "
+                            "views in one row only cannot be imported")
+        top, left = (down - least) // 2, (across - least) // 2
+        paths = tuple(row[left:left + least] for row in self.paths[top:top + least])
+        return dataclasses.replace(self, paths=paths, notes=(
+            *self.notes, f"of {across}×{down} cameras the {least}×{least} in the middle were taken: elemental images "
+                         "are square"))
+
+
+def find_views(folder: Path, columns: int | None = None) -> ViewFiles:
+    """The views in a folder, by their names; LfsrError, one sentence, for whatever is missing or differs.
+
+    ``columns``: cameras across, where the names are mere numbers; None for as many as down.
+    """
+    if not folder.is_dir():
+        raise LfsrError(f"{folder} is no folder, expected one of views: check the path")
+    names = sorted(path.name for path in folder.iterdir())
+    places = _hci(names, columns) or _plain(names) or _pleno(names) or _stanford(names)
+    if places:
+        return _grid(folder, places)
+    raise LfsrError(f"{folder} has no views under names this program knows, as input_Cam000.png (HCI), "
+                    "out_00_00_-1.5_2.5_.png (Stanford), 000_000.ppm (JPEG Pleno) or view_000_000.png: rename them")
+
+
+def read_views(files: ViewFiles, mirror: str = "", progress: Progress = silent) -> Array:
+    """(rows, columns, height, width, 3) uint8 display values; ``mirror`` as of ``import_views``."""
+    (across, down), (width, height) = files.count, files.size
+    views = np.empty((down, across, height, width, 3), np.uint8)
+    for row, paths in enumerate(files.paths):
+        progress("import", row / down, paths[0].name)
+        for column, path in enumerate(paths):
+            views[row, column] = _read(path)
+    return views[::-1 if "y" in mirror else 1, ::-1 if "x" in mirror else 1]
+
+
+def _hci(names: list[str], columns: int | None) -> dict[Place, str]:
+    found = _matching(r"input_Cam(\d+)\.png", names)
+    if not found:
+        return {}
+    numbers = {int(match[1]): name for match, name in found}
+    columns = columns or math.ceil(math.sqrt(max(numbers) + 1))
+    return {divmod(number, columns): name for number, name in numbers.items()}
+
+
+def _stanford(names: list[str]) -> dict[Place, str]:
+    """By row and column; where the coordinates in the names run the other way, so do the cameras."""
+    found = _matching(r".*?_?(\d+)_(\d+)_(-?\d+(?:\.\d+)?)_(-?\d+(?:\.\d+)?)_?\.(?:png|jpe?g|ppm|tiff?)", names)
+    if not found:
+        return {}
+    rows, columns, y, x = np.array([[float(match[group]) for group in (1, 2, 3, 4)] for match, _ in found]).T
+    places = {}
+    for (_, name), row, column in zip(found, _directed(rows, y), _directed(columns, x), strict=True):
+        if (row, column) in places:
+            raise LfsrError(f"{name} and {places[row, column]} are of the same camera: remove one")
+        places[row, column] = name
+    return places
+
+
+def _directed(numbers: Array, coordinates: Array) -> list[int]:
+    """Row or column numbers from 0, turned round where coordinates fall as they rise."""
+    falls = np.dot(numbers - numbers.mean(), coordinates - coordinates.mean()) < 0
+    return (numbers.max() - numbers if falls else numbers - numbers.min()).astype(int).tolist()
+
+
+def _pleno(names: list[str]) -> dict[Place, str]:
+    return {(int(match[2]), int(match[1])): name for match, name in _matching(r"(\d+)_(\d+)\.(?:ppm|png)", names)}
+
+
+def _plain(names: list[str]) -> dict[Place, str]:
+    return {(int(match[1]), int(match[2])): name for match, name in _matching(r"view_(\d+)_(\d+)\.png", names)}
+
+
+def _matching(pattern: str, names: list[str]) -> list[tuple[re.Match[str], str]]:
+    return [(match, name) for name in names if (match := re.fullmatch(pattern, name))]
+
+
+def _grid(folder: Path, places: dict[Place, str]) -> ViewFiles:
+    first_row, first_column = (min(place[axis] for place in places) for axis in (0, 1))
+    down, across = (max(place[axis] for place in places) + 1 - first
+                    for axis, first in ((0, first_row), (1, first_column)))
+    if across * down > MOST_CAMERAS:
+        raise LfsrError(f"{folder} names {across}×{down} cameras, more than {MOST_CAMERAS}: check the names")
+    for row in range(first_row, first_row + down):
+        for column in range(first_column, first_column + across):
+            if (row, column) not in places:
+                raise LfsrError(f"{folder} has {len(places)} views, but the one in row {row}, column {column} of "
+                                f"{down} rows of {across} is missing (the others are named as {min(places.values())}): "
+                                "add it, or remove its whole row or column")
+    paths = tuple(tuple(folder / places[first_row + row, first_column + column] for column in range(across))
+                  for row in range(down))
+    return ViewFiles(paths, _one_size(paths))
+
+
+def _one_size(paths: tuple[tuple[Path, ...], ...]) -> tuple[int, int]:
+    """(width, height) of all views, from their headers; LfsrError where one differs or all are too large."""
+    first = _size(paths[0][0])
+    for path in (path for row in paths for path in row):
+        if (size := _size(path)) != first:
+            raise LfsrError(f"{path.name} has {size[0]}×{size[1]} pixels, but {paths[0][0].name} has "
+                            f"{first[0]}×{first[1]}: all views must have one size")
+    if max(first) > MOST_PIXELS or first[0] * first[1] * len(paths) * len(paths[0]) * 3 > MOST_BYTES:
+        raise LfsrError(f"{len(paths[0])}×{len(paths)} views of {first[0]}×{first[1]} pixels are too many to import: "
+                        "make them smaller")
+    return first
+
+
+def _size(path: Path) -> tuple[int, int]:
+    source = oiio.ImageInput.open(str(path)) if path.is_file() else None
+    if source is None:
+        oiio.geterror()
+        raise LfsrError(f"{path} is no readable image: replace it")
+    spec = source.spec()
+    source.close()
+    return spec.width, spec.height
+
+
+def _read(path: Path) -> Array:
+    """(height, width, 3) uint8."""
+    source = oiio.ImageInput.open(str(path))
+    pixels = source.read_image("uint8") if source else None
+    if pixels is None:
+        oiio.geterror()
+        raise LfsrError(f"{path} is damaged: replace it")
+    pixels = pixels.reshape(*pixels.shape[:2], -1)
+    return pixels[..., :3] if pixels.shape[2] >= 3 else pixels[..., :1].repeat(3, axis=2)

@@ -1,0 +1,87 @@
+"""What one chart measures, and where everything of it lies in the bench folder."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.display import DisplayProfile, load_display
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_CHAINS, PLAIN_METHOD, UPSCALERS
+from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.registry import method
+from lfsr_lab.experiments.chart.records import ChartSettings
+
+DENOISER, AS_RENDERED = "oidn", "none"
+DIRECT_METHODS = (AS_RENDERED, DENOISER)
+LAYERS = ("albedo", "normal")
+REFERENCE_FOLDER, CELL_FOLDER, TIMES_FOLDER, FRESH_FOLDER = "reference", "cells", "render-times", "fresh-process"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Settings(ChartSettings):
+    """One chart: what decides its figures, and how it is run. LfsrError for numbers that cannot be."""
+
+    folder: Path  # bench folder with a folder per scene
+    only_measure: bool = False  # new renders are refused
+    again: tuple[str, ...] = ()  # methods whose cells are measured afresh
+    retime: tuple[str, ...] = ()  # methods that are only timed afresh
+    retime_renders: bool = False  # renders are made again for their time, as often as ``render_repeats``
+    device: str = "CPU"  # what Cycles renders on
+    blender: str | None = None  # executable used instead of the one found
+
+    def __post_init__(self) -> None:
+        for name in ("spps", "direct_spps"):
+            _check_samples(name, getattr(self, name))
+        for name, least in (("repeats", 1), ("render_repeats", 1), ("ceiling_spp", 0), ("reference_spp", 2)):
+            if getattr(self, name) < least:
+                raise LfsrError(f"{name} is {getattr(self, name)}, but it must be {least} or more")
+        if self.ours not in self.methods:
+            raise LfsrError(f"our method {self.ours!r} is not among those measured, {', '.join(self.methods)}: "
+                            "add it to --methods or choose another with --ours")
+        self.profile.low_views(self.scale)
+
+    @property
+    def profile(self) -> DisplayProfile:
+        """The display."""
+        return load_display(self.display)
+
+    @property
+    def figures(self) -> ChartSettings:
+        """The part that decides the figures."""
+        return ChartSettings(**{field.name: getattr(self, field.name) for field in dataclasses.fields(ChartSettings)})
+
+
+def _check_samples(name: str, samples: tuple[int, ...]) -> None:
+    if not all(count >= 1 for count in samples) or len(set(samples)) != len(samples):
+        raise LfsrError(f"{name} are {', '.join(map(str, samples))}, but they must be different whole numbers from 1")
+    if name == "spps" and not samples:
+        raise LfsrError("there are no samples per pixel to measure at: give some with --spps, as in 1,4,16,64")
+
+
+def render_folder(scene_folder: Path, scale: int, samples: int, seed: int = 0) -> Path:
+    """Frame folder of one render of a scene; renders of other seeds lie beside each other."""
+    return scene_folder / (f"s{scale}-spp{samples}" + (f"-seed{seed}" if seed else ""))
+
+
+def default_methods() -> tuple[str, ...]:
+    """Every upscaler alone and after the denoiser, as far as it is meant to be; the default method first.
+
+    Taken from ``upscale.UPSCALERS``, so that a method that is added there is measured without being named here.
+    """
+    upscalers = [name for name in UPSCALERS if name != AS_RENDERED]
+    return tuple(dict.fromkeys([DEFAULT_METHOD, *(chain for name in upscalers for chain in _chains(name))]))
+
+
+def _chains(upscaler: str) -> tuple[str, ...]:
+    """The ways to use one upscaler: networks of ours were trained for one of them only."""
+    network = catalogue.NETWORKS.get(upscaler)
+    if network and network.light_field:
+        return (network.chain(upscaler),)
+    return upscaler, *(PLAIN_CHAINS if upscaler == PLAIN_METHOD else (f"{DENOISER}+{upscaler}",))
+
+
+def check_methods(names: tuple[str, ...]) -> None:
+    """LfsrError for a name that is no method."""
+    for name in names:
+        method(name)

@@ -1,0 +1,107 @@
+"""How near a panel's image comes to a reference: on the panel, and for eyes before it.
+
+One reference is a light field of every view, woven as finely as there is, another the panel's subpixels traced: each
+is home to some of the ways, and the error of interpolating lies between them. The two halves of a reference are
+independent, so that its noise cancels.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lfsr_core.arrays import Array
+from lfsr_core.frames.frame import REFERENCE_FILES, read_rendered
+from lfsr_core.frames.reference import Reference
+from lfsr_core.metrics.split_ssim import mean_of, psnr, split_mse, split_ssim_map
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.eye import see
+from lfsr_core.optics.panel.trace import see_panel
+from lfsr_lab.experiments.displays.ways import Way, panel_image, shown, traced
+
+PLACES = ((0.5, 0.5), (0.2, 0.4), (0.8, 0.6), (0.35, 0.75), (0.65, 0.25))  # of eyes, in the viewing zone
+ONCE = 1  # pixels of the eye's picture: one for each that is seen
+Halves = tuple[Array, Array]
+
+
+@dataclasses.dataclass(frozen=True)
+class Accuracy:
+    """How near a panel's image comes to the reference's."""
+
+    psnr_panel: float | None  # decibels over all subpixels; None: below what the reference's noise lets see
+    psnr_eye: float | None  # of what eyes see
+    ssim_eye: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Point:
+    """One way at one number of samples."""
+
+    way: str
+    samples: int
+    render_cpu: float  # seconds on all cores beyond opening the scene
+    finish_cpu: float  # seconds on all cores from the render to the panel's image
+    accuracy: Accuracy  # against the woven reference, or the EIA where the panel has no lens sheet
+    scale: int = 1  # by which views were divided
+    straight: Accuracy | None = None  # against the traced reference of a panel with a lens sheet
+
+    @property
+    def cpu(self) -> float:
+        """Seconds in all."""
+        return self.render_cpu + self.finish_cpu
+
+
+@dataclasses.dataclass(frozen=True)
+class Target:
+    """What panels are compared with."""
+
+    profile: DisplayProfile
+    panels: Halves  # (H, W, 3) uint8
+    eyes: tuple[Halves, ...]  # what eyes see of them, in [0, 1]
+
+    @classmethod
+    def of(cls, folder: Path) -> Target:
+        """Of the frame folder of a reference of every view."""
+        reference = Reference.read(folder)
+        profile = reference.frame.display
+        return cls._with(profile, tuple(shown(half, profile, "all") for half in (reference.half_a, reference.half_b)))
+
+    @classmethod
+    def straight(cls, folder: Path) -> Target:
+        """Of the frame folder of a reference of the panel's subpixels."""
+        return cls._with(read_rendered(folder).display, tuple(traced(folder, name) for name in REFERENCE_FILES))
+
+    @classmethod
+    def _with(cls, profile: DisplayProfile, panels: Halves) -> Target:
+        return cls(profile, panels, tuple(zip(*(seen(panel, profile) for panel in panels), strict=True)))
+
+    def accuracy(self, panel: Array, seen: Sequence[Array]) -> Accuracy:
+        """Of a panel's image (H, W, 3) uint8, and of what eyes see of it."""
+        error = np.mean([split_mse(eye, *halves) for eye, halves in zip(seen, self.eyes, strict=True)])
+        ssim = np.mean([mean_of(split_ssim_map(eye, *halves)) for eye, halves in zip(seen, self.eyes, strict=True)])
+        on_panel = split_mse(panel / 255, *(half / 255 for half in self.panels))
+        return Accuracy(psnr(on_panel), psnr(float(error)), float(ssim))
+
+
+def finish(folder: Path, way: Way) -> tuple[Array, float]:
+    """The panel's image of a rendered frame and the processor seconds that it took."""
+    started = time.process_time()
+    return panel_image(folder, way), time.process_time() - started
+
+
+def seen(panel: Array, profile: DisplayProfile) -> list[Array]:
+    """What eyes at PLACES see of a panel's image, (rows, columns, 3) in [0, 1] each."""
+    return [_seen(panel, profile, place) for place in PLACES]
+
+
+def _seen(panel: Array, profile: DisplayProfile, place: tuple[float, float]) -> Array:
+    """What an eye at ``place`` of the viewing zone sees, (rows, columns, 3) in [0, 1]."""
+    wide = 2 * profile.viewing_distance_mm * math.tan(math.radians(profile.viewing_angle_deg) / 2)
+    high = profile.camera_spacing_mm * (profile.views[1] if profile.parallax[1] else 0)
+    eye = ((place[0] - 0.5) * wide, (place[1] - 0.5) * high, profile.viewing_distance_mm)
+    return (see_panel if profile.is_woven else see)(panel, profile, eye, ONCE) / 255

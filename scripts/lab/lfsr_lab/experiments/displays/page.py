@@ -1,0 +1,148 @@
+"""What people read of the comparison: a table and a picture."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from lfsr_lab.experiments.displays.measure import Accuracy, Point
+from lfsr_lab.experiments.displays.ways import DIRECT, NAMES, OTHER, OURS, STRAIGHT, USUAL
+from lfsr_lab.experiments.environment import Environment
+from lfsr_lab.experiments.plots import (
+    COLORS,
+    MARKERS,
+    Curve,
+    draw_curve,
+    height,
+    name_curves,
+    panel_sheet,
+    time_axis,
+    value_axis,
+)
+from lfsr_lab.experiments.tables import markdown_table, number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WOVEN, TRACED = "woven", "traced"  # references: every view, woven or as it is; the panel's subpixels
+HEADER = ("scene", "display", "way", "samples", "scale", "render", "rest", "CPU s", "PSNR panel", "PSNR eye",
+          "SSIM eye", "traced: PSNR panel", "PSNR eye", "SSIM eye")
+OTHERS = (OTHER, DIRECT, STRAIGHT, USUAL)
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One scene on one display."""
+
+    scene: str
+    kind: str
+    panel_pixels: tuple[int, int]
+    points: tuple[Point, ...]
+
+    @property
+    def references(self) -> tuple[str, ...]:
+        """What its points are judged by, of WOVEN and TRACED."""
+        return (WOVEN, TRACED) if all(point.straight for point in self.points) else (WOVEN,)
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """Everything that was measured."""
+
+    width: int | None  # pixels of cut-down panels, None for the real ones
+    reference_spp: int
+    environment: Environment
+    rows: tuple[Row, ...]
+
+
+def markdown(found: Comparison) -> str:
+    """Tables of every point and of what they say."""
+    lines = [f"{found.environment.machine}; {found.environment.packages}.", "",
+             *(f"- {name}: {text}." for name, text in NAMES.items()), "",
+             *markdown_table(("scene", "display", "reference", "against", "at samples", "its SSIM eye", "its CPU s",
+                              "ours CPU s", "times"), _verdicts(found), "llll"), "",
+             *markdown_table(HEADER, _lines(found), "lll")]
+    return "\n".join(lines) + "\n"
+
+
+def judged(point: Point, reference: str) -> Accuracy:
+    """How near it comes to a reference that its row has."""
+    return point.accuracy if reference == WOVEN else point.straight
+
+
+def seconds_for(points: tuple[Point, ...], value: float, reference: str = WOVEN) -> float | None:
+    """CPU seconds at which a way's curve first reaches an ``ssim_eye``, by the logarithm of time between two points.
+
+    None where it never does. Better already at its first point: that point's seconds.
+    """
+    before = None
+    for point in points:
+        reached = judged(point, reference).ssim_eye
+        if reached >= value:
+            if before is None:
+                return point.cpu
+            least = judged(before, reference).ssim_eye
+            share = (value - least) / (reached - least)
+            return before.cpu * (point.cpu / before.cpu) ** share
+        before = point
+    return None
+
+
+def picture(found: Comparison, reference: str = WOVEN) -> Figure | None:
+    """A panel per scene and display: what eyes see, by processor seconds; None where no display has that reference."""
+    rows = [row for row in found.rows if reference in row.references]
+    if not rows:
+        return None
+    made = {WOVEN: "every view", TRACED: "the panel's subpixels"}[reference]
+    figure, grid = panel_sheet(len(rows), len({row.kind for row in rows}),
+                               f"Up and left is better: split SSIM of what eyes see, against {made} traced with "
+                               f"{found.reference_spp} samples; processor seconds on all cores, of one run")
+    for axes, row in zip(grid, rows, strict=True):
+        _panel(axes, row, reference)
+    return figure
+
+
+def _of(row: Row, way: str) -> tuple[Point, ...]:
+    return tuple(point for point in row.points if point.way == way)
+
+
+def _lines(found: Comparison) -> Iterator[tuple]:
+    for row in found.rows:
+        for point in row.points:
+            yield (row.scene, row.kind, point.way, point.samples, point.scale, number(point.render_cpu, digits=1),
+                   number(point.finish_cpu, digits=1), number(point.cpu, digits=1), *_figures(point.accuracy),
+                   *_figures(point.straight))
+
+
+def _figures(close: Accuracy | None) -> tuple[str, ...]:
+    values = (close.psnr_panel, close.psnr_eye, close.ssim_eye) if close else (None,) * 3
+    return tuple(number(value, digits=digits) for value, digits in zip(values, (2, 2, 4), strict=True))
+
+
+def _verdicts(found: Comparison) -> Iterator[tuple]:
+    """What each point of the other ways costs us."""
+    for row in found.rows:
+        rivals = [point for way in OTHERS for point in _of(row, way)]
+        for reference, rival in itertools.product(row.references, rivals):
+            its = judged(rival, reference).ssim_eye
+            ours = seconds_for(_of(row, OURS), its, reference)
+            yield (row.scene, row.kind, reference, rival.way, rival.samples, number(its, digits=4),
+                   number(rival.cpu, digits=1), number(ours, digits=1), number(ours and rival.cpu / ours, digits=1))
+
+
+def _panel(axes: Axes, row: Row, reference: str) -> None:
+    curves = [Curve(way, COLORS[index], MARKERS[index], [point.cpu for point in points],
+                    [judged(point, reference).ssim_eye for point in points],
+                    notes=[str(point.samples) for point in points], bold=way == OURS)
+              for index, way in enumerate((OURS, *OTHERS)) if (points := _of(row, way))]
+    seconds, values = ([value for curve in curves for value in getattr(curve, axis)] for axis in "xy")
+    time_axis(axes, min(seconds) / 1.3, max(seconds) * 1.3)
+    value_axis(axes, height(min(values)) - 0.3, height(max(values)) + 0.3, toward_one=True)
+    axes.set_title(f"{row.scene}, {row.kind} {row.panel_pixels[0]}×{row.panel_pixels[1]}", loc="left", fontsize=14)
+    axes.grid(color="#e6e6e6")
+    for curve in curves:
+        draw_curve(axes, curve)
+    name_curves(axes, curves)

@@ -1,0 +1,111 @@
+"""The ways to a panel's image that are compared, each from a render to what the panel shows."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from lfsr_core.arrays import Array
+from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS, Frame, read_frame, read_rendered
+from lfsr_core.frames.low_res import LowResEIA, low_resolution
+from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.optics.depth_scale import scales_up_to
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.eia import flip_order, from_views
+from lfsr_core.optics.panel.gather import gather_map
+from lfsr_core.optics.panel.weave import weave
+from lfsr_core.reconstruct.method_name import MethodName, default_method
+from lfsr_core.reconstruct.methods.denoise import denoise_eia
+from lfsr_core.reconstruct.methods.guides import GUIDES, from_unit, in_unit
+from lfsr_core.reconstruct.panel_stage import panel_picture
+from lfsr_core.reconstruct.second_stage import finished_linear
+
+OURS, OTHER, DIRECT, STRAIGHT, USUAL = "ours", "ours, other scale", "every view", "straight", "usual"
+
+
+@dataclasses.dataclass(frozen=True)
+class Way:
+    """How a panel's image is made."""
+
+    name: str  # of NAMES
+    layout: str  # how it is rendered, see frames.frame.LAYOUTS
+    samples: tuple[int, ...]  # per pixel of the render, at which it is measured
+
+    def scales(self, profile: DisplayProfile) -> tuple[int, ...]:
+        """Scales to choose from by the scene's depth as `lfsr render` does, the largest first; empty: scale 1."""
+        if self.name == OTHER:
+            return (2,) if scales_up_to(profile)[0] > 2 else (4,)
+        if self.name != OURS:
+            return ()
+        method = MethodName.parse(default_method(profile.parallax))
+        return tuple(scale for scale in scales_up_to(profile) if scale == 1 or method.works_at(scale))
+
+
+WAYS = (Way(OURS, "one-pass", (4, 16, 64)), Way(OTHER, "one-pass", (4, 16, 64)), Way(DIRECT, "one-pass", (1, 4, 16)),
+        Way(STRAIGHT, SUBPIXELS, (1, 4, 16)), Way(USUAL, "view-by-view", (4,)))
+NAMES = {
+    OURS: "fewer views in one pass, as many as `lfsr render` chooses, the default method, the weave",
+    OTHER: "the same with half or a quarter of the views along each axis, whichever is not chosen for a flat scene",
+    DIRECT: "every view in one pass, OIDN, the weave",
+    STRAIGHT: "rays of the panel's subpixels, each a pixel of the render, OIDN, no weave",
+    USUAL: "one render per view, OIDN per view, the nearest view",
+}
+
+
+def measured_at(profile: DisplayProfile) -> list[tuple[Way, int]]:
+    """Every way that a display has, with every number of samples."""
+    return [(way, samples) for way in WAYS for samples in way.samples if way.name != STRAIGHT or profile.is_woven]
+
+
+def panel_image(folder: Path, way: Way) -> Array:
+    """What the panel shows, (H, W, 3) uint8 sRGB, from the rendered frame in ``folder``."""
+    if way.name == STRAIGHT:
+        return traced(folder, LOW_RES_FILE, "oidn")
+    frame = read_frame(folder)
+    if way.name == USUAL:
+        return shown(_view_by_view(folder, frame), frame.display, "nearest")
+    method = MethodName.parse(default_method(frame.display.parallax))
+    return shown(finished_linear(folder, method if frame.scale > 1 else method.without_upscaler()), frame.display)
+
+
+def traced(folder: Path, name: str, method: str = "none") -> Array:
+    """What the panel shows of the file ``name`` of a render of its subpixels, (H, W, 3) uint8 sRGB."""
+    layers, frame = clean(read_layers(folder / name))[0], read_rendered(folder)
+    return _encoded(panel_picture(layers, frame, MethodName.parse(method)))
+
+
+def shown(linear: Array, display: DisplayProfile, sampling: str | None = None) -> Array:
+    """The panel's image (H, W, 3) uint8 of a scene-linear light field (rows, columns, 3) in view order.
+
+    ``sampling``: of display.WEAVES, None for the display's own; for a display that is woven.
+    """
+    eia = _encoded(linear)
+    if display.is_woven:
+        return weave(eia, gather_map(display, sampling or display.weave))
+    return flip_order(eia, display.lenses) if display.ei_order == "flipped" else eia
+
+
+def _encoded(linear: Array) -> Array:
+    return np.rint(srgb_encode(linear) * 255).astype(np.uint8)
+
+
+def _view_by_view(folder: Path, frame: Frame) -> Array:
+    """The light field with every view denoised as Blender does: on its own, by its albedo and normal."""
+    low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame)
+    py, px = low.color.shape[2:4]
+    views = np.array([[_denoised(low, row, column) for column in range(px)] for row in range(py)])
+    return from_views(views)
+
+
+def _denoised(low: LowResEIA, row: int, column: int) -> Array:
+    guides = {name: low.layers[name][:, :, row, column] for name in GUIDES if name in low.layers}
+    return denoise_eia(low.color[:, :, row, column], **clean_guides(guides))
+
+
+def clean_guides(guides: Mapping[str, Array]) -> dict[str, Array]:
+    """Noisy "albedo" and "normal" of one view (H, W, 3) without their noise, as Blender does it."""
+    return {name: from_unit(name, denoise_eia(in_unit(name, guide), fast=True)) for name, guide in guides.items()}

@@ -1,0 +1,132 @@
+"""The paper's figures and tables, measured again by one command that can be stopped and started again.
+
+    python -m lfsr_lab.experiments.paper -o OUT                     everything, hours on a CPU
+    python -m lfsr_lab.experiments.paper -o OUT --quick             every figure in minutes, on tiny frames
+    python -m lfsr_lab.experiments.paper -o OUT --only fig10a,table3 --docs docs
+
+What is complete in OUT is not done again. OUT/results.json, OUT/paper.md and OUT/images are written after
+every figure; --docs also puts the page and its pictures there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json, write_json
+from lfsr_core.optics.display import load_display
+from lfsr_core.records import from_data, to_data
+from lfsr_lab.experiments.environment import check_packages, environment
+from lfsr_lab.experiments.page import write_text
+from lfsr_lab.experiments.paper import page, renders, settings
+from lfsr_lab.experiments.paper.figure import Figure
+from lfsr_lab.experiments.paper.records import Results
+from lfsr_lab.experiments.plots import save
+from lfsr_lab.experiments.script import exit_code
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Sheet
+
+RESULTS_FILE, PAGE_FILE, IMAGES = "results.json", "paper.md", "images"
+PAGE_IN_DOCS = "results/paper.md"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Exit code 0, 2 after bad input, 130 if stopped."""
+    arguments = _parser().parse_args(argv)
+    command = _command(sys.argv[1:] if argv is None else argv)
+    return exit_code("reproduce_paper", lambda: reproduce(arguments, command))
+
+
+def reproduce(arguments: argparse.Namespace, command: str) -> dict[str, Results]:
+    """Measure, draw and write figure by figure; returns all results by id, earlier ones included."""
+    check_packages()
+    figures, chosen = page.chosen(arguments.only), make_settings(arguments)
+    run = page.Run(chosen, environment(), command)
+    file, facts = chosen.output / RESULTS_FILE, chosen.facts()
+    results = _earlier(file, facts)
+    for figure in figures:
+        found = results[figure.id] = figure.measure(chosen)
+        write_json(file, {"settings": facts, "environment": to_data(run.environment), "command": command,
+                          "figures": {name: to_data(of) for name, of in results.items()}})
+        sheet = figure.draw(found, chosen.output) if figure.draw else None
+        _publish(figure, sheet, chosen.output, page.markdown(results, run, IMAGES))
+        if arguments.docs:
+            _publish(figure, sheet, arguments.docs, page.markdown(results, run, f"../{IMAGES}"), PAGE_IN_DOCS)
+        print(f"{figure.title}: {figure.line(found)}", flush=True)
+    return results
+
+
+def _publish(figure: Figure, sheet: Sheet | None, folder: Path, text: str, page_file: str = PAGE_FILE) -> None:
+    """Write the figure's picture and the page so far into a folder."""
+    if sheet:
+        save(sheet, folder / IMAGES / page.picture_name(figure))
+    write_text(folder / page_file, text)
+
+
+def make_settings(arguments: argparse.Namespace) -> settings.Settings:
+    """Settings of the command line; LfsrError where a display, scene or folder is wrong."""
+    scenes = tuple(arguments.scenes) or (renders.demo_scene(arguments.output),)
+    names = ("bench", "lenses", "weights", "train_minutes", "photographs", "validation", "device", "render_device",
+             "blender", "repeats", "spp", "clean_spp", "reference_spp", "scale", "convention")
+    changes = {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
+    for name in ("display", "timing_display"):
+        if getattr(arguments, name) is not None:
+            changes[name] = load_display(getattr(arguments, name))
+    if arguments.weights is not None and not arguments.weights.is_dir():
+        raise LfsrError(f"--weights {arguments.weights} is no folder: give one with NAME-x{arguments.scale or 4}"
+                        ".safetensors files")
+    return (settings.quick if arguments.quick else settings.full)(arguments.output, scenes, **changes)
+
+
+def _earlier(path: Path, facts: dict[str, Any]) -> dict[str, Results]:
+    """Figures of an earlier run with the same settings, none where they differ."""
+    if not path.exists():
+        return {}
+    data = read_json(path, "the results of an earlier run")
+    if data.get("settings") == facts:
+        return {name: from_data(page.FIGURES[name].kind, found, str(path)) for name, found in data["figures"].items()}
+    print(f"{path} is of other settings: its figures leave the page, their measurements stay", file=sys.stderr)
+    return {}
+
+
+def _command(words: Sequence[str]) -> str:
+    """The command line without this machine's folders."""
+    shown = [Path(word).name if Path(word).is_absolute() else word for word in words]
+    return " ".join(["python -m lfsr_lab.experiments.paper", *shown])
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="reproduce_paper", description=__doc__.splitlines()[0])
+    add = parser.add_argument
+    add("-o", "--output", type=Path, required=True, metavar="OUT", help="folder of everything that is made")
+    add("--scenes", type=Path, nargs="+", default=[], metavar="FILE", help="default: the demo scene")
+    add("--quick", action="store_true", help="tiny frames and few samples: every figure in minutes")
+    add("--only", metavar="ID,ID", help=f"of {', '.join(page.FIGURES)}")
+    add("--docs", type=Path, metavar="DIR", help="also write results/paper.md and images/paper-*.png there")
+    add("--bench", type=Path, metavar="DIR", help="folder with renders on --display to reuse and add to")
+    add("--display", metavar="NAME|FILE.toml", help="for accuracy; default: small")
+    add("--timing-display", metavar="NAME|FILE.toml", help="for times of whole frames; default: bupt-32in-8k")
+    add("--scale", type=int, metavar="S", help="default: 4")
+    add("--spp", type=int, metavar="N", help="samples a user renders with, default: 16")
+    add("--clean-spp", type=int, metavar="N", help="samples where noise should not matter, default: 4096")
+    add("--reference-spp", type=int, metavar="N", help="default: 1024")
+    add("--lenses", type=int, metavar="N", help="lenses of a reference; default: all")
+    add("--convention", choices=("centred", "paper"), help="where views lie, default: centred")
+    add("--weights", type=Path, metavar="DIR", help="trained networks, as of lfsr_lab.train.suite")
+    add("--train-minutes", type=float, metavar="M", help="train each network that --weights lacks for so long")
+    add("--photographs", metavar="DIR|FILE", help="to train with; default: as in lfsr_core/train/configs")
+    add("--validation", metavar="DIR|FILE", help="to validate with; default: as in lfsr_core/train/configs")
+    add("--device", choices=("auto", "cpu", "cuda"), help="for networks, default: auto")
+    add("--render-device", metavar="NAME", help="Cycles device, default: CPU")
+    add("--blender", metavar="PATH", help="default: the bpy package, then PATH")
+    add("--repeats", type=int, metavar="N", help="runs of everything timed but renders, default: 10")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

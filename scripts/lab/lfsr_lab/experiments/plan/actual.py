@@ -1,0 +1,177 @@
+"""What every candidate of a bench folder reaches and takes as a whole frame, and renders replayed from it.
+
+A bench folder holds per scene ``reference/`` and ``s{scale}-spp{n}/``, whole frame
+folders of `lfsr reference` and `lfsr render`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import re
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from einops import rearrange
+
+from lfsr_core.arrays import Array
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame, write_frame
+from lfsr_core.frames.job import Job
+from lfsr_core.frames.reference import Reference, check_reference
+from lfsr_core.images.exr import read_layers, write_layers
+from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.metrics.split_ssim import stacked_ssim
+from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.plan.candidates import Candidate
+from lfsr_core.plan.times import path_samples, render_seconds
+from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
+from lfsr_lab.experiments.cells import Cells
+from lfsr_lab.experiments.chart.renders import known_seconds
+
+REFERENCE = "reference"
+RENDER_FOLDER = re.compile(r"s(\d+)-spp(\d+)")
+
+
+@dataclasses.dataclass(frozen=True)
+class Actual:
+    """``accuracy`` by the metric of sampled lenses (docs/reference/metrics.md), ``seconds`` of the whole frame."""
+
+    accuracy: float
+    seconds: float
+
+
+def scenes(bench: Path) -> list[Path]:
+    """Folders of the scenes with a reference and at least one render."""
+    return sorted(path.parents[1] for path in bench.glob(f"*/{REFERENCE}/{FRAME_FILE}") if renders(path.parents[1]))
+
+
+def renders(scene: Path) -> dict[tuple[int, int], Path]:
+    """Frame folders of a scene by scale and samples."""
+    found = {}
+    for path in scene.glob(f"s*-spp*/{FRAME_FILE}"):
+        name = RENDER_FOLDER.fullmatch(path.parent.name)
+        if name and (path.parent / LOW_RES_FILE).exists():
+            found[int(name[1]), int(name[2])] = path.parent
+    return found
+
+
+def actual(scene: Path, candidate: Candidate, metric: str, cache: Path) -> Actual:
+    """Measure one candidate as a whole frame, unless that was done before.
+
+    Parameters
+    ----------
+    scene : folder of the bench
+    candidate : what to measure
+    metric : accuracy by this metric
+    cache : folder that keeps what was measured
+
+    Raises
+    ------
+    LfsrError : where it cannot be made, or where the reference is of sampled lenses only: its own uncertainty would
+        be as large as the plan's
+    """
+    def measure() -> Actual:
+        folder = renders(scene)[candidate.scale, candidate.spp]
+        accuracy = _accuracy(folder, scene / REFERENCE, candidate.method, metric)
+        return Actual(accuracy, _seconds(folder, candidate.method))
+
+    return Cells(cache, Actual, key=None).get(f"{candidate.name.replace(' ', '-')}-{metric}", {}, measure)
+
+
+def _accuracy(folder: Path, reference: Path, method: str, metric: str) -> float:
+    check_reference(read_frame(folder), read_frame(reference))
+    known, halves = _reference(reference)
+    counted = known.foreground if metric == "ssim_lens_fg" else np.ones_like(known.foreground)
+    rows, columns = known.lenses[counted].T
+    images = to_elemental_images(finished_linear(folder, method), known.frame.display.lenses)[rows, columns]
+    return float(stacked_ssim(srgb_encode(images), *(half[counted] for half in halves)).mean())
+
+
+@functools.lru_cache(maxsize=1)
+def _reference(folder: Path) -> tuple[Reference, tuple[Array, Array]]:
+    """The reference, which must show every lens, and its elemental images."""
+    reference = Reference.read(folder)
+    if reference.lens_list is not None:
+        raise LfsrError(f"the reference {folder} is of {len(reference.lens_list)} lenses only, but all are needed: "
+                        "render it without --lenses")
+    return reference, reference.elemental_images()
+
+
+def _seconds(folder: Path, method: str) -> float:
+    """Render, as it took then, and second stage, as it takes now; the folder itself stays as it is."""
+    with tempfile.TemporaryDirectory(prefix="lfsr-actual-") as name:
+        write_frame(name, timed_frame(folder))
+        for file in read_frame(folder).render_files:
+            shutil.copy(folder / file, name)
+        return sum(upscale_frame(name, method).seconds.values())
+
+
+def timed_frame(folder: Path) -> Frame:
+    """The frame of a bench's render with the seconds of its timed repeats (`lfsr chart --retime-renders`), if any."""
+    frame = read_frame(folder)
+    return dataclasses.replace(frame, seconds={**frame.seconds, "render": float(np.median(known_seconds(folder)))})
+
+
+def setup_seconds(scene: Path) -> float:
+    """What a render of the scene takes whatever its size, from the bench's: seconds over path samples, as a line."""
+    frames = [timed_frame(folder) for folder in renders(scene).values()]
+    samples, seconds = np.array([(path_samples(frame), render_seconds(frame)) for frame in frames], float).T
+    if len(set(samples)) < 2:
+        return 0.0
+    # By their inverse, so that seconds of short renders count as much as those of long ones.
+    return float(np.clip(np.polyfit(samples, seconds, 1, w=1 / np.maximum(seconds, 1e-6))[1], 0, seconds.min()))
+
+
+def replay(scene: Path, job: Job) -> None:
+    """Do ``job`` by cutting its lenses out of a whole frame of the bench folder, instead of rendering them.
+
+    Seconds are the scene's set-up and what is left of the frame's, for as many
+    pixels. A reference's two halves show the same half of the bench's, which of
+    them the seed decides.
+    """
+    source = _source(scene, job)
+    frame, target = timed_frame(source), Path(job.output)
+    tiled = dataclasses.replace(frame, lens_list=job.lens_list, seed=job.seed, samples=job.spp)
+    share = np.prod(tiled.rays.size) / np.prod(frame.rays.size) * job.spp / frame.samples
+    target.mkdir(parents=True, exist_ok=True)
+    files = {LOW_RES_FILE: LOW_RES_FILE}
+    if job.kind == "reference":
+        files = dict.fromkeys(REFERENCE_FILES, REFERENCE_FILES[job.seed % 2])
+    for name, original in files.items():
+        write_layers(target / name, {layer: _cut(pixels, frame, tiled)
+                                     for layer, pixels in _layers(source / original).items()})
+    for name in frame.render_files[1:]:
+        shutil.copy(source / name, target)
+    whole, world = render_seconds(frame), 0.0 if job.world else frame.seconds.get("world", 0.0)
+    setup = min(setup_seconds(scene), whole)
+    seconds = {**frame.seconds, "world": world, "render": world + setup + (whole - setup) * float(share)}
+    write_frame(target, dataclasses.replace(tiled, seconds=seconds))
+
+
+def _source(scene: Path, job: Job) -> Path:
+    """The render asked for, else of the same scale the one of nearest samples: good enough for a quick look."""
+    if job.kind == "reference":
+        return scene / REFERENCE
+    known = {spp: path for (scale, spp), path in renders(scene).items() if scale == job.scale}
+    if not known:
+        raise LfsrError(f"{scene} has no render of scale {job.scale}, which a plan starts from: render one")
+    return known[min(known, key=lambda spp: abs(spp - job.spp))]
+
+
+@functools.lru_cache(maxsize=16)
+def _layers(path: Path) -> Mapping[str, Array]:
+    return read_layers(path)
+
+
+def _cut(pixels: Array, whole: Frame, tiled: Frame) -> Array:
+    """Tiles (H, W, C) of the listed lenses, spare ones repeating the last, as RayLayout places them."""
+    if tiled.lens_list is None:
+        return pixels
+    across, down = tiled.rays.tiles
+    rows, columns = np.asarray(tiled.lens_list)[np.minimum(np.arange(across * down), len(tiled.lens_list) - 1)].T
+    images = to_elemental_images(pixels, whole.rays.tiles)[rows, columns]
+    return rearrange(images, "(down across) y x c -> (down y) (across x) c", down=down)

@@ -1,0 +1,255 @@
+"""Are plans right? ``python -m lfsr_lab.experiments.plan.validation BENCH -o DIR --json FILE [--replay]``
+
+Plans every scene of a bench folder (lfsr_lab.experiments.plan.actual) for several
+targets and seeds, and holds each plan against whole frames and references: does
+the chosen candidate meet the target, and what does it cost against the best
+choice in hindsight. With --replay the sampled lenses are cut out of the bench's
+frames, so that many seeds cost no render; without, they are rendered.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.job import Job
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.plan.candidates import BETWEEN, Candidate, between, samples_of
+from lfsr_core.plan.options import Options
+from lfsr_core.plan.planner import Planned, make_plan
+from lfsr_core.plan.renders import rendering
+from lfsr_core.records import write_record
+from lfsr_core.render.blender import find_blender
+from lfsr_core.render.store import Render
+from lfsr_lab.experiments.plan.actual import REFERENCE, Actual, actual, renders, replay, scenes
+from lfsr_lab.experiments.plan.records import Summary, Validation, Verdict
+from lfsr_lab.experiments.tables import markdown_table
+
+TARGETS = (0.8, 0.85, 0.9, 0.925, 0.95, 0.97)
+CANDIDATE_COLUMNS = ("scene", "candidate", "actual", "estimate", "least", "most", "bounds below", "seconds: predicted "
+                     "over actual")
+CHEAP_ENOUGH = 1.2  # times the cost of the best choice in hindsight
+COLUMNS = ("scene", "seed", "target", "chosen", "estimate", "bound", "actual", "met", "hindsight", "cost", "samples")
+KEPT = "truth"  # folder of measured candidates beside a scene's samples
+Actuals = dict[Candidate, Actual]
+
+
+@dataclasses.dataclass(frozen=True)
+class Draw:
+    """One draw of lenses on one scene of the bench."""
+
+    folder: Path  # the scene's folder in the bench
+    scene_file: str  # what Blender opens, empty where renders are replayed
+    seed: int  # of the lenses
+    work: Path  # keeps the sample
+    cache: Path  # keeps measured candidates
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """One plan: ``scene``, ``seed`` of its lenses, ``target`` accuracy, and the ``display``."""
+
+    scene: str
+    seed: int
+    target: float
+    display: DisplayProfile
+
+
+def validate(draw: Draw, render: Render, options: Options, targets: Sequence[float]) -> Iterator[Verdict]:
+    """One verdict per target; the sample in ``draw.work`` serves all targets.
+
+    Parameters
+    ----------
+    draw : scene, seed and folders
+    render : makes the sample's renders
+    options : of the plans, apart from their targets
+    targets : accuracies to plan for
+    """
+    display = read_frame(draw.folder / REFERENCE).display
+    options = dataclasses.replace(options, renders=tuple(renders(draw.folder)))
+    job = Job(output=str(draw.work), display=display, scene=draw.scene_file, layers=("albedo", "normal"),
+              seed=draw.seed)
+    known = with_between(_actuals(draw, options.candidates(display), options.metric), options.between)
+    for target in targets:
+        planned = make_plan(job, dataclasses.replace(options, target=target), render, draw.work)
+        yield judge(planned, known, Case(draw.folder.name, draw.seed, target, display))
+
+
+def judge(planned: Planned, actuals: Actuals, case: Case) -> Verdict:
+    """How a plan compares with what its candidates reach and take as whole frames."""
+    meeting = [candidate for candidate, found in actuals.items() if found.accuracy >= case.target]
+    best = min(meeting, key=lambda candidate: actuals[candidate].seconds, default=None)
+    measured = [row for row in planned.rated
+                if row.estimate is not None and row.note != BETWEEN and row.candidate in actuals]
+    known = [actuals[row.candidate] for row in measured]
+    pairs = list(zip(measured, known, strict=True))
+    row = planned.choice.chosen
+    verdict = Verdict(
+        case.scene, case.seed, case.target, row and row.candidate.name, best and best.name, None, None, None,
+        planned.sample, planned.choice.limit,
+        covered=tuple(row.estimate.low <= found.accuracy for row, found in pairs),
+        errors=tuple(row.estimate.mean - found.accuracy for row, found in pairs),
+        times=tuple(row.seconds / found.seconds for row, found in pairs),
+        measured=tuple(row.candidate.name for row in measured), actuals=tuple(found.accuracy for found in known))
+    if row is None:
+        return verdict
+    found = actuals[row.candidate]
+    verdict = dataclasses.replace(verdict, estimate=row.estimate.mean, bound=row.estimate.low, actual=found.accuracy,
+                                  met=found.accuracy >= case.target)
+    if best is None or not verdict.met:
+        return verdict
+    samples = samples_of(row.candidate, case.display) / samples_of(best, case.display)
+    return dataclasses.replace(verdict, cost=found.seconds / actuals[best].seconds, samples=samples)
+
+
+def with_between(actuals: Actuals, steps: int) -> Actuals:
+    """``actuals`` and those between them, by the rule of a plan (candidates.between); seconds grow with the samples."""
+    found = dict(actuals)
+    for scale, method in {(candidate.scale, candidate.method) for candidate in actuals}:
+        known = {c.spp: one for c, one in actuals.items() if (c.scale, c.method) == (scale, method)}
+        for spp, fewer, more, weight in between(list(known), steps):
+            low, high, share = known[fewer], known[more], (spp - fewer) / (more - fewer)
+            accuracy = low.accuracy + weight * (high.accuracy - low.accuracy)
+            seconds = low.seconds + share * (high.seconds - low.seconds)
+            found[Candidate(scale, spp, method)] = Actual(accuracy, seconds)
+    return found
+
+
+def summary(rows: Sequence[Verdict]) -> Summary:
+    """Over all plans."""
+    chosen = [row for row in rows if row.met is not None]
+    costs = [row.cost for row in rows if row.cost is not None]
+    possible = [row for row in rows if row.hindsight is not None]
+    return Summary(
+        plans=len(rows), chosen=len(chosen), met=_mean(row.met for row in chosen),
+        nothing_chosen_though_possible=sum(row.chosen is None for row in possible), costs=len(costs),
+        median_cost=_median(costs), cheap_enough=_mean(cost <= CHEAP_ENOUGH for cost in costs),
+        bounds_below_actual=_mean(covered for row in rows for covered in row.covered),
+        mean_error=_mean(error for row in rows for error in row.errors),
+        median_predicted_over_actual_seconds=_median(time for row in rows for time in row.times),
+        mean_share_of_seconds=_mean(row.sample.share_of_seconds for row in rows),
+        mean_share_of_samples=_mean(row.sample.share for row in rows))
+
+
+def markdown(rows: Sequence[Verdict]) -> str:
+    """A table of all plans, one of the candidates that they measured, and one of the summary."""
+    lines = markdown_table(COLUMNS, ([getattr(row, name) for name in COLUMNS] for row in rows))
+    lines += ["", *markdown_table(CANDIDATE_COLUMNS, _of_candidates(rows))]
+    whole = dataclasses.asdict(summary(rows))
+    lines += ["", *markdown_table(("over all plans", ""),
+                                  [(name.replace("_", " "), value) for name, value in whole.items()])]
+    return "\n".join(lines) + "\n"
+
+
+def _of_candidates(rows: Sequence[Verdict]) -> Iterator[list[object]]:
+    """Every scene's candidates, their estimates in every draw of lenses, whatever the target."""
+    found: dict[tuple[str, str], dict[int, tuple[float, float, bool, float]]] = {}
+    for row in rows:
+        for name, *values in zip(row.measured, row.actuals, row.errors, row.covered, row.times, strict=True):
+            found.setdefault((row.scene, name), {}).setdefault(row.seed, tuple(values))
+    for (scene, name), draws in sorted(found.items()):
+        actuals, errors, covered, times = zip(*draws.values(), strict=True)
+        estimates = np.add(actuals, errors)
+        yield [scene, name, actuals[0], estimates.mean(), estimates.min(), estimates.max(),
+               f"{sum(covered)} of {len(draws)}", _median(times)]
+
+
+def _actuals(draw: Draw, wanted: Sequence[Candidate], metric: str) -> Actuals:
+    found = {}
+    for candidate in wanted:
+        try:
+            found[candidate] = actual(draw.folder, candidate, metric, draw.cache)
+        except LfsrError as error:
+            if candidate == wanted[-1] and not found:
+                raise
+            print(f"{draw.folder.name}, {candidate.name}: {error}", file=sys.stderr)
+    return found
+
+
+def _mean(values: Iterable[float]) -> float | None:
+    values = list(values)
+    return float(np.mean(values)) if values else None
+
+
+def _median(values: Iterable[float]) -> float | None:
+    values = list(values)
+    return float(np.median(values)) if values else None
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Validate every scene, write the JSON after each, print the tables."""
+    options = _parser().parse_args(argv)
+    folders = scenes(options.bench)
+    files = {path.stem: str(path.resolve()) for path in options.scenes}
+    wanted = Options(metric=options.metric, spps=options.spps, methods=options.methods, lenses=options.lenses,
+                     between=options.between, share=options.budget, reference_spp=options.reference_spp)
+    rows: list[Verdict] = []
+    try:
+        for folder in folders:
+            if options.replay or folder.name in files:
+                rows += _scene(folder, wanted, options, files.get(folder.name, ""))
+                write_record(options.json, Validation(options.replay, summary(rows), tuple(rows)))
+        if not rows:
+            raise LfsrError(f"{options.bench} has no scene of the files given: name them, or use --replay")
+    except LfsrError as error:
+        print(f"plan_validation: {error}", file=sys.stderr)
+        return 2
+    print(markdown(rows))
+    return 0
+
+
+def _scene(folder: Path, wanted: Options, options: argparse.Namespace, scene_file: str) -> list[Verdict]:
+    rows: list[Verdict] = []
+    kept = options.output / folder.name
+    for seed in options.seeds:
+        print(f"{folder.name}, seed {seed}", file=sys.stderr, flush=True)
+        draw = Draw(folder, scene_file, seed, kept / f"seed-{seed}", kept / KEPT)
+        if options.replay:
+            with tempfile.TemporaryDirectory(prefix="lfsr-replay-") as work:
+                rows += validate(dataclasses.replace(draw, work=Path(work)), lambda job: replay(folder, job), wanted,
+                                 options.targets)
+        else:
+            rows += validate(draw, rendering(find_blender(options.blender)), wanted, options.targets)
+    return rows
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="plan_validation", description=__doc__.splitlines()[0])
+    parser.add_argument("bench", type=Path, help="bench folder with whole references and renders")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="keeps samples and measured candidates")
+    parser.add_argument("--json", type=Path, required=True)
+    parser.add_argument("--scenes", type=Path, nargs="*", default=[], help="scene files; needless with --replay")
+    parser.add_argument("--replay", action="store_true", help="cut the sample out of the bench's frames")
+    parser.add_argument("--targets", type=_floats, default=TARGETS)
+    parser.add_argument("--seeds", type=_ints, default=(101,))
+    parser.add_argument("--metric", default=Options.metric)
+    parser.add_argument("--spps", type=_ints, default=Options.spps)
+    parser.add_argument("--between", type=int, default=Options.between)
+    parser.add_argument("--methods", type=lambda text: tuple(text.split(",")), default=None)
+    parser.add_argument("--lenses", type=int, default=None)
+    parser.add_argument("--budget", type=float, default=Options.share)
+    parser.add_argument("--reference-spp", type=int, default=Options.reference_spp)
+    parser.add_argument("--blender")
+    return parser
+
+
+def _floats(text: str) -> tuple[float, ...]:
+    return tuple(float(part) for part in text.split(","))
+
+
+def _ints(text: str) -> tuple[int, ...]:
+    """Numbers and ranges, as in 0-9,20."""
+    ends = [part.split("-") for part in text.split(",")]
+    return tuple(number for end in ends for number in range(int(end[0]), int(end[-1]) + 1))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

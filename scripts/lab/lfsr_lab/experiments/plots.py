@@ -1,0 +1,258 @@
+"""Charts by matplotlib: the same picture for the same figures, colours and shapes that every eye tells apart.
+
+Names stand beside what they name instead of in a legend, moved to where they hide least. A figure becomes an SVG
+document (its text stays text) or a PNG file, both without a date in them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import itertools
+import math
+import re
+import textwrap
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lfsr_core.arrays import Array
+from lfsr_core.files import atomic_path
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.text import Annotation
+    from matplotlib.transforms import Bbox
+
+# Apart in lightness too, for eyes that do not tell red from green (after Okabe and Ito).
+COLORS = ("#0067a5", "#c24a00", "#9c4477", "#00785a", "#7a5c00", "#2b2b2b", "#4b3fa7")
+MARKERS = ("o", "s", "^", "D", "v", "X", "P")
+INK, QUIET, FAINT, GRID = "#222222", "#555555", "#b8b8b8", "#e6e6e6"
+DPI = 90  # of PNG files
+WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 540, 430, 52, 116, 44, 46  # a panel and its margins in points; names go right
+STYLE = {"svg.fonttype": "none", "svg.hashsalt": "lfsr"}
+FOOTER_CHARACTER = 8  # points that a character of the footer takes, margins included
+NAME_LENGTH = 14  # of a line; longer names break before a plus or at a blank
+LEAST_X_TICKS, MOST_X_TICKS, MOST_Y_TICKS = 3, 7, 12
+TICKS_TOWARD_ONE = (-1.0, 0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.92, 0.94, 0.95, 0.96, 0.97, 0.98,
+                    0.99, 0.995, 0.998, 0.999)
+WIDE_TICKS = (-1.0, 0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999)
+LEAST_MISSING = 5e-4  # 1 − value: split SSIM can come out at 1 or a little above
+LINE_STEP = 12.0  # pixels between the places of a line that names keep away from
+# In points from what is named; the further up or down, the further right, so that lines to names cross no name.
+NAME_PLACES = [(9.0 + 1.5 * step, 6.0 * step * sign) for step in range(26) for sign in (1, -1)]
+FAR = 14.0  # points from what is named, from where on a line leads to the name
+NOTE_PLACES = [(-8.0, 8.0), (8.0, -9.0), (8.0, 8.0), (-8.0, -9.0), (0.0, 12.0), (0.0, -13.0)]
+
+
+@dataclasses.dataclass(frozen=True)
+class Curve:
+    """One line of a chart."""
+
+    name: str  # written beside its last point
+    color: str  # one of COLORS
+    marker: str  # one of MARKERS, for eyes that do not know the colours apart
+    x: Sequence[float]  # of its points, from left to right
+    y: Sequence[float]
+    spans: Sequence[tuple[float, float]] = ()  # least and most x of each point, as thin lines
+    halves: Sequence[float | None] = ()  # half-width of the interval of each y, None where it is not known
+    notes: Sequence[str] = ()  # a short text at each point
+    bold: bool = False  # drawn thicker than the others
+
+
+def sheet(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
+    """A figure, drawn without a window, and its axes.
+
+    Parameters
+    ----------
+    width, height : of the figure in inches
+    rows, columns : of the axes, which come as an array of that shape
+    """
+    figure = _figure(width, height, layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def panel_sheet(count: int, columns: int = 2, footer: str = "") -> tuple[Figure, list[Axes]]:
+    """A figure of so many panels of WIDTH × HEIGHT points in rows of ``columns``, and their axes; ``footer`` below."""
+    across, down = min(columns, count), -(-count // columns)
+    lines = textwrap.wrap(footer, across * WIDTH // FOOTER_CHARACTER)
+    width, tall = across * WIDTH, down * HEIGHT + (12 + 16 * len(lines) if lines else 0)
+    figure = _figure(width / 72, tall / 72)
+    figure.text(LEFT / width, 12 / tall, "\n".join(lines), fontsize=12, color=QUIET)
+    corners = [(index % columns * WIDTH + LEFT, tall - (index // columns + 1) * HEIGHT + BOTTOM)
+               for index in range(count)]
+    grid = [figure.add_axes((x / width, y / tall, (WIDTH - LEFT - RIGHT) / width, (HEIGHT - TOP - BOTTOM) / tall))
+            for x, y in corners]
+    for axes in grid:
+        axes.spines[:].set_visible(False)
+        axes.tick_params(length=0, labelsize=12, labelcolor=INK)
+    return figure, grid
+
+
+def svg(figure: Figure) -> str:
+    """The figure as an SVG document."""
+    from matplotlib import rc_context
+
+    with rc_context(STYLE):
+        text = io.StringIO()
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+    return re.sub(r"[ \t]+$", "", text.getvalue(), flags=re.MULTILINE)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write the figure as a small PNG, whole or not at all."""
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=DPI, metadata={"Software": None}, pil_kwargs={"optimize": True})
+
+
+def draw_curve(axes: Axes, curve: Curve, order: float = 3) -> None:
+    """Draw a curve without its name; a higher ``order`` lies on top."""
+    axes.plot(curve.x, curve.y, color=curve.color, marker=curve.marker, markersize=8 if curve.bold else 7,
+              linewidth=3 if curve.bold else 1.8, zorder=order)
+    thin = {"color": curve.color, "linewidth": 1.2, "alpha": 0.6, "zorder": order}
+    if curve.spans:
+        axes.hlines(curve.y, *np.transpose(curve.spans), **thin)
+    if curve.halves:
+        y, half = np.asarray(curve.y), np.array([half or 0 for half in curve.halves])
+        axes.vlines(curve.x, y - half, y + half, **thin)
+
+
+def name_curves(axes: Axes, curves: Sequence[Curve], taken: Iterable[Any] = ()) -> None:
+    """Write notes at the points and each curve's name beside its last one, where they hide least.
+
+    Call it when the limits of ``axes`` and its place on the figure are final. ``taken``: texts that are there already.
+    """
+    crowd = _Crowd.of(axes, curves, [text.get_window_extent() for text in taken])
+    for curve in curves:
+        for at, note in zip(zip(curve.x, curve.y, strict=True), curve.notes, strict=False):
+            crowd.place(_text(axes, note, at, color=curve.color, size=11, ha="center"), NOTE_PLACES)
+    for curve in sorted(curves, key=lambda curve: -curve.y[-1]):
+        leader = {"arrowstyle": "-", "color": curve.color, "linestyle": (0, (2, 2)), "relpos": (0, 0.5), "shrinkB": 4}
+        text = _text(axes, broken(curve.name), (curve.x[-1], curve.y[-1]), color=curve.color, size=12, weight="bold",
+                     arrowprops=leader)
+        crowd.place(text, NAME_PLACES)
+
+
+def time_axis(axes: Axes, low: float, high: float) -> None:
+    """Seconds from ``low`` to ``high`` on a logarithmic axis, in words of a person."""
+    axes.set_xscale("log")
+    axes.set_xlim(low, high)
+    axes.set_xticks(ticks := time_ticks(low, high), [time_text(tick) for tick in ticks])
+    axes.set_xticks([], minor=True)
+
+
+def time_text(seconds: float) -> str:
+    """Seconds as a person would say them."""
+    if seconds >= 3600:
+        return f"{seconds / 3600:.3g} h"
+    if seconds >= 180:
+        return f"{seconds / 60:.2g} min"
+    return f"{seconds:.3g} s" if seconds < 10 else f"{seconds:.0f} s"
+
+
+def time_ticks(low: float, high: float) -> list[float]:
+    """Round seconds between ``low`` and ``high``, few enough to be read; in even steps where 1-2-5 gives too few."""
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    for steps in ((1, 2, 5), (1, 3), (1,)):
+        ticks = [step * 10.0**power for power in decades for step in steps]
+        ticks = [tick for tick in ticks if low <= tick <= high]
+        if len(ticks) <= MOST_X_TICKS:
+            break
+    return ticks if len(ticks) >= LEAST_X_TICKS else even_ticks(low, high)
+
+
+def even_ticks(low: float, high: float) -> list[float]:
+    """Multiples of 1, 2 or 5 times a power of ten between ``low`` and ``high``."""
+    from matplotlib.ticker import MaxNLocator
+
+    ticks = MaxNLocator(6, steps=[1, 2, 5, 10], min_n_ticks=LEAST_X_TICKS).tick_values(low, high)
+    return [float(tick) for tick in ticks if low <= tick <= high]
+
+
+def value_axis(axes: Axes, low: float, high: float, toward_one: bool) -> None:
+    """Values upwards, with round ticks.
+
+    Parameters
+    ----------
+    axes : what is drawn on
+    low, high : limits; ``toward_one`` as ``height`` gives them
+    toward_one : values end at 1, and equal steps up halve 1 − value
+    """
+    if not toward_one:
+        axes.set_ylim(low, high)
+        axes.set_yticks(even_ticks(low, high))
+        return
+    axes.set_yscale("function", functions=(height, lambda heights: 1 - 0.5 ** np.asarray(heights)))
+    axes.set_ylim(1 - 0.5**low, 1 - 0.5**high)
+    known = [tick for tick in TICKS_TOWARD_ONE if low <= height(tick) <= high]
+    known = [tick for tick in known if tick in WIDE_TICKS] if len(known) > MOST_Y_TICKS else known
+    axes.set_yticks(known, [f"{tick:g}" for tick in known])
+
+
+def height(values: Any) -> Any:
+    """Where values stand on an axis that stretches towards 1: how often 1 − value was halved."""
+    return -np.log2(np.maximum(1 - np.asarray(values), LEAST_MISSING))
+
+
+def broken(name: str) -> str:
+    """A name in lines of about NAME_LENGTH characters."""
+    lines = [""]
+    for piece in re.split(r"(?= )|(?<! )(?=\+)", name):
+        if lines[-1] and len(lines[-1] + piece) > NAME_LENGTH:
+            lines.append("")
+        lines[-1] += piece
+    return "\n".join(line.strip() for line in lines)
+
+
+def _figure(width: float, tall: float, **options: Any) -> Figure:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, tall), **options)
+    FigureCanvasAgg(figure)  # which knows at once how large a text will be
+    return figure
+
+
+@dataclasses.dataclass
+class _Crowd:
+    """What a text of a panel must keep away from, in pixels."""
+
+    room: Bbox  # where texts may be
+    dots: Array  # (n, 2) points of curves
+    lines: Array  # (n, 2) places along their lines
+    boxes: list[Bbox]  # texts that have their place
+
+    @classmethod
+    def of(cls, axes: Axes, curves: Sequence[Curve], boxes: list[Bbox]) -> _Crowd:
+        """All curves of a panel, whose room reaches from its axes to the right by RIGHT points."""
+        paths = [axes.transData.transform(np.column_stack([curve.x, curve.y])) for curve in curves]
+        lines = [np.linspace(one, other, max(2, int(math.dist(one, other) / LINE_STEP)))
+                 for path in paths for one, other in itertools.pairwise(path)]
+        room = axes.bbox.frozen()
+        room.x1 += (RIGHT - 2) * axes.figure.dpi / 72
+        return cls(room, np.concatenate(paths), np.concatenate([np.empty((0, 2)), *lines]), boxes)
+
+    def place(self, text: Annotation, places: Sequence[tuple[float, float]]) -> None:
+        """Move a text to the best of ``places``, in points from what it names; the earlier the better."""
+        start, pixel = text.get_window_extent(), text.axes.figure.dpi / 72
+        moved = [start.translated(across * pixel, up * pixel) for across, up in places]
+        best = min(range(len(places)), key=lambda index: index + self._hidden(moved[index]))
+        text.set_position(places[best])
+        if text.arrow_patch:  # a thin line to a name that had to go far
+            text.arrow_patch.set_visible(abs(places[best][1]) > FAR)
+        self.boxes.append(moved[best])
+
+    def _hidden(self, box: Bbox) -> float:
+        """How much a text there would hide: other texts and the room's edge weigh most, then points, then lines."""
+        inside = self.room.contains(box.x0, box.y0) and self.room.contains(box.x1, box.y1)
+        return (1000 * (box.count_overlaps(self.boxes) + (not inside)) + 30 * box.padded(3).count_contains(self.dots)
+                + 4 * box.count_contains(self.lines))
+
+
+def _text(axes: Axes, words: str, at: tuple[float, float], **font: Any) -> Annotation:
+    return axes.annotate(words, at, (0, 0), textcoords="offset points", va="center", zorder=9, linespacing=1.05,
+                         annotation_clip=False,
+                         bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}, **font)

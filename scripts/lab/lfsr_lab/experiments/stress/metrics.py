@@ -1,0 +1,177 @@
+"""Figures that only the stability suite needs: borders of elemental images, the moving eye, flicker, worst places.
+
+Images are EIAs (H, W, C) of sRGB values in [0, 1] in view order.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from lfsr_core.arrays import Array
+from lfsr_core.metrics.split_ssim import mean_of, split_ssim_map
+from lfsr_core.optics.eia import to_elemental_images, to_views
+from lfsr_lab.scenes.stress.space import Space
+
+Pair = tuple[int, int]
+
+
+@dataclasses.dataclass(frozen=True)
+class Compared:
+    """An EIA beside its reference."""
+
+    x: Array  # the EIA
+    a: Array  # one half of the reference
+    b: Array  # the other, so that its noise cancels (docs/reference/metrics.md)
+    lenses: Pair  # (sx, sy)
+    mask: Array  # (sy, sx) bool, the foreground
+
+    @property
+    def squares(self) -> Array:
+        """Squared errors as elemental images (sy, sx, py, px, C)."""
+        return to_elemental_images((self.x - self.a) * (self.x - self.b), self.lenses)
+
+
+def root(squared: float) -> float:
+    """Square root of an unbiased squared error, 0 where noise made it negative."""
+    return math.sqrt(max(squared, 0.0))
+
+
+def border_and_centre(of: Compared, width: int) -> dict[str, float | None]:
+    """RMS error and split SSIM of the outer ``width`` pixels of foreground EIs and of the rest, and the errors' ratio.
+
+    Values None where there are no such pixels, the ratio also where the centre's
+    error is below what the reference's noise lets one see.
+    """
+    errors = of.squares[of.mask].mean(-1)
+    local = to_elemental_images(split_ssim_map(of.x, of.a, of.b), of.lenses)[of.mask].mean(-1)
+    ring = _ring(errors.shape[1:], width)
+    found: dict[str, float | None] = {}
+    for name, where in (("border", ring), ("centre", ~ring)):
+        some = bool(where.any()) and len(errors) > 0
+        found[f"rmse_{name}"] = root(mean_of(errors[:, where])) if some else None
+        found[f"ssim_{name}"] = mean_of(local[:, where]) if some else None
+    border, centre = found["rmse_border"], found["rmse_centre"]
+    return found | {"border_ratio": border / centre if border is not None and centre else None}
+
+
+def _ring(shape: tuple[int, ...], width: int) -> Array:
+    """The outer pixels (py, px); along an axis with one view there is no border."""
+    down, across = (np.minimum(np.arange(size), np.arange(size)[::-1]) < width if size > 1 else np.zeros(1, bool)
+                    for size in shape)
+    return down[:, None] | across
+
+
+def neighbour_view_error(of: Compared) -> float | None:
+    """RMS error of the difference between views side by side and one above the other, over foreground lenses.
+
+    What an eye sees change as it moves by one view, beside what should change;
+    invented or lost detail counts, an error that all views share does not.
+    """
+    views = [to_views(values, of.lenses)[:, :, of.mask] for values in (of.x, of.a, of.b)]
+    steps = [np.diff(values, axis=axis) for axis in (0, 1) for values in views]
+    products = [(steps[i] - steps[i + 1]) * (steps[i] - steps[i + 2]) for i in (0, 3)]
+    count = sum(product.size for product in products)
+    return root(sum(float(product.sum(dtype=np.float64)) for product in products) / count) if count else None
+
+
+def epi_straightness(image: Array, lenses: Pair, views_per_lens: int,
+                     other: Array | None = None, axes: Sequence[int] = (0, 1)) -> float | None:
+    """1 - (variance along the lines of the EPIs) / (variance of the image): 1 where every line is straight and even.
+
+    Lens i, view k and lens i + 1, view k + ``views_per_lens`` see the same point through the same rays.
+
+    Parameters
+    ----------
+    image: of a matt board whose points move by one lens in ``views_per_lens`` views.
+    lenses: (sx, sy).
+    views_per_lens: whole number.
+    other: an independent render of the same, so that the noise of both cancels.
+    axes: 0 for lines from row to row of lenses, 1 for those from column to column.
+
+    Returns
+    -------
+    None where no two views lie so far apart.
+    """
+    views = to_views(image, lenses)
+    twin = views if other is None else to_views(other, lenses)
+    along, variance = [], mean_of((views - views.mean((0, 1, 2, 3))) * (twin - twin.mean((0, 1, 2, 3))))
+    for axis in axes:
+        if views.shape[axis] <= views_per_lens or views.shape[axis + 2] < 2:
+            return None
+        along.append(_step_along(views, axis, views_per_lens) * _step_along(twin, axis, views_per_lens))
+    # Two independent values of the same variance differ by twice that.
+    return 1 - sum(mean_of(part) for part in along) / len(along) / 2 / max(variance, 1e-12)
+
+
+def _step_along(views: Array, axis: int, step: int) -> Array:
+    """Difference of the two ends of every line that crosses one lens along one axis of (py, px, sy, sx, C)."""
+    views = np.moveaxis(views, (axis, axis + 2), (0, 1))
+    return views[step:, 1:] - views[:-step, :-1]
+
+
+def card_pixels(space: Space, y: float, centre: tuple[float, float], half: tuple[float, float]) -> Array:
+    """(sy, sx, py, px) bool: pixels all of whose rays meet a card, by exact geometry without a render.
+
+    Parameters
+    ----------
+    space: of the display.
+    y: depth of the card.
+    centre, half: its middle and half its size, (x, z) in lens pitches, z upwards.
+    """
+    columns, rows = (_meets(space, axis, y, centre[axis] * (1, -1)[axis], half[axis]) for axis in (0, 1))
+    return rows[:, None, :, None] & columns[None, :, None, :]
+
+
+def _meets(space: Space, axis: int, y: float, centre: float, half: float) -> Array:
+    """(lenses, views) bool along one axis, rightwards or downwards."""
+    lens = (np.arange(space.lenses[axis]) + 0.5 - space.lenses[axis] / 2) * space.lens[axis]
+    view = (np.arange(space.views[axis]) + 0.5 - space.views[axis] / 2) * space.spacing
+    met = view + (lens[:, None] - view) * (space.distance + y) / space.distance
+    return np.abs(met - centre) <= half - space.footprint(y, axis) / 2
+
+
+def flicker(frames: Sequence[Array], lenses: Pair, path: Sequence[Pair],
+            cards: Sequence[Array]) -> float | None:
+    """RMS change from frame to frame of a card that moves by whole lenses, after moving it back.
+
+    Parameters
+    ----------
+    frames: EIAs.
+    lenses: (sx, sy).
+    path: (column, row) of the card in every frame in lenses, downwards.
+    cards: its pixels (sy, sx, py, px) in every frame.
+
+    Returns
+    -------
+    None where no pixel shows it in two frames in a row.
+    """
+    total, count = 0.0, 0
+    images = (to_elemental_images(frame, lenses) for frame in frames)
+    before = next(images)
+    for index, after in enumerate(images):
+        (x0, y0), (x1, y1) = path[index], path[index + 1]
+        old, new = _overlap(x1 - x0, y1 - y0, before.shape[:2])
+        both = cards[index][old] & cards[index + 1][new]
+        change = after[new][both] - before[old][both]
+        total, count, before = total + float(np.sum(change**2, dtype=np.float64)), count + change.size, after
+    return math.sqrt(total / count) if count else None
+
+
+def _overlap(dx: int, dy: int, shape: tuple[int, ...]) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """Slices (rows, columns) of the earlier and the later frame that show the same places."""
+    pairs = [(slice(max(0, -step), size - max(0, step)), slice(max(0, step), size + min(0, step)))
+             for step, size in zip((dy, dx), shape, strict=True)]
+    return (pairs[0][0], pairs[1][0]), (pairs[0][1], pairs[1][1])
+
+
+def worst_lens(of: Compared) -> Pair | None:
+    """(row, column) of the foreground lens with the largest squared error; None without foreground."""
+    if not of.mask.any():
+        return None
+    errors = np.where(of.mask, of.squares.mean((2, 3, 4)), -np.inf)
+    row, column = np.unravel_index(np.argmax(errors), of.mask.shape)
+    return int(row), int(column)

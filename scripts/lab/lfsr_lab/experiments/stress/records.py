@@ -1,0 +1,104 @@
+"""What the stability suite keeps as JSON: its settings, one record per cell, and the report in stress.json."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_lab.experiments.stress.dials import Break, label
+
+FORMAT = 1
+MARKS = {"below bicubic": "b", "below its start": "s"}
+# Figures of some dials beside the judged one.
+EXTRAS = {"border": ("rmse_border", "rmse_centre", "border_ratio", "ssim_centre"),
+          "motion": ("flicker_fixed", "flicker_changing", "ssim_eia_fg"),
+          "eye": ("neighbour_error", "ssim_eia_fg"), "recall": ("ssim_eia_fg",), "wire": ("recall",), "share": ("p",)}
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """What decides every figure of a bench folder besides the dials and methods."""
+
+    display: DisplayProfile  # that all scenes are made for
+    scale: int  # of the low-resolution renders, at least 2
+    reference_samples: int  # per pixel, of both halves of a reference together
+    frames: int  # of the moving card
+    device: str = "CPU"  # Cycles device
+    format: int = FORMAT  # of the files
+
+    def __post_init__(self) -> None:
+        self.display.low_views(self.scale)
+        if self.scale < 2:
+            raise LfsrError(f"scale is {self.scale}, but the suite compares upscaling methods: choose 2 or more")
+        if self.reference_samples < 2 or self.frames < 2:
+            raise LfsrError(f"a reference has {self.reference_samples} samples and the motion {self.frames} frames, "
+                            "but both need at least 2")
+
+    def __str__(self) -> str:
+        (sx, sy), (px, py) = self.display.lenses, self.display.views
+        return (f"Display {self.display.name}, {sx}×{sy} lenses of {px}×{py} views, s = {self.scale}; references of "
+                f"{self.reference_samples} samples in two halves; 16 samples per pixel unless the dial says "
+                f"otherwise; {self.frames} frames of motion.")
+
+
+@dataclasses.dataclass(frozen=True)
+class Cell:
+    """The figures of one method at one value of one dial."""
+
+    value: float  # of the dial
+    scene: str  # folder of the scene
+    samples: int  # per pixel of the low-resolution render
+    method: str  # its name
+    metrics: dict[str, float | None]  # figures by name, None where one could not be measured
+    # (row, column) of the foreground lens with the largest error, None without foreground.
+    worst_lens: tuple[int, int] | None
+    weights: str = ""  # SHA-256 over the files of the method's weights, empty without
+    versions: dict[str, int] = dataclasses.field(default_factory=dict)  # of the method's parts that have one, by name
+
+
+@dataclasses.dataclass(frozen=True)
+class DialReport:
+    """What was measured along one dial."""
+
+    name: str  # as of the dial
+    meaning: str  # as of the dial
+    unit: str  # as of the dial
+    judged: str  # as of the dial
+    values: tuple[float, ...]  # that were measured, from easy to hard
+    cells: tuple[Cell, ...]  # one per value and method
+    breaks: dict[str, Break | None]  # where each method breaks, None where it never does
+
+    @property
+    def span(self) -> str:
+        """First and last value."""
+        return f"{label(self.values[0])} – {label(self.values[-1])}"
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """Metrics that deserve a table, the judged one first."""
+        return (self.judged, *EXTRAS.get(self.name, ()))
+
+    def series(self, method: str, metric: str) -> list[float | None]:
+        """One metric of one method along the dial."""
+        by_value = {cell.value: cell.metrics.get(metric) for cell in self.cells if cell.method == method}
+        return [by_value[value] for value in self.values]
+
+    def break_text(self, method: str) -> str:
+        """How a table shows where ``method`` breaks."""
+        if all(value is None for value in self.series(method, self.judged)):
+            return "?"
+        found = self.breaks[method]
+        return "–" if found is None else f"{label(found.value)} {MARKS[found.reason]}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Report:
+    """Everything that was measured in a bench folder."""
+
+    format: int  # of the file
+    settings: Settings  # of the bench folder
+    environment: dict[str, Any]  # of the machine that wrote the report
+    methods: tuple[str, ...]  # their names, bicubic first
+    dials: tuple[DialReport, ...]  # one entry per dial

@@ -1,0 +1,32 @@
+"""What a network costs: multiply-adds and parameters."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.utils.flop_counter import FlopCounterMode
+
+from lfsr_lab.networks.lightfield import LightFieldNet
+
+
+def parameters(network: nn.Module) -> int:
+    """Number of trained values."""
+    return sum(parameter.numel() for parameter in network.parameters())
+
+
+def multiply_adds(network: nn.Module, h: int, w: int) -> float:
+    """Multiply-adds per low-resolution pixel of one elemental image of h × w pixels, counted by running it.
+
+    Convolutions, deconvolutions and linear layers count (padding included, as
+    hardware multiplies it too); activations, additions and resampling do not.
+    """
+    with FlopCounterMode(display=False) as counter, torch.no_grad():
+        network(*_zeros(network, h, w))
+    return counter.get_total_flops() / 2 / (h * w)  # torch counts the multiply and the add
+
+
+def _zeros(network: nn.Module, h: int, w: int) -> tuple[Tensor, ...]:
+    like = next(network.parameters())
+    if isinstance(network, LightFieldNet):
+        return like.new_zeros(1, network.config.input_channels, h, w), like.new_zeros(1, 3, h, w)
+    return like.new_zeros(1, 3, h, w),

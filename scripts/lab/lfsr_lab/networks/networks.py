@@ -1,0 +1,39 @@
+"""Networks of the catalogue as PyTorch modules: untrained, or with their weights."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from torch import nn
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.reconstruct.networks import catalogue
+from lfsr_lab.networks import lightfield
+from lfsr_lab.networks.checkpoint import load_into
+from lfsr_lab.networks.espcn import ESPCN
+from lfsr_lab.networks.fsrcnn import FSRCNN
+from lfsr_lab.networks.paper import PaperGenerator
+
+ARCHITECTURES: dict[str, Callable[..., nn.Module]] = {
+    "LightFieldNet": lightfield.build, "PaperGenerator": PaperGenerator, "ESPCN": ESPCN, "FSRCNN": FSRCNN}
+
+
+def build(name: str, scale: int) -> nn.Module:
+    """Untrained network; LfsrError if it does not come at that scale."""
+    entry = catalogue.spec(name)
+    if scale not in entry.scales:
+        scales = ", ".join(map(str, entry.scales))
+        raise LfsrError(f"network {name!r} has no scale {scale}: choose one of {scales} or another method")
+    return ARCHITECTURES[entry.architecture](scale=scale, **entry.options)
+
+
+def load(name: str, scale: int, weights: str | Path | None = None) -> nn.Module:
+    """Network with its weights, in evaluation mode, on the CPU; LfsrError if they do not fit."""
+    network = build(name, scale)
+    path = Path(weights) if weights else catalogue.weights_path(name, scale)
+    if weights is None and not path.exists():
+        scales = ", ".join(map(str, catalogue.trained_scales(name))) or "no scale"
+        raise LfsrError(f"network {name!r} has no weights for scale {scale} (there are some for {scales}): "
+                        f"choose another scale or method, or train them with 'lfsr train'")
+    return load_into(network, path, catalogue.spec(name).trained_at or scale).eval()

@@ -1,0 +1,251 @@
+"""One builder per dial of lfsr_lab.experiments.stress.dials: ``BUILDERS[name](stage, value)`` fills an empty stage."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import bpy
+import numpy as np
+
+from lfsr_lab.scenes.shared import surfaces
+from lfsr_lab.scenes.shared.graph import Graph
+from lfsr_lab.scenes.shared.surfaces import Surface
+from lfsr_lab.scenes.stress.space import Space, card_centre, card_of_motion, hole
+from lfsr_lab.scenes.stress.stage import (
+    WORLD_STRENGTH,
+    Stage,
+    board,
+    glow,
+    plain,
+    put,
+    sun,
+    surface_of,
+    to_background,
+    turned,
+    twin,
+    world_light,
+)
+from lfsr_lab.scenes.stress.things import (
+    Grid,
+    bodies,
+    every_sort,
+    glass,
+    lattice,
+    opaque_sorts,
+    print_of,
+    printed,
+    tiles,
+    wires,
+)
+
+BIG = 1.15   # boards reach a little over what the views see
+WIRE_DEPTH, BOARD_DEPTH = 0.5, 0.75  # usable depths behind the display
+FIREFLY_POWER = 1.0   # radiance × radius² of a glowing ball, in lens pitches
+MIRROR_GLOW, CAUSTIC_FILL, DARK_TILE = 0.8, 0.06, 0.05
+
+
+def samples(stage: Stage, _value: float) -> None:
+    """Every kind of surface, half a usable range deep."""
+    world_light()
+    sun()
+    bodies(stage, stage.space.depth(-0.5), stage.space.depth(0.5), every_sort())
+
+
+def depth(stage: Stage, usable: float) -> None:
+    """Bodies at one depth."""
+    world_light()
+    sun()
+    y = stage.space.depth(usable)
+    bodies(stage, y, y, opaque_sorts())
+
+
+def wire(stage: Stage, pixels: float) -> None:
+    """Crossing wires."""
+    world_light()
+    sun()
+    y = stage.space.depth(WIRE_DEPTH)
+    wires(stage, y, pixels * stage.space.footprint(y), plain("wire", (0.85, 0.8, 0.7), Roughness=0.6))
+
+
+def texture(stage: Stage, nyquist: float) -> None:
+    """A board with a slanted sine grating in two directions."""
+    world_light()
+    y = stage.space.depth(1)
+    turns = 2 * math.pi * nyquist * stage.space.nyquist(y)
+    material, graph, shader = surface_of("grating", Roughness=1.0, Specular_IOR_Level=0.0)
+    graph.feed(shader.inputs["Base Color"], grating(graph, turns))
+    full_board(stage, "grating", y, material)
+
+
+def grating(graph: Graph, turns: float) -> bpy.types.NodeSocket:
+    """Grey 0.45 ± 0.4 of two crossed sines of ``turns`` radians per lens pitch, 20° from upright."""
+    vector = graph.node("ShaderNodeMapping", {"Vector": graph.node("ShaderNodeTexCoord").outputs["Object"],
+                                              "Rotation": (0.0, math.radians(20), 0.0)}).outputs["Vector"]
+    parts = graph.node("ShaderNodeSeparateXYZ", {"Vector": vector})
+    waves = [math_node(graph, "SINE", math_node(graph, "MULTIPLY", parts.outputs[axis], turns)) for axis in "XZ"]
+    swing = math_node(graph, "MULTIPLY", math_node(graph, "MULTIPLY", *waves), 0.4)
+    return math_node(graph, "ADD", swing, 0.45)
+
+
+def math_node(graph: Graph, operation: str, *values: object) -> bpy.types.NodeSocket:
+    """Result of one arithmetic node."""
+    return graph.node("ShaderNodeMath", dict(enumerate(values)), operation=operation).outputs[0]
+
+
+def glass_index(stage: Stage, index: float) -> None:
+    """Smooth glass of one refractive index."""
+    glass_scene(stage, glass(index, 0.0))
+
+
+def glass_roughness(stage: Stage, roughness: float) -> None:
+    """Glass of one roughness."""
+    glass_scene(stage, glass(1.45, roughness))
+
+
+def glass_scene(stage: Stage, material: bpy.types.Material) -> None:
+    """Glass bodies about the display plane before a board of tiles."""
+    world_light()
+    sun()
+    space = stage.space
+    bodies(stage, space.depth(-0.25), space.depth(0.25), [material] * 4, Grid(3.0))
+    y = space.depth(BOARD_DEPTH)
+    ground, graph, shader = surface_of("tiles", Roughness=0.8)
+    size = (1.5 * space.magnified(y),) * 2
+    graph.feed(shader.inputs["Base Color"], tiles(graph, size, (0.08, 0.05, 0.2), (0.8, 0.7, 0.4)))
+    full_board(stage, "tiles", y, ground)
+
+
+def mirror(stage: Stage, usable: float) -> None:
+    """A mirror at 45° through the display plane; what it shows hangs above it and is seen in it alone."""
+    y = stage.space.depth(usable)
+    half = [BIG * size for size in stage.space.window(stage.space.size[1])]
+    glassy = plain("mirror", (0.95, 0.95, 0.95), Metallic=1.0, Roughness=0.0)
+    turned(board("mirror", 0.0, (half[0], half[1] * math.sqrt(2)), glassy), (-45, 0, 0))
+    width, height = (BIG * size for size in stage.space.window(y))
+    shown = board("shown", 0.0, (width, height), glow("shown", lambda graph: print_of(graph, 0.5), MIRROR_GLOW))
+    shown.location, shown.rotation_euler = (0.0, 0.0, y), (math.pi / 2, 0.0, 0.0)
+    shown.visible_camera = False
+
+
+def caustics(stage: Stage, degrees: float) -> None:
+    """Glass balls and metal rings close before a white wall, lit by one lamp of a given size."""
+    space, y = stage.space, stage.space.depth(0.5)
+    world_light(strength=CAUSTIC_FILL)
+    sun(2.5, math.radians(degrees))
+    full_board(stage, "wall", y, plain("wall", (0.75, 0.72, 0.68), Roughness=1.0, Specular_IOR_Level=0.0))
+    size = space.magnified(y)
+    sorts = [glass(1.5, 0.0), plain("brass", (0.95, 0.75, 0.4), Metallic=1.0, Roughness=0.05)]
+    bodies(stage, y - 2.2 * size, y - 1.6 * size, [sorts[0], sorts[0], sorts[1], sorts[0]], Grid(3.2))
+
+
+def fireflies(stage: Stage, pixels: float) -> None:
+    """Small glowing balls among bodies in dim light."""
+    world_light(strength=WORLD_STRENGTH / 4)
+    space = stage.space
+    bodies(stage, space.depth(0.3), space.depth(0.5), every_sort())
+    radius = pixels * space.footprint(0)
+    ball = put("firefly", surfaces.sphere(), glow("firefly", (1.0, 0.8, 0.5), FIREFLY_POWER / radius**2), (0, 0, 0))
+    for place, _ in lattice(stage, space.depth(-0.2), space.depth(0.2), Grid(3.3)):
+        twin(ball, place, radius)
+    bpy.data.objects.remove(ball)
+
+
+def share(stage: Stage, lenses: float) -> None:
+    """Bodies behind a card on the display plane whose hole is a block of lenses."""
+    world_light()
+    sun()
+    space = stage.space
+    nearest = max(space.depth(0.1), 1.3)
+    bodies(stage, nearest, max(space.depth(1), nearest), every_sort())
+    columns, rows = hole(space.lenses, lenses)
+    if (columns, rows) == space.lenses:
+        return
+    card = put("card", frame_about(space, (columns, rows)), glow("card", (0.05, 0.05, 0.05), 1.0), (0, 0, 0))
+    to_background(card)
+
+
+def frame_about(space: Space, block: tuple[int, int]) -> Surface:
+    """Rectangle over the display, with margin, around a hole of whole lenses in its middle."""
+    inner = []
+    for total, open_, lens in zip(space.lenses, block, space.lens, strict=True):
+        first = (total - open_) // 2 - total / 2
+        # The last row of pixels must not see past the edge through rounding.
+        inner.append(((first + 1e-3) * lens, (first + open_ - 1e-3) * lens))
+    (left, right), (low, high) = inner
+    width, height = space.size
+    outer = [(-width, -height), (width, -height), (width, height), (-width, height)]
+    corners = [*outer, (left, low), (right, low), (right, high), (left, high)]
+    vertices = np.array([(x, 0.0, z) for x, z in corners], float)
+    faces = np.array([[i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i] for i in range(4)])
+    return Surface(vertices, faces, smooth=False)
+
+
+def hdri(stage: Stage, times: float) -> None:
+    """Bodies before a visible world that is brighter to the eye than as a light."""
+    background = world_light("interior.exr")
+    graph = Graph(bpy.context.scene.world.node_tree)
+    seen = graph.node("ShaderNodeLightPath").outputs["Is Camera Ray"]
+    factor = math_node(graph, "MULTIPLY_ADD", seen, WORLD_STRENGTH * (times - 1), WORLD_STRENGTH)
+    graph.feed(background.inputs["Strength"], factor)
+    bpy.context.scene.render.film_transparent = False
+    space = stage.space
+    reach = (space.size[0] * 0.28, space.size[1] * 0.28)
+    bodies(stage, space.depth(-0.25), space.depth(0.25), every_sort(), Grid(2.0, reach))
+
+
+def border(stage: Stage, contrast: float) -> None:
+    """Glossy metal tiles of one lens each on the display plane: dark ones that stay, and brighter ones."""
+    world_light(strength=2 * WORLD_STRENGTH)
+    bright = DARK_TILE * (1 + contrast) / (1 - contrast)
+    material, graph, shader = surface_of("tiles", Metallic=1.0, Roughness=0.12)
+    # Edges of the tiles are edges of lenses, also where their number is odd.
+    odd = tuple(0.5 * (count % 2) for count in stage.space.lenses)
+    checker = tiles(graph, stage.space.lens, (DARK_TILE,) * 3, (bright,) * 3, (odd[0], 0.5, odd[1]))
+    graph.feed(shader.inputs["Base Color"], checker)
+    full_board(stage, "tiles", 0.0, material)
+
+
+def motion(stage: Stage, lenses_per_frame: float) -> None:
+    """A printed card that goes round a rectangle before bodies at rest; nothing stands between it and its light."""
+    world_light()
+    space, scene = stage.space, bpy.context.scene
+    y, half, path = card_of_motion(space, int(lenses_per_frame), stage.frames)
+    bodies(stage, max(space.depth(0.8), y + 2), max(space.depth(1), y + 2), opaque_sorts())
+    card = board("card", y, half, printed("card", 1.5))
+    scene.frame_start, scene.frame_end = 1, stage.frames
+    for frame, place in enumerate(path, start=1):
+        x, z = card_centre(space, y, place, path)
+        card.location = (x, y, z)
+        card.keyframe_insert("location", frame=frame)
+    scene.frame_set(1)
+
+
+def eye(stage: Stage, slope: float) -> None:
+    """A printed board at the depth where neighbouring rendered views see points ``slope`` lenses apart."""
+    world_light()
+    y = stage.space.depth_of_slope(slope)
+    full_board(stage, "print", y, printed("print", 0.6 / stage.space.magnified(y)))
+
+
+def recall(stage: Stage, pixels: float) -> None:
+    """Single bright specks before and behind the display plane."""
+    world_light()
+    space = stage.space
+    speck = put("speck", surfaces.sphere(), glow("speck", (1.0, 0.95, 0.85), 1.0), (0, 0, 0))
+    for place, _ in lattice(stage, space.depth(-0.5), space.depth(0.5), Grid(3.0)):
+        twin(speck, place, pixels * space.footprint(place[1]) / 2)
+    bpy.data.objects.remove(speck)
+
+
+def full_board(stage: Stage, name: str, y: float, material: bpy.types.Material) -> bpy.types.Object:
+    """A board that fills every view."""
+    width, height = stage.space.window(y)
+    return board(name, y, (BIG * width, BIG * height), material)
+
+
+BUILDERS: dict[str, Callable[[Stage, float], None]] = {
+    "samples": samples, "depth-behind": depth, "depth-front": lambda stage, usable: depth(stage, -usable), "wire": wire,
+    "texture": texture, "glass-index": glass_index, "glass-roughness": glass_roughness, "mirror": mirror,
+    "caustics": caustics, "fireflies": fireflies, "share": share, "hdri": hdri, "border": border, "motion": motion,
+    "eye": eye, "recall": recall}

@@ -1,0 +1,246 @@
+"""How bodies are arranged: one hero, piles, clouds, rooms, streets, gardens, sheets."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lfsr_core.arrays import Array
+from lfsr_lab.scenes.shared import surfaces
+from lfsr_lab.scenes.shared.objects import add_surface
+from lfsr_lab.scenes.training import plants
+from lfsr_lab.scenes.training.cutouts import leaf_material, paper_material, turn
+from lfsr_lab.scenes.training.lights import light_open_scene, light_room
+from lfsr_lab.scenes.training.materials import random_material
+from lfsr_lab.scenes.training.shapes import CLOSED, SHAPES, copy_of, put, random_shape, readable, upright
+from lfsr_lab.scenes.training.stage import Stage
+
+FROM_ABOVE = ("hero", "assembly", "pile", "woods", "bouquet", "meadow")
+SMALL = {name: share for name, share in SHAPES.items() if name not in ("fur", "text")}
+
+
+def build(stage: Stage) -> str:
+    """Fill the stage with one random arrangement and its light; returns its name."""
+    name = stage.pick({name: share for name, (share, _) in LAYOUTS.items()})
+    stage.note("layout", name=name, front=stage.front, behind=stage.behind)
+    LAYOUTS[name][1](stage)
+    if name != "room":
+        light_open_scene(stage)
+        if name not in ("wall", "street") and stage.chance(0.15):
+            _backdrop(stage)
+        elif name in FROM_ABOVE and stage.chance(0.6):
+            stage.pitch = stage.rng.uniform(0, math.radians(35))
+            stage.note("pitch", angle=stage.pitch)
+    return name
+
+
+def _around_plane(stage: Stage, size: float) -> Array:
+    """A place near the middle whose body of this half-size stays within the depth limits."""
+    low, high = min(size * 0.8 - stage.front, 0), max(stage.behind - size * 0.8, 0)
+    return np.array([stage.rng.normal(0, 0.2), stage.rng.uniform(low, high) * 0.7, stage.rng.normal(0, 0.12)])
+
+
+def hero(stage: Stage) -> None:
+    """One body, as in most of the test renders, sometimes on a plinth or with companions."""
+    alone = stage.chance(0.55)
+    size = stage.rng.uniform(0.2, 0.95)
+    at = _around_plane(stage, size)
+    thing = random_shape(stage)
+    put(stage, thing, at, size, readable(stage) if thing.type == "FONT" else upright(stage, 0.4))
+    if not alone and stage.chance(0.6):
+        below = surfaces.box(stage.rng.uniform(0.5, 1.5), stage.rng.uniform(0.3, 1), 0.06)
+        put(stage, add_surface(below, random_material(stage), "plinth"), at - [0, 0, size], 1.0, np.zeros(3))
+    for _ in range(0 if alone else stage.rng.integers(1, 4)):
+        put(stage, random_shape(stage), stage.place(), stage.rng.uniform(0.08, 0.3))
+
+
+def assembly(stage: Stage) -> None:
+    """Parts grown onto each other in a few materials, as a figure, a helmet or a machine."""
+    size = stage.rng.uniform(0.12, 0.4)
+    grown = [(_around_plane(stage, 2 * size), size)]
+    materials = [random_material(stage) for _ in range(stage.rng.integers(1, 5))]
+    for _ in range(stage.rng.integers(3, 16)):
+        at, parent = grown[stage.rng.integers(len(grown))]
+        along = stage.rng.normal(size=3)
+        grown.append((at + along / np.linalg.norm(along) * parent * 0.8, parent * stage.rng.uniform(0.4, 1)))
+    for at, part in grown:
+        kind = stage.pick({name: share for name, share in SMALL.items() if name in CLOSED})
+        put(stage, random_shape(stage, kind, materials[stage.rng.integers(len(materials))]), at, part)
+
+
+def pile(stage: Stage) -> None:
+    """Clutter of many bodies of few kinds, on a floor or floating."""
+    kinds = [random_shape(stage, stage.pick(SMALL)) for _ in range(stage.rng.integers(3, 7))]
+    floor, largest = -stage.array.half_height * stage.rng.uniform(0.5, 0.9), stage.rng.uniform(0.12, 0.35)
+    spread = stage.rng.uniform(0.25, 0.9)
+    for index in range(stage.rng.integers(15, 90)):
+        thing = kinds[index] if index < len(kinds) else copy_of(kinds[stage.rng.integers(len(kinds))])
+        size = largest * stage.rng.uniform(0.3, 1)
+        at = stage.place(spread)
+        at[2] = floor + size * stage.rng.uniform(0.6, 1) + abs(stage.rng.normal(0, 0.3))
+        put(stage, thing, at, size)
+    if stage.chance(0.7):
+        _floor(stage, floor)
+
+
+def cloud(stage: Stage) -> None:
+    """Particles of one or two kinds all through the depth range."""
+    kinds = [random_shape(stage, stage.pick({"ball": 4, "box": 2, "rock": 2, "knot": 1, "blob": 2}))
+             for _ in range(stage.rng.integers(1, 4))]
+    size, spread = stage.log_uniform(0.015, 0.12), stage.rng.uniform(0.3, 1.1)
+    for index in range(stage.rng.integers(60, 400)):
+        thing = kinds[index] if index < len(kinds) else copy_of(kinds[stage.rng.integers(len(kinds))])
+        thing.location, thing.rotation_euler = stage.place(spread), turn(stage)
+        thing.scale = (size * stage.rng.uniform(0.4, 1.5),) * 3
+    stage.note("cloud", size=size)
+    if stage.chance(0.4):
+        hero(stage)
+
+
+def wires(stage: Stage) -> None:
+    """Thin wires, springs, lattices and rods crossing the view."""
+    for _ in range(stage.rng.integers(2, 8)):
+        kind = stage.pick({"wire": 5, "spring": 2, "lattice": 3, "knot": 1})
+        put(stage, random_shape(stage, kind), stage.place(0.6), stage.rng.uniform(0.3, 1))
+    material = random_material(stage, closed=False)
+    for _ in range(stage.rng.integers(0, 16)):
+        ends = np.stack([stage.place(1.2), stage.place(1.2)])
+        add_surface(surfaces.tube(np.linspace(*ends, 8), stage.log_uniform(0.004, 0.03), 8), material, "rod")
+
+
+def woods(stage: Stage) -> None:
+    """One tree, or a few; leaves cut out by alpha."""
+    for _ in range(stage.rng.integers(1, 4)):
+        plant = plants.tree(stage.rng)
+        size = stage.rng.uniform(0.5, 1.0)
+        _plant(stage, plant, (_around_plane(stage, size * 0.6), size, upright(stage, 0.1)))
+    if stage.chance(0.3):
+        _floor(stage, -stage.array.half_height * 0.9)
+
+
+def _plant(stage: Stage, plant: plants.Plant, where: tuple[Array, float, Array],
+           cut_out: bool = True) -> None:
+    """Wood and leaves; ``where``: place, size and turn, as of ``put``; ``cut_out``: leaves drawn by alpha."""
+    put(stage, add_surface(plant.wood, random_material(stage, closed=False), "wood"), *where)
+    if plant.leaves is not None:
+        material = leaf_material(stage) if cut_out else random_material(stage, closed=False)
+        put(stage, add_surface(plant.leaves, material, "leaves"), *where)
+
+
+def bouquet(stage: Stage) -> None:
+    """Flowers in a vessel, mostly of glass, sometimes with water or marbles."""
+    size = stage.rng.uniform(0.3, 0.5)
+    base = _around_plane(stage, size) - [0, 0, 0.35]
+    kind = stage.pick({"glass": 7, "any": 3})
+    vase = random_shape(stage, "lathe", random_material(stage, kind="glass") if kind == "glass" else None)
+    put(stage, vase, base, size, np.array([0, 0, 0.0]))
+    for _ in range(stage.rng.integers(2, 10)):
+        lean = np.array([*stage.rng.normal(0, 0.25, 2), stage.rng.uniform(-3, 3)])
+        height = size * stage.rng.uniform(0.9, 1.5)
+        _plant(stage, plants.flower(stage.rng), (base + np.array([0, 0, height - size]), height, lean),
+               cut_out=stage.chance(0.2))
+    if stage.chance(0.5):
+        _floor(stage, base[2] - size)
+
+
+def meadow(stage: Stage) -> None:
+    """Grass or hair-like blades with a few bodies among them."""
+    floor = -stage.array.half_height * 0.7
+    blades = plants.grass(stage.rng, 1.4, (stage.front + stage.behind) / 2)
+    middle = np.array([0, (stage.behind - stage.front) / 2, floor])
+    put(stage, add_surface(blades, random_material(stage, closed=False), "grass"), middle, 1.0, np.zeros(3))
+    for _ in range(stage.rng.integers(0, 5)):
+        put(stage, random_shape(stage), stage.place(0.7), stage.rng.uniform(0.1, 0.4))
+    if stage.chance(0.8):
+        _floor(stage, floor)
+
+
+def sheets(stage: Stage) -> None:
+    """Photographs on cards and cloths at many depths, some torn."""
+    for _ in range(stage.rng.integers(2, 9)):
+        flat = stage.chance(0.6)
+        surface = surfaces.card(1, stage.rng.uniform(0.5, 1.3)) if flat else surfaces.cloth(stage.rng)
+        material = paper_material(stage, stage.chance(0.35)) if flat or stage.chance(0.5) else \
+            random_material(stage, closed=False, kind="cloth")
+        put(stage, add_surface(surface, material, "sheet"), stage.place(0.8), stage.rng.uniform(0.2, 0.9),
+            stage.rng.normal(0, 0.5, 3))
+
+
+def wall(stage: Stage) -> None:
+    """A textured wall, relief or landscape behind everything, and bodies before it: every lens sees something."""
+    _backdrop(stage)
+    for _ in range(stage.rng.integers(1, 7)):
+        put(stage, random_shape(stage), stage.place(0.8), stage.rng.uniform(0.12, 0.5))
+
+
+def street(stage: Stage) -> None:
+    """Architecture: rows of boxes and columns with windows, on a ground."""
+    floor, materials = -stage.array.half_height * 0.8, [random_material(stage) for _ in range(4)]
+    for _ in range(stage.rng.integers(8, 40)):
+        at = stage.place(1.2)
+        half = stage.rng.uniform(0.05, 0.25, 2)
+        height = stage.log_uniform(0.1, 0.8)
+        body = surfaces.box(half[0], half[1], height) if stage.chance(0.8) else surfaces.revolve(
+            np.full(8, half[0]), np.linspace(-height, height, 8), 0.02, 32)
+        at[2] = floor + height
+        put(stage, add_surface(body, materials[stage.rng.integers(4)], "house"), at, 1.0,
+            np.array([0, 0, stage.rng.choice([0, 0.3, 0.8])]))
+    _floor(stage, floor)
+    if stage.chance(0.4):
+        _backdrop(stage)
+
+
+def room(stage: Stage) -> None:
+    """A box seen from its open side or from inside, with furniture; every lens sees something."""
+    width, height = (1.02 * side for side in stage.window(0.0))
+    behind = max(stage.behind, 0.5)
+    front = stage.array.distance + 0.3 if stage.chance(0.4) else stage.rng.uniform(0, 0.3)
+    half = np.array([width * stage.rng.uniform(1, 1.3), (behind + front) / 2, height * stage.rng.uniform(1, 1.3)])
+    middle = np.array([0, (behind - front) / 2, 0])
+    for axis, side in ((0, -1), (0, 1), (1, 1), (1, -1), (2, -1), (2, 1)):
+        if (axis, side) != (1, -1) or front > 1:
+            _room_side(stage, middle, half, axis, side)
+    for _ in range(stage.rng.integers(2, 9)):
+        size = stage.rng.uniform(0.12, 0.45)
+        at = middle + half * stage.rng.uniform(-0.75, 0.75, 3)
+        at[1] = np.clip(at[1], -stage.front, behind - size)
+        at[2] = middle[2] - half[2] + size * 0.8 if stage.chance(0.7) else at[2]
+        put(stage, random_shape(stage, stage.pick(SMALL | {"box": 25})), at, size, upright(stage, 0.05))
+    light_room(stage, middle, half)
+
+
+def _room_side(stage: Stage, middle: Array, half: Array, axis: int, side: int) -> None:
+    extent = half.copy()
+    extent[axis] = 0.02
+    at = middle.copy()
+    at[axis] += side * (half[axis] + 0.02)
+    kind = stage.pick({"plastic": 5, "photo": 3, "noise": 2, "lacquer": 1, "metal": 0.5})
+    put(stage, add_surface(surfaces.box(*extent), random_material(stage, kind=kind), "side"), at, 1.0, np.zeros(3))
+
+
+def _floor(stage: Stage, height: float) -> None:
+    """Ground between the depth limits: flat or rolling."""
+    middle = np.array([0, (stage.behind - stage.front) / 2, height])
+    half = np.array([stage.rng.uniform(0.9, 2.5), (stage.front + stage.behind) / 2, 1.0])
+    ground = surfaces.terrain(stage.rng) if stage.chance(0.4) else surfaces.box(1, 1, 0.02)
+    put(stage, add_surface(ground, random_material(stage, closed=False), "floor"), middle, half, np.zeros(3))
+
+
+def _backdrop(stage: Stage) -> None:
+    """A wall across the whole view at the far limit: photograph, material or relief."""
+    depth = max(stage.behind * stage.rng.uniform(0.5, 1), 0.1)
+    width, height = stage.window(depth, 1.0)
+    size = np.array([width, 1.0, height]) * 1.1
+    if stage.chance(0.5):
+        surface, tilt = surfaces.card(), stage.rng.normal(0, 0.08, 3)
+        material = paper_material(stage, False) if stage.chance(0.7) else random_material(stage, closed=False)
+    else:
+        surface, tilt = surfaces.terrain(stage.rng), np.array([math.pi / 2, 0, 0])
+        material, size = random_material(stage, closed=False), size[[0, 2, 1]]
+    put(stage, add_surface(surface, material, "backdrop"), np.array([0, depth, 0]), size, tilt)
+
+
+LAYOUTS = {"hero": (20, hero), "assembly": (11, assembly), "pile": (13, pile), "cloud": (8, cloud),
+           "wires": (7, wires), "woods": (9, woods), "bouquet": (8, bouquet), "meadow": (4, meadow),
+           "sheets": (8, sheets), "wall": (7, wall), "street": (5, street), "room": (10, room)}

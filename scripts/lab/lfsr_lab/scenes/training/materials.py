@@ -1,0 +1,192 @@
+"""Random materials: every sort the product's scenes may contain, with colours from numbers, noise or photographs."""
+
+from __future__ import annotations
+
+import colorsys
+import math
+from typing import Any
+
+import bpy
+
+from lfsr_lab.scenes.shared.graph import Graph, principled
+from lfsr_lab.scenes.training.stage import Dimmer, Stage
+
+KINDS = {"plastic": 15, "photo": 24, "noise": 12, "metal": 12, "glass": 11, "skin": 6, "cloth": 6,
+         "lacquer": 6, "worn": 7, "glow": 1.5, "film": 2.5}
+VOLUME_SHARE = 0.35  # of the glass
+
+
+def random_material(stage: Stage, closed: bool = True, uv: bool = True, kind: str | None = None) -> bpy.types.Material:
+    """Material of a random or given kind; glass only on closed solids."""
+    weights = {name: share for name, share in KINDS.items() if closed or name != "glass"}
+    kind = kind or stage.pick(weights)
+    material, graph, shader = principled(kind)
+    BUILDERS[kind](stage, graph, shader, uv)
+    if kind not in ("glow", "photo") or stage.chance(0.3):
+        _maybe_bump(stage, graph, shader, uv)
+    stage.note("material", kind=kind)
+    return material
+
+
+def random_color(stage: Stage, low: float = 0.04, high: float = 0.9) -> tuple[float, float, float, float]:
+    """Opaque scene-linear colour of random hue; greys are as likely as strong colours."""
+    rng = stage.rng
+    return (*colorsys.hsv_to_rgb(rng.random(), rng.beta(1, 1.3), stage.log_uniform(low, high)), 1.0)
+
+
+def coordinates(stage: Stage, graph: Graph, uv: bool, low: float = 0.5, high: float = 4.0) -> bpy.types.NodeSocket:
+    """Texture coordinates with random scale, turn and offset."""
+    source = graph.node("ShaderNodeTexCoord").outputs["UV" if uv and stage.chance(0.5) else "Generated"]
+    scale, rng = stage.log_uniform(low, high), stage.rng
+    return graph.node("ShaderNodeMapping", {
+        "Vector": source, "Scale": (scale,) * 3, "Rotation": tuple(rng.uniform(-math.pi, math.pi, 3)),
+        "Location": tuple(rng.uniform(0, 10, 3))}).outputs["Vector"]
+
+
+def photo(stage: Stage, graph: Graph, vector: bpy.types.NodeSocket, box: bool = True) -> bpy.types.Node:
+    """Image texture with one of the photographs, projected flat or from the six sides."""
+    path = stage.textures[stage.rng.integers(len(stage.textures))]
+    image = bpy.data.images.load(str(path), check_existing=True)
+    stage.note("texture", file=path.name)
+    return graph.node("ShaderNodeTexImage", {"Vector": vector}, image=image, extension="MIRROR",
+                      projection="BOX" if box else "FLAT", projection_blend=0.2 if box else 0.0)
+
+
+def color_source(stage: Stage, graph: Graph, uv: bool) -> Any:
+    """A colour value or the output of a photograph or pattern."""
+    sort = stage.pick({"flat": 35, "photo": 30, "pattern": 35})
+    if sort == "flat":
+        return random_color(stage)
+    if sort == "photo" and stage.textures:
+        return photo(stage, graph, coordinates(stage, graph, uv)).outputs["Color"]
+    return pattern_color(stage, graph, uv)
+
+
+def pattern_value(stage: Stage, graph: Graph, uv: bool) -> bpy.types.NodeSocket:
+    """Grey output of a procedural pattern at a scale from coarse to finer than a lens."""
+    vector, rng = coordinates(stage, graph, uv, 1, 1.5), stage.rng
+    scale, sort = stage.log_uniform(1.5, 60), stage.pick({"noise": 4, "voronoi": 3, "wave": 2, "check": 1, "brick": 1})
+    if sort == "noise":
+        return graph.node("ShaderNodeTexNoise", {"Vector": vector, "Scale": scale, "Detail": rng.uniform(0, 8),
+                                                 "Distortion": rng.choice([0, 0, 1.5])}).outputs[0]
+    if sort == "voronoi":
+        feature = str(rng.choice(["F1", "F2", "DISTANCE_TO_EDGE"]))
+        cells = graph.node("ShaderNodeTexVoronoi", {"Vector": vector, "Scale": scale}, feature=feature)
+        return cells.outputs["Distance"]
+    if sort == "wave":
+        return graph.node("ShaderNodeTexWave", {"Vector": vector, "Scale": scale / 3, "Distortion": rng.uniform(0, 8)},
+                          wave_type=str(rng.choice(["BANDS", "RINGS"]))).outputs[0]
+    if sort == "check":
+        return graph.node("ShaderNodeTexChecker", {"Vector": vector, "Scale": scale}).outputs[1]
+    return graph.node("ShaderNodeTexBrick", {"Vector": vector, "Scale": scale / 2}).outputs[1]
+
+
+def pattern_color(stage: Stage, graph: Graph, uv: bool) -> bpy.types.NodeSocket:
+    """Procedural pattern between two to four random colours."""
+    ramp = graph.node("ShaderNodeValToRGB", {0: pattern_value(stage, graph, uv)})
+    elements = ramp.color_ramp.elements
+    for _ in range(stage.rng.integers(0, 3)):
+        elements.new(stage.rng.uniform(0.2, 0.8))
+    for element in elements:
+        element.color = random_color(stage)
+    ramp.color_ramp.interpolation = "CONSTANT" if stage.chance(0.25) else "LINEAR"
+    return ramp.outputs["Color"]
+
+
+def _maybe_bump(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
+    if stage.chance(0.4):
+        height = pattern_value(stage, graph, uv)
+        bump = graph.node("ShaderNodeBump", {"Height": height, "Strength": stage.log_uniform(0.05, 0.8),
+                                             "Distance": stage.log_uniform(0.003, 0.05)})
+        graph.feed(shader.inputs["Normal"], bump.outputs["Normal"])
+
+
+def _roughness(stage: Stage, graph: Graph, uv: bool, low: float, high: float) -> Any:
+    value = float(stage.rng.uniform(low, high))
+    if not stage.chance(0.3):
+        return value
+    span = {"Value": pattern_value(stage, graph, uv), "To Min": low, "To Max": high}
+    return graph.node("ShaderNodeMapRange", span).outputs["Result"]
+
+
+def _set(graph: Graph, shader: bpy.types.Node, **values: Any) -> None:
+    for name, value in values.items():
+        graph.feed(shader.inputs[name.replace("_", " ")], value)
+
+
+def _plastic(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
+    _set(graph, shader, Base_Color=random_color(stage), Roughness=_roughness(stage, graph, uv, 0.05, 0.9),
+         Specular_IOR_Level=float(stage.rng.uniform(0.1, 1)))
+
+
+def _photo(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
+    color = color_source(stage, graph, uv) if not stage.textures else \
+        photo(stage, graph, coordinates(stage, graph, uv, 0.4, 6)).outputs["Color"]
+    _set(graph, shader, Base_Color=color, Roughness=_roughness(stage, graph, uv, 0.1, 1))
+
+
+def _noise(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
+    _set(graph, shader, Base_Color=pattern_color(stage, graph, uv), Roughness=_roughness(stage, graph, uv, 0.1, 1))
+
+
+def _metal(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
+    color = random_color(stage, 0.3, 0.95) if stage.chance(0.7) else color_source(stage, graph, uv)
+    _set(graph, shader, Base_Color=color, Metallic=1.0, Roughness=_roughness(stage, graph, uv, 0.0, 0.6),
+         Anisotropic=float(stage.rng.choice([0, 0, 0.7])))
+
+
+def _glass(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
+    absorbing = stage.chance(VOLUME_SHARE)
+    tint = (1.0, 1.0, 1.0, 1.0) if absorbing or stage.chance(0.6) else random_color(stage, 0.5, 1)
+    _set(graph, shader, Base_Color=tint, Transmission_Weight=1.0, IOR=float(stage.rng.uniform(1.2, 1.8)),
+         Roughness=float(stage.rng.choice([0, 0, 0, 0.05, 0.25])))
+    if absorbing:
+        volume = graph.node("ShaderNodeVolumeAbsorption", {"Color": random_color(stage, 0.4, 0.9),
+                                                           "Density": stage.log_uniform(1, 20)})
+        graph.feed(graph.only("OUTPUT_MATERIAL").inputs["Volume"], volume.outputs[0])
+
+
+def _skin(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
+    _set(graph, shader, Base_Color=color_source(stage, graph, uv), Subsurface_Weight=1.0,
+         Subsurface_Radius=tuple(stage.rng.uniform(0.1, 1, 3)), Subsurface_Scale=stage.log_uniform(0.01, 0.2),
+         Roughness=float(stage.rng.uniform(0.3, 0.7)))
+
+
+def _cloth(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
+    _set(graph, shader, Base_Color=color_source(stage, graph, uv), Roughness=0.9, Sheen_Weight=1.0,
+         Sheen_Roughness=float(stage.rng.uniform(0.2, 0.6)))
+
+
+def _lacquer(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
+    _set(graph, shader, Base_Color=color_source(stage, graph, uv), Roughness=float(stage.rng.uniform(0.3, 0.9)),
+         Metallic=float(stage.chance(0.3)), Coat_Weight=1.0, Coat_Roughness=float(stage.rng.uniform(0, 0.15)))
+
+
+def _worn(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
+    """Two surfaces by one mask: paint over metal, dirt over leather."""
+    edge = graph.node("ShaderNodeMapRange", {"Value": pattern_value(stage, graph, uv), "From Min": 0.4,
+                                             "From Max": 0.6}).outputs["Result"]
+    mix = graph.node("ShaderNodeMix", data_type="RGBA")
+    color = [socket for socket in mix.inputs if socket.type == "RGBA"]
+    graph.feed(mix.inputs[0], edge)
+    for socket in color:
+        graph.feed(socket, color_source(stage, graph, uv))
+    output = next(socket for socket in mix.outputs if socket.type == "RGBA")
+    shine = graph.node("ShaderNodeMapRange", {"Value": edge, "To Min": float(stage.rng.uniform(0, 1)),
+                                              "To Max": float(stage.rng.uniform(0, 1))}).outputs["Result"]
+    _set(graph, shader, Base_Color=output, Metallic=edge if stage.chance(0.6) else 0.0, Roughness=shine)
+
+
+def _glow(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
+    color = color_source(stage, graph, uv)
+    _set(graph, shader, Base_Color=color, Emission_Color=color, Emission_Strength=stage.log_uniform(0.5, 15))
+    stage.dimmers.append(Dimmer(shader.inputs["Emission Strength"], "default_value"))
+
+
+def _film(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
+    _set(graph, shader, Base_Color=random_color(stage), Metallic=float(stage.chance(0.7)),
+         Roughness=float(stage.rng.uniform(0, 0.4)), Thin_Film_Thickness=float(stage.rng.uniform(200, 900)))
+
+
+BUILDERS = {"plastic": _plastic, "photo": _photo, "noise": _noise, "metal": _metal, "glass": _glass, "skin": _skin,
+            "cloth": _cloth, "lacquer": _lacquer, "worn": _worn, "glow": _glow, "film": _film}

@@ -1,0 +1,127 @@
+"""Bodies of the training scenes as Blender objects, each about 2 across before it is placed."""
+
+from __future__ import annotations
+
+import math
+import string
+from collections.abc import Callable
+
+import bmesh
+import bpy
+import numpy as np
+
+from lfsr_core.arrays import Array
+from lfsr_lab.scenes.shared import surfaces
+from lfsr_lab.scenes.shared.objects import add_object, add_surface, settle
+from lfsr_lab.scenes.shared.surfaces import Random, Surface
+from lfsr_lab.scenes.training import plants
+from lfsr_lab.scenes.training.cutouts import turn
+from lfsr_lab.scenes.training.materials import random_material
+from lfsr_lab.scenes.training.stage import Stage
+
+SHAPES = {"blob": 22, "ball": 8, "box": 8, "superquadric": 9, "knot": 10, "lathe": 10, "gear": 6, "spring": 4,
+          "wire": 5, "rock": 6, "monkey": 7, "text": 5, "lattice": 4, "fur": 2}
+CLOSED = {"blob", "ball", "box", "superquadric", "knot", "lathe", "gear", "rock"}
+SURFACES: dict[str, Callable[[Random], Surface]] = {
+    "blob": surfaces.blob, "superquadric": surfaces.superquadric, "knot": surfaces.torus_knot,
+    "spring": surfaces.spring, "wire": surfaces.wire_tangle, "lathe": surfaces.lathe, "gear": surfaces.gear,
+    "ball": lambda rng: surfaces.sphere(), "box": lambda rng: surfaces.box(*rng.uniform(0.4, 1, 3)),
+    "fur": lambda rng: plants.fur(rng, surfaces.sphere(40, 24))}
+
+
+def random_shape(stage: Stage, kind: str | None = None, material: bpy.types.Material | None = None) -> bpy.types.Object:
+    """Object of a random or given kind with a random or given material, at the origin."""
+    kind = kind or stage.pick(SHAPES)
+    stage.note("shape", kind=kind)
+    material = material or random_material(stage, closed=kind in CLOSED, uv=kind in SURFACES)
+    if kind in SURFACES:
+        return add_surface(surfaces.unit_sized(SURFACES[kind](stage.rng)), material, kind)
+    return {"monkey": _monkey, "text": _text, "rock": _rock, "lattice": _lattice}[kind](stage, material)
+
+
+def put(stage: Stage, thing: bpy.types.Object, at: Array, size: float | Array,
+        turned: Array | None = None) -> bpy.types.Object:
+    """Place an object and note where; turned at random unless given."""
+    settle(thing, at, size, turn(stage) if turned is None else turned)
+    stage.note("put", name=thing.name.split(".")[0], at=np.asarray(at, float), size=float(np.max(size)))
+    return thing
+
+
+def copy_of(thing: bpy.types.Object) -> bpy.types.Object:
+    """Another object of the same mesh, so that memory and acceleration structure are shared."""
+    twin = thing.copy()
+    bpy.context.scene.collection.objects.link(twin)
+    return twin
+
+
+def _bmesh_object(build: Callable[[bmesh.types.BMesh], None], material: bpy.types.Material, name: str,
+                  smooth: bool) -> bpy.types.Object:
+    mesh, work = bpy.data.meshes.new(name), bmesh.new()
+    build(work)
+    for face in work.faces:
+        face.smooth = smooth
+    work.to_mesh(mesh)
+    work.free()
+    return add_object(mesh, material, name)
+
+
+def _monkey(stage: Stage, material: bpy.types.Material) -> bpy.types.Object:
+    thing = _bmesh_object(lambda work: bmesh.ops.create_monkey(work), material, "monkey", True)
+    smoother = thing.modifiers.new("smooth", "SUBSURF")
+    smoother.levels = smoother.render_levels = int(stage.rng.integers(0, 4))
+    return thing
+
+
+def _rock(stage: Stage, material: bpy.types.Material) -> bpy.types.Object:
+    """A faceted stone: a ball cut by random planes."""
+    rng = stage.rng
+
+    def build(work: bmesh.types.BMesh) -> None:
+        bmesh.ops.create_icosphere(work, subdivisions=int(rng.integers(2, 4)), radius=1.0)
+        points = np.array([vertex.co for vertex in work.verts])
+        for direction in rng.normal(size=(rng.integers(3, 14), 3)):
+            direction /= np.linalg.norm(direction)
+            over = np.maximum(points @ direction - rng.uniform(0.45, 0.8), 0)
+            points -= over[:, None] * direction
+        for vertex, point in zip(work.verts, points * rng.uniform(0.6, 1, 3), strict=True):
+            vertex.co = point
+
+    return _bmesh_object(build, material, "rock", False)
+
+
+def _lattice(stage: Stage, material: bpy.types.Material) -> bpy.types.Object:
+    """Struts along the edges of a ball or a box."""
+    rng = stage.rng
+
+    def build(work: bmesh.types.BMesh) -> None:
+        if rng.random() < 0.6:
+            bmesh.ops.create_icosphere(work, subdivisions=int(rng.integers(1, 4)), radius=1.0)
+        else:
+            bmesh.ops.create_cube(work, size=2.0)
+            bmesh.ops.subdivide_edges(work, edges=work.edges, cuts=int(rng.integers(1, 4)), use_grid_fill=True)
+
+    thing = _bmesh_object(build, material, "lattice", False)
+    thing.modifiers.new("struts", "WIREFRAME").thickness = stage.log_uniform(0.015, 0.12)
+    return thing
+
+
+def _text(stage: Stage, material: bpy.types.Material) -> bpy.types.Object:
+    """Raised letters and digits in one to three lines, about 2 across, standing upright."""
+    rng, curve = stage.rng, bpy.data.curves.new("text", "FONT")
+    letters = list(string.ascii_letters + string.digits + "&?!%#@")
+    lines = ["".join(rng.choice(letters, rng.integers(1, 9))) for _ in range(rng.integers(1, 4))]
+    curve.body, curve.align_x, curve.align_y = "\n".join(lines), "CENTER", "CENTER"
+    curve.size = 2.0 / max(len(line) for line in lines) * 1.6
+    curve.extrude, curve.bevel_depth = stage.log_uniform(0.02, 0.2), stage.log_uniform(0.002, 0.02)
+    curve.resolution_u = 4
+    return add_object(curve, material, "text")
+
+
+def upright(stage: Stage, lean: float = 0.2) -> Array:
+    """Angles that turn a body about the vertical, and lean it a little."""
+    return np.array([*stage.rng.normal(0, lean, 2), stage.rng.uniform(-math.pi, math.pi)])
+
+
+def readable(stage: Stage) -> Array:
+    """Angles that stand a text upright before the viewer."""
+    return np.array([math.pi / 2, 0, 0]) + stage.rng.normal(0, 0.35, 3)

@@ -1,0 +1,109 @@
+"""What every part of a training scene is built on: the random stream, the display window, the notes.
+
+World axes: X right, Z up, Y away from the viewer; the display plane is y = 0 with
+half-width 1, the viewer at y = -distance.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lfsr_core.arrays import Array
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.rays import CameraArray
+
+DEPTH_EXCESS = 1.5  # how far beyond the usable depth range objects may stand
+DEEPEST, NEAREST = 3.0, 0.55  # limits in display half-widths and in viewing distances
+
+
+@dataclasses.dataclass
+class Dimmer:
+    """One strength to multiply when the exposure is set: ``owner.attribute``."""
+
+    owner: Any
+    attribute: str
+
+    def scale(self, factor: float) -> None:
+        """Multiply the strength."""
+        setattr(self.owner, self.attribute, getattr(self.owner, self.attribute) * factor)
+
+
+@dataclasses.dataclass
+class Stage:
+    """``front`` and ``behind``: how far objects may stand from the display plane, in scene units.
+
+    ``pitch``: how far the camera array has climbed about the display's middle, radians.
+    """
+
+    rng: np.random.Generator
+    profile: DisplayProfile
+    array: CameraArray
+    front: float
+    behind: float
+    textures: tuple[Path, ...]
+    layout: str = ""
+    pitch: float = 0.0
+    notes: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    dimmers: list[Dimmer] = dataclasses.field(default_factory=list)
+
+    @classmethod
+    def for_display(cls, rng: np.random.Generator, profile: DisplayProfile, scale: int,
+                    textures: tuple[Path, ...]) -> Stage:
+        """Stage whose depth is a random share, up to 1.5, of the low-resolution array's usable range."""
+        array = CameraArray.for_display(profile, 2.0)
+        unit = 2.0 / profile.panel_mm[0]
+        front, behind = (unit * depth for depth in profile.depth_range_mm(scale))
+        share = DEPTH_EXCESS * rng.uniform(0.25, 1)
+        return cls(rng, profile, array, min(front * share, NEAREST * array.distance),
+                   min(behind * share, DEEPEST), textures)
+
+    @property
+    def matrix_world(self) -> tuple[tuple[float, ...], ...]:
+        """Camera-array space (+X right, +Y up, +Z to the display) to world, row by row."""
+        sine, cosine, distance = math.sin(self.pitch), math.cos(self.pitch), self.array.distance
+        return ((1.0, 0.0, 0.0, 0.0), (0.0, sine, cosine, -distance * cosine),
+                (0.0, cosine, -sine, distance * sine), (0.0, 0.0, 0.0, 1.0))
+
+    def note(self, what: str, **facts: Any) -> None:
+        """Record one decision for the scene's description."""
+        plain = {key: [round(float(v), 4) for v in value] if isinstance(value, (np.ndarray, tuple)) else
+                 round(value, 4) if isinstance(value, float) else value for key, value in facts.items()}
+        self.notes.append({"what": what, **plain})
+
+    def window(self, depth: float, widen: float = 0.0) -> tuple[float, float]:
+        """Half-width and half-height that the central view sees at y = depth.
+
+        ``widen`` = 1 gives what the outermost views see together.
+        """
+        near = (self.array.distance + depth) / self.array.distance
+        reach = widen * abs(depth) / self.array.distance * self.array.spacing / 2
+        return (self.array.half_width * near + reach * self.profile.views[0],
+                self.array.half_height * near + reach * self.profile.views[1])
+
+    def depth(self) -> float:
+        """Random y, more often near the display plane than at the limits."""
+        return float(self.rng.triangular(-self.front, 0, self.behind))
+
+    def place(self, margin: float = 0.9) -> Array:
+        """Random point in the viewing frustum."""
+        depth = self.depth()
+        width, height = self.window(depth)
+        return np.array([self.rng.uniform(-width, width) * margin, depth, self.rng.uniform(-height, height) * margin])
+
+    def chance(self, probability: float) -> bool:
+        """True with the given probability."""
+        return bool(self.rng.random() < probability)
+
+    def log_uniform(self, low: float, high: float) -> float:
+        """Random value whose logarithm is uniform."""
+        return float(math.exp(self.rng.uniform(math.log(low), math.log(high))))
+
+    def pick(self, weights: dict[str, float]) -> str:
+        """One key, chosen by weight."""
+        share = np.array(list(weights.values()), float)
+        return list(weights)[self.rng.choice(len(weights), p=share / share.sum())]

@@ -1,0 +1,156 @@
+"""Training scenes: many small, varied, seeded scenes and their renders, one file each.
+
+    python scripts/lab/lfsr_lab/scenes/training_scenes.py --prepare-textures PHOTOS SMALL
+    python scripts/lab/lfsr_lab/scenes/training_scenes.py --output DIR --count 100 --textures SMALL
+    blender --background --python scripts/lab/lfsr_lab/scenes/training_scenes.py -- --output DIR ...
+
+Needs bpy, numpy, pyoidn and OpenImageIO; nothing has to be installed. Scene I of
+seed S is the same whichever others are made; a folder is completed, not redone.
+The file format is described in training/produce.py.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+# Where lfsr_lab and lfsr_core are: installed side by side, or in a clone, scripts/lab and the root.
+sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4))
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json, write_json
+from lfsr_core.render.protocol import EXIT_BAD_INPUT, emit
+from lfsr_lab.scenes.training import crew
+from lfsr_lab.scenes.training.displays import check_display
+from lfsr_lab.scenes.training.textures import find_textures, prepare_textures
+
+if TYPE_CHECKING:
+    from lfsr_lab.scenes.training.produce import Recipe
+
+SETTINGS_FILE = "settings.json"
+
+
+def parse(arguments: Sequence[str]) -> argparse.Namespace:
+    """Command line as a namespace."""
+    parser = argparse.ArgumentParser(prog="training_scenes.py", description=__doc__.splitlines()[0])
+    parser.add_argument("--output", type=Path, help="folder of the scene files")
+    parser.add_argument("--first", type=int, default=0, help="number of the first scene")
+    parser.add_argument("--count", type=int, default=1, help="how many scenes")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the whole set")
+    parser.add_argument("--display", default="train", help="train (varies), a built-in display or a .toml file")
+    parser.add_argument("--scale", type=int, default=4, help="scale factor of the low-resolution renders")
+    parser.add_argument("--spps", default="1,4,16,64", help="samples per pixel of the low-resolution renders")
+    parser.add_argument("--reference-spp", type=int, default=512, help="samples of both reference halves together")
+    parser.add_argument("--textures", type=Path, help="folder of small photographs")
+    parser.add_argument("--device", default="CPU", choices=("CPU", "OPTIX"))
+    parser.add_argument("--threads", type=int, help="CPU threads per worker")
+    parser.add_argument("--workers", type=int, default=1, help="processes side by side")
+    parser.add_argument("--compress", action="store_true", help="smaller files, slower to write and read")
+    parser.add_argument("--prepare-textures", nargs=2, metavar=("PHOTOS", "SMALL"), help="only shrink photographs")
+    parser.add_argument("--size", type=int, default=1024, help="longest side of a shrunk photograph in pixels")
+    parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
+    return parser.parse_args(arguments)
+
+
+def recipe_of(options: argparse.Namespace) -> Recipe:
+    """Validated recipe of the command line."""
+    from lfsr_lab.scenes.training.produce import Recipe
+
+    if options.output is None:
+        raise LfsrError("--output is missing: name the folder of the scene files")
+    if options.reference_spp < 2 or options.reference_spp % 2:
+        raise LfsrError(f"--reference-spp is {options.reference_spp}, but two equal halves need an even number")
+    check_display(options.display, options.scale)
+    return Recipe(options.output, options.seed, options.display, options.scale, _samples(options.spps),
+                  options.reference_spp, find_textures(options.textures), options.device,
+                  options.threads, options.compress)
+
+
+def _samples(text: str) -> tuple[int, ...]:
+    counts = tuple(int(part) if part.strip().isdecimal() else 0 for part in text.split(","))
+    if 0 in counts:
+        raise LfsrError(f"--spps is {text!r}, but it must be whole numbers above 0 with commas, like 1,4,16")
+    return counts
+
+
+def claim_folder(recipe: Recipe) -> None:
+    """Record the settings of a new folder; LfsrError if it was begun with other ones."""
+    path = recipe.output / SETTINGS_FILE
+    if path.exists() and read_json(path, "settings of training scenes") != recipe.settings():
+        raise LfsrError(f"{recipe.output} holds scenes of other settings (see {SETTINGS_FILE} there): "
+                        "choose another --output or the same settings")
+    write_json(path, recipe.settings())
+
+
+def missing_scenes(recipe: Recipe, first: int, count: int) -> list[int]:
+    """Numbers without a file; remains of killed runs at those numbers are removed."""
+    missing = [index for index in range(first, first + count) if not recipe.path(index).exists()]
+    for index in missing:
+        for remains in recipe.output.glob(f".{recipe.path(index).stem}-*"):
+            remains.unlink()
+    return missing
+
+
+def run(options: argparse.Namespace) -> int:
+    """Do what the command line says; how many scenes failed."""
+    if options.prepare_textures:
+        emit(stage="textures", count=prepare_textures(*options.prepare_textures, options.size))
+        return 0
+    from lfsr_lab.scenes.training.produce import produce
+
+    recipe = recipe_of(options)
+    if options.serve:
+        crew.serve(lambda index: produce(recipe, index))
+        return 0
+    claim_folder(recipe)
+    missing = missing_scenes(recipe, options.first, options.count)
+    emit(stage="start", scenes=len(missing), complete=options.count - len(missing))
+    if options.workers > 1:
+        failed = crew.share_out(worker_command(options), min(options.workers, len(missing)), missing)
+    else:
+        failed = [index for index in missing if not crew.attempt(lambda index: produce(recipe, index), index)]
+    emit(stage="done", made=len(missing) - len(failed), failed=failed)
+    return len(failed)
+
+
+def worker_command(options: argparse.Namespace) -> list[str]:
+    """This script again, as a worker, in the same kind of Blender."""
+    import bpy
+
+    threads = options.threads or max(1, len(os.sched_getaffinity(0)) // options.workers)
+    arguments = [*script_arguments(), "--serve", "--threads", str(threads)]
+    if bpy.app.binary_path:
+        return [bpy.app.binary_path, "--background", "--factory-startup", "--python", __file__, "--", *arguments]
+    return [sys.executable, __file__, *arguments]
+
+
+def script_arguments() -> list[str]:
+    """Arguments meant for this script: those after ``--`` under Blender, else all."""
+    return sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else sys.argv[1:]
+
+
+def main() -> int:
+    """Exit code: 0, 1 where scenes failed, 2 on bad input."""
+    try:
+        return 1 if run(parse(script_arguments())) else 0
+    except LfsrError as error:
+        emit(stage="error", message=str(error))
+        return EXIT_BAD_INPUT
+
+
+def leave(code: int) -> None:
+    """End the process here: Blender turns a script's SystemExit into its own exit code."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    if "bpy" in sys.modules:
+        shutil.rmtree(sys.modules["bpy"].app.tempdir, ignore_errors=True)
+    os._exit(code)
+
+
+if __name__ == "__main__":
+    leave(main())

@@ -1,0 +1,162 @@
+"""What a training run is: a TOML file of known keys."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_type_hints
+
+from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.files import read_bytes
+from lfsr_core.reconstruct.networks import catalogue
+
+if TYPE_CHECKING:
+    from lfsr_lab.networks.lightfield import LightFieldConfig
+
+CONFIG_FOLDER = Path(__file__).parent / "configs"
+MOST_BYTES = 100_000  # of a config's file
+
+
+@dataclasses.dataclass(frozen=True)
+class TrainConfig:
+    """Training of a comparator on photographs."""
+
+    network: str
+    photographs: str  # folder of images, or cache file of --prepare-photographs
+    validation: str = ""  # the same, to measure on
+    validation_scenes: str = ""  # folder of rendered light fields (*.npz), scored per EI as well
+    scale: int = 4
+    seed: int = 0
+    crop: int = 256  # side of a high-resolution crop in pixels
+    crops_per_photograph: int = 16  # in an epoch
+    downsample: str = "box"  # what a low-resolution render is; or "bicubic"
+    linear_light: bool = True  # downsample light instead of encoded values
+    augment: bool = True
+    epochs: int = 100
+    batch: int = 8
+    rate: float = 1e-4  # Adam's
+    schedule: str = "constant"  # or "cosine" to 0
+    adversarial: float = 0.0  # weight of the adversarial term; 0 trains without a discriminator
+    validate_every: int = 10  # epochs
+    checkpoint_every: int = 10  # epochs
+    # Weights of the same architecture to begin with, as a generator that meets its adversary
+    # (SRGAN, arXiv 1609.04802, section 3.2); empty: random ones.
+    start: str = ""
+
+    def __post_init__(self) -> None:
+        problems = (
+            (self.crop % self.scale or self.crop <= 0, f"crop {self.crop} is no multiple of scale {self.scale}",
+             "choose a crop that is"),
+            (self.downsample not in ("box", "bicubic"), f"downsample {self.downsample!r} is unknown",
+             "choose box or bicubic"),
+            (self.schedule not in ("constant", "cosine"), f"schedule {self.schedule!r} is unknown",
+             "choose constant or cosine"),
+            (min(self.epochs, self.batch, self.crops_per_photograph) < 1, "epochs, batch and crops_per_photograph",
+             "must be at least 1"),
+            (not self.rate > 0 or self.adversarial < 0, f"rate {self.rate} or adversarial {self.adversarial}",
+             "must be positive"),
+        )
+        for wrong, what, advice in problems:
+            if wrong:
+                raise LfsrError(f"training: {what}: {advice}")
+
+
+@dataclasses.dataclass(frozen=True)
+class LightFieldTrainConfig:
+    """Training of a network of ours on rendered scenes."""
+
+    network: str
+    scenes: str  # folder of *.npz of training_scenes.py
+    scale: int = 4  # of those scenes
+    seed: int = 0
+    epochs: int = 20
+    steps_per_epoch: int = 250
+    batch: int = 1  # whole scenes, at one sample count
+    rate: float = 2e-3
+    view_weight: float = 0.5  # of the loss over decoded views, beside 1 for the EIA
+    pixel_weight: float = 10.0  # of the squared error
+    clean_inputs: bool = False  # the ablation that trains on downsampled references instead of renders
+    without: str = ""  # inputs to leave out, with commas
+    # Another architecture than the registered one: 0 (blocks: -1) leaves it.
+    width: int = 0
+    body_width: int = 0
+    blocks: int = -1
+    validate_every: int = 2
+    checkpoint_every: int = 1
+
+    @property
+    def architecture(self) -> LightFieldConfig:
+        """Size and inputs of the network to train."""
+        from lfsr_lab.networks.lightfield import LightFieldConfig
+
+        return LightFieldConfig(**self.options())
+
+    def options(self) -> dict[str, Any]:
+        """The same as plain values, for the header of the weights."""
+        options = dict(catalogue.spec(self.network).options)
+        options["inputs"] = tuple(name for name in options["inputs"] if name not in self.without.split(","))
+        if options.get("second_base") not in options["inputs"]:
+            options.pop("second_base", None)
+        own = {"width": self.width or None, "body_width": self.body_width or None,
+               "blocks": None if self.blocks < 0 else self.blocks}
+        return options | {name: value for name, value in own.items() if value is not None}
+
+
+def load_config(name: str, settings: Sequence[str] = ()) -> TrainConfig | LightFieldTrainConfig:
+    """Config of a TOML file or of a built-in name such as "paper"; ``settings`` are "key=value".
+
+    LfsrError for a missing file, an unknown key (with the nearest) or a wrong type.
+    """
+    values = _read_toml(name)
+    for setting in settings:
+        key, separator, text = setting.partition("=")
+        if not separator:
+            raise LfsrError(f"setting {setting!r} is not key=value: write for example epochs=10")
+        values[key.strip()] = _parse(text.strip())
+    return from_values(values, name)
+
+
+def from_values(values: dict[str, Any], origin: str) -> TrainConfig | LightFieldTrainConfig:
+    """Config of plain values, of the kind its network needs; LfsrError names what is unknown, missing or mistyped."""
+    known = catalogue.NETWORKS.get(values.get("network", ""))
+    kind = LightFieldTrainConfig if known and known.light_field else TrainConfig
+    hints = get_type_hints(kind)
+    for key, value in values.items():
+        if key not in hints:
+            raise LfsrError(f"{origin} has the unknown key {key!r}: {did_you_mean(key, hints, cutoff=0).rstrip()}")
+        if hints[key] is float and type(value) is int:
+            values[key] = float(value)
+        elif type(value) is not hints[key]:
+            raise LfsrError(f"{origin} has {key} = {value!r}, expected a value of type {hints[key].__name__}")
+    for field in dataclasses.fields(kind):
+        if field.default is dataclasses.MISSING and field.name not in values:
+            raise LfsrError(f"{origin} has no {field.name!r}: add it or pass --set {field.name}=…")
+    return kind(**values)
+
+
+def builtin_configs() -> list[str]:
+    """Names that ``load_config`` knows without a path."""
+    return sorted(path.stem for path in CONFIG_FOLDER.glob("*.toml"))
+
+
+def _read_toml(name: str) -> dict[str, Any]:
+    path = CONFIG_FOLDER / f"{name}.toml"
+    path = path if path.exists() else Path(name)
+    if not path.exists():
+        raise LfsrError(f"there is no training config {name!r}: give a TOML file or one of "
+                        f"{', '.join(builtin_configs())}")
+    content = read_bytes(path, "a training config", MOST_BYTES)
+    try:
+        return tomllib.loads(content.decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise LfsrError(f"training config {path} cannot be read ({error}): correct it") from None
+
+
+def _parse(text: str) -> Any:
+    """Value of a command-line setting: TOML where it is TOML, a plain word otherwise."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):
+        return text

@@ -1,0 +1,193 @@
+"""Fitting one of our networks to the scene at hand: a few reference lenses, seconds to a minute.
+
+The result serves that scene only, also over an animation; it is reported apart
+from the general weights, on lenses that the fit has not seen.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from lfsr_core.arrays import Array
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
+from lfsr_core.frames.low_res import low_resolution
+from lfsr_core.frames.reference import Reference, check_reference
+from lfsr_core.frames.world import read_world
+from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.progress import Progress, silent
+from lfsr_core.reconstruct.networks import catalogue, numpy_network
+from lfsr_core.reconstruct.registry import method
+from lfsr_core.reconstruct.world import BeforeWorld, prepared
+from lfsr_lab.networks import checkpoint
+from lfsr_lab.networks.lightfield import LightFieldNet, conserve, display_values, encode, upscale
+from lfsr_lab.networks.networks import load
+from lfsr_lab.train.ssim import split_error_map, split_ssim_map
+
+BATCH, RATE, HELD_OUT_SHARE, LEAST_LENSES = 16, 5e-4, 4, 8
+STEPS_PER_MESSAGE = 25
+
+
+@dataclasses.dataclass(frozen=True)
+class FitOptions:
+    """What to fit, and how long."""
+
+    network: str = "refine"
+    lenses: int = 24  # foreground lenses to learn from, at most
+    seconds: float = 60.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not (self.lenses >= LEAST_LENSES and self.seconds >= 0 and 0 <= self.seed < 2**32):
+            raise LfsrError(f"fitting {str(self.lenses)[:20]} lenses for {self.seconds} s from seed "
+                            f"{str(self.seed)[:20]} cannot be: give at least {LEAST_LENSES} lenses, no less than 0 "
+                            "seconds, and a seed from 0 to 4294967295")
+
+
+@dataclasses.dataclass(frozen=True)
+class Fitted:
+    """What a fit did; the provenance of its weights."""
+
+    network: str
+    fitted_to: str  # frame folder
+    lenses: int  # learned from
+    seconds: float
+    steps: int
+    seed: int
+    unseen_lenses: int  # the reference's other foreground lenses, which check it
+    before: float  # mean split SSIM of the unseen lenses with the general weights
+    after: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Lenses:
+    """N foreground lenses, ready to learn from."""
+
+    features: Tensor  # (N, C, h, w) network inputs
+    base: Tensor  # (N, 3, h, w), what the network corrects
+    light: Tensor  # (N, 3, 1, 1) rendered mean light
+    halves: tuple[Tensor, Tensor]  # of the reference, (N, 3, h·s, w·s) sRGB values
+    behind: Tensor  # scene-linear, what shows of a world apart, (N, 3, h·s, w·s), or (N, 3, 1, 1) zeros without one
+    scale: int
+
+    def take(self, index: Array) -> Lenses:
+        """The lenses of ``index``."""
+        chosen = torch.from_numpy(index)
+        return dataclasses.replace(self, features=self.features[chosen], base=self.base[chosen],
+                                   light=self.light[chosen], behind=self.behind[chosen],
+                                   halves=tuple(half[chosen] for half in self.halves))
+
+
+def fit(folder: str | Path, reference: str | Path, output: str | Path, options: FitOptions | None = None,
+        progress: Progress = silent) -> Fitted:
+    """Go on training a network of ours on a few lenses of a reference.
+
+    Parameters
+    ----------
+    folder : frame folder, rendered with albedo and normal
+    reference : reference folder of the same frame, whole or sampled
+    output : weights file to write, .safetensors
+    options : network, number of lenses, time and seed
+    progress : hears of every few steps
+
+    Returns
+    -------
+    What it gained on lenses it has not seen.
+
+    Raises
+    ------
+    LfsrError
+        The folders do not fit each other, a layer is missing or there are too few lenses.
+    """
+    options = options or FitOptions()
+    data = lenses_of(Path(folder), Path(reference), options.network)
+    order = np.random.default_rng(options.seed).permutation(len(data.features))
+    count = min(options.lenses, len(order) - max(1, len(order) // HELD_OUT_SHARE))
+    if count < LEAST_LENSES:
+        raise LfsrError(f"{reference} shows {len(order)} foreground lenses, but a fit needs {LEAST_LENSES} and some to "
+                        "check it: render a reference of more lenses")
+    seen, unseen = data.take(order[:count]), data.take(order[count:])
+    network, entry = load(options.network, data.scale), catalogue.spec(options.network)
+    torch.manual_seed(options.seed)
+    before = score(network, unseen)
+    network, steps = _descend(network, seen, options.seconds, progress)
+    facts = Fitted(options.network, str(folder), count, options.seconds, steps, options.seed, len(order) - count,
+                   before, score(network, unseen))
+    checkpoint.save(output, network, entry.trained_at or data.scale, dataclasses.asdict(facts), entry.options)
+    return facts
+
+
+def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
+    """Foreground lenses of ``reference``, as network ``name`` sees them in ``folder``; LfsrError if they differ."""
+    frame = read_frame(folder)
+    check_reference(frame, read_frame(reference))
+    low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame, read_world(folder, frame))
+    chain = method(catalogue.spec(name).chain(name))
+    low = prepared(low, chain)
+    known = Reference.read(reference)
+    chosen = known.lenses[known.foreground]
+    shipped = numpy_network.load(catalogue.weights_path(name, frame.scale))
+    missing = [layer for layer in shipped.layers if layer not in low.layers]
+    if missing:
+        raise LfsrError(f"{folder} lacks the layers {', '.join(missing)} that {name!r} needs: "
+                        "render it again with --layers albedo,normal")
+    features, base = numpy_network.network_inputs(shipped, low, chosen)
+    rendered = low.rendered[tuple(chosen.T)]
+    halves = tuple(display_values(encode(_planes(half[known.foreground]))) for half in known.linear_images())
+    behind = np.zeros((len(chosen), 1, 1, 3), np.float32) if low.world is None else (
+        BeforeWorld(chain.upscaler).behind(low, chosen))
+    return Lenses(_planes(features), _planes(base), _planes(rendered).mean((2, 3), keepdim=True), halves,
+                  _planes(behind), frame.scale)
+
+
+def score(network: LightFieldNet, data: Lenses) -> float:
+    """Mean split SSIM of the EIs as the second stage makes them."""
+    with torch.no_grad():
+        parts = [_ssim(network, data.take(index)) * len(index)
+                 for index in np.array_split(np.arange(len(data.base)), -(-len(data.base) // BATCH))]
+    return round(float(sum(parts)) / len(data.base), 5)
+
+
+def finished_images(network: LightFieldNet, data: Lenses) -> Tensor:
+    """EIs (N, 3, h·s, w·s) as the second stage makes them, sRGB values."""
+    clean = conserve(network(data.features, data.base), data.light)
+    return display_values(upscale(clean, data.scale), data.behind)
+
+
+def _ssim(network: LightFieldNet, data: Lenses) -> Tensor:
+    return split_ssim_map(finished_images(network, data), *data.halves).mean()
+
+
+def _error(network: LightFieldNet, data: Lenses) -> Tensor:
+    """The loss of training, see split_error_map."""
+    guide = display_values(upscale(data.base, data.scale), data.behind)
+    return split_error_map(finished_images(network, data), *data.halves, guide).mean()
+
+
+def _descend(network: LightFieldNet, seen: Lenses, seconds: float, progress: Progress) -> tuple[LightFieldNet, int]:
+    """Gradient steps for ``seconds``; the network and their number."""
+    network = copy.deepcopy(network).train()
+    optimizer = torch.optim.Adam(network.parameters(), RATE)
+    started, steps, rng = time.monotonic(), 0, np.random.default_rng(torch.initial_seed() % 2**32)
+    while (elapsed := time.monotonic() - started) < seconds:
+        for group in optimizer.param_groups:
+            group["lr"] = RATE * max(0.05, 1 - elapsed / seconds)
+        batch = seen.take(rng.choice(len(seen.base), min(BATCH, len(seen.base)), replace=False))
+        optimizer.zero_grad(set_to_none=True)
+        _error(network, batch).backward()
+        optimizer.step()
+        steps += 1
+        if steps % STEPS_PER_MESSAGE == 0:
+            progress("fit", elapsed / seconds, f"{steps} steps")
+    return network.eval(), steps
+
+
+def _planes(values: Array) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(values.transpose(0, 3, 1, 2)))

@@ -1,0 +1,220 @@
+"""The training loop: steps of a task, with a log, checkpoints, resumption and a clean stop.
+
+A task says what a step is; the loop knows no network. Losses stay on the device
+until an epoch ends, so a GPU never waits for Python.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import pickle
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import torch
+from torch import Tensor
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import atomic_path
+from lfsr_core.progress import Progress, silent
+from lfsr_lab.train.log import TrainLog
+
+CHECKPOINT, CHECKPOINT_VERSION = "checkpoint.pt", 1
+
+
+class Task(Protocol):
+    """What is trained."""
+
+    def identity(self) -> dict[str, Any]:
+        """Plain values that must agree for a run to be resumed."""
+
+    def begin(self, epoch: int) -> int:
+        """Prepare an epoch, whose content must depend on its number alone; the number of its steps."""
+
+    def step(self, index: int) -> dict[str, Tensor]:
+        """Train on one batch; detached scalar losses, still on the device."""
+
+    def validate(self) -> dict[str, float]:
+        """Figures for the log."""
+
+    def state(self) -> dict[str, Any]:
+        """What training changes, in tensors, numbers, strings, lists and dicts only."""
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go back to a ``state``."""
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """How long to train, and how often (in epochs) to validate and to write a checkpoint."""
+
+    epochs: int
+    validate_every: int = 10
+    checkpoint_every: int = 10
+
+
+@dataclass
+class Position:
+    """Where a run stands."""
+
+    epoch: int = 0  # whole epochs that are done
+    step: int = 0  # steps of the next epoch that are done
+    sums: dict[str, Any] = field(default_factory=dict)  # losses summed over those steps
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended."""
+
+    epochs: int
+    stopped: bool  # a signal ended the run before its last epoch
+    seconds: float  # over all resumed parts
+    validation: dict[str, float]
+
+
+class Stop:
+    """``asked`` turns True when SIGINT or SIGTERM comes, or when something sets it."""
+
+    def __init__(self) -> None:
+        self.asked = False
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Catch the signals inside the block; a second one interrupts at once."""
+        try:
+            before = {number: signal.signal(number, self._ask) for number in (signal.SIGINT, signal.SIGTERM)}
+        except ValueError:  # not the main thread: no signal comes here
+            before = {}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _ask(self, _signal: int, _frame: object) -> None:
+        if self.asked:
+            raise KeyboardInterrupt
+        self.asked = True
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a run is watched and steered."""
+
+    resume: bool = False  # go on from the checkpoint in the output folder
+    progress: Progress = silent
+    stop: Stop = field(default_factory=Stop)
+
+
+def run(task: Task, schedule: Schedule, output: str | Path, options: RunOptions | None = None) -> Outcome:
+    """Train ``task``; log.jsonl, loss.png and checkpoint.pt appear in ``output``.
+
+    A resumed run ends as an uninterrupted one would.
+
+    Parameters
+    ----------
+    task : what a step is
+    schedule : how long, and how often to validate and to save
+    output : folder to write to
+    options : resumption, progress and a way to stop it
+
+    Returns
+    -------
+    How it ended.
+
+    Raises
+    ------
+    LfsrError
+        The checkpoint is of another run, or there is one and ``options.resume`` is off.
+    """
+    options = options or RunOptions()
+    output = Path(output)
+    position = _start(task, output, options.resume)
+    log = TrainLog(output, keep_epochs=position.epoch)
+    with options.stop.listening():
+        while position.epoch < schedule.epochs:
+            _train_epoch(task, position, schedule, options)
+            if options.stop.asked:
+                break
+            _finish_epoch(task, position, schedule, log, output)
+    stopped = position.epoch < schedule.epochs
+    if stopped:
+        save_checkpoint(task, output, position)
+    log.draw()
+    return Outcome(position.epoch, stopped, position.seconds, log.last_validation())
+
+
+def _train_epoch(task: Task, position: Position, schedule: Schedule, options: RunOptions) -> None:
+    """Do the steps that are left of the current epoch; ends early when a stop is asked."""
+    started, steps = time.monotonic(), task.begin(position.epoch)
+    while position.step < steps and not options.stop.asked:
+        for name, loss in task.step(position.step).items():
+            position.sums[name] = position.sums.get(name, 0) + loss
+        position.step += 1
+        fraction = (position.epoch + position.step / steps) / schedule.epochs
+        options.progress("train", fraction, f"epoch {position.epoch + 1} of {schedule.epochs}")
+    position.sums = {name: float(value) for name, value in position.sums.items()}
+    position.seconds += time.monotonic() - started
+
+
+def _finish_epoch(task: Task, position: Position, schedule: Schedule, log: TrainLog, output: Path) -> None:
+    losses = {name: value / position.step for name, value in position.sums.items()}
+    position.epoch, position.step, position.sums = position.epoch + 1, 0, {}
+    last = position.epoch == schedule.epochs
+    measured = task.validate() if last or position.epoch % schedule.validate_every == 0 else {}
+    log.add({"epoch": position.epoch, "seconds": round(position.seconds, 3), **losses, **measured})
+    if last or position.epoch % schedule.checkpoint_every == 0:
+        save_checkpoint(task, output, position)
+
+
+def save_checkpoint(task: Task, output: Path, position: Position) -> None:
+    """Write checkpoint.pt, whole or not at all."""
+    content = {"version": CHECKPOINT_VERSION, "run": _fingerprint(task), "position": vars(position),
+               "state": task.state()}
+    buffer = io.BytesIO()  # of a full disk PyTorch's own writer says nothing that a user could read
+    torch.save(content, buffer)
+    with atomic_path(output / CHECKPOINT) as temporary:
+        temporary.write_bytes(buffer.getvalue())
+
+
+def load_checkpoint(path: Path) -> dict[str, Any]:
+    """Content of a checkpoint; LfsrError if it is damaged or of another version. Runs no code from it."""
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+        version = content["version"]
+    except (OSError, RuntimeError, EOFError, KeyError, TypeError, pickle.UnpicklingError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise LfsrError(f"{path} cannot be read as a checkpoint ({reason}): remove it and start again") from None
+    if version != CHECKPOINT_VERSION:
+        raise LfsrError(f"{path} has checkpoint version {version!r}, expected {CHECKPOINT_VERSION}: "
+                        f"remove it and start again")
+    return content
+
+
+def _start(task: Task, output: Path, resume: bool) -> Position:
+    path = output / CHECKPOINT
+    output.mkdir(parents=True, exist_ok=True)
+    if not path.exists():
+        if resume:
+            raise LfsrError(f"{path} does not exist, so there is nothing to resume: start without --resume")
+        return Position()
+    if not resume:
+        raise LfsrError(f"{output} already holds a training run: pass --resume to go on or choose another --output")
+    content = load_checkpoint(path)
+    if content["run"] != _fingerprint(task):
+        raise LfsrError(f"{path} was written by a run with other settings or data: resume with the same ones or "
+                        f"choose another --output")
+    task.restore(content["state"])
+    return Position(**content["position"])
+
+
+def _fingerprint(task: Task) -> str:
+    return hashlib.sha256(json.dumps(task.identity(), sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,192 @@
+"""The paper's recipe as a task: a network on photographs, with or without an adversary."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.networks.weights_file import read as read_tensors
+from lfsr_lab.networks import checkpoint
+from lfsr_lab.networks.networks import build
+from lfsr_lab.train.config import TrainConfig
+from lfsr_lab.train.photographs.data import Crops, CropSampler, EpochOfCrops, Photographs, downsample
+from lfsr_lab.train.photographs.discriminator import Discriminator
+from lfsr_lab.train.ssim import psnr, ssim
+
+BETAS = (0.9, 0.999)
+
+
+class ComparatorTask:
+    """Trains one network of ``lfsr_core.reconstruct.networks.catalogue`` as a TrainConfig says; see ``loop.Task``."""
+
+    def __init__(self, config: TrainConfig, photographs: Photographs, validation: Photographs | None,
+                 device: torch.device, more_figures: Callable[[nn.Module], dict[str, float]] | None = None) -> None:
+        """Load everything on the device and build the untrained network.
+
+        Parameters
+        ----------
+        config : recipe
+        photographs : to train on
+        validation : to measure PSNR and SSIM on, None to measure neither
+        device : where all of it lies
+        more_figures : what else to measure of the network at each validation
+
+        Raises
+        ------
+        LfsrError
+            A photograph is smaller than a crop, or the weights to start with do not fit.
+        """
+        torch.manual_seed(config.seed)
+        self.config, self.device = config, device
+        self._data = {"photographs": photographs.digest}
+        crops = Crops(config.crop, config.crops_per_photograph, config.seed, config.augment)
+        self._sampler = CropSampler(photographs, crops, device)
+        self._validation = _validation_pairs(validation, config, device) if validation else []
+        self._more_figures = more_figures
+        self.network = build(config.network, config.scale).to(device)
+        if config.start:
+            checkpoint.load_into(self.network, config.start, config.scale)
+            self._data["start"] = read_tensors(Path(config.start))[0]["sha256"]
+        self._optimizer = self._adam(self.network)
+        self.discriminator = Discriminator().to(device, memory_format=self._layout) if config.adversarial else None
+        self._adversary = self._adam(self.discriminator) if self.discriminator else None
+        self._crops: EpochOfCrops | None = None
+
+    @property
+    def finished(self) -> nn.Module:
+        """The network to keep when the run has ended."""
+        return self.network
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """Hyper-parameters for the header of the weights."""
+        return catalogue.spec(self.config.network).options
+
+    @property
+    def _layout(self) -> torch.memory_format:
+        return torch.channels_last if self.device.type == "cuda" else torch.contiguous_format
+
+    def _adam(self, module: torch.nn.Module) -> torch.optim.Adam:
+        return torch.optim.Adam(module.parameters(), self.config.rate, BETAS, fused=self.device.type == "cuda")
+
+    def identity(self) -> dict[str, Any]:
+        """Settings and data, without how often to log, and without the length of a constant schedule."""
+        values = dataclasses.asdict(self.config)
+        free = {"photographs", "validation", "validation_scenes", "validate_every", "checkpoint_every", "start"}
+        free |= {"epochs"} if self.config.schedule == "constant" else set()
+        return {**{key: value for key, value in values.items() if key not in free}, **self._data}
+
+    def begin(self, epoch: int) -> int:
+        """Draw the crops of an epoch and set its learning rate."""
+        self._crops = self._sampler.epoch(epoch, self.config.batch)
+        if self.config.schedule == "cosine":
+            rate = self.config.rate * (1 + math.cos(math.pi * epoch / self.config.epochs)) / 2
+            for group in self._optimizer.param_groups:
+                group["lr"] = rate
+        return len(self._crops)
+
+    def step(self, index: int) -> dict[str, Tensor]:
+        """One batch: the discriminator first, where there is one, then the network."""
+        assert self._crops is not None, "begin(epoch) comes first"
+        high = self._crops[index]
+        low = downsample(high, self.config.scale, self.config.downsample, self.config.linear_light)
+        fake = self.network(low)
+        mse = F.mse_loss(fake, high)
+        if self.discriminator is None:
+            self._update(self._optimizer, mse)
+            return {"mse": mse.detach()}
+        return self._adversarial_step(high, fake, mse)
+
+    def _adversarial_step(self, high: Tensor, fake: Tensor, mse: Tensor) -> dict[str, Tensor]:
+        high, fake = (images.contiguous(memory_format=self._layout) for images in (high, fake))
+        # Half precision only where it pays: the discriminator does 99 % of the arithmetic.
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
+            judged = discriminator_loss(self.discriminator, high, fake)
+        self._update(self._adversary, judged)
+        self.discriminator.requires_grad_(False)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
+            fooled = adversarial_loss(self.discriminator, fake)
+        self._update(self._optimizer, mse + self.config.adversarial * fooled)
+        self.discriminator.requires_grad_(True)
+        return {"mse": mse.detach(), "adversarial": fooled.detach(), "discriminator": judged.detach()}
+
+    @staticmethod
+    def _update(optimizer: torch.optim.Optimizer, loss: Tensor) -> None:
+        optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        optimizer.step()
+
+    @torch.no_grad()
+    def validate(self) -> dict[str, float]:
+        """Mean PSNR and SSIM over the validation photographs, and ``more_figures``."""
+        # TF32 keeps ten bits: the differences of squares in SSIM need more.
+        with torch.backends.cudnn.flags(enabled=True, allow_tf32=False):
+            more = self._more_figures(self.network) if self._more_figures else {}
+            ours = [_quality(self.network(low), high) for low, high in self._validation]
+        return _means("validation", ours) | more
+
+    @torch.no_grad()
+    def yardstick(self) -> dict[str, float]:
+        """The same figures for bicubic interpolation, for the provenance."""
+        with torch.backends.cudnn.flags(enabled=True, allow_tf32=False):
+            scores = [_quality(F.interpolate(low, high.shape[2:], mode="bicubic"), high)
+                      for low, high in self._validation]
+        return _means("bicubic", scores)
+
+    def state(self) -> dict[str, Any]:
+        """Everything that training changes."""
+        state = {"network": self.network.state_dict(), "optimizer": self._optimizer.state_dict()}
+        if self.discriminator is not None:
+            state |= {"discriminator": self.discriminator.state_dict(), "adversary": self._adversary.state_dict()}
+        return state
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Undo to a ``state``."""
+        self.network.load_state_dict(state["network"])
+        self._optimizer.load_state_dict(state["optimizer"])
+        if self.discriminator is not None:
+            self.discriminator.load_state_dict(state["discriminator"])
+            self._adversary.load_state_dict(state["adversary"])
+
+
+def _validation_pairs(photographs: Photographs, config: TrainConfig,
+                      device: torch.device) -> list[tuple[Tensor, Tensor]]:
+    """(low, high) of every photograph, each (1, 3, H, W), cut to a multiple of the scale."""
+    pairs = []
+    for image in photographs.images:
+        rows, columns = (side // config.scale * config.scale for side in image.shape[:2])
+        high = torch.from_numpy(image[:rows, :columns].copy()).to(device).permute(2, 0, 1)[None].float() / 255
+        pairs.append((downsample(high, config.scale, config.downsample, config.linear_light), high))
+    return pairs
+
+
+def _quality(image: Tensor, high: Tensor) -> Tensor:
+    image = image.clamp(0, 1)
+    return torch.stack([psnr(image, high)[0], ssim(image, high)[0]])
+
+
+def _means(name: str, scores: list[Tensor]) -> dict[str, float]:
+    """Mean of every quality under ``name``; nothing without photographs."""
+    if not scores:
+        return {}
+    psnrs, ssims = torch.stack(scores).unbind(1)
+    return {f"{name}.psnr": round(float(psnrs.mean()), 5), f"{name}.ssim": round(float(ssims.mean()), 5)}
+
+
+def discriminator_loss(discriminator: nn.Module, real: Tensor, fake: Tensor) -> Tensor:
+    """Binary cross-entropy with real images as 1 and generated ones as 0; ``fake`` is detached here."""
+    on_real, on_fake = discriminator(real).float(), discriminator(fake.detach()).float()
+    return (F.softplus(-on_real).mean() + F.softplus(on_fake).mean()) / 2
+
+
+def adversarial_loss(discriminator: nn.Module, fake: Tensor) -> Tensor:
+    """Generator's term: -log D(G(x)), which keeps a gradient where the discriminator is sure."""
+    return F.softplus(-discriminator(fake).float()).mean()

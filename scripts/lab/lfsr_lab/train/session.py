@@ -1,0 +1,169 @@
+"""One training run from config to weights with provenance."""
+
+from __future__ import annotations
+
+import platform
+import shlex
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from lfsr_core import __version__
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json
+from lfsr_core.reconstruct.networks import catalogue
+from lfsr_lab.networks import checkpoint
+from lfsr_lab.networks.cost import multiply_adds, parameters
+from lfsr_lab.train.config import LightFieldTrainConfig, TrainConfig
+from lfsr_lab.train.lightfields.data import load_scenes
+from lfsr_lab.train.lightfields.task import LightFieldTask, digest
+from lfsr_lab.train.lightfields.validation import SceneValidation
+from lfsr_lab.train.loop import Outcome, RunOptions, Schedule, run
+from lfsr_lab.train.photographs.data import Photographs, load_photographs
+from lfsr_lab.train.photographs.task import ComparatorTask
+
+LONG_SIDE = 1600
+COUNTED_EI = 20
+SCENE_SETTINGS = "settings.json"
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What a run leaves."""
+
+    weights: Path | None  # file written, None if the run was stopped before its end
+    outcome: Outcome
+
+
+@dataclass(frozen=True)
+class PhotographFacts:
+    """Which photographs a run saw."""
+
+    files: int
+    megapixels: float
+    sha256: str
+
+    @classmethod
+    def of(cls, photographs: Photographs) -> PhotographFacts:
+        """Facts of loaded photographs."""
+        pixels = sum(image.shape[0] * image.shape[1] for image in photographs.images)
+        return cls(len(photographs.names), round(pixels / 1e6, 2), photographs.digest)
+
+
+@dataclass(frozen=True)
+class ComparatorData:
+    """What a comparator was trained on and, if anything, validated on."""
+
+    photographs: PhotographFacts
+    validation: PhotographFacts | None
+
+
+@dataclass(frozen=True)
+class SceneData:
+    """What a network of ours was trained on."""
+
+    scenes: int  # how many
+    sha256: str
+    settings: Any  # of training_scenes.py, None if the folder does not say
+    validation: list[str]  # scenes kept apart
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """How weights came to be; ``checkpoint.save`` writes it beside them."""
+
+    network: str
+    config: TrainConfig | LightFieldTrainConfig
+    data: ComparatorData | SceneData
+    seconds: float
+    validation: dict[str, float]
+    command: str
+    versions: dict[str, str]
+    device: str
+    parameters: int
+    multiply_adds_per_low_pixel: float
+
+
+def train(config: TrainConfig | LightFieldTrainConfig, output: str | Path, device: str = "auto",
+          options: RunOptions | None = None) -> Trained:
+    """Train as ``config`` says.
+
+    Parameters
+    ----------
+    config : network, data and recipe
+    output : folder for weights, log, curves and checkpoint
+    device : "cpu", "cuda" or "auto"
+    options : resumption, progress and a way to stop it
+
+    Returns
+    -------
+    The weights and how the run went.
+
+    Raises
+    ------
+    LfsrError
+        Data, device or a checkpoint do not fit.
+    """
+    chosen = choose_device(device)
+    torch.backends.cudnn.benchmark = True
+    prepare = _light_field if isinstance(config, LightFieldTrainConfig) else _comparator
+    task, data = prepare(config, chosen)
+    schedule = Schedule(config.epochs, config.validate_every, config.checkpoint_every)
+    outcome = run(task, schedule, output, options)
+    if outcome.stopped:
+        return Trained(None, outcome)
+    path = catalogue.weights_path(config.network, config.scale, output)
+    checkpoint.save(path, task.finished, config.scale, asdict(_provenance(task, outcome, data)), task.options)
+    return Trained(path, outcome)
+
+
+def _comparator(config: TrainConfig, device: torch.device) -> tuple[ComparatorTask, ComparatorData]:
+    photographs = load_photographs(config.photographs, LONG_SIDE)
+    validation = load_photographs(config.validation) if config.validation else None
+    scenes = SceneValidation(config.validation_scenes, config.scale, device) if config.validation_scenes else None
+    task = ComparatorTask(config, photographs, validation, device, scenes and scenes.figures)
+    return task, ComparatorData(PhotographFacts.of(photographs), validation and PhotographFacts.of(validation))
+
+
+def _light_field(config: LightFieldTrainConfig, device: torch.device) -> tuple[LightFieldTask, SceneData]:
+    scenes = load_scenes(config.scenes)
+    settings = Path(config.scenes, SCENE_SETTINGS)
+    known = read_json(settings, "settings of training scenes") if settings.exists() else None
+    task = LightFieldTask(config, scenes, device)
+    return task, SceneData(len(scenes), digest(scenes), known, [scene.name for scene in task.validation])
+
+
+def _provenance(task: ComparatorTask | LightFieldTask, outcome: Outcome,
+                data: ComparatorData | SceneData) -> Provenance:
+    return Provenance(
+        network=task.config.network,
+        config=task.config,
+        data=data,
+        seconds=round(outcome.seconds, 1),
+        validation=outcome.validation | task.yardstick(),
+        command=_command(),
+        versions={"lfsr": __version__, "python": platform.python_version(), "torch": torch.__version__,
+                  "numpy": np.__version__},
+        device=torch.cuda.get_device_name(task.device) if task.device.type == "cuda" else f"CPU {platform.machine()}",
+        parameters=parameters(task.network),
+        multiply_adds_per_low_pixel=multiply_adds(task.network, COUNTED_EI, COUNTED_EI))
+
+
+def choose_device(name: str) -> torch.device:
+    """Device "cpu", "cuda" or "auto"; LfsrError if CUDA is asked for and absent."""
+    if name not in ("auto", "cpu", "cuda"):
+        raise LfsrError(f"device {name!r} is unknown: choose cpu, cuda or auto")
+    available = torch.cuda.is_available()
+    if name == "cuda" and not available:
+        raise LfsrError("device 'cuda' is not available on this machine: choose cpu or auto")
+    return torch.device("cuda" if available and name != "cpu" else "cpu")
+
+
+def _command() -> str:
+    """This process's command line as a user types it."""
+    program = Path(sys.argv[0]).name
+    return shlex.join([*(["lfsr"] if program in ("lfsr", "cli.py") else ["python", program]), *sys.argv[1:]])

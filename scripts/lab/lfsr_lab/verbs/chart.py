@@ -1,0 +1,112 @@
+"""``lfsr chart SCENES… -o DIR``: speed and accuracy of every method, measured end to end."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lfsr_core.frames.job import check_scene
+
+if TYPE_CHECKING:
+    from lfsr_lab.experiments.chart.settings import Settings
+
+NAME = "chart"
+HELP = "measure every method's end-to-end time and accuracy on scenes, and draw both"
+EVERY = ("all",)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this verb."""
+    parser.add_argument("scenes", nargs="+", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR",
+                        help="bench folder; what is complete in it is not made again")
+    parser.add_argument("--display", default="small", metavar="NAME|FILE.toml", help="default: %(default)s")
+    parser.add_argument("--methods", type=_names, metavar="NAME,NAME", help="default: every method there is")
+    parser.add_argument("--ours", metavar="NAME", help="method that is held against the others; default: the default")
+    _add_render_arguments(parser)
+    _add_measure_arguments(parser)
+
+
+def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--scale", type=int, default=4, metavar="2|3|4|5|8", help="default: %(default)s")
+    parser.add_argument("--spps", type=_numbers, default=(1, 4, 16, 64), metavar="N,N",
+                        help="samples per pixel of low-resolution renders, default: 1,4,16,64")
+    parser.add_argument("--direct-spps", type=_numbers, default=(1, 4, 16), metavar="N,N",
+                        help="samples of direct high-resolution renders, default: 1,4,16; `none` for none")
+    parser.add_argument("--ceiling-spp", type=int, default=4096, metavar="N",
+                        help="samples of the nearly noise-free low-resolution render, default: %(default)s; 0: none")
+    parser.add_argument("--reference-spp", type=int, default=1024, metavar="N", help="default: %(default)s")
+    parser.add_argument("--lenses", type=int, metavar="N", help="sampled reference of N lenses; default: all")
+    parser.add_argument("--seed", type=int, default=0, metavar="N",
+                        help="of the noise of all renders but the reference; those of each lie beside each other")
+    parser.add_argument("--subject", metavar="COLLECTION", help="the foreground; default: everything but the world and "
+                                                                "a collection called Background")
+    parser.add_argument("--world-visible", action=argparse.BooleanOptionalAction,
+                        help="show the world behind the subject; default: what each scene says")
+    parser.add_argument("--device", default="CPU", metavar="NAME", help="Cycles device, default: %(default)s")
+    parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")
+
+
+def _add_measure_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--repeats", type=int, default=3, metavar="N",
+                        help="timed runs of the second stage, default: %(default)s")
+    parser.add_argument("--render-repeats", type=int, default=1, metavar="N",
+                        help="timed runs of every render, default: %(default)s")
+    parser.add_argument("--only-measure", action="store_true", help="render nothing; leave out what is not there")
+    parser.add_argument("--again", type=_names, default=(), metavar="NAME,NAME",
+                        help="methods to measure afresh; `all` for every one")
+    parser.add_argument("--retime", type=_names, default=(), metavar="NAME,NAME",
+                        help="methods to time afresh, metrics kept; `all` for every one")
+    parser.add_argument("--retime-renders", action="store_true",
+                        help="time every render afresh --render-repeats times, pictures kept; once per folder")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Measure, then write the tables and pictures and name them."""
+    from lfsr_lab.experiments.chart.overall import Overall, costs
+    from lfsr_lab.experiments.chart.run import measure, write_pages
+    from lfsr_lab.experiments.environment import check_packages
+
+    check_packages()
+    settings = _settings(arguments)
+    if not settings.only_measure:
+        for scene in arguments.scenes:
+            check_scene(scene)
+    overall = Overall(costs(settings, arguments.scenes))
+    try:
+        chart, stem = measure(settings, arguments.scenes, overall)
+    finally:
+        overall.end()
+    for path in write_pages(settings.folder, chart, stem):
+        print(path)
+
+
+def _settings(arguments: argparse.Namespace) -> Settings:
+    from lfsr_core.optics.display import load_display
+    from lfsr_core.reconstruct.method_name import default_method
+    from lfsr_lab.experiments.chart.settings import DIRECT_METHODS, Settings, check_methods, default_methods
+
+    ours = arguments.ours or default_method(load_display(arguments.display).parallax)
+    methods = tuple(dict.fromkeys([ours, *(arguments.methods or default_methods())]))
+    chosen = {name: getattr(arguments, name) for name in ("again", "retime")}
+    check_methods((ours, *(arguments.methods or ()), *(name for names in chosen.values() if names != EVERY
+                                                       for name in names)))
+    chosen = {name: (*methods, *DIRECT_METHODS) if names == EVERY else names for name, names in chosen.items()}
+    same = ("display", "scale", "spps", "direct_spps", "reference_spp", "lenses", "ceiling_spp", "repeats",
+            "render_repeats", "only_measure", "device", "blender", "retime_renders", "seed", "subject", "world_visible")
+    return Settings(folder=arguments.output, methods=methods, direct_methods=DIRECT_METHODS, ours=ours, **chosen,
+                    **{name: getattr(arguments, name) for name in same})
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    if text == "none":
+        return ()
+    try:
+        return tuple(int(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a list of whole numbers such as 1,4,16") from None

@@ -1,0 +1,53 @@
+"""``lfsr stress -o DIR``: every method along every dial, to its breaking point."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+NAME = "stress"
+HELP = "stability suite: generated scenes with one dial each, every method to its breaking point"
+SAMPLES, QUICK_SAMPLES, FRAMES, QUICK_FRAMES, SCALE = 256, 32, 24, 4, 4
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this verb."""
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR",
+                        help="bench folder; what is complete in it is not made again")
+    parser.add_argument("--dials", type=_names, metavar="NAME,NAME", help="default: all, see docs/results/stress.md")
+    parser.add_argument("--methods", type=_names, metavar="NAME,NAME",
+                        help="bicubic is added; default: bicubic, the default method, every network with weights")
+    parser.add_argument("--quick", action="store_true",
+                        help=f"few values, references of {QUICK_SAMPLES} samples, {QUICK_FRAMES} frames of motion")
+    parser.add_argument("--display", metavar="NAME|FILE.toml", help="default: the suite's own, 12×8 lenses")
+    parser.add_argument("--scale", type=int, default=SCALE, metavar="N", help="default: %(default)s")
+    parser.add_argument("--reference-spp", type=int, metavar="N",
+                        help=f"of both halves of a reference together, default: {SAMPLES}")
+    parser.add_argument("--frames", type=int, metavar="N", help=f"of the moving card, default: {FRAMES}")
+    parser.add_argument("--device", default="CPU", metavar="NAME", help="Cycles device, default: %(default)s")
+    parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Measure what is missing and write tables, curves and pictures."""
+    from lfsr_lab.experiments.environment import check_packages
+
+    check_packages()
+    from lfsr_core.optics.display import load_display
+    from lfsr_lab.experiments.stress.folder import DISPLAY_FILE, Bench
+    from lfsr_lab.experiments.stress.records import Settings
+    from lfsr_lab.experiments.stress.suite import Choice, default_methods, run_suite
+
+    samples = arguments.reference_spp or (QUICK_SAMPLES if arguments.quick else SAMPLES)
+    frames = arguments.frames or (QUICK_FRAMES if arguments.quick else FRAMES)
+    settings = Settings(load_display(arguments.display or DISPLAY_FILE), arguments.scale, samples, frames,
+                        arguments.device)
+    methods = arguments.methods or default_methods(settings.scale, settings.display.parallax)
+    report = run_suite(Bench(arguments.output, settings, arguments.blender),
+                       Choice.of(methods, arguments.dials, arguments.quick))
+    print((report.parent / "stress.md").read_text(encoding="utf-8"))
+    print(f"{report.parent / 'index.html'}: curves and the worst crop of every method")
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]

@@ -1,0 +1,269 @@
+"""Scenes of the stability suite: the dial is in them, as large as it says, and nothing else is turned."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.array import rig
+from blender_addon.render.frame_folder import render_job
+from blender_addon.scene import light, open, subject
+from blender_addon.scene.notices import missing_images
+from lfsr_core.files import read_json
+from lfsr_core.frames.foreground import foreground_mask
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.job import Job
+from lfsr_core.images.exr import read_layers
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_lab.experiments.stress.dials import DIALS
+from lfsr_lab.scenes.stress.space import Space, card_of_motion, hole
+from tests.support.prerequisites import needs_bpy
+
+pytestmark = needs_bpy
+SCRIPTS = Path(__file__).parents[3] / "scripts" / "lab" / "lfsr_lab" / "scenes"
+DISPLAY = DisplayProfile("tiny", (64, 48), (59.04, 44.28), (8, 6), (8, 8), 500.0, 40.0)
+SCALE, FRAMES = 4, 6
+SPACE = Space.of(DISPLAY, SCALE)
+
+
+@pytest.fixture
+def built(monkeypatch):
+    """Function that builds the scene of one dial and value in this Blender."""
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    from stress import dials
+    from stress.stage import Stage
+
+    def build(dial, value):
+        dials.BUILDERS[dial](Stage.empty(DISPLAY, SCALE, FRAMES), value)
+        bpy.context.view_layer.update()
+        return bpy.context.scene
+
+    return build
+
+
+def points(item):
+    """World vertices (n, 3) of a mesh object."""
+    local = np.array([vertex.co for vertex in item.data.vertices])
+    matrix = np.array(item.matrix_world)
+    return local @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def meshes(scene, name):
+    found = [item for item in scene.objects if item.type == "MESH" and item.name.startswith(name)]
+    assert found, [item.name for item in scene.objects]
+    return found
+
+
+def shader(item, kind="BSDF_PRINCIPLED"):
+    return next(node for node in item.data.materials[0].node_tree.nodes if node.type == kind)
+
+
+def test_there_is_a_builder_for_every_dial(built, monkeypatch):
+    from stress import dials
+
+    assert set(dials.BUILDERS) == {dial.name for dial in DIALS}
+
+
+@pytest.mark.parametrize("dial", DIALS, ids=lambda dial: dial.name)
+def test_every_scene_has_the_array_of_the_display_and_light(built, dial):
+    for value in (dial.values[0], dial.values[-1]):
+        scene = built(dial.name, value)
+        array, matrix = rig.placement(scene, DISPLAY)
+        assert (array.half_width, array.half_height) == pytest.approx((4, 3), rel=1e-5)
+        assert (array.distance, array.spacing) == pytest.approx((SPACE.distance, SPACE.spacing), rel=1e-5)
+        assert np.array(matrix)[:3, 3] == pytest.approx([0, -SPACE.distance, 0], abs=1e-4)
+        assert np.array(matrix)[:3, 2] == pytest.approx([0, 1, 0], abs=1e-6), "looks along +Y"
+        assert light.has_light(scene) and subject.find_subject(scene) and not missing_images()
+        assert scene.render.film_transparent == (dial.name != "hdri")
+
+
+@pytest.mark.parametrize("pixels", [2, 1 / 8])
+def test_wires_are_as_thick_as_the_dial_says(built, pixels):
+    y = SPACE.depth(0.5)
+    for wire in meshes(built("wire", pixels), "wire"):
+        at = points(wire)
+        along = at[16:].mean(0) - at[:16].mean(0)  # from ring to ring
+        along /= np.linalg.norm(along)
+        off = at - at.mean(0)
+        radius = np.linalg.norm(off - np.outer(off @ along, along), axis=1)
+        assert 2 * radius == pytest.approx(np.full(len(radius), pixels * SPACE.footprint(y)), rel=1e-4)
+        assert at.mean(0)[1] == pytest.approx(y, rel=1e-5)
+
+
+@pytest.mark.parametrize(("dial", "usable"), [("depth-behind", 1.5), ("depth-front", -1.5), ("depth-behind", 0)])
+def test_bodies_stand_at_the_dials_depth_and_fill_what_the_views_see(built, dial, usable):
+    items = meshes(built(dial, abs(usable)), "body")
+    y = SPACE.depth(usable)
+    assert {round(item.location.y, 4) for item in items} == {round(y, 4)}
+    sizes = {round(item.scale.x / SPACE.magnified(y), 5) for item in items}
+    assert len(sizes) == 1, "alike, seen from the viewing position"
+    reach = np.abs([item.location for item in items]).max(0)
+    assert (reach[[0, 2]] >= np.array(SPACE.window(y)) - 2 * SPACE.magnified(y)).all()
+
+
+def test_a_body_only_changes_its_depth_along_the_dial(built):
+    first = [item.data.materials[0].name.split(".")[0] for item in meshes(built("depth-behind", 0), "body")]
+    second = [item.data.materials[0].name.split(".")[0] for item in meshes(built("depth-behind", 1), "body")]
+    assert set(first) == set(second) and len(second) >= len(first)
+
+
+def test_samples_keep_within_half_a_usable_depth(built):
+    depths = [item.location.y for item in meshes(built("samples", 1), "body")]
+    assert SPACE.depth(-0.5) <= min(depths) < 0 < max(depths) <= SPACE.depth(0.5)
+
+
+def test_the_grating_has_the_dials_frequency(built):
+    board = meshes(built("texture", 1.5), "grating")[0]
+    factors = [node.inputs[1].default_value for node in board.data.materials[0].node_tree.nodes
+               if node.type == "MATH" and node.operation == "MULTIPLY" and not node.inputs[1].is_linked]
+    y = SPACE.depth(1)
+    turns = 2 * math.pi * 1.5 * SPACE.nyquist(y)
+    assert sorted(factors) == pytest.approx(sorted([turns, turns, 0.4]), rel=1e-5)
+    assert board.location.y == pytest.approx(y, rel=1e-5)
+
+
+def test_glass_has_the_dials_index_and_roughness(built):
+    node = shader(meshes(built("glass-index", 1.8), "body")[0])
+    assert [node.inputs[name].default_value for name in ("IOR", "Roughness", "Transmission Weight")] == \
+        pytest.approx([1.8, 0, 1])
+    node = shader(meshes(built("glass-roughness", 0.4), "body")[0])
+    assert [node.inputs[name].default_value for name in ("IOR", "Roughness")] == pytest.approx([1.45, 0.4])
+
+
+def test_the_mirror_shows_its_board_at_the_dials_depth(built):
+    scene = built("mirror", 1.5)
+    mirror, shown = meshes(scene, "mirror")[0], meshes(scene, "shown")[0]
+    normal = np.array(mirror.matrix_world.to_3x3() @ mirror.data.polygons[0].normal)
+    assert points(mirror).mean(0) == pytest.approx([0, 0, 0], abs=1e-5)
+    at = points(shown)
+    image = at - 2 * np.outer(at @ normal, normal)
+    y = SPACE.depth(1.5)
+    assert image[:, 1] == pytest.approx(np.full(len(at), y), rel=1e-4), "the mirror image faces the viewer"
+    assert np.abs(image[:, [0, 2]]).max(0) == pytest.approx(1.15 * np.array(SPACE.window(y)), rel=1e-4)
+    assert not shown.visible_camera and shown.visible_glossy
+
+
+def test_the_lamp_of_the_caustics_is_as_large_as_the_dial_says(built):
+    lamps = [item.data for item in built("caustics", 15).objects if item.type == "LIGHT"]
+    assert [math.degrees(lamp.angle) for lamp in lamps] == pytest.approx([15])
+
+
+def test_fireflies_shrink_at_constant_power(built):
+    found = []
+    for pixels in (1 / 2, 1 / 32):
+        ball = meshes(built("fireflies", pixels), "firefly")[0]
+        radius = np.linalg.norm(points(ball) - np.array(ball.location), axis=1).max()
+        assert radius == pytest.approx(pixels * SPACE.footprint(0), rel=1e-3)
+        found.append(shader(ball).inputs["Emission Strength"].default_value * radius**2)
+    assert found[0] == pytest.approx(found[1], rel=1e-2)
+
+
+@pytest.mark.parametrize("share", [1, 0.02])
+def test_the_foregrounds_share_is_that_of_the_hole(built, tmp_path, share):
+    scene = built("share", share)
+    render_job(scene, Job(str(tmp_path), DISPLAY, scale=SCALE, spp=4))
+    frame, layers = read_frame(tmp_path), read_layers(tmp_path / "lr_eia.exr")
+    columns, rows = hole(DISPLAY.lenses, share)
+    mask = foreground_mask(layers, DISPLAY.lenses)
+    assert ("index" in frame.layers) == (share < 1)
+    assert mask.sum() == pytest.approx(columns * rows, abs=2 if share == 1 else 0)
+    assert abs(columns * rows / 48 - share) < 0.02
+
+
+def test_the_world_is_brighter_to_the_eye_alone(built):
+    nodes = built("hdri", 4).world.node_tree.nodes
+    factor = next(node for node in nodes if node.type == "MATH")
+    assert factor.inputs[0].links[0].from_socket.name == "Is Camera Ray"
+    swing, rest = (factor.inputs[index].default_value for index in (1, 2))
+    assert (swing + rest) / rest == pytest.approx(4)
+    assert next(node for node in nodes if node.type == "BACKGROUND").inputs["Strength"].links[0].from_node == factor
+
+
+def test_tiles_of_the_border_are_lenses_of_the_dials_contrast(built):
+    board = meshes(built("border", 0.5), "tiles")[0]
+    checker = shader(board, "TEX_CHECKER")
+    bright, dark = (checker.inputs[name].default_value[0] for name in ("Color1", "Color2"))
+    assert (bright - dark) / (bright + dark) == pytest.approx(0.5) and dark == pytest.approx(0.05)
+    mapping = shader(board, "MAPPING")
+    assert list(mapping.inputs["Scale"].default_value) == [1, 1, 1]
+    assert list(mapping.inputs["Location"].default_value) == [0, 0.5, 0], "an even number of lenses"
+    assert board.location.y == 0
+
+
+def test_the_card_steps_by_whole_lenses_and_its_print_goes_with_it(built):
+    scene = built("motion", 1)
+    card = meshes(scene, "card")[0]
+    y, half, path = card_of_motion(SPACE, 1, FRAMES)
+    places = []
+    for frame in range(1, FRAMES + 1):
+        scene.frame_set(frame)
+        places.append(np.array(card.location))
+    steps = np.diff(places, axis=0) / SPACE.magnified(y)
+    assert steps[:, 1] == pytest.approx(np.zeros(FRAMES - 1), abs=1e-5)
+    expected = np.diff(path, axis=0) * [1, -1]
+    assert steps[:, [0, 2]] == pytest.approx(expected, abs=1e-4)
+    assert np.abs(points(card) - places[-1]).max(0)[[0, 2]] == pytest.approx(half, rel=1e-5)
+    assert scene.frame_end == FRAMES
+    assert all(item.location.y > y + 1 for item in meshes(scene, "body")), "nothing before the card"
+
+
+def test_the_eyes_board_has_the_dials_slope(built):
+    board = meshes(built("eye", 2), "print")[0]
+    assert SPACE.slope(board.location.y) == pytest.approx(2, rel=1e-4)
+
+
+def test_specks_are_as_large_as_the_dial_says(built):
+    for speck in meshes(built("recall", 1 / 4), "speck"):
+        radius = np.linalg.norm(points(speck) - np.array(speck.location), axis=1).max()
+        assert 2 * radius == pytest.approx(SPACE.footprint(speck.location.y) / 4, rel=1e-2)
+
+
+def run_script(folder, scenes):
+    """The script in a process of its own: exit code and its last message."""
+    job = folder / "scenes.json"
+    job.write_text(json.dumps({"display": DISPLAY.to_dict(), "scale": SCALE, "frames": FRAMES, "scenes": scenes}),
+                   encoding="utf-8")
+    command = [sys.executable, SCRIPTS / "stress_scenes.py", job]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    lines = [line.removeprefix("LFSR ") for line in done.stdout.splitlines() if line.startswith("LFSR ")]
+    return done.returncode, json.loads(lines[-1])
+
+
+def test_the_script_writes_files_that_hold_all_they_need(tmp_path):
+    path = tmp_path / "wire" / "scene.blend"
+    assert run_script(tmp_path, [{"dial": "wire", "value": 1, "path": str(path)}]) == (0, {"stage": "done"})
+    assert [item.name for item in path.parent.iterdir()] == ["scene.blend"]
+    scene = open.open_scene(path)
+    assert rig.find(scene) is not None and meshes(scene, "wire")
+    assert all(image.packed_file for image in bpy.data.images if image.source == "FILE")
+
+
+def test_an_impossible_depth_is_reported_and_leaves_no_file(tmp_path):
+    path = tmp_path / "eye" / "scene.blend"
+    code, message = run_script(tmp_path, [{"dial": "eye", "value": 50, "path": str(path)}])
+    assert (code, message["stage"]) == (2, "error") and "slope of 50" in message["message"]
+    assert not path.exists()
+
+
+@pytest.mark.slow
+def test_the_suite_runs_from_scene_to_page(tmp_path):
+    from lfsr_core.cli import main
+
+    display = tmp_path / "tiny.toml"
+    display.write_text('name = "tiny"\npanel_pixels = [64, 48]\npanel_mm = [59.04, 44.28]\nlenses = [8, 6]\n'
+                       "views = [8, 8]\nviewing_distance_mm = 500.0\nviewing_angle_deg = 40.0\n", encoding="utf-8")
+    command = ["stress", "-o", str(tmp_path / "out"), "--display", str(display), "--quick", "--reference-spp", "8",
+               "--dials", "samples"]
+    assert main([*command, "--methods", "bilinear"]) == 0
+    dial = read_json(tmp_path / "out" / "stress.json", "the report")["dials"][0]
+    quality = {(cell["value"], cell["method"]): cell["metrics"]["ssim_eia_fg"] for cell in dial["cells"]}
+    assert quality[64, "bicubic"] > quality[1, "bicubic"] + 0.05
+    assert dial["breaks"]["bicubic"]["value"] in (16, 1)
+    assert (tmp_path / "out" / "index.html").is_file() and (tmp_path / "out" / "samples" / "reference").is_dir()

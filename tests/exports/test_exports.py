@@ -1,0 +1,224 @@
+"""Every export read back by a program that is not ours, or by the rules of its readers."""
+
+from __future__ import annotations
+
+import math
+import re
+import shutil
+import subprocess
+
+import av
+import cv2
+import numpy as np
+import OpenEXR
+import pytest
+from PIL import Image
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.exports.format_names import DESCRIPTIONS, TITLES
+from lfsr_core.exports.formats import FORMATS, export
+from lfsr_core.exports.light_field import read_light_field
+from lfsr_core.exports.options import ExportOptions
+from lfsr_core.exports.pictures import on_screen
+from lfsr_core.images.exr import read_layers
+from lfsr_core.images.png import write_png
+from lfsr_core.optics.eia import flip_order, to_views
+from tests.support.finished import DIRECT, MINI, finished, picture
+
+
+def column_of_square(view) -> float:
+    """Mean column of the near square, the only blue."""
+    return float(np.nonzero(view[..., 2] > 160)[1].mean())
+
+
+def test_views_between_cameras(field):
+    np.testing.assert_array_equal(field.view_at(3, 5), field.views[5, 3])
+    between = (field.views[5, 3].astype(float) + field.views[5, 4]) / 2
+    assert np.abs(field.view_at(3.5, 5) - between).max() <= 0.5
+    np.testing.assert_array_equal(field.view_at(-4, 99), field.views[7, 0])
+    half = 3.5 * MINI.camera_spacing_mm
+    np.testing.assert_array_equal(field.seen_from(half, half), field.views[0, 7])
+
+
+def test_a_display_that_flips_itself_gives_the_same_views(field, tmp_path):
+    np.testing.assert_array_equal(read_light_field(finished(tmp_path, DIRECT)).views, field.views)
+
+
+# Quilts: what a player does with the name and the picture.
+
+def test_quilt_as_a_player_reads_it(folder, field, tmp_path):
+    (path,), _ = export(folder, "quilt", tmp_path)
+    columns, rows, aspect = re.fullmatch(r"two_depths_qs(\d+)x(\d+)a([\d.]+)\.png", path.name).groups()
+    columns, rows = int(columns), int(rows)
+    quilt = picture(path)[::-1]  # players count from the bottom
+    assert columns * rows == 8 and float(aspect) == pytest.approx(128 / 96, abs=1e-3)
+    height, width = quilt.shape[0] // rows, quilt.shape[1] // columns
+    tiles = [quilt[view // columns * height:, view % columns * width:][:height, :width][::-1] for view in range(8)]
+    np.testing.assert_array_equal(tiles, field.views[3])
+    # View 0 is the leftmost camera's, which sees what is near further to the right.
+    assert column_of_square(tiles[0]) > column_of_square(tiles[7]) + 1
+
+
+def test_quilt_of_any_number_of_views_across_the_cone(folder, field, tmp_path):
+    options = ExportOptions(views=(6, 1), grid=(3, 2), width=64)
+    (path,), _ = export(folder, "quilt", tmp_path, options)
+    quilt = picture(path)
+    assert path.name == "two_depths_qs3x2a1.333.png" and quilt.shape == (96, 192, 3)
+    angle = math.radians(MINI.viewing_angle_deg) * (0.5 / 6 - 0.5)
+    leftmost = field.seen_from(MINI.viewing_distance_mm * math.tan(angle))
+    np.testing.assert_array_equal(quilt[48:, :64], on_screen(leftmost, MINI, 64))
+
+
+# Folders of views.
+
+def test_stanford_names_carry_the_places(folder, field, tmp_path):
+    files, _ = export(folder, "stanford", tmp_path)
+    parts = [re.fullmatch(r"out_(\d\d)_(\d\d)_(-?[\d.]+)_(-?[\d.]+)_\.png", path.name) for path in files]
+    assert len(files) == 64 and all(parts)
+    spacing = MINI.camera_spacing_mm
+    for part in parts[::9]:
+        row, column, y, x = (float(text) for text in part.groups())
+        assert (y, x) == pytest.approx(((row - 3.5) * spacing, (column - 3.5) * spacing), abs=1e-5)
+    np.testing.assert_array_equal(picture(files[2 * 8 + 5]), field.views[2, 5])
+
+
+def test_pleno_has_ten_bits_and_the_column_first(folder, field, tmp_path):
+    files, _ = export(folder, "pleno", tmp_path)
+    assert len(files) == 64 and files[-1].name == "007_007.ppm"
+    path = tmp_path / "005_002.ppm"
+    assert path.read_bytes().startswith(b"P6\n16 12\n1023\n")
+    np.testing.assert_array_equal(picture(path), field.views[2, 5])  # pillow scales by the header's maximum
+    raw = np.frombuffer(path.read_bytes()[-16 * 12 * 6:], ">u2").reshape(12, 16, 3)
+    assert np.abs(raw / 1023 - field.views[2, 5] / 255).max() <= 0.5 / 1023 + 1e-9
+
+
+def test_views_as_png_and_fewer_of_them(folder, field, tmp_path):
+    files, _ = export(folder, "views", tmp_path)
+    assert len(files) == 64
+    np.testing.assert_array_equal(picture(tmp_path / "view_002_005.png"), field.views[2, 5])
+    files, _ = export(folder, "views", tmp_path, ExportOptions(views=(4, 2)))
+    assert sorted(path.name for path in tmp_path.iterdir()) == [path.name for path in files]
+    assert len(files) == 8, "the earlier export's files are gone"
+    middle = np.mean([field.views[row, 2:4] for row in (1, 2)], axis=(0, 1))
+    assert np.abs(picture(tmp_path / "view_000_001.png") - middle).max() <= 0.5
+
+
+def test_views_as_parts_of_an_exr(folder, tmp_path):
+    (path,), _ = export(folder, "views", tmp_path, ExportOptions(type="exr"))
+    linear = to_views(flip_order(read_layers(folder / "eia.exr")["color"][..., :3], MINI.lenses), MINI.lenses)
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        assert len(file.parts) == 64
+        names = [part.header["name"] for part in file.parts]
+        assert len(set(names)) == 64 and all(re.fullmatch(r"\w+", name) for name in names)
+        assert [part.header["view"] for part in file.parts] == names
+        part = file.parts[names.index("v002_005")]
+        pixels = np.stack([part.channels[name].pixels for name in "RGB"], axis=-1)
+        assert pixels.dtype == np.float16
+        np.testing.assert_allclose(pixels.astype(np.float32), linear[2, 5], rtol=1e-3)
+
+
+# Pictures and films.
+
+def test_stereo_pair(folder, field, tmp_path):
+    (path,), _ = export(folder, "stereo", tmp_path, ExportOptions(eyes_mm=40, width=160))
+    pair = picture(path)
+    assert path.name == "two_depths_stereo_40mm.png" and pair.shape == (120, 320, 3)
+    np.testing.assert_array_equal(pair[:, :160], on_screen(field.seen_from(-20), MINI, 160))
+    assert column_of_square(pair[:, :160]) > column_of_square(pair[:, 160:]) + 2
+
+
+def test_enlarged_pictures_are_as_opencv_makes_them(field):
+    view = field.views[3, 3]
+    theirs = cv2.resize(view, (320, 240), interpolation=cv2.INTER_CUBIC)
+    assert np.abs(on_screen(view, MINI, 320).astype(int) - theirs).max() <= 1
+    small = on_screen(np.full((200, 400, 3), 77, np.uint8), MINI, 32)
+    assert (small == 77).all() and small.shape == (24, 32, 3)
+
+
+def test_film(folder, field, tmp_path):
+    (path,), _ = export(folder, "sway", tmp_path, ExportOptions(seconds=0.4))
+    with av.open(str(path)) as film:
+        stream = film.streams.video[0]
+        assert (stream.codec.name, stream.pix_fmt, stream.average_rate) == ("h264", "yuv420p", 30)
+        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+    reader = cv2.VideoCapture(str(path))
+    assert reader.get(cv2.CAP_PROP_FRAME_COUNT) == 12 == len(frames)
+    assert reader.read()[1].shape == (240, 320, 3)
+    right = on_screen(field.seen_from(0.85 * 4 * MINI.camera_spacing_mm), MINI, 320)
+    assert np.abs(frames[3].astype(float) - right).mean() < 4
+    assert column_of_square(frames[9]) > column_of_square(frames[3]) + 10, "the eye goes right first"
+
+
+@pytest.mark.skipif(not shutil.which("ffprobe"), reason="needs ffprobe")
+def test_film_as_ffprobe_sees_it(folder, tmp_path):
+    (path,), _ = export(folder, "sway", tmp_path, ExportOptions(seconds=0.2))
+    said = subprocess.run(["ffprobe", "-v", "error", "-show_streams", path], capture_output=True, text=True,
+                          check=True).stdout
+    for line in ("codec_name=h264", "pix_fmt=yuv420p", "color_space=bt709", "color_range=tv", "r_frame_rate=30/1",
+                 "nb_frames=6"):
+        assert line in said.splitlines()
+
+
+@pytest.mark.parametrize("kind", ["gif", "webp"])
+def test_animation(folder, field, tmp_path, kind):
+    (path,), _ = export(folder, "sway", tmp_path, ExportOptions(seconds=0.4, type=kind, width=64))
+    animation = Image.open(path)
+    assert (animation.format, animation.n_frames, animation.info["loop"]) == (kind.upper(), 8, 0)
+    animation.seek(2)
+    assert animation.info.get("duration", 50) == 50
+    right = on_screen(field.seen_from(0.85 * 4 * MINI.camera_spacing_mm), MINI, 64)
+    assert np.abs(np.asarray(animation.convert("RGB")).astype(float) - right).mean() < 12
+
+
+# What is refused, and what is left behind then.
+
+@pytest.mark.parametrize(("name", "options", "message"), [
+    ("quitl", {}, "did you mean 'quilt'"),
+    ("quilt", {"eyes_mm": 60}, "has no option 'eyes_mm', only views, grid, width"),
+    ("quilt", {"views": (6, 2)}, "one row of cameras"),
+    ("quilt", {"views": (6, 1), "grid": (4, 2)}, "4x2 tiles does not hold just 6 views"),
+    ("quilt", {"grid": (500, 1), "width": 64}, "over 16384 pixels a side"),
+    ("stereo", {"eyes_mm": 500}, "outside the viewing zone"),
+    ("stereo", {"width": 100000}, "width is 100000"),
+    ("views", {"type": "mp4"}, "written as png or exr"),
+    ("sway", {"type": "avi"}, "written as mp4 or gif or webp or png"),
+])
+def test_refused(folder, tmp_path, name, options, message):
+    with pytest.raises(LfsrError, match=message) as caught:
+        export(folder, name, tmp_path / "out", ExportOptions(**options))
+    assert len(str(caught.value)) < 300 and list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("options", [{"views": (0, 1)}, {"eyes_mm": -1.0}, {"eyes_mm": math.nan}, {"seconds": 1e9}])
+def test_options_that_cannot_be(options):
+    with pytest.raises(LfsrError, match="must be"):
+        ExportOptions(**options)
+
+
+def test_refused_for_what_the_folder_lacks(tmp_path):
+    folder = finished(tmp_path / "frame")
+    (folder / "eia.exr").unlink()
+    with pytest.raises(LfsrError, match="has no eia.exr"):
+        export(folder, "views", options=ExportOptions(type="exr"))
+    write_png(folder / "eia.png", np.zeros((96, 64, 3), np.uint8))
+    with pytest.raises(LfsrError, match="has 64×96 pixels"):
+        export(folder, "quilt")
+    (folder / "eia.png").unlink()
+    with pytest.raises(LfsrError, match="does not exist"):
+        export(folder, "quilt")
+    assert not (folder / "export").exists()
+    (folder / "export").write_text("a file")
+    with pytest.raises(LfsrError, match="choose another folder"):
+        export(finished(folder), "quilt")
+
+
+def test_a_missing_encoder_is_named(folder, tmp_path, monkeypatch):
+    for kind, package in (("mp4", "av"), ("gif", "PIL")):
+        monkeypatch.setitem(__import__("sys").modules, package, None)
+        with pytest.raises(LfsrError, match="pip install"):
+            export(folder, "sway", tmp_path / "out", ExportOptions(type=kind, seconds=0.1))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_every_format_has_a_title_and_a_description():
+    assert set(FORMATS) == set(TITLES) == set(DESCRIPTIONS)

@@ -1,0 +1,178 @@
+"""Folders of views of others: what goes in comes out of the second stage, and what is wrong is one sentence."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.exports.formats import export
+from lfsr_core.exports.importing import Geometry, import_views
+from lfsr_core.exports.light_field import read_light_field
+from lfsr_core.exports.options import ExportOptions
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.report import read_report
+from lfsr_core.reconstruct.second_stage import upscale_frame
+from tests.support.finished import MINI, finished
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return finished(tmp_path_factory.mktemp("finished") / "frame")
+
+
+@pytest.fixture(scope="module")
+def field(folder):
+    return read_light_field(folder)
+
+
+@pytest.fixture
+def pictures(tmp_path, field):
+    """Folder of 3×3 HCI views without parameters."""
+    source = tmp_path / "views"
+    source.mkdir()
+    for number, view in enumerate(field.resampled((3, 3)).reshape(9, 12, 16, 3)):
+        Image.fromarray(view).save(source / f"input_Cam{number:03d}.png")
+    return source
+
+
+@pytest.mark.parametrize("name", ["hci", "stanford", "views"])
+def test_what_was_exported_comes_back_equal(folder, field, tmp_path, name):
+    export(folder, name, tmp_path / "views")
+    import_views(tmp_path / "views", tmp_path / "back")
+    upscale_frame(tmp_path / "back", "none")
+    np.testing.assert_array_equal(read_light_field(tmp_path / "back").views, field.views)
+
+
+def test_ten_bits_of_pleno_come_back_to_eight(folder, field, tmp_path):
+    export(folder, "pleno", tmp_path / "views")
+    import_views(tmp_path / "views", tmp_path / "back")
+    upscale_frame(tmp_path / "back", "none")
+    np.testing.assert_array_equal(read_light_field(tmp_path / "back").views, field.views)
+
+
+def test_hci_tells_its_geometry(folder, tmp_path):
+    export(folder, "hci", tmp_path / "views")
+    imported = import_views(tmp_path / "views", tmp_path / "back")
+    display = read_frame(tmp_path / "back").display
+    assert imported.notes == () and imported.display == display
+    assert (display.lenses, display.views, display.name) == (MINI.lenses, MINI.views, "imported")
+    assert display.panel_mm == pytest.approx(MINI.panel_mm) and display.camera_spacing_mm == pytest.approx(
+        MINI.camera_spacing_mm)
+    assert display.viewing_distance_mm == pytest.approx(MINI.viewing_distance_mm)
+
+
+def test_the_second_stage_makes_the_views_between(pictures, field, tmp_path):
+    imported = import_views(pictures, tmp_path / "frame", scale=2, geometry=Geometry(angle_deg=30.0))
+    assert "--width-mm 600, --distance-mm 1000" in imported.notes[0] and "angle" not in imported.notes[0]
+    upscale_frame(tmp_path / "frame", "bilinear")
+    made = read_light_field(tmp_path / "frame")
+    assert made.count == (6, 6) and made.display.viewing_angle_deg == 30
+    # Low view k covers high views 2k and 2k + 1, a quarter of a step to its sides.
+    mixed = 0.75 * field.resampled((3, 3))[1, 1] + 0.25 * field.resampled((3, 3))[1, 2]
+    assert np.abs(made.view_at(3, 2.5).astype(float) - mixed).mean() < 6
+
+
+def test_methods_that_need_layers_say_so(pictures, tmp_path):
+    import_views(pictures, tmp_path / "frame", scale=4)
+    upscale_frame(tmp_path / "frame", "oidn-both+refine")
+    assert "needs the layers albedo, normal, which this frame lacks" in read_report(tmp_path / "frame").notes[0]
+
+
+def test_stanford_cameras_are_ordered_by_place(field, tmp_path):
+    """As in the archive's older sets, whose columns run from right to left."""
+    source = tmp_path / "views"
+    source.mkdir()
+    for row in range(2):
+        for column in range(2):
+            Image.fromarray(field.views[row * 4, 4 - column * 4]).save(
+                source / f"out_{row:02d}_{column:02d}_{row * 10.5:.3f}_{-60.25 * column:.3f}.png")
+    import_views(source, tmp_path / "frame")
+    upscale_frame(tmp_path / "frame", "none")
+    np.testing.assert_array_equal(read_light_field(tmp_path / "frame").views, field.views[::4, ::4][:, :2])
+
+
+def test_mirrored_cameras_are_turned_round(pictures, field, tmp_path):
+    import_views(pictures, tmp_path / "frame", geometry=Geometry(mirror="x"))
+    upscale_frame(tmp_path / "frame", "none")
+    np.testing.assert_array_equal(read_light_field(tmp_path / "frame").views, field.resampled((3, 3))[:, ::-1])
+
+
+def test_a_wide_grid_keeps_its_middle(folder, field, tmp_path):
+    export(folder, "views", tmp_path / "views", ExportOptions(views=(8, 4)))
+    imported = import_views(tmp_path / "views", tmp_path / "frame")
+    assert imported.display.views == (4, 4) and "of 8×4 cameras the 4×4 in the middle" in imported.notes[0]
+
+
+def missing(source):
+    (source / "input_Cam004.png").unlink()
+
+
+def another_size(source):
+    Image.new("RGB", (20, 12)).save(source / "input_Cam005.png")
+
+
+def wrong_names(source):
+    for path in source.iterdir():
+        path.rename(path.with_name(path.name.replace("input_Cam", "camera-")))
+
+
+def damaged(source):
+    path = source / "input_Cam002.png"
+    path.write_bytes(path.read_bytes()[:60])
+
+
+def no_image(source):
+    (source / "input_Cam000.png").write_text("no image")
+
+
+def no_parameters(source):
+    (source / "parameters.cfg").write_text("[intrinsics]\nfocal_length_mm = long\n")
+
+
+def one_row(source):
+    for number in range(9):
+        (source / f"input_Cam{number:03d}.png").rename(source / f"view_000_{number:03d}.png")
+
+
+def huge_numbers(source):
+    (source / "input_Cam000.png").rename(source / "input_Cam99999999.png")
+
+
+@pytest.mark.parametrize(("spoil", "message"), [
+    (missing, r"has 8 views, but the one in row 1, column 1 of 3 rows of 3 is missing"),
+    (another_size, r"input_Cam005.png has 20×12 pixels, but input_Cam000.png has 16×12"),
+    (wrong_names, r"no views under names this program knows, as input_Cam000.png"),
+    (damaged, r"input_Cam002.png is damaged: replace it|is no readable image"),
+    (no_image, r"input_Cam000.png is no readable image"),
+    (no_parameters, r"cannot be read as the parameters of an HCI light field"),
+    (one_row, r"has 9×1 cameras"),
+    (huge_numbers, r"more than 65536: check the names"),
+])
+def test_refused_in_one_sentence(pictures, tmp_path, spoil, message):
+    spoil(pictures)
+    with pytest.raises(LfsrError, match=message) as caught:
+        import_views(pictures, tmp_path / "frame")
+    assert len(str(caught.value)) < 300 and "\n" not in str(caught.value)
+    assert [path.name for path in tmp_path.iterdir()] == ["views"]
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    ({"scale": 0}, "scale is 0"), ({"scale": 99}, "scale is 99"),
+    ({"geometry": Geometry(angle_deg=200.0)}, "between 1 and 120 degrees"),
+    ({"geometry": Geometry(width_mm=-1.0)}, "lengths above 0"),
+])
+def test_geometry_that_cannot_be(pictures, tmp_path, options, message):
+    with pytest.raises(LfsrError, match=message):
+        import_views(pictures, tmp_path / "frame", **options)
+    assert not (tmp_path / "frame").exists()
+
+
+def test_an_empty_or_missing_folder(tmp_path):
+    with pytest.raises(LfsrError, match="no views under names"):
+        import_views(tmp_path, tmp_path / "frame")
+    with pytest.raises(LfsrError, match=re.escape("nowhere is no folder")):
+        import_views(tmp_path / "nowhere", tmp_path / "frame")

@@ -1,0 +1,115 @@
+"""The viewer's file: its size, its picture, what it is made of, and what is refused."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.exports import page
+from lfsr_core.exports.page import fewer_views, write_page
+from lfsr_core.images.png import read_png, write_png
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.eia import to_elemental_images
+from tests.support.finished import DIRECT, MINI, TALL, finished
+
+OVERHEAD = 100_000  # bytes
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return finished(tmp_path_factory.mktemp("finished") / "frame")
+
+
+def pictures(path) -> list[np.ndarray]:
+    """The images in a page, read by pillow."""
+    found = re.findall(r'class="eia">([^<]*)<', path.read_text(encoding="utf-8"))
+    return [np.asarray(Image.open(io.BytesIO(base64.b64decode(text)))) for text in found]
+
+
+@pytest.mark.parametrize("quality", [None, 1, 90, 100])
+def test_size_is_that_of_the_image_and_a_little(folder, tmp_path, quality):
+    written = write_page([folder], tmp_path / "page.html", quality)
+    assert written.bytes == written.path.stat().st_size <= (folder / "eia.png").stat().st_size + OVERHEAD
+
+
+def test_lossless_is_the_image_bit_for_bit(folder, tmp_path):
+    (image,) = pictures(write_page([folder], tmp_path / "page.html", 100).path)
+    np.testing.assert_array_equal(image, read_png(folder / "eia.png"))
+
+
+def test_by_default_it_loses_nothing_where_that_would_show(folder, tmp_path):
+    (strong,) = pictures(write_page([folder], tmp_path / "page.html").path)
+    np.testing.assert_array_equal(strong, read_png(folder / "eia.png"))
+    grey = finished(tmp_path / "grey", TALL)
+    panel = read_png(grey / "eia.png").mean(axis=2, keepdims=True) / 4 + 90
+    write_png(grey / "eia.png", np.rint(panel).astype(np.uint8).repeat(3, axis=2))
+    (weak,) = pictures(write_page([grey]).path)
+    difference = np.abs(weak.astype(float) - read_png(grey / "eia.png"))
+    assert 0 < difference.mean() <= page.MOST_LOSS
+
+
+def test_nothing_is_fetched(folder, tmp_path):
+    text = write_page([folder], tmp_path / "page.html").path.read_text(encoding="utf-8")
+    assert not re.search(r"""(?:src|href)\s*=\s*["'](?!data:)|url\(|@import|https?://|fetch\(|XMLHttp""", text)
+    assert not re.search(r"/\*(?:STYLE|SHADER|SCRIPT)\*/|<!--PICTURES", text)
+
+
+def test_default_place_and_an_animation(tmp_path):
+    for number in (2, 10, 1):
+        finished(tmp_path / "Scene" / f"{number:04d}", frame=number)
+    (tmp_path / "Scene" / "0005").mkdir()  # one that is not finished
+    written = write_page([tmp_path / "Scene"])
+    assert written.path == tmp_path / "Scene" / "view.html"
+    text = written.path.read_text(encoding="utf-8")
+    assert '"labels": ["1", "2", "10"]' in text and len(pictures(written.path)) == 3
+
+
+def test_fewer_views_keep_every_lens():
+    wide = DisplayProfile.from_dict(MINI.to_dict() | {
+        "lenses": [4096, 2], "views": [5, 5], "panel_pixels": [20480, 10], "panel_mm": [2048.0, 1.0]})
+    image = np.zeros((10, 20480, 3), np.uint8)
+    image[..., 0] = np.arange(20480) % 5
+    image[..., 1] = (np.arange(20480) // 5) % 256
+    less = fewer_views(image, wide)
+    assert less.shape == (6, 12288, 3)
+    tiles = to_elemental_images(less, wide.lenses)
+    assert (tiles[..., 1] == (np.arange(4096) % 256)[None, :, None, None]).all()
+    np.testing.assert_array_equal(tiles[0, 0, 0, :, 0], [0, 2, 4])
+
+
+@pytest.mark.parametrize("quality", [0, 101, -5])
+def test_quality_that_cannot_be(folder, tmp_path, quality):
+    with pytest.raises(LfsrError, match=f"quality is {quality}"):
+        write_page([folder], tmp_path / "page.html", quality)
+
+
+def test_refused(folder, tmp_path):
+    with pytest.raises(LfsrError, match="shown together on one: give frames of one display"):
+        write_page([folder, finished(tmp_path / "direct", DIRECT)], tmp_path / "page.html")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(LfsrError, match="is no frame folder and holds none"):
+        write_page([tmp_path / "empty"])
+    with pytest.raises(LfsrError, match="does not exist"):
+        write_page([tmp_path / "nowhere"])
+    write_png(tmp_path / "direct" / "eia.png", np.zeros((96, 64, 3), np.uint8))
+    with pytest.raises(LfsrError, match="has 64×96 pixels"):
+        write_page([tmp_path / "direct"])
+    assert not list(tmp_path.glob("**/*.html"))
+
+
+def test_too_many_frames_for_one_page(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(page, "MOST_PAGE_BYTES", 1000)
+    with pytest.raises(LfsrError, match="would be over"):
+        write_page([folder], tmp_path / "page.html")
+
+
+def test_a_large_page_is_noted(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(page, "WARN_BYTES", 1000)
+    (note,) = write_page([folder], tmp_path / "page.html").notes
+    assert "phones and mail may refuse it" in note

@@ -1,0 +1,299 @@
+"""The viewer page in a real browser: what it shows, against the simulated eye, and what a person can do with it."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import math
+import re
+
+import cv2
+import numpy as np
+import pytest
+
+from lfsr_core.exports.light_field import read_light_field
+from lfsr_core.exports.page import write_page
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.images.png import read_png, write_png
+from lfsr_core.optics.eye import see
+from lfsr_core.optics.rays import view_offset
+from tests.support.browser import Page, chromium, needs_chromium
+from tests.support.finished import DIRECT, MINI, TALL, finished
+
+pytestmark = needs_chromium
+ZONE = MINI.camera_spacing_mm * 8
+NINE = [(x * ZONE * 0.37, y * ZONE * 0.31, z * MINI.viewing_distance_mm)
+        for x, y, z in ((0, 0, 1), (-1, 0, 1), (1, 0, 1), (0, 1, 1), (0, -1, 1), (-1, 1, 0.8), (1, -1, 1.3),
+                        (1.8, 0.1, 1), (0.1, -0.2, 0.6))]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    root = tmp_path_factory.mktemp("frames")
+    return {display.name: finished(root / display.name, display) for display in (MINI, TALL, DIRECT)}
+
+
+def opened(browser, folder, options="", quality=None, **context):
+    return Page(browser, write_page([folder], quality=quality).path, options, **context)
+
+
+@pytest.fixture(scope="module")
+def mini(browser, folders):
+    """A page that tests share; each sets the state that it needs."""
+    page = opened(browser, folders["mini"])
+    yield page
+    page.close()
+
+
+def decoded(url) -> np.ndarray:
+    """Pixels (H, W, 3) of a PNG in a data URL."""
+    encoded = np.frombuffer(base64.b64decode(url.split(",")[1]), np.uint8)
+    return cv2.imdecode(encoded, cv2.IMREAD_COLOR)[..., ::-1]
+
+
+def run(page, script, argument=None):
+    """The value of a function in the page, which sees the page's own names."""
+    return page.page.evaluate(f"argument => (0, eval)({script!r})(argument)", argument)
+
+
+def shown(page, width, **changes) -> np.ndarray:
+    """Pixels (height, width, 3) of the display alone with this state."""
+    plain = {"mode": "physical", "stereo": "one", "aperture": 0, "focus": 0}
+    return decoded(run(page, """([width, changes]) => {
+        Object.assign(state, changes);
+        const picture = snapshot(width), page = document.createElement('canvas');
+        [page.width, page.height] = [picture.width, picture.height];
+        page.getContext('2d').putImageData(picture, 0, 0);
+        return page.toDataURL(); }""", [width, plain | changes]))
+
+
+def canvas(page, **changes) -> np.ndarray:
+    """Pixels (height, width, 3) of the page's canvas with this state."""
+    return decoded(run(page, "changes => { Object.assign(state, changes); resize(); draw(); "
+                             "return canvas.toDataURL(); }", changes))
+
+
+def difference(first, second) -> float:
+    return float(np.abs(first.astype(float) - second).mean())
+
+
+@pytest.mark.parametrize("name", ["mini", "tall", "direct"])
+def test_each_lens_shows_what_the_simulated_eye_sees(browser, folders, name):
+    profile, panel = read_frame(folders[name]).display, read_png(folders[name] / "eia.png")
+    page = opened(browser, folders[name])
+    for eye in NINE:
+        seen = see(panel, profile, eye, width=128)
+        pixels = shown(page, 128, eye=eye)
+        across, down = profile.lenses
+        centres = np.ix_(((np.arange(down) + 0.5) * len(pixels) / down).astype(int),
+                         ((np.arange(across) + 0.5) * 128 / across).astype(int))
+        assert difference(pixels[centres], see(panel, profile, eye, width=0)) <= 2, eye
+        if pixels.shape == seen.shape:
+            assert difference(pixels, seen) <= 2, eye
+        assert seen.std() > 30
+    assert page.complaints == []
+    page.close()
+
+
+def test_without_loss_the_pixels_are_the_images(browser, folders):
+    page = opened(browser, folders["mini"], quality=100)
+    panel = read_png(folders["mini"] / "eia.png")
+    for eye in NINE:
+        np.testing.assert_array_equal(shown(page, 128, eye=eye), see(panel, MINI, eye, width=128))
+    page.close()
+
+
+def test_smooth_is_the_view_where_a_camera_stood_and_between_them_elsewhere(browser, folders):
+    page = opened(browser, folders["mini"], quality=100)
+    field = read_light_field(folders["mini"])
+    offset, middles = view_offset(np.arange(8), 8, MINI.camera_spacing_mm), np.s_[1::3, 1::3]
+    for row, column in ((0, 0), (2, 5), (7, 3)):
+        eye = (offset[column], -offset[row], MINI.viewing_distance_mm)
+        pixels = shown(page, 48, mode="smooth", eye=eye)
+        assert np.abs(pixels[middles].astype(int) - field.views[row, column]).max() <= 1
+    eye = (offset[5] + MINI.camera_spacing_mm / 2, -offset[2], MINI.viewing_distance_mm)
+    mixed = (field.views[2, 5].astype(float) + field.views[2, 6]) / 2
+    pixels = shown(page, 48, mode="smooth", eye=eye)
+    assert np.abs(pixels[middles] - mixed).max() <= 1
+    # Between lenses it lies between them: no steps as wide as a lens.
+    steps, lenses = (np.abs(np.diff(image.astype(int), axis=1)).max() for image in (pixels, pixels[middles]))
+    assert steps < lenses
+    page.close()
+
+
+def square(pixels) -> tuple[float, float]:
+    """Mean (column, row) of the near square, which is the only blue."""
+    rows, columns = np.nonzero(pixels[..., 2] > 160)
+    return float(columns.mean()), float(rows.mean())
+
+
+@pytest.mark.parametrize("mode", ["smooth", "physical"])
+def test_what_is_near_moves_against_the_eye_and_up_is_up(mini, mode):
+    far = MINI.viewing_distance_mm
+    middle, right, up = (square(shown(mini, 256, mode=mode, eye=eye)) for eye in (
+        (1, 1, far), (ZONE * 0.4, 1, far), (1, ZONE * 0.4, far)))
+    assert middle[0] < 128 and middle[1] < 96, "the square is left of the middle and above it"
+    assert right[0] < middle[0] - 8
+    assert up[1] > middle[1] + 8
+
+
+def test_a_click_focuses_on_what_is_there(mini):
+    far, distance = MINI.viewing_distance_mm, "([x, y]) => depthAt(x, y)"
+    run(mini, "eye => { state.eye = eye; }", [1, 1, far])
+    per_unit = MINI.panel_mm[0] / 1.6
+    # The square is seen on the display where its line from the eye crosses it.
+    near = run(mini, distance, [-0.1 * per_unit / 0.8 + 6, 0.1 * per_unit / 0.8 - 4])
+    wall = run(mini, distance, [0.5 * per_unit, -0.35 * per_unit])
+    assert near == pytest.approx(0.2 * far, abs=0.08 * far)
+    assert wall == pytest.approx(-0.25 * far, abs=0.12 * far)
+
+
+def test_an_aperture_blurs_what_is_out_of_focus(mini):
+    far = MINI.viewing_distance_mm
+    def detail(focus, aperture):
+        pixels = shown(mini, 128, mode="smooth", eye=(1, 1, far), focus=focus, aperture=aperture).astype(float)
+        return np.abs(np.diff(pixels[40:60, 45:65, 0], axis=1)).mean()  # inside the near square
+    assert detail(0.2 * far, 0.5) > 1.5 * detail(-0.25 * far, 0.5)
+    assert detail(0.2 * far, 0.5) > 0.8 * detail(0.2 * far, 0)
+
+
+def state(page) -> dict:
+    return run(page, "() => structuredClone(state)")
+
+
+def test_the_keyboard_alone_does_everything(browser, folders):
+    page = opened(browser, folders["mini"])
+    keys = page.page.keyboard
+    assert state(page)["eye"] == [0, 0, MINI.viewing_distance_mm]
+    for key in ("ArrowRight", "ArrowRight", "ArrowUp", "+", "m", "s", "]", "a"):
+        keys.press(key)
+    now = state(page)
+    assert now["eye"][0] == pytest.approx(ZONE / 10) and now["eye"][1] == pytest.approx(ZONE / 20)
+    assert now["eye"][2] < MINI.viewing_distance_mm and now["focus"] > 0 and now["aperture"] == 0.05
+    assert (now["mode"], now["stereo"]) == ("physical", "side")
+    keys.press("s")
+    assert state(page)["stereo"] == "anaglyph"
+    keys.press("0")
+    assert state(page)["eye"] == [0, 0, MINI.viewing_distance_mm]
+    keys.press("Space")
+    page.page.wait_for_function("(0, eval)('state').eye[0] > 1")
+    reached = set()
+    for _ in range(14):
+        keys.press("Tab")
+        reached.add(page.page.evaluate("document.activeElement.id"))
+    assert {"mode", "stereo", "aperture", "focus", "sway", "reset", "save", "full"} <= reached
+    page.page.focus("#mode")
+    keys.press("ArrowDown")
+    assert state(page)["mode"] == "physical"
+    assert page.complaints == []
+    page.close()
+
+
+def test_pointer_wheel_and_touch(browser, folders):
+    page = opened(browser, folders["mini"], has_touch=True)
+    mouse = page.page.mouse
+    mouse.move(200, 150)
+    mouse.down()
+    mouse.move(240, 130, steps=4)
+    mouse.up()
+    x, y, z = state(page)["eye"]
+    assert x > 5 and y > 2 and z == MINI.viewing_distance_mm and state(page)["aperture"] == 0
+    mouse.wheel(0, -300)
+    page.page.wait_for_function(f"(0, eval)('state').eye[2] < {z}")
+    page.page.touchscreen.tap(200, 150)
+    page.page.wait_for_function("(0, eval)('state').aperture > 0")
+    assert page.complaints == []
+    page.close()
+
+
+def test_stereo_draws_each_eye(browser, folders):
+    page = opened(browser, folders["mini"], f"#eye=0,0,{MINI.viewing_distance_mm}")
+    far, half = MINI.viewing_distance_mm, 20
+    left, right = (canvas(page, stereo="one", eye=[x, 0, far]) for x in (-half, half))
+    mixed = canvas(page, stereo="anaglyph", eye=[0, 0, far], eyes=2 * half)
+    np.testing.assert_array_equal(mixed[..., 0], left[..., 0])
+    np.testing.assert_array_equal(mixed[..., 1:], right[..., 1:])
+    assert difference(left, right) > 3
+    pair = canvas(page, stereo="side")
+    wide = pair.shape[1] // 2
+    # The right eye sees what is near further to the left.
+    assert square(pair[:, :wide])[0] > square(pair[:, wide:2 * wide])[0] + 4
+    page.close()
+
+
+def test_sway_respects_reduced_motion(browser, folders):
+    still, moving = opened(browser, folders["mini"]), opened(browser, folders["mini"], reduced_motion="no-preference")
+    moving.page.wait_for_function("Math.abs((0, eval)('state').eye[0]) > 2")
+    assert still.page.get_attribute("#sway", "aria-pressed") == "false"
+    assert moving.page.get_attribute("#sway", "aria-pressed") == "true"
+    assert state(still)["eye"][0] == 0
+    still.close()
+    moving.close()
+
+
+def test_a_small_gpu_gets_half_the_picture_and_says_so(browser, folders):
+    page = opened(browser, folders["mini"], "#texture=100", quality=100)
+    assert "64×48 of 128×96" in page.page.inner_text("#note")
+    panel = read_png(folders["mini"] / "eia.png").astype(float)
+    halved = panel.reshape(48, 2, 64, 2, 3).mean((1, 3)).repeat(2, axis=0).repeat(2, axis=1)
+    assert difference(shown(page, 128, eye=NINE[5]), see(halved, MINI, NINE[5], width=128)) <= 2
+    page.close()
+
+
+def test_frames_of_an_animation(browser, folders, tmp_path):
+    for number in (3, 4):
+        finished(tmp_path / "Scene" / f"{number:04d}", frame=number,
+                 matrix_world=read_frame(folders["mini"]).matrix_world)
+    bright = tmp_path / "Scene" / "0004" / "eia.png"
+    write_png(bright, 255 - read_png(bright))
+    page = Page(browser, write_page([tmp_path / "Scene"], tmp_path / "film.html").path)
+    assert page.page.inner_text("#frameName") == "3"
+    first = shown(page, 64)
+    page.page.keyboard.press(".")
+    page.page.wait_for_function("document.getElementById('frameName').textContent === '4'")
+    page.page.wait_for_function("(0, eval)('textures').size === 2")
+    assert difference(shown(page, 64), 255 - first) < 4
+    page.page.keyboard.press("p")
+    page.page.wait_for_function("(0, eval)('state').frame === 0")
+    assert page.complaints == []
+    page.close()
+
+
+def test_says_what_the_display_is_and_asks_nothing_of_the_network(mini):
+    text = mini.page.inner_text("header")
+    size = " × ".join(f"{mm:.0f}" for mm in MINI.panel_mm)
+    assert "mini" in text and f"{size} mm" in text and f"from {MINI.viewing_distance_mm:.0f} mm" in text
+    assert all(re.match(r"(file|data|blob):", url) for url in mini.requests)
+    assert mini.complaints == []
+    circle = mini.page.get_attribute("#map circle", "cy")
+    assert math.isfinite(float(circle))
+
+
+def test_the_canvas_shows_the_display_where_the_layout_says(browser, folders):
+    eye = NINE[5]
+    page = opened(browser, folders["mini"], "#mode=physical&eye=" + ",".join(map(str, eye)),
+                  viewport={"width": 800, "height": 600})
+    place = run(page, "() => ({...layout, bar: find('controls').getBoundingClientRect().top})")
+    pixels = cv2.imdecode(np.frombuffer(page.page.screenshot(), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    seen = see(read_png(folders["mini"] / "eia.png"), MINI, eye, width=0)
+    rows, columns = np.indices(seen.shape[:2])
+    x = place["x"] + ((columns + 0.5) / 16 - 0.5) * MINI.panel_mm[0] * place["scale"]
+    y = place["y"] + ((rows + 0.5) / 12 - 0.5) * MINI.panel_mm[1] * place["scale"]
+    inside = (y > 60) & (y < place["bar"]) & (x > 0) & (x < 800) & ~((x > 620) & (y < 180))
+    assert inside.mean() > 0.6
+    drawn = pixels[y[inside].astype(int), x[inside].astype(int)]
+    assert difference(drawn, seen[inside]) <= 2
+    page.close()
+
+
+def test_changed_geometry_is_in_the_page(tmp_path):
+    far = dataclasses.replace(MINI, name="</script>far", viewing_distance_mm=500.0)
+    text = write_page([finished(tmp_path / "far", far)]).path.read_text(encoding="utf-8")
+    assert '"distance_mm": 500.0' in text and "\\u003c/script>far" in text
+    assert text.count("</script>") == text.count("<script")

@@ -1,0 +1,113 @@
+"""What people read of a chart: well-formed, complete, honest about losses, nothing loaded from elsewhere."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from xml.etree import ElementTree
+
+import pytest
+
+from lfsr_lab.experiments.chart import findings, panels, tables
+from lfsr_lab.experiments.chart import page as chart_page
+from lfsr_lab.experiments.chart.analysis import METRICS
+from lfsr_lab.experiments.chart.records import LOW, Metrics, Point
+from tests.support.chart_example import LOW_METHODS, example, scene_row
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture(scope="module")
+def chart():
+    return example()
+
+
+def texts(svg: str) -> list[str]:
+    return ["".join(element.itertext()) for element in ElementTree.fromstring(svg).iter(f"{SVG}text")]
+
+
+def test_the_picture_has_a_panel_per_scene_and_one_of_the_mean(chart):
+    words = texts(panels.picture(chart))
+    assert {scene.scene for scene in chart.scenes} | {"Mean of 6 scenes"} <= set(words)
+    assert sum("without noise" in word for word in words) == 7
+    assert "Mean" not in " ".join(texts(panels.picture(example(1))))
+
+
+def test_every_text_lies_inside_the_picture(chart):
+    picture = ElementTree.fromstring(panels.picture(chart))
+    width, height = (float(size) for size in picture.get("viewBox").split()[2:])
+    places = [place(element) for element in picture.iter(f"{SVG}text")]
+    assert len(places) > 50 and all(0 <= x <= width and 0 <= y <= height for x, y in places)
+
+
+def place(element) -> tuple[float, float]:
+    """Where a text of matplotlib's stands."""
+    moved = re.search(r"translate\((\S+) (\S+)\)", element.get("transform"))
+    return tuple(map(float, moved.groups() if moved else (element.get("x"), element.get("y"))))
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_every_metric_can_be_drawn(chart, metric):
+    svg = panels.drawn([panels.scene_panel(chart, chart.scenes[0], metric)])
+    assert panels.AXES[metric] in " ".join(texts(svg))
+
+
+def test_the_page_stands_alone_and_its_tables_are_whole(chart):
+    page = chart_page.page(chart)
+    assert not re.search(r"<script|<link|src=|url\((?!#)|@import", page)
+    for table in re.findall(r"<table>.*?</table>", page):
+        rows = ElementTree.fromstring(table).iter("tr")
+        assert len({len(row) for row in rows}) == 1
+    assert all(name in page for name in LOW_METHODS)
+    assert chart.skipped[0] in page and "Example processor" in page
+
+
+def test_losses_are_named_as_wins_are(chart):
+    page, duels = chart_page.page(chart), [duel for scene in chart.scenes
+                                           for part in [scene.by(chart.metric)]
+                                           for duel in (*part.versus, *part.reverse)]
+    for outcome, mark in (("win", "✔ win"), ("loss", "✘ loss")):
+        count = sum(duel.outcome == outcome for duel in duels)
+        assert count > 0 and page.count(mark) == count
+    assert findings.losses(chart)[0].startswith("every view +OIDN: wins 6 of 18 times (Scene1 at 16;")
+
+
+def test_the_headline_counts_what_the_analysis_found(chart):
+    ratios = [scene.by(chart.metric).target.worst_ratio for scene in chart.scenes]
+    assert f"{min(ratios):.0%} to {max(ratios):.0%}" in findings.headline(chart)
+    assert f"A quarter or less: {sum(ratio <= 0.25 for ratio in ratios)} of 6 scenes" in findings.headline(chart)
+
+
+def test_where_a_reference_shows_only_some_lenses_all_scenes_are_judged_lens_by_lens(chart):
+    whole, sampled = chart.scenes[:2]
+    known = ("p", "ssim_lens", "ssim_lens_fg", "psnr_fg", "flip")
+    cells = tuple(dataclasses.replace(cell, metrics=Metrics(**{name: cell.value(name) for name in known}))
+                  for cell in sampled.cells)
+    mixed = dataclasses.replace(chart, scenes=(whole, scene_row("Sampled", cells)))
+    assert (chart.metric, mixed.metric) == ("ssim_eia_fg", "ssim_lens_fg")
+    assert "lens by lens" in " ".join(texts(panels.picture(mixed)))
+    assert "each lens on its own" in chart_page.page(mixed) and "on the whole picture" in chart_page.page(chart)
+    tables_of = tables.markdown(mixed).split("## Sampled")
+    assert "ssim_eia_fg" not in tables_of[1] and "ssim_eia_fg" in tables_of[0]
+
+
+def test_a_chart_without_direct_rendering_or_ceiling_is_still_a_page():
+    chart = example(2)
+    scenes = (scene_row(scene.scene, tuple(cell for cell in scene.cells if cell.role == LOW)) for scene in chart.scenes)
+    chart = dataclasses.replace(chart, scenes=tuple(scenes))
+    assert "was not measured" in chart_page.page(chart)
+    assert "without noise" not in panels.picture(chart)
+
+
+def test_advice_rises_and_skips_what_is_not_worth_a_line(chart):
+    front = [Point(LOW, "a", 1, 1.0, 0.5), Point(LOW, "b", 1, 1.1, 0.6), Point(LOW, "c", 1, 2.0, 0.602),
+             Point(LOW, "d", 1, 4.0, 0.7)]
+    assert [point.method for point in findings.worth_a_step(front)] == ["b", "d"]
+    assert len(findings.advice(chart)) >= 2
+
+
+def test_the_table_has_every_cell_with_its_metrics(chart):
+    table = tables.markdown(chart)
+    rows = [line for line in table.splitlines() if line.startswith("| espcn | 16 | 4 |")]
+    assert len(rows) == 7, "one per scene and one of the mean"
+    assert "24,192 | 24,336" in rows[0] and "±" in rows[1] and "±" not in rows[0]

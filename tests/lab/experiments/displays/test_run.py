@@ -1,0 +1,75 @@
+"""The whole comparison on a lenticular panel, its renders played: measured, kept, shown."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lfsr_core.records import read_record
+from lfsr_lab.experiments.displays import page, run
+from lfsr_lab.experiments.displays.kinds import Kind
+from lfsr_lab.experiments.displays.measure import Accuracy, Point, Target, seen
+from lfsr_lab.experiments.displays.ways import NAMES, OTHER, OURS, STRAIGHT, shown
+from tests.support.panels import whole
+from tests.support.played_blender import played_blender
+from tests.support.synthetic import light_field, write_reference
+
+PANEL = whole("lenticular")
+
+
+def point(way: str, cpu: float, ssim: float) -> Point:
+    return Point(way, 4, cpu / 2, cpu / 2, Accuracy(30.0, None, ssim))
+
+
+def accuracy(target: Target, panel: np.ndarray) -> Accuracy:
+    return target.accuracy(panel, seen(panel, target.profile))
+
+
+@pytest.fixture
+def one_kind(monkeypatch):
+    monkeypatch.setattr(run, "FULL_WIDTH", {"lenticular": 128})
+    monkeypatch.setattr(run, "kind", lambda name, width: Kind(name, PANEL))
+
+
+def test_everything_is_measured_once_and_shown(tmp_path, one_kind):
+    scene, told = tmp_path / "disc.blend", []
+    scene.touch()
+    blender = tmp_path / "blender"
+    settings = run.Settings(tmp_path / "out", None, 256, played_blender(blender))
+    found = run.compare(settings, [scene], told.append)
+    points = {(of.way, of.samples): of for of in found.rows[0].points}
+    assert {way for way, _ in points} == set(NAMES) and len(points) == len(told) == 13
+    assert points[OURS, 64].accuracy.ssim_eye > points[OURS, 4].accuracy.ssim_eye > 0.5
+    assert points[STRAIGHT, 16].straight.ssim_eye > points[STRAIGHT, 1].straight.ssim_eye > 0.5
+    assert points[STRAIGHT, 16].straight.psnr_panel > points[STRAIGHT, 16].accuracy.psnr_panel, "at home there"
+    assert (points[OURS, 4].scale, points[OTHER, 4].scale, points[STRAIGHT, 4].scale) == (2, 4, 1)
+    assert all(of.finish_cpu > 0 and of.render_cpu >= 0 for of in points.values())
+    blender.unlink()
+    assert run.compare(settings, [scene], told.append).rows == found.rows
+    table, *pictures = run.write_pages(settings.folder, found)
+    assert table.read_text().count("| disc |") == 2 * 10 + 13
+    assert len(pictures) == 2 and all("<svg" in picture.read_text() for picture in pictures)
+    assert read_record(settings.folder / run.RESULTS, page.Comparison, "a comparison").rows == found.rows
+
+
+def test_the_reference_itself_is_perfect_and_less_views_are_not(tmp_path):
+    target = Target.of(write_reference(tmp_path, noise=0.02, display=PANEL))
+    field = light_field(PANEL)[..., :3]
+    perfect = accuracy(target, shown(field, PANEL, "all"))
+    assert perfect.ssim_eye > 0.99 and (perfect.psnr_panel or 99) > 45
+    coarse = field.reshape(96, 16, 8, 3)[:, :, [1, 1, 1, 1, 6, 6, 6, 6]].reshape(field.shape)
+    worse = accuracy(target, shown(coarse, PANEL, "all"))
+    assert worse.ssim_eye < perfect.ssim_eye and worse.psnr_eye < (perfect.psnr_eye or 99)
+
+
+def test_time_for_an_accuracy_lies_between_those_of_two_points():
+    points = (point(OURS, 1.0, 0.8), point(OURS, 4.0, 0.9))
+    assert page.seconds_for(points, 0.85) == pytest.approx(2.0)
+    assert page.seconds_for(points, 0.7) == 1.0
+    assert page.seconds_for(points, 0.95) is None
+
+
+def test_nearest_views_are_woven_without_mixing():
+    light = np.zeros((96, 128, 3), np.float32)
+    light[:, 4:8] = 1.0
+    assert set(np.unique(shown(light, PANEL, "nearest"))) <= {0, 255}

@@ -1,0 +1,157 @@
+"""The validation of plans, on a bench folder of synthetic frames: replayed samples, whole frames, verdicts."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import shutil
+
+import numpy as np
+import pytest
+
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame
+from lfsr_core.images.exr import read_layers
+from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.plan import score
+from lfsr_core.plan.candidates import Candidate, Choice, Rated
+from lfsr_core.plan.estimate import Estimate
+from lfsr_core.plan.planner import Planned, SampleFacts
+from lfsr_core.plan.times import path_samples
+from lfsr_core.records import read_record
+from lfsr_lab.experiments.plan import actual, blocks
+from lfsr_lab.experiments.plan.actual import Actual
+from lfsr_lab.experiments.plan.records import Validation
+from lfsr_lab.experiments.plan.validation import Case, judge, main, summary, with_between
+from tests.support.noisy_renders import JOB, render
+from tests.support.synthetic import MINI, frame_of
+
+RENDERS = [(2, 4), (2, 16), (2, 64), (4, 4), (4, 16)]
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """A bench of one scene."""
+    folder = tmp_path_factory.mktemp("bench")
+    for scale, spp in RENDERS:
+        name = str(folder / "toy" / f"s{scale}-spp{spp}")
+        render(dataclasses.replace(JOB, output=name, scale=scale, spp=spp, seed=0))
+    render(dataclasses.replace(JOB, output=str(folder / "toy" / "reference"), kind="reference", scale=1, spp=2048,
+                               seed=77))
+    return folder
+
+
+def test_scenes_and_renders_are_found(bench):
+    (scene,) = actual.scenes(bench)
+    assert scene.name == "toy" and sorted(actual.renders(scene)) == RENDERS
+
+
+def test_replay_cuts_the_lenses_out_of_the_frame(bench, tmp_path):
+    lenses = ((2, 3), (5, 5), (6, 9), (7, 1), (11, 15))
+    job = dataclasses.replace(JOB, output=str(tmp_path / "cut"), scale=2, spp=16, lens_list=lenses)
+    actual.replay(bench / "toy", job)
+    frame = read_frame(tmp_path / "cut")
+    cut = to_elemental_images(read_layers(tmp_path / "cut" / LOW_RES_FILE)["color"], frame.rays.tiles)
+    whole = to_elemental_images(read_layers(bench / "toy" / "s2-spp16" / LOW_RES_FILE)["color"], MINI.lenses)
+    for number, lens in enumerate(lenses):
+        assert np.array_equal(cut[number // cut.shape[1], number % cut.shape[1]], whole[lens])
+
+
+def test_seconds_are_those_of_timed_repeats(bench, tmp_path):
+    scene = bench / "toy"
+    first = read_frame(scene / "s2-spp4").seconds["render"]
+    assert actual.timed_frame(scene / "s2-spp4").seconds["render"] == first
+    (scene / "render-times").mkdir()
+    times = scene / "render-times" / "s2-spp4.json"
+    try:
+        times.write_text(json.dumps({"first": first, "alone": True, "repeats": [7.0, 9.0, 8.0]}))
+        assert actual.timed_frame(scene / "s2-spp4").seconds["render"] == 8
+        times.write_text(json.dumps({"first": first + 1, "alone": True, "repeats": [7.0]}))  # of another render
+        assert actual.timed_frame(scene / "s2-spp4").seconds["render"] == first
+    finally:
+        shutil.rmtree(scene / "render-times")
+
+
+def test_setup_is_what_no_sample_costs(tmp_path, monkeypatch):
+    frames = {tmp_path / f"{scale}-{spp}": frame_of(scale, samples=spp) for scale, spp in ((4, 4), (4, 16), (2, 16))}
+    found = {path: dataclasses.replace(frame, seconds={"render": 0.7 + 1e-5 * path_samples(frame)})
+             for path, frame in frames.items()}
+    monkeypatch.setattr(actual, "renders", lambda scene: dict(enumerate(found)))
+    monkeypatch.setattr(actual, "timed_frame", found.get)
+    assert math.isclose(actual.setup_seconds(tmp_path), 0.7, rel_tol=1e-6)
+
+
+def test_replayed_references_show_both_halves(bench, tmp_path):
+    halves = set()
+    for part in (0, 1):
+        job = dataclasses.replace(JOB, output=str(tmp_path / f"{part}"), kind="reference", scale=1,
+                                  seed=JOB.seed + part, lens_list=((5, 8), (6, 9)))
+        actual.replay(bench / "toy", job)
+        parts = [read_layers(tmp_path / f"{part}" / name)["color"].tobytes() for name in REFERENCE_FILES]
+        assert parts[0] == parts[1]
+        halves.add(parts[0])
+    assert len(halves) == 2
+
+
+def test_plans_are_held_against_whole_frames(bench, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(score, "is_available", lambda: False)  # the quick look's denoiser takes longest of all
+    arguments = [str(bench), "-o", str(tmp_path / "out"), "--json", str(tmp_path / "plans.json"), "--replay", "--seeds",
+                 "0-3", "--targets", "0.5,0.6,0.9", "--methods", "nearest,bilinear", "--lenses", "40", "--between", "1"]
+    assert main(arguments) == 0
+    data = read_record(tmp_path / "plans.json", Validation, "a validation")
+    rows, whole = data.plans, data.summary
+    assert len(rows) == 12 and whole == summary(rows)
+    assert all(row.chosen is None and row.hindsight is None for row in rows if row.target == 0.9)
+    assert whole.met == 1 and whole.bounds_below_actual > 0.9
+    assert abs(whole.mean_error) < 0.01
+    said = capsys.readouterr().out
+    assert "| toy | 0 | 0.500 | s2" in said
+    first = rows[0]
+    assert len(first.measured) == len(first.actuals) == len(first.errors) > 4
+    actual_of = dict(zip(first.measured, first.actuals, strict=True))
+    assert f"| toy | s4-spp16 bilinear | {actual_of['s4-spp16 bilinear']:.3f} | " in said
+    # What was measured is kept: a second time nothing is finished again.
+    kept = sorted((tmp_path / "out" / "toy" / "truth").iterdir())
+    assert len(kept) == 10
+    times = [path.stat().st_mtime_ns for path in kept]
+    assert main(arguments) == 0
+    assert [path.stat().st_mtime_ns for path in kept] == times
+
+
+def test_a_plan_that_promises_too_much_is_found_out():
+    cheap, costly = Candidate(4, 4, "bilinear"), Candidate(4, 16, "bilinear")
+    rows = (Rated(cheap, 1.0, Estimate(0.96, 0.95, 0.97, 0.005, 30)),
+            Rated(costly, 4.0, Estimate(0.97, 0.96, 0.98, 0.005, 30)))
+    sample = SampleFacts({"foreground": 30}, 90, "s1-spp16 oidn", 100.0, 4.0, 1.0, 0.04, 0.04, 1.5, True, 0.02, 0.01)
+    known = {cheap: Actual(0.94, 1.1), costly: Actual(0.965, 4.4)}
+    wrong = judge(Planned(rows, Choice(rows[0], rows[1]), sample), known, Case("toy", 0, 0.95, MINI))
+    assert wrong.met is False and wrong.cost is None and wrong.hindsight == costly.name
+    assert wrong.covered == (False, True)
+    wasteful = judge(Planned(rows, Choice(rows[1], rows[1]), sample), known, Case("toy", 0, 0.93, MINI))
+    assert wasteful.met is True and wasteful.cost == pytest.approx(4) == wasteful.samples
+    nothing = judge(Planned(rows, Choice(None, rows[1], "noise"), sample), known, Case("toy", 0, 0.95, MINI))
+    found = summary([wrong, wasteful, nothing])
+    assert (found.met, found.nothing_chosen_though_possible, found.cheap_enough) == (0.5, 1, 0.0)
+    assert found.bounds_below_actual == 0.5 and math.isclose(found.mean_share_of_seconds, 0.04)
+
+
+def test_what_lies_between_two_is_their_mean():
+    known = {Candidate(4, 4, "bilinear"): Actual(0.9, 2.0), Candidate(4, 16, "bilinear"): Actual(0.94, 5.0)}
+    found = with_between(known, 1)
+    assert len(found) == 3 and found[Candidate(4, 8, "bilinear")] == Actual(pytest.approx(0.92), pytest.approx(3.0))
+
+
+def test_a_method_of_single_lenses_needs_no_neighbours(bench, capsys):
+    folders = [str(bench / "toy" / name) for name in ("s2-spp16", "reference")]
+    assert blocks.main([*folders, "--method", "bilinear"]) == 0
+    lines = capsys.readouterr().out.splitlines()[1:]
+    assert [float(line.split()[1]) for line in lines] == [0, 0, 0, 0]
+    assert blocks.main([*folders, "--method", "bicubic-eia"]) == 0
+    changes = [abs(float(line.split()[1])) for line in capsys.readouterr().out.splitlines()[1:]]
+    # Its kernel reaches four pixels far: one lens of 4×4 is enough, none is not.
+    assert changes[0] > 1e-3 and max(changes[1:]) < 1e-4
+
+
+def test_a_bench_without_scenes_is_refused(tmp_path, capsys):
+    assert main([str(tmp_path), "-o", str(tmp_path), "--json", str(tmp_path / "x.json"), "--replay"]) == 2
+    assert "has no scene" in capsys.readouterr().err

@@ -1,0 +1,93 @@
+"""Flicker, drift and lag of animations: each shows what it is named after, and none the reference's noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_lab.experiments.environment import environment
+from lfsr_lab.experiments.shots.__main__ import main
+from lfsr_lab.experiments.shots.measure import Figures, Truth, Window, compare, neighbours
+from lfsr_lab.experiments.shots.renders import CHANGING, FIXED, Bench, Settings
+from lfsr_lab.experiments.shots.report import Found, Report, tables_of, write_report
+from lfsr_lab.experiments.shots.ways import ALONE, FITS, FIXED_ALONE, SHARED
+
+FRAMES, LENSES, SIDE = 5, 30, 12
+UNSEEN = np.arange(10)
+RANDOM = np.random.default_rng(3)
+
+
+def clean() -> np.ndarray:
+    """Elemental images of waves whose light gets stronger from frame to frame."""
+    t, n, y, x, c = np.meshgrid(*map(np.arange, (FRAMES, LENSES, SIDE, SIDE, 3)), indexing="ij")
+    return 0.5 + 0.2 * np.sin(0.6 * x + 0.4 * y + n + c) + 0.03 * t
+
+
+def noise(size: float) -> np.ndarray:
+    return RANDOM.normal(0, size, (FRAMES, LENSES, SIDE, SIDE, 3))
+
+
+TRUTH = Truth(np.zeros((LENSES, 2), int), clean() + noise(0.05), clean() + noise(0.05))
+
+
+def test_a_perfect_image_has_none_of_them():
+    found = compare(clean(), TRUTH, UNSEEN)
+    assert found.ssim == pytest.approx(1, abs=0.03) and found.unseen == pytest.approx(1, abs=0.05)
+    assert found.flicker < 0.7 and found.offset < 0.15 and abs(found.lag) < 0.03
+
+
+def test_noise_of_its_own_in_every_frame_flickers_and_noise_that_stands_does_not():
+    assert compare(clean() + noise(0.1), TRUTH, UNSEEN).flicker == pytest.approx(100 * 0.1 * 2**0.5, rel=0.05)
+    assert compare(clean() + noise(0.1)[:1], TRUTH, UNSEEN).flicker < 0.7
+
+
+def test_a_wrong_brightness_is_a_low_frequency_error():
+    found = compare(clean() + 0.04, TRUTH, UNSEEN)
+    assert found.offset == pytest.approx(4, rel=0.03) and found.flicker < 0.7
+
+
+def test_an_image_of_the_frame_before_is_one_frame_late():
+    late = clean()
+    late[1:] = clean()[:-1]
+    assert compare(late, TRUTH, UNSEEN).lag == pytest.approx(1, abs=0.05)
+    half = (clean() + late) / 2
+    assert compare(half, TRUTH, UNSEEN).lag == pytest.approx(0.5, abs=0.05)
+
+
+def test_the_cost_command_says_seconds(capsys):
+    assert main(["--cost", "mini"]) == 0
+    assert "CPU seconds per neighbouring frame" in capsys.readouterr().out
+    assert main(["--cost", "nothing"]) == 2 and main(["--only", "cat"]) == 2
+
+
+def test_windows_end_with_the_animation():
+    assert neighbours(0, 6, Window(2, 2)) == [1, 2]
+    assert neighbours(3, 6, Window(2, 2)) == [1, 2, 4, 5]
+    assert neighbours(3, 6, Window(2, 0)) == [1, 2]
+
+
+def test_renders_differ_by_their_seeds_and_references_share_none(tmp_path):
+    bench = Bench(tmp_path, Settings())
+    assert len({job.seed for job in bench._low_jobs("object", FIXED, 4)}) == 1
+    assert len({job.seed for job in bench._low_jobs("object", CHANGING, 4)}) == Settings().frames
+    lenses = Settings().lens_list
+    assert len(set(lenses)) == Settings().reference_lenses and Settings(seed=1).lens_list != lenses
+
+
+def test_a_folder_of_other_settings_is_refused(tmp_path):
+    Bench(tmp_path, Settings()).claim()
+    with pytest.raises(LfsrError, match="other settings"):
+        Bench(tmp_path, Settings(frames=4)).claim()
+    with pytest.raises(LfsrError, match="at least 3 frames"):
+        Settings(frames=2)
+
+
+def test_tables_and_chart_show_every_figure(tmp_path):
+    found = tuple(Found("object", way.name, spp, Figures(0.9, 0.91, 1.0, 0.5, 0.25, 0.1))
+                  for way in (FIXED_ALONE, ALONE, SHARED, FITS[0]) for spp in (4, 16))
+    lines = tables_of(found)
+    assert f"| {ALONE.name} | 4 | 0.9000 | 1.00 | 0.50 | 0.25 |" in lines
+    assert any(FITS[0].name in line and "0.9100" in line for line in lines)
+    write_report(Report(Settings(), environment(), "command", found), tmp_path)
+    assert "an object moves" in (tmp_path / "shots.svg").read_text() and (tmp_path / "shots.json").exists()

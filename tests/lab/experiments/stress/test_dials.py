@@ -1,0 +1,99 @@
+"""The stability suite's dials and its rule for breaking."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lfsr_core.errors import LfsrError
+from lfsr_lab.experiments.stress.dials import DIALS, breaking_point, choose_dials
+
+qualities = st.lists(st.floats(0, 1), min_size=1, max_size=9)
+
+
+def along(values):
+    return dict(enumerate(values))
+
+
+@given(qualities, st.floats(0.01, 0.5))
+def test_a_falling_curve_breaks_where_it_first_falls_by_the_drop_and_stays_broken(values, drop):
+    falling = sorted(values, reverse=True)
+    found = breaking_point(range(len(falling)), along(falling), drop=drop)
+    broken = [value <= falling[0] - drop + 1e-9 for value in falling]
+    assert (found is None) == (not any(broken))
+    if found:
+        assert found.value == broken.index(True) and all(broken[found.value:])
+        assert (found.quality, found.reason) == (falling[found.value], "below its start")
+
+
+@given(qualities)
+def test_a_rising_curve_never_breaks(values):
+    rising = sorted(values)
+    assert breaking_point(range(len(rising)), along(rising)) is None
+    assert breaking_point(range(len(rising)), along(rising), along(rising)) is None
+
+
+@given(qualities, qualities)
+def test_what_breaks_is_broken_and_nothing_before_it_is(values, bicubic):
+    bicubic = along(bicubic)
+
+    def broken(index):
+        return bicubic.get(index, -1) > values[index] + 1e-9 or values[index] <= values[0] - 0.05 + 1e-9
+
+    found = breaking_point(range(len(values)), along(values), bicubic)
+    first = next((index for index in range(len(values)) if broken(index)), None)
+    assert (found.value if found else None) == first
+
+
+@given(st.floats(0.06, 1))
+def test_the_threshold_itself_counts_as_below_the_start_but_not_as_below_bicubic(start):
+    assert breaking_point([8, 4], {8: start, 4: start - 0.05}).value == 4
+    assert breaking_point([8, 4], {8: start, 4: start - 0.0499}) is None
+    assert breaking_point([8, 4], {8: start, 4: start}, {8: start, 4: start}) is None
+    assert breaking_point([8, 4], {8: start, 4: start}, {8: start, 4: start + 1e-6}).reason == "below bicubic"
+
+
+def test_a_method_below_bicubic_from_the_start_breaks_at_the_start():
+    assert breaking_point([1, 2], {1: 0.5, 2: 0.5}, {1: 0.6, 2: 0.1}).value == 1
+
+
+def test_the_first_value_in_the_dials_order_counts_not_the_smallest():
+    assert breaking_point([64, 16, 1], {64: 0.9, 16: 0.8, 1: 0.7}).value == 16
+
+
+def test_values_that_cannot_be_told_are_passed_over():
+    assert breaking_point([1, 2, 3], {1: None, 2: 0.9, 3: 0.8}, {1: 1.0, 2: None, 3: None}).value == 3
+    assert breaking_point([1, 2], {1: None, 2: None}) is None
+    assert breaking_point([1, 2], {}) is None
+
+
+def test_every_dial_is_whole():
+    assert len({dial.name for dial in DIALS}) == len(DIALS)
+    for dial in DIALS:
+        assert set(dial.quick) <= set(dial.values) and len(set(dial.values)) == len(dial.values) > 2
+        assert list(dial.quick) == [value for value in dial.values if value in dial.quick]
+        assert dial.values[0] == dial.quick[0], "both start alike"
+        ordered = sorted(dial.values)
+        assert list(dial.values) in (ordered, ordered[::-1]), "one direction from easy to hard"
+
+
+def test_the_dials_reach_as_far_as_they_should():
+    reach = {dial.name: dial.values for dial in DIALS}
+    assert reach["samples"] == (64, 32, 16, 8, 4, 2, 1)
+    assert reach["depth-behind"][-1] == reach["depth-front"][-1] == 3
+    assert min(reach["wire"]) <= 1 / 8 and max(reach["texture"]) > 1
+    assert (max(reach["share"]), min(reach["share"])) == (1, 0.02)
+
+
+def test_only_values_of_samples_share_a_scene():
+    names = [dial.scene_name(value) for dial in DIALS for value in dial.values]
+    assert len(set(names)) == len(names) - 6
+    assert choose_dials(["samples"])[0].samples(4) == 4 and choose_dials(["wire"])[0].samples(0.25) == 16
+
+
+def test_dials_are_chosen_in_the_suites_order():
+    assert [dial.name for dial in choose_dials(["wire", "samples"])] == ["samples", "wire"]
+    assert choose_dials(None) == DIALS
+    with pytest.raises(LfsrError, match="did you mean 'wire'"):
+        choose_dials(["wires"])

@@ -1,0 +1,42 @@
+"""The pieces of the stability suite's page: crops and curves."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from lfsr_lab.experiments.stress import page
+from lfsr_lab.experiments.stress.dials import Break
+from lfsr_lab.experiments.stress.records import Cell, DialReport
+
+
+@pytest.mark.parametrize("lens", [(0, 0), (5, 7), (11, 15)])
+def test_crops_hold_their_lens_and_stay_inside(lens):
+    image = np.zeros((96, 128, 3))
+    row, column = lens
+    image[row * 8:row * 8 + 8, column * 8:column * 8 + 8] = 1
+    crop = page.crop_around(image, (16, 12), lens)
+    assert crop.shape == (24, 24, 3) and crop.sum() == 8 * 8 * 3
+
+
+def test_a_crop_of_flat_elemental_images_is_square_too():
+    image = np.zeros((54, 31 * 40, 3))
+    image[20] = 1
+    assert page.crop_around(image, (31, 54), (20, 3)).shape == (54, 120, 3), "as high as there are rows"
+    assert page.crop_around(image[:, :31 * 10], (31, 54), (20, 3)).shape == (30, 30, 3)
+
+
+def test_a_curve_with_gaps_is_drawn_where_it_is_known():
+    cells = tuple(Cell(value, "scene", 16, "m", {"q": quality}, None)
+                  for value, quality in ((1, 0.9), (2, None), (3, 0.7)))
+    dial = DialReport("d", "meaning", "unit", "q", (1, 2, 3), cells, {"m": Break(3, 0.7, "below its start")})
+    drawn = page.curves(dial, ["m"])
+    line = re.search(r'id="m">\s*<path d="([^"]+)"', drawn)[1].split("\n")[:-1]
+    ring = re.search(r'id="m, breaks">.*?<use [^>]*x="([\d.]+)" y="([\d.]+)"', drawn, re.S)
+    assert [command[0] for command in line] == ["M", "L"]
+    assert line[1].split()[1:] == [ring[1], ring[2]]
+    assert dial.break_text("m") == "3 s"
+    unknown = DialReport("d", "meaning", "unit", "other", (1, 2, 3), cells, {"m": None})
+    assert page.curves(unknown, ["m"]) is None and unknown.break_text("m") == "?"

@@ -1,0 +1,210 @@
+"""`lfsr stress` on a bench folder whose renders are there: cells, tables, page, and what is refused.
+
+No Blender: renders and references are synthetic, as other tests make them.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from lfsr_core.cli import main
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import write_frame
+from lfsr_core.images.png import read_png
+from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.records import read_record
+from lfsr_lab.experiments.stress import folder as bench_folder
+from lfsr_lab.experiments.stress import page, suite
+from lfsr_lab.experiments.stress.dials import choose_dials
+from lfsr_lab.experiments.stress.folder import Bench
+from lfsr_lab.experiments.stress.records import Report, Settings
+from lfsr_lab.experiments.stress.report import write_report
+from tests.support.synthetic import MINI, fails, frame_of, write_reference, write_render
+
+DOCUMENT = Path(__file__).parents[4] / "docs" / "results" / "stress.md"
+TYPES = {"text": str, "integer": int, "number": (int, float), "array": list, "object": dict, "null": type(None)}
+DIALS, FRAMES, SCALE = ("samples", "wire", "motion", "eye", "recall"), 2, 2
+OPTIONS = ["--dials", ",".join(DIALS), "--methods", "bilinear,nearest", "--quick", "--display", "mini",
+           "--scale", str(SCALE), "--reference-spp", "8", "--frames", str(FRAMES)]
+
+
+def fill(folder: Path) -> Path:
+    """Every scene, reference and render that OPTIONS ask for."""
+    source = write_render(folder / "source" / "low"), write_reference(folder / "source" / "reference")
+    for dial in choose_dials(DIALS):
+        for value in dial.quick:
+            scene = folder / dial.scene_name(value)
+            scene.mkdir(exist_ok=True)
+            (scene / bench_folder.SCENE_FILE).touch()
+            shutil.copytree(source[1], scene / "reference", dirs_exist_ok=True)
+            names = [f"s{SCALE}-spp{dial.samples(value)}"]
+            if dial.name == "motion":
+                names += [f"{names[0]}-frame{frame}-seed{seed}" for frame, seed in ((1, 1), (2, 0), (2, 2))]
+            for name in names:
+                shutil.copytree(source[0], scene / name, dirs_exist_ok=True)
+                write_frame(scene / name, frame_of(SCALE, samples=dial.samples(value)))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """A finished bench folder."""
+    folder = fill(tmp_path_factory.mktemp("bench"))
+    assert main(["stress", "-o", str(folder), *OPTIONS]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def report(bench):
+    return json.loads((bench / "stress.json").read_text(encoding="utf-8"))
+
+
+def documented(section: str) -> dict[str, tuple[str, ...]]:
+    """Key -> names of allowed types, from the table of one section."""
+    text = DOCUMENT.read_text(encoding="utf-8").split(f"\n### {section}\n")[1].split("\n## ")[0].split("\n### ")[0]
+    return {key: tuple(types.split(" or ")) for key, types in re.findall(r"^\| `(\w+)` \| ([\w ]+) \|", text, re.M)}
+
+
+def check(data, section, partly=False):
+    table = documented(section)
+    assert (set(data) <= set(table)) if partly else (set(data) == set(table)), set(data) ^ set(table)
+    for key, value in data.items():
+        assert any(isinstance(value, TYPES[name]) for name in table[key]), (key, value)
+
+
+def test_the_report_is_as_documented(report):
+    check(report, "stress.json")
+    check(report["settings"], "settings")
+    for dial in report["dials"]:
+        check(dial, "dials")
+        for cell in dial["cells"]:
+            check(cell, "cells")
+            check(cell["metrics"], "metrics", partly=True)
+        for found in dial["breaks"].values():
+            if found is not None:
+                check(found, "breaks")
+
+
+def test_no_documented_metric_is_missing_everywhere(report):
+    measured = {name for dial in report["dials"] for cell in dial["cells"] for name in cell["metrics"]}
+    assert measured == set(documented("metrics"))
+
+
+def test_every_method_is_measured_at_every_value(report):
+    assert report["methods"] == ["bicubic", "bilinear", "nearest"]
+    assert [dial["name"] for dial in report["dials"]] == list(DIALS)
+    for dial in report["dials"]:
+        pairs = [(cell["value"], cell["method"]) for cell in dial["cells"]]
+        assert pairs == [(value, method) for value in dial["values"] for method in report["methods"]]
+        assert set(dial["breaks"]) == set(report["methods"])
+        assert all(dial["judged"] in cell["metrics"] for cell in dial["cells"])
+
+
+def test_the_figures_are_those_of_the_method(report):
+    cells = {cell["method"]: cell["metrics"] for cell in report["dials"][0]["cells"] if cell["value"] == 64}
+    assert cells["nearest"]["ssim_eia_fg"] < cells["bicubic"]["ssim_eia_fg"] - 0.01
+    assert cells["nearest"]["recall"] == 1 and 0 < cells["nearest"]["p"] < 1
+    assert cells["nearest"]["neighbour_error"] > cells["bicubic"]["neighbour_error"]
+    # All values show the same synthetic picture, so bicubic cannot break and the one below it breaks at once.
+    assert report["dials"][0]["breaks"]["bicubic"] is None
+    assert report["dials"][0]["breaks"]["nearest"]["value"] == 64
+
+
+def test_equal_frames_at_rest_do_not_flicker(report):
+    motion = next(dial for dial in report["dials"] if dial["name"] == "motion")
+    still = next(cell for cell in motion["cells"] if cell["value"] == 0)
+    assert (still["metrics"]["flicker_fixed"], still["metrics"]["steadiness"]) == (0, 1)
+
+
+def test_the_table_shows_each_breaking_point(bench, report):
+    text = (bench / "stress.md").read_text(encoding="utf-8")
+    assert "| dial | from – to | bicubic | bilinear | nearest |" in text
+    row = next(line for line in text.splitlines() if line.startswith("| samples | 64 – 1 |"))
+    assert row.endswith("| 64 b |") and "| – |" in row
+    for dial in report["dials"]:
+        assert f"\n## {dial['name']}\n" in text
+
+
+def test_the_page_shows_curves_and_the_worst_crop_of_every_method(bench, report):
+    text = (bench / "index.html").read_text(encoding="utf-8")
+    assert text.count("<svg") == len(DIALS) and "<script" not in text
+    assert not re.search(r"""(src|href)=.http|@import|url\(.?http""", text)
+    pictures = re.findall(r'<img[^>]* src="([^"]+)"', text)
+    assert len(pictures) == len(set(pictures)) == len(DIALS) * 3
+    for picture in pictures:
+        panels = 2 if "-bicubic" in picture else 3
+        side = 24 * 10  # 3 lenses of 8 views, ten times
+        assert read_png(bench / picture).shape == (side, panels * side + (panels - 1) * page.GAP, 3)
+
+
+def test_a_second_run_measures_nothing_again(bench, monkeypatch):
+    before = {path: path.stat().st_mtime_ns for path in bench.glob("*/cells/*.json")}
+    monkeypatch.setattr(bench_folder.Bench, "write_cell", None)
+    assert main(["stress", "-o", str(bench), *OPTIONS]) == 0
+    assert len(before) == 3 * (3 + 3 + 2 + 3 + 3)
+    assert before == {path: path.stat().st_mtime_ns for path in bench.glob("*/cells/*.json")}
+
+
+def test_other_weights_are_measured_again(bench, monkeypatch):
+    dial, made = choose_dials(["samples"])[0], Bench(bench, Settings(MINI, SCALE, 8, FRAMES))
+    assert made.read_cell(dial, 64, "bicubic").value == 64
+    monkeypatch.setattr(MethodName, "weights_digest", "others")
+    assert made.read_cell(dial, 64, "bicubic") is None
+    assert made.read_cell(dial, 32, "bicubic") is None
+
+
+def test_another_version_of_a_method_is_measured_again(bench, monkeypatch):
+    dial, made = choose_dials(["samples"])[0], Bench(bench, Settings(MINI, SCALE, 8, FRAMES))
+    versions = {"bicubic": {"denoiser": -1}}
+    monkeypatch.setattr(MethodName, "versions", property(lambda name: versions.get(name.text, {})))
+    assert made.read_cell(dial, 64, "bicubic") is None
+    assert made.read_cell(dial, 64, "nearest").value == 64
+
+
+@pytest.mark.parametrize(("name", "hidden"), [("stress", ()), ("stress-epi", ("oidn-fast+bilinear",
+                                                                             "oidn-guided+bilinear"))])
+def test_published_reports_are_read_and_are_what_the_document_shows(name, hidden):
+    published = read_record(DOCUMENT.parent / "measured" / f"{name}.json", Report, "a report of the stability suite")
+    document = DOCUMENT.read_text(encoding="utf-8")
+    methods = [method for method in published.methods if method not in hidden]
+    for dial in published.dials:
+        assert " | ".join(["", *map(dial.break_text, methods)]) in document
+        figures = [f"{dial.series(method, dial.judged)[0]:.3f}" for method in methods]
+        assert " | ".join([f"\n| {dial.values[0]:g}", *figures]) in document
+
+
+def test_default_methods_are_bicubic_the_default_and_what_has_weights():
+    methods = suite.default_methods(4)
+    assert methods[0] == "bicubic" and suite.DEFAULT_METHOD in methods
+    assert "espcn" in methods and "paper-3" not in methods
+    assert "espcn" not in suite.default_methods(2)
+    for name in methods:
+        suite.method(name)
+    assert len(set(methods)) == len(methods)
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    (["--dials", "wires"], "did you mean 'wire'"), (["--methods", "bicubix"], "did you mean 'bicubic'"),
+    (["--scale", "3"], "scale is 3"), (["--scale", "1"], "scale is 1"), (["--frames", "1"], "need at least 2"),
+    (["--display", "minni"], "did you mean 'mini'"),
+    (["--display", "looking-glass-go", "--scale", "2", "--methods", "light"], "'light' needs views in two directions")])
+def test_bad_input_is_refused_before_anything_is_written(tmp_path, capsys, options, message):
+    assert message in fails(["stress", "-o", str(tmp_path / "out"), "--display", "mini", *options], capsys)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_of_other_settings_is_refused(bench, capsys):
+    changed = [*OPTIONS[:-1], "3"]
+    assert "frames differs" in fails(["stress", "-o", str(bench), *changed], capsys)
+
+
+def test_a_missing_cell_is_no_report(tmp_path):
+    dial = choose_dials(["wire"])[0]
+    with pytest.raises(LfsrError, match="wire 2 of bicubic is not measured"):
+        write_report(Bench(tmp_path, Settings(MINI, 2, 8, 2)), {dial: (2,)}, ["bicubic"])
+    assert list(tmp_path.iterdir()) == []

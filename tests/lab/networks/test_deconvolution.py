@@ -1,0 +1,31 @@
+"""Deconvolutions folded for inference."""
+
+from __future__ import annotations
+
+import copy
+
+import pytest
+import torch
+from torch import nn
+
+from lfsr_lab.networks.deconvolution import fold_for_inference
+from lfsr_lab.networks.espcn import ESPCN
+from lfsr_lab.networks.fsrcnn import FSRCNN
+from lfsr_lab.networks.paper import PaperGenerator
+
+CLASSES = (PaperGenerator, FSRCNN, ESPCN)
+
+
+def kinds(network: nn.Module, kind: type) -> list[nn.Module]:
+    return [layer for layer in network.modules() if isinstance(layer, kind)]
+
+
+@pytest.mark.parametrize("scale", [2, 3, 4, 8])
+@pytest.mark.parametrize("network_class", CLASSES)
+def test_folding_changes_nothing(network_class, scale):
+    torch.manual_seed(3)
+    network = network_class(scale)
+    folded = fold_for_inference(copy.deepcopy(network))
+    low = torch.rand(2, 3, 9, 6)
+    assert not kinds(folded, nn.ConvTranspose2d)
+    torch.testing.assert_close(folded(low), network(low), atol=1e-6, rtol=1e-5)
