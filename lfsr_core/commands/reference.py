@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from lfsr_core.arrays import Array
 from lfsr_core.commands.arguments import add_rows_argument, add_scene_arguments, make_job, render
 from lfsr_core.commands.cluster_arguments import add_cluster_arguments, chosen_cluster
+from lfsr_core.commands.renamed import add_old_option
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
 from lfsr_core.frames.job import Job
@@ -37,8 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_rows_argument(parser)
     add_cluster_arguments(parser)
     parser.add_argument("--split", choices=("rows", "samples"),
-                        help="workers share rows of lenses, or samples; default: rows, with --lenses samples")
-    parser.add_argument("--shares", type=int, metavar="N", help="into how many, default: two per worker")
+                        help="divide the work by rows of lenses or by samples; default: rows, or samples with --lenses")
+    parts = parser.add_argument("--parts", type=int, metavar="N", help="number of parts, default: two per worker")
+    add_old_option(parser, "--shares", parts)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -64,11 +66,12 @@ def run(arguments: argparse.Namespace) -> None:
 def _check_split(arguments: argparse.Namespace, cluster: Cluster | None) -> None:
     """LfsrError where options were given that do not go together."""
     if cluster is None:
-        for name in ("split", "shares"):
+        for name in ("split", "parts"):
             if getattr(arguments, name) is not None:
-                raise LfsrError(f"--{name} was given without --workers or --cluster: say who renders the shares")
+                raise LfsrError(f"--{name} was given without --workers or --cluster: add one of them, or leave it out")
     elif arguments.rows is not None:
-        raise LfsrError(f"--rows {arguments.rows} is a share already: leave it out, or --workers and --cluster")
+        raise LfsrError(f"--rows {arguments.rows} renders a part already: leave out --rows, or --workers and "
+                        "--cluster")
 
 
 def _render_on(cluster: Cluster, arguments: argparse.Namespace, job: Job) -> None:
@@ -76,7 +79,7 @@ def _render_on(cluster: Cluster, arguments: argparse.Namespace, job: Job) -> Non
 
     # Workers have folders of their own to start from.
     job = dataclasses.replace(job, output=os.path.abspath(job.output))
-    split = Split(arguments.split or (SAMPLES if job.lens_list else ROWS), arguments.shares)
+    split = Split(arguments.split or (SAMPLES if job.lens_list else ROWS), arguments.parts)
     bar = ProgressBar()
     try:
         reference_on(cluster, job, split, arguments.blender, bar)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from lfsr_core.commands import upscale
 from lfsr_core.commands.arguments import add_rows_argument, add_scene_arguments, make_job, render
 from lfsr_core.commands.cluster_arguments import add_cluster_arguments, chosen_cluster
+from lfsr_core.commands.renamed import add_old_option
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.averaging import check_shared, seed_in_turn
 from lfsr_core.frames.foreground import check_dilate
@@ -45,10 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              "those that are done are kept")
     parser.add_argument("--overwrite", action="store_true", help="with --frames, make frames that are done again too")
     add_cluster_arguments(parser, "with --frames, ")
-    parser.add_argument("--share-frames", type=int, metavar="N",
-                        help="average each frame of an animation with the N before and after it where they show the "
-                             "same, and give every frame noise of its own; 2 does well. With --frame: those that lie "
-                             "beside it already")
+    averaging = parser.add_argument(
+        "--temporal-averaging", type=int, metavar="N",
+        help="average each frame of an animation with the N frames before and after it where nothing has changed, and "
+             "give each frame noise of its own; 2 is a good value. With --frame: with the frames already in DIR")
+    add_old_option(parser, "--share-frames", averaging)
     upscale.add_method_arguments(parser)
 
 
@@ -65,8 +67,8 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.frames is not None:
         _render_frames(arguments, job, method)
         return
-    if arguments.share_frames is not None:
-        job = _in_turn(job, arguments.share_frames)
+    if arguments.temporal_averaging is not None:
+        job = _in_turn(job, arguments.temporal_averaging)
     render(arguments, job)
     if job.rows is not None:
         print(f"{arguments.output}: rows {shown(job.rows)} of {job.display.lenses[1]}; join the parts by `lfsr merge`")
@@ -76,10 +78,10 @@ def run(arguments: argparse.Namespace) -> None:
     upscale.upscale(arguments.output, method, arguments)
 
 
-def _in_turn(job: Job, share_frames: int) -> Job:
+def _in_turn(job: Job, temporal_averaging: int) -> Job:
     """The job of one frame of an animation whose frames share, with the seed that it has there."""
-    check_shared(share_frames)
-    return dataclasses.replace(job, seed=seed_in_turn(job.seed, job.frame, share_frames))
+    check_shared(temporal_averaging)
+    return dataclasses.replace(job, seed=seed_in_turn(job.seed, job.frame, temporal_averaging))
 
 
 def _largest_scale(arguments: argparse.Namespace) -> int:
@@ -110,7 +112,7 @@ def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) 
     job = dataclasses.replace(job, output=os.path.abspath(job.output))
     weights = os.path.abspath(arguments.weights) if arguments.weights else None
     second = SecondStage(str(method), arguments.dilate, weights, arguments.step, arguments.linear_exr,
-                         arguments.share_frames or 0)
+                         arguments.temporal_averaging or 0)
     shot = shot_of(job, parse_frames(arguments.frames), second)
     started, bar = time.monotonic(), ProgressBar()
     tools = Tools(arguments.blender, bar, bar.note, overwrite=arguments.overwrite)
@@ -129,7 +131,7 @@ def _check_frames(arguments: argparse.Namespace) -> None:
     """LfsrError where options were given that do not go together."""
     others = {"--frame": arguments.frame, "--rows": arguments.rows}
     alone = {"--overwrite": arguments.overwrite or None, "--workers": arguments.workers, "--cluster": arguments.cluster,
-             "--share-frames": arguments.share_frames if arguments.frame is None else None}
+             "--temporal-averaging": arguments.temporal_averaging if arguments.frame is None else None}
     for name, value in (alone if arguments.frames is None else others).items():
         if value is not None:
             raise LfsrError(f"{name} was given without --frames: say which frames, as in --frames 1-48"

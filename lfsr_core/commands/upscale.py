@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lfsr_core.commands.renamed import add_old_option
 from lfsr_core.frames.averaging import check_shared
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, frame_folder, read_rendered
 from lfsr_core.optics.display import DisplayProfile
@@ -24,9 +25,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="frame folder of `lfsr render`")
     parser.add_argument("--frame", type=int, metavar="N", help="DIR holds an animation: only its frame N")
-    parser.add_argument("--share-frames", type=int, default=0, metavar="N",
-                        help="average with the N frames before and after it where they show the same, as of an "
-                             "animation rendered with `lfsr render --share-frames`")
+    averaging = parser.add_argument(
+        "--temporal-averaging", type=int, default=0, metavar="N",
+        help="average with the N frames before and after it where nothing has changed; for an animation rendered with "
+             "`lfsr render --temporal-averaging`")
+    add_old_option(parser, "--share-frames", averaging)
     add_method_arguments(parser)
 
 
@@ -45,7 +48,7 @@ def add_method_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Upscale the folder and print where the picture is."""
     folder = arguments.folder if arguments.frame is None else frame_folder(arguments.folder, arguments.frame)
-    check_shared(arguments.share_frames)
+    check_shared(arguments.temporal_averaging)
     frame = read_rendered(folder)
     method = (panel_method(arguments) if frame.panel_rays
               else chosen_method(arguments.method, frame.scale, frame.display))
@@ -84,7 +87,7 @@ def options_of(arguments: argparse.Namespace, progress: Progress = silent) -> Up
     from lfsr_core.reconstruct.second_stage import UpscaleOptions
 
     return UpscaleOptions(arguments.step, arguments.dilate, weights=arguments.weights, linear_exr=arguments.linear_exr,
-                          share_frames=arguments.share_frames or 0, progress=progress)
+                          temporal_averaging=arguments.temporal_averaging or 0, progress=progress)
 
 
 def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> None:

@@ -35,7 +35,7 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
     image = kept_linear(folder)
     if image is None:
         image = finished_linear(folder, report.method, UpscaleOptions(
-            dilate=report.dilate, weights=report.weights, share_frames=report.share_frames))
+            dilate=report.dilate, weights=report.weights, temporal_averaging=report.share_frames))
     known, mask = Reference.read(reference), read_mask(folder / MASK_FILE, frame.display.lenses)
     metrics = compare(image, (known.half_a, known.half_b), frame.display.lenses, known.foreground_mask(mask),
                       known.lens_list)

@@ -64,9 +64,9 @@ def sharing_notes(neighbours: Sequence[Neighbour]) -> list[str]:
     same = ", ".join(str(each.number) for each in neighbours if each.same_seed)
     other = ", ".join(str(each.number) for each in neighbours if not each.same_rays)
     return [f"frames {same} have the same seed, so that nothing was shared with them: render the animation with "
-            "--share-frames"] * bool(same) + [
+            "--temporal-averaging"] * bool(same) + [
             f"nothing was shared with frames {other}, which were seen from elsewhere or rendered with other settings: "
-            "while the camera array moves, leave out --share-frames"] * bool(other)
+            "while the camera array moves, leave out --temporal-averaging"] * bool(other)
 
 
 def _neighbour(folder: Path, frame: Frame) -> Neighbour:

@@ -30,7 +30,7 @@ from lfsr_core.reconstruct.clock import StageClock, peak_bytes
 from lfsr_core.reconstruct.method_name import AS_RENDERED, PANEL_METHODS, MethodName
 from lfsr_core.reconstruct.methods import denoise
 
-OF_LENSES = ("dilate", "weights", "step", "linear_exr", "share_frames")
+OF_LENSES = ("dilate", "weights", "step", "linear_exr", "temporal_averaging")
 ROWS_AT_ONCE, MOST_WORKERS = 64, 8
 
 

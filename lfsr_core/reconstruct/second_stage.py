@@ -57,7 +57,7 @@ class UpscaleOptions:
     # file for the method's network instead of the shipped one; for a method given by name
     weights: str | Path | None = None
     linear_exr: bool = False  # whether the scene-linear eia.exr is written too
-    share_frames: int = 0  # frames of the same animation to each side that are averaged where they show the same
+    temporal_averaging: int = 0  # frames of the same animation to each side that are averaged where they show the same
     progress: Progress = silent  # called with (stage, fraction, message)
 
 
@@ -179,7 +179,7 @@ def _begin(folder: str | Path, method: str | MethodName | Method, options: Upsca
     chosen = method if isinstance(method, Method) else registry.method(method, options.weights)
     frame = read_frame(folder)
     chosen.name.check_scale(frame.scale)
-    beside = neighbours_of(Path(folder), frame, options.share_frames) if options.share_frames else []
+    beside = neighbours_of(Path(folder), frame, options.temporal_averaging) if options.temporal_averaging else []
     return _Run(Path(folder), frame, chosen, options, StageClock(), beside)
 
 
@@ -215,7 +215,7 @@ def _prepare(run: _Run) -> tuple[Assembly, int]:
 
 
 def _with_neighbours(run: _Run, low: LowResEIA) -> LowResEIA:
-    if not run.options.share_frames:
+    if not run.options.temporal_averaging:
         return low
     run.options.progress("share", 0.0, "neighbouring frames")
     with run.clock("share"):
@@ -291,5 +291,5 @@ def _report(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> R
         notes=(*filter(None, [frame.scale_reason]), *notes, *name.guide_notes(assembly.low.layers),
                *assembly.upscaler.notes, *sharing_notes(run.neighbours)),
         replaced_pixels=replaced, dilate=options.dilate, layout=frame.layout, device=frame.device,
-        weights=str(options.weights) if options.weights else None, share_frames=options.share_frames,
+        weights=str(options.weights) if options.weights else None, share_frames=options.temporal_averaging,
         neighbours=tuple(each.number for each in run.neighbours))

@@ -15,8 +15,8 @@ from lfsr_core.sequence.shot import DONE, Shot, state
 def render_on(cluster: Cluster, shot: Shot, tools: Tools) -> list[Result]:
     """As ``engine.render_shot``, on a cluster; errors also as of ``cluster.work_through``, and where frames share."""
     if shot.second.share_frames:
-        raise LfsrError("frames are to share (--share-frames), but each of several workers knows its own frames only: "
-                        "leave out the workers, or the sharing")
+        raise LfsrError("--temporal-averaging was given, but each of several workers knows its own frames only: leave "
+                        "out the workers, or --temporal-averaging")
     quiet = Tools(tools.blender, chunk=tools.chunk, overwrite=tools.overwrite)
     site = Site(Path(shot.jobs[0].output).parent, shot.jobs[0].scene)
     results: dict[str, Result] = {}

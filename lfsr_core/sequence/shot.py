@@ -48,7 +48,7 @@ class SecondStage:
     def options(self) -> UpscaleOptions:
         """For ``upscale_frame``."""
         return UpscaleOptions(self.step, self.dilate, weights=self.weights, linear_exr=self.linear_exr,
-                              share_frames=self.share_frames)
+                              temporal_averaging=self.share_frames)
 
 
 @dataclasses.dataclass(frozen=True)

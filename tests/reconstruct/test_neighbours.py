@@ -62,7 +62,7 @@ def test_an_array_that_moved_or_the_same_seed_shares_nothing(tmp_path):
 
 def test_the_second_stage_averages_and_says_with_which(tmp_path):
     film(tmp_path, (1, 2, 3))
-    report = upscale_frame(tmp_path / "0002", "bicubic", UpscaleOptions(share_frames=1))
+    report = upscale_frame(tmp_path / "0002", "bicubic", UpscaleOptions(temporal_averaging=1))
     assert (report.share_frames, report.neighbours) == (1, (1, 3)) and report.seconds["share"] >= 0
     alone = upscale_frame(tmp_path / "0002", "bicubic")
     assert (alone.share_frames, alone.neighbours) == (0, ()) and "share" not in alone.seconds
@@ -70,5 +70,6 @@ def test_the_second_stage_averages_and_says_with_which(tmp_path):
 
 def test_frames_without_noise_are_finished_as_alone(tmp_path):
     film(tmp_path, (1, 2))
-    images = [linear_and_mask(tmp_path / "0001", "bicubic", UpscaleOptions(share_frames=count))[0] for count in (0, 2)]
+    images = [linear_and_mask(tmp_path / "0001", "bicubic", UpscaleOptions(temporal_averaging=count))[0]
+              for count in (0, 2)]
     np.testing.assert_allclose(*images, atol=1e-5)

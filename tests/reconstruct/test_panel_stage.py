@@ -62,7 +62,7 @@ def test_noise_goes_from_what_was_traced(tmp_path):
     ("oidn+bicubic", {}, "'oidn.bicubic' works on elemental images.*choose one of oidn, oidn-fast, none"),
     ("none", {"linear_exr": True}, "--linear-exr is for elemental images"),
     ("none", {"dilate": 1}, "--dilate is for"),
-    ("none", {"share_frames": 2}, "--share-frames is for"),
+    ("none", {"temporal_averaging": 2}, "--temporal-averaging is for"),
 ])
 def test_what_needs_elemental_images_is_refused(tmp_path, method, options, message):
     folder = write_traced(tmp_path, cells())

@@ -185,9 +185,9 @@ def test_shares_are_the_whole(reference, spp, count, by):
 
 
 @pytest.mark.parametrize(("options", "sentence"), [
-    (["--workers", "2", "--rows", "1/2"], "--rows 1/2 is a share already"),
-    (["--shares", "2"], "--shares was given without --workers"),
-    (["--workers", "1", "--split", "samples", "--shares", "9", "--spp", "4"], "by samples they must be 1 to 2")])
+    (["--workers", "2", "--rows", "1/2"], "--rows 1/2 renders a part already"),
+    (["--parts", "2"], "--parts was given without --workers"),
+    (["--workers", "1", "--split", "samples", "--parts", "9", "--spp", "4"], "by samples they must be 1 to 2")])
 def test_bad_shares(tmp_path, capsys, options, sentence):
     (tmp_path / "scene.glb").touch()
     assert sentence in fails(["reference", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "r"), "--display", "mini",

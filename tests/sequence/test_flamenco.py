@@ -76,4 +76,4 @@ def test_a_frame_that_shares_is_finished_after_those_beside_it_are_merged(tmp_pa
             merged = {int(name.removeprefix("merge-")) for name in task["dependencies"]}
             assert merged >= {int(number), *near(int(number), frames, 1)}
             assert len(merged) <= 5, "no more wait than have to"
-            assert task["commands"][0]["parameters"]["args"][-2:] == ["--share-frames", "1"]
+            assert task["commands"][0]["parameters"]["args"][-2:] == ["--temporal-averaging", "1"]

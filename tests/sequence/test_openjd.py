@@ -53,7 +53,7 @@ def test_all_steps_run_in_their_order(template, tmp_path, lfsr):
     film = tmp_path / "film"
     assert sorted(path.name for path in film.iterdir()) == ["0003", "0004", "parts"]
     whole = [str(lfsr), "render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "whole"), "--frames", "3-4",
-             "--display", "mini", "--scale", "2", "--method", "bicubic", "--share-frames", "1"]
+             "--display", "mini", "--scale", "2", "--method", "bicubic", "--temporal-averaging", "1"]
     subprocess.run(whole, check=True, capture_output=True)
     for name in ("0003", "0004"):
         assert read_report(film / name).neighbours, "finished when all frames were rendered"

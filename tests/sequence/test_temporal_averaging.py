@@ -49,7 +49,7 @@ def test_alone_every_frame_has_the_same_noise(tmp_path):
 
 def test_the_picture_is_that_of_the_second_stage_alone(made):
     before = pictures(made / "film")
-    upscale_frame(made / "film" / "0002", "bicubic", UpscaleOptions(share_frames=1))
+    upscale_frame(made / "film" / "0002", "bicubic", UpscaleOptions(temporal_averaging=1))
     assert pictures(made / "film") == before
     upscale_frame(made / "film" / "0002", "bicubic")
     assert pictures(made / "film")["0002"] != before["0002"]
@@ -68,10 +68,10 @@ def test_frames_that_did_not_share_are_refused(made):
 
 
 @pytest.mark.parametrize("words, sentence", [
-    (["--share-frames", "1"], "without --frames"),
-    (["--frames", "1-3", "--share-frames", "9"], "0 to 8"),
-    (["--frame", "2", "--share-frames", "9"], "0 to 8"),
-    (["--frames", "1-3", "--share-frames", "1", "--workers", "2"], "several workers"),
+    (["--temporal-averaging", "1"], "without --frames"),
+    (["--frames", "1-3", "--temporal-averaging", "9"], "0 to 8"),
+    (["--frame", "2", "--temporal-averaging", "9"], "0 to 8"),
+    (["--frames", "1-3", "--temporal-averaging", "1", "--workers", "2"], "several workers"),
 ])
 def test_what_does_not_go_together_is_refused(tmp_path, capsys, words, sentence):
     (tmp_path / "scene.glb").write_text("a scene")

@@ -60,7 +60,7 @@ function addMerge(job, frame) {
 function addFinish(job, frame, merges) {
     const finish = lfsrTask(job.settings, `finish-${frame}`,
         ["upscale", job.settings.output, "--frame", frame, "--method", job.settings.method, job.settings.linear,
-            "--share-frames", String(job.settings.share)]);
+            "--temporal-averaging", String(job.settings.share)]);
     for (const merge of merges) {
         finish.addDependency(merge);
     }
@@ -74,7 +74,7 @@ function renderTasks(settings, frame) {
             "render", settings.blendfile, "--output", path.join(partsFolder(settings, frame), String(part)),
             "--frame", frame, "--rows", `${part}/${settings.parts}`, "--display", settings.display,
             "--scale", String(settings.scale), "--spp", String(settings.samples), "--seed", String(settings.seed),
-            "--share-frames", String(settings.share), "--device", settings.device, "--method", settings.method]));
+            "--temporal-averaging", String(settings.share), "--device", settings.device, "--method", settings.method]));
     }
     return tasks;
 }
