@@ -34,7 +34,7 @@ _HOMES = {
     "read_frame": "frames.frame",
     "read_layers": "images.exr",
     "run_job": "render.process",
-    "see": "optics.eye",
+    "eye_view": "optics.eye",
     "upscale_frame": "reconstruct.second_stage",
     "write_page": "exports.page",
     "write_views": "frames.contact_sheet",

@@ -25,7 +25,7 @@ from lfsr_core.files import atomic_path
 from lfsr_core.frames.frame import EIA_FILE, read_frame
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.eye import see
+from lfsr_core.optics.eye import eye_view
 
 PANEL = (480, 270)  # pixels of each of the three pictures side by side
 GAP, CAPTION_ROWS = 12, 30
@@ -60,7 +60,7 @@ def detail(eia: Array, profile: DisplayProfile) -> Image.Image:
 
 def seen(eia: Array, profile: DisplayProfile, eye_mm: tuple[float, float, float]) -> Image.Image:
     """What an eye sees through the lenses, one pixel per lens."""
-    return Image.fromarray(see(eia, profile, eye_mm, width=profile.lenses[0]))
+    return Image.fromarray(eye_view(eia, profile, eye_mm, width=profile.lenses[0]))
 
 
 def side_by_side(pictures: Sequence[tuple[str, Image.Image]]) -> Image.Image:

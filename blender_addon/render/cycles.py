@@ -172,7 +172,7 @@ def render_to(scene: bpy.types.Scene, path: str | Path, progress: Progress | Non
             raise LfsrError(f"Blender cannot render this scene ({str(error).strip()}): see its messages") from None
         if not temporary.is_file():
             raise LfsrError(f"Blender wrote no image for {path}: see its messages")
-        exr.check_whole(temporary)
+        exr.check_complete(temporary)
     return time.perf_counter() - started
 
 

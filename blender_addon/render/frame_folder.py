@@ -15,9 +15,9 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, write_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.world import finished_layout
-from lfsr_core.optics.depth_scale import Choice, choose_scale
+from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale
 from lfsr_core.optics.lens_rows import pixel_rows
-from lfsr_core.optics.world_view import WorldPicture
+from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.render.parts import ImageParts, Part, remove_others
 
 from ..array import placement
@@ -153,10 +153,11 @@ def _layout(job: Job) -> str:
     return devices.way_of(job.device) if job.layout == "one-pass" else job.layout
 
 
-def _scale(scene: bpy.types.Scene, job: Job, placed: placement.Placement, subject: set[bpy.types.Object]) -> Choice:
+def _scale(scene: bpy.types.Scene, job: Job, placed: placement.Placement,
+           subject: set[bpy.types.Object]) -> ScaleChoice:
     """What the views are divided by, and their samples: by the scene's depth where the job leaves it open."""
     if job.kind == "reference" or not job.scales:
-        return Choice(1 if job.kind == "reference" else job.scale, job.spp, job.scale_reason)
+        return ScaleChoice(1 if job.kind == "reference" else job.scale, job.spp, job.scale_reason)
     return choose_scale(job.display, placed[0], placement.seen_depths(scene, placed, subject), job.scales, job.spp)
 
 
@@ -187,7 +188,7 @@ def _world_picture(scene: bpy.types.Scene, job: Job, frame: Frame) -> float:
             shutil.copyfile(job.world, temporary)
         return 0.0
     settings = RenderSettings(world.SAMPLES, frame.seed, device=job.device)
-    picture = WorldPicture.of(finished_layout(frame))
+    picture = WorldImage.of(finished_layout(frame))
     return world.render_world(scene, picture, frame.matrix_world, settings, path)
 
 

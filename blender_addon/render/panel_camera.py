@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.arrays import Array
-from lfsr_core.optics.panel.panel_rays import PanelLayout, parts_of
+from lfsr_core.optics.panel.panel_rays import PanelLayout, subpixel_table
 from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice, elemental_waves
 from lfsr_core.optics.sheet import Subpixels
 
@@ -26,7 +26,7 @@ def set_panel_layout(camera: bpy.types.Camera, layout: PanelLayout, clip_start: 
 
 def panel_source(layout: PanelLayout) -> str:
     """OSL source with the subpixels of ``layout`` as constants (arrays cannot be passed as parameters)."""
-    parts, source = parts_of(layout), SOURCE.read_text(encoding="utf-8")
+    parts, source = subpixel_table(layout), SOURCE.read_text(encoding="utf-8")
     values = {"OFFSETS": str(parts.right.size), "RIGHT": _listed(parts.right), "UP": _listed(parts.up)}
     for name, value in values.items():
         source = re.sub(rf"#define {name} .*", f"#define {name} {value}", source)

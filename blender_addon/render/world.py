@@ -14,7 +14,7 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.optics.world_view import WorldPicture
+from lfsr_core.optics.world_view import WorldImage
 
 from .. import compat
 from ..array.spaces import Matrix, to_blender
@@ -83,7 +83,7 @@ def _show_white(world: bpy.types.World) -> None:
     tree.links.new(mix.outputs[0], output.inputs["Surface"])
 
 
-def render_world(scene: bpy.types.Scene, picture: WorldPicture, matrix_world: Matrix, settings: RenderSettings,
+def render_world(scene: bpy.types.Scene, picture: WorldImage, matrix_world: Matrix, settings: RenderSettings,
                  path: Path) -> float:
     """Render the world of ``scene`` alone into ``path``, as ``picture`` says, seen from the array; seconds."""
     alone = bpy.data.scenes.new(NAME)
@@ -103,12 +103,12 @@ def render_world(scene: bpy.types.Scene, picture: WorldPicture, matrix_world: Ma
         bpy.data.cameras.remove(data)
 
 
-def _seen(picture: WorldPicture) -> dict[str, object]:
+def _seen(picture: WorldImage) -> dict[str, object]:
     return {"film_transparent": False, "use_persistent_data": False, "pixel_aspect_x": max(1.0, 1 / picture.aspect),
             "pixel_aspect_y": max(1.0, picture.aspect)}
 
 
-def _camera(scene: bpy.types.Scene, picture: WorldPicture, matrix_world: Matrix) -> bpy.types.Object:
+def _camera(scene: bpy.types.Scene, picture: WorldImage, matrix_world: Matrix) -> bpy.types.Object:
     """Ordinary camera of the picture's directions."""
     data = bpy.data.cameras.new(NAME)
     camera = bpy.data.objects.new(NAME, data)

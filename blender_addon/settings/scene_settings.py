@@ -15,7 +15,7 @@ from lfsr_core.frames.averaging import seed_in_turn
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, SUBPIXELS, Frame, read_rendered
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
-from lfsr_core.optics.depth_scale import Choice, choose_scale, scales_up_to
+from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale, scales_up_to
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PANEL_METHODS, MethodName, default_method
 
@@ -164,13 +164,13 @@ def scale_of(scene: bpy.types.Scene) -> int:
     return scales_up_to(display_of(scene))[0]
 
 
-def chosen_scale(scene: bpy.types.Scene) -> Choice:
+def chosen_scale(scene: bpy.types.Scene) -> ScaleChoice:
     """The scale that is set, or what the subject's depth allows now, and why."""
     display, method = display_of(scene), method_of(scene)
     scales = [scale for scale in scales_up_to(display) if scale == 1 or method.works_at(scale)]
     placed = rig.placement(scene, display)
     if scene.lfsr.scale != AUTO_SCALE or placed is None or is_straight(scene):
-        return Choice(scale_of(scene), scene.lfsr.samples)
+        return ScaleChoice(scale_of(scene), scene.lfsr.samples)
     depths = placement.seen_depths(scene, placed, find_subject(scene))
     return choose_scale(display, placed[0], depths, scales, scene.lfsr.samples)
 

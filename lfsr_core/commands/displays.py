@@ -54,12 +54,12 @@ def _line(name: str) -> str:
 
 def _imported(arguments: argparse.Namespace) -> DisplayProfile:
     """The profile of a calibration, written to the output file and named after it."""
-    from lfsr_core.optics.panel.visual_json import profile_of, read_calibration
+    from lfsr_core.optics.panel.visual_json import profile_from_calibration, read_calibration
     from lfsr_core.optics.profile_file import write_profile
 
     output = _output(arguments, "a calibration becomes a profile", "-o FILE.toml")
     calibration = read_calibration(arguments.calibration)
-    profile = profile_of(calibration, output.stem)
+    profile = profile_from_calibration(calibration, output.stem)
     write_profile(output, profile)
     if calibration.numbers["fringe"]:
         print(f"the calibration's fringe of {calibration.numbers['fringe']:g} is not used")
@@ -78,7 +78,7 @@ def _write_pattern(arguments: argparse.Namespace) -> None:
 def _fitted(arguments: argparse.Namespace) -> DisplayProfile:
     """The profile with the sheet that photographs show; written where an output file is given."""
     from lfsr_core.images.png import read_png
-    from lfsr_core.optics.panel.fit import Photograph, fitted_profile
+    from lfsr_core.optics.panel.fit import Photograph, fit_profile
     from lfsr_core.optics.profile_file import write_profile
 
     profile, photos = _given(arguments), arguments.fit
@@ -86,7 +86,7 @@ def _fitted(arguments: argparse.Namespace) -> DisplayProfile:
     if len(places) != len(photos):
         raise LfsrError(f"{len(photos)} photographs were given and {len(places)} places, but each photograph needs its "
                         "own: give --from X,Y,Z once for each")
-    found = fitted_profile(profile, [Photograph(read_png(photo) / 255, place)
+    found = fit_profile(profile, [Photograph(read_png(photo) / 255, place)
                                      for photo, place in zip(photos, places, strict=True)])
     if arguments.output:
         write_profile(arguments.output, found)

@@ -19,7 +19,7 @@ from lfsr_core.frames.frame import SUBPIXELS, read_frame
 from lfsr_core.frames.job import LAYERS, Job
 from lfsr_core.optics.depth_scale import scales_up_to
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.lens_rows import shown
+from lfsr_core.optics.lens_rows import rows_text
 from lfsr_core.progress import ProgressBar
 
 if TYPE_CHECKING:
@@ -71,7 +71,8 @@ def run(arguments: argparse.Namespace) -> None:
         job = _in_turn(job, arguments.temporal_averaging)
     render(arguments, job)
     if job.rows is not None:
-        print(f"{arguments.output}: rows {shown(job.rows)} of {job.display.lenses[1]}; join the parts by `lfsr merge`")
+        print(f"{arguments.output}: rows {rows_text(job.rows)} of {job.display.lenses[1]}; join the parts with "
+              "`lfsr merge`")
         return
     if scale > 1 and read_frame(arguments.output).scale == 1:
         method = method.without_upscaler()

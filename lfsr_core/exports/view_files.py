@@ -12,7 +12,7 @@ import OpenImageIO as oiio
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
-from lfsr_core.optics.display import MOST_PIXELS
+from lfsr_core.optics.display import MAX_PIXELS
 from lfsr_core.progress import Progress, silent
 
 MOST_CAMERAS = 65536
@@ -140,7 +140,7 @@ def _one_size(paths: tuple[tuple[Path, ...], ...]) -> tuple[int, int]:
         if (size := _size(path)) != first:
             raise LfsrError(f"{path.name} has {size[0]}×{size[1]} pixels, but {paths[0][0].name} has "
                             f"{first[0]}×{first[1]}: all views must have one size")
-    if max(first) > MOST_PIXELS or first[0] * first[1] * len(paths) * len(paths[0]) * 3 > MOST_BYTES:
+    if max(first) > MAX_PIXELS or first[0] * first[1] * len(paths) * len(paths[0]) * 3 > MOST_BYTES:
         raise LfsrError(f"{len(paths[0])}×{len(paths)} views of {first[0]}×{first[1]} pixels are too many to import: "
                         "make them smaller")
     return first

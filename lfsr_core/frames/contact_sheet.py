@@ -12,8 +12,7 @@ from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame, read_render
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics import eia
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.eye import see
-from lfsr_core.optics.panel.trace import see_panel
+from lfsr_core.optics.eye import eye_view
 
 VIEWS_ACROSS = 5
 GAP_PIXELS = 4
@@ -63,7 +62,7 @@ def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = 
     """
     folder = Path(folder)
     if eye_mm is not None and (frame := read_rendered(folder)).panel_rays:
-        write_png(folder / EYE_FILE, see_panel(read_png(folder / PANEL_FILE), frame.display, eye_mm))
+        write_png(folder / EYE_FILE, eye_view(read_png(folder / PANEL_FILE), frame.display, eye_mm))
         return [folder / EYE_FILE]
     profile = read_frame(folder).display
     panel = read_png(folder / EIA_FILE)
@@ -71,8 +70,8 @@ def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = 
     pictures = dict(zip((HORIZONTAL_EPI_FILE, VERTICAL_EPI_FILE), epi_pair(image, profile.lenses), strict=True))
     pictures[SHEET_FILE] = contact_sheet(image, profile.lenses)
     if eye_mm is not None:
-        pictures[EYE_FILE] = (see_panel(read_png(folder / PANEL_FILE), profile, eye_mm) if profile.is_woven
-                              else see(panel, profile, eye_mm))
+        shown = read_png(folder / PANEL_FILE) if profile.is_woven else panel
+        pictures[EYE_FILE] = eye_view(shown, profile, eye_mm)
     for name, picture in pictures.items():
         write_png(folder / name, picture)
     return [folder / name for name in pictures]

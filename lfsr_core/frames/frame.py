@@ -13,7 +13,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.lens_rows import check_rows, shown
+from lfsr_core.optics.lens_rows import check_rows, rows_text
 from lfsr_core.optics.panel.panel_rays import PanelLayout, check_sheet
 from lfsr_core.optics.rays import CameraArray, RayLayout
 from lfsr_core.records import from_data, to_data
@@ -156,8 +156,8 @@ def read_rendered(folder: str | Path) -> Frame:
     """As ``read_frame``, but it may hold the panel's picture instead of a light field."""
     frame = read_part(folder)
     if frame.rows is not None:
-        raise LfsrError(f"{folder} holds rows {shown(frame.rows)} of {frame.display.lenses[1]} alone: join it with the "
-                        "other parts by `lfsr merge`")
+        raise LfsrError(f"{folder} holds rows {rows_text(frame.rows)} of {frame.display.lenses[1]} alone: join it with "
+                        "the other parts by `lfsr merge`")
     return frame
 
 

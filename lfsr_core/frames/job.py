@@ -9,7 +9,7 @@ from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.files import read_json
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, check_subpixels
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.lens_rows import Rows, check_rows, shown
+from lfsr_core.optics.lens_rows import Rows, check_rows, rows_text
 from lfsr_core.optics.rays import CONVENTIONS
 from lfsr_core.records import from_data
 
@@ -101,7 +101,7 @@ def _check_rows(job: Job, rows: Rows) -> None:
              "the layer denoised": "denoised" in job.layers}
     for name, asked in whole.items():
         if asked:
-            raise LfsrError(f"rows {shown(rows)} alone were asked for, but {name} is not rendered by rows: "
+            raise LfsrError(f"rows {rows_text(rows)} alone were asked for, but {name} is not rendered by rows: "
                             "leave out one of the two")
 
 

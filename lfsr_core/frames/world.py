@@ -8,7 +8,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import WORLD_FILE, Frame
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.optics.rays import RayLayout
-from lfsr_core.optics.world_view import WorldPicture, WorldView
+from lfsr_core.optics.world_view import WorldImage, WorldView
 
 
 def finished_layout(frame: Frame) -> RayLayout:
@@ -26,7 +26,7 @@ def read_world(folder: str | Path, frame: Frame) -> WorldView | None:
         return None
     path, layout = Path(folder) / WORLD_FILE, finished_layout(frame)
     pixels = clean(read_layers(path))[0]["color"][..., :3]
-    width, height = WorldPicture.of(layout).size
+    width, height = WorldImage.of(layout).size
     if pixels.shape[:2] != (height, width):
         raise LfsrError(f"{path} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but its frame.json asks for "
                         f"{width}×{height}: render the frame again")

@@ -12,13 +12,13 @@ SPARKS, SPECKS = 99.5, 5.0
 REMEDIES = {"black": "make lights or exposure stronger", "white": "make lights or exposure weaker"}
 
 
-def sentences(shown: Array, background: Array) -> list[str]:
-    """For a report: one if the picture is almost black or almost white; arguments as of ``extreme``."""
-    tone = extreme(shown, background)
+def exposure_notes(shown: Array, background: Array) -> list[str]:
+    """For a report: one if the picture is almost black or almost white; arguments as of ``extreme_tone``."""
+    tone = extreme_tone(shown, background)
     return [f"the picture is almost {tone}: {REMEDIES[tone]}, or check where the camera looks"] if tone else []
 
 
-def extreme(shown: Array, background: Array | None = None) -> str:
+def extreme_tone(shown: Array, background: Array | None = None) -> str:
     """"black" or "white" where the picture is almost that, else "".
 
     Parameters

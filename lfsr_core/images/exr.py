@@ -152,7 +152,7 @@ def _check_written(path: str | Path, output: oiio.ImageOutput, done: bool) -> No
                         "choose another folder")
 
 
-def check_whole(path: str | Path) -> None:
+def check_complete(path: str | Path) -> None:
     """LfsrError unless every part of an EXR can be read to its last row: a full disk cuts files without a word."""
     source = oiio.ImageInput.open(str(path))
     if source is None:

@@ -18,7 +18,7 @@ from lfsr_core.images.color_settings import ColorSettings
 CONFIG_IN_BLENDER = "datafiles/colormanagement/config.ocio"
 NO_LOOK = ("", "None")
 LEAST_GAMMA = 1e-3  # Blender allows 0
-LEAST_BAKED = 1 << 22  # pixels from which on a table costs less than it saves
+MIN_BAKED_PIXELS = 1 << 22  # pixels from which on a table costs less than it saves
 CHEAP_VIEWS = ("Standard", "Raw", "Filmic", "Filmic Log")  # without a look not dearer than a table
 
 
@@ -39,7 +39,7 @@ class ViewTransform:
         self._baked = None
         self._to_float = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_F32, flags)
         self._to_bytes = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, flags)
-        self._baked = bake(self, self.to_uint8) if pixels >= LEAST_BAKED and not _is_cheap(settings) else None
+        self._baked = bake(self, self.to_uint8) if pixels >= MIN_BAKED_PIXELS and not _is_cheap(settings) else None
 
     @property
     def is_baked(self) -> bool:

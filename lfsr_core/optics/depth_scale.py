@@ -25,7 +25,7 @@ LOST = 2.0  # lenses from which on nothing more can be lost
 
 
 @dataclasses.dataclass(frozen=True)
-class Choice:
+class ScaleChoice:
     """A scale and why."""
 
     scale: int
@@ -53,7 +53,7 @@ def lenses_per_view(display: DisplayProfile, array: CameraArray, depths: Array) 
 
 
 def choose_scale(display: DisplayProfile, array: CameraArray, depths: Array, scales: Collection[int],
-                 samples: int) -> Choice:
+                 samples: int) -> ScaleChoice:
     """The largest of ``scales`` whose missing views can be restored.
 
     Parameters
@@ -66,18 +66,18 @@ def choose_scale(display: DisplayProfile, array: CameraArray, depths: Array, sca
     ordered, moves = sorted(scales, reverse=True), lenses_per_view(display, array, depths)
     largest = ordered[0]
     if not len(moves):
-        return Choice(largest, samples, f"scale {largest}: the middle view sees nothing of the subject")
+        return ScaleChoice(largest, samples, f"scale {largest}: the middle view sees nothing of the subject")
     scale = next((s for s in ordered if s > 1 and mean_move(moves, s) <= most_move(samples, s)), ordered[-1])
     moved = mean_move(moves, largest)
     if scale == largest:
-        return Choice(scale, samples, f"scale {scale}: rendered views move what is seen by {moved:.2g} lenses on "
+        return ScaleChoice(scale, samples, f"scale {scale}: rendered views move what is seen by {moved:.2g} lenses on "
                                       "average, which can be restored")
     reason = (f"scale {scale} and not {largest}, at which rendered views would move what is seen by {moved:.2g} lenses "
               "on average: more than can be restored")
     if scale > 1:
-        return Choice(scale, samples, reason)
+        return ScaleChoice(scale, samples, reason)
     fewer = max(1, samples // min((s for s in ordered if s > 1), default=1) ** 2)
-    return Choice(scale, fewer, f"{reason}; {fewer} of {samples} samples, for all views are rendered")
+    return ScaleChoice(scale, fewer, f"{reason}; {fewer} of {samples} samples, for all views are rendered")
 
 
 def mean_move(moves: Array, scale: int) -> float:

@@ -23,7 +23,7 @@ from lfsr_core.records import from_data
 PROFILE_FOLDER = Path(__file__).parent / "displays"
 EI_ORDERS = ("flipped", "direct")
 MAX_PIXEL_ASPECT_ERROR = 0.01
-MOST_PIXELS = 65536  # a side: no Blender renders more
+MAX_PIXELS = 65536  # a side: no Blender renders more
 LONGEST_MM = 1e9
 MOST_NAME, MOST_DESCRIPTION = 100, 1000  # characters
 MOST_BYTES = 100_000  # of a profile's file
@@ -176,8 +176,8 @@ def _check_counts(profile: DisplayProfile) -> None:
         whole = isinstance(value, tuple) and len(value) == 2 and all(type(n) is int and n >= 1 for n in value)
         if not whole:
             _fail(field, value, "it must be two whole numbers of at least 1, [horizontal, vertical]")
-        if max(value) > MOST_PIXELS:
-            _fail(field, value, f"Blender renders no more than {MOST_PIXELS} pixels a side")
+        if max(value) > MAX_PIXELS:
+            _fail(field, value, f"Blender renders no more than {MAX_PIXELS} pixels a side")
 
 
 def _check_lengths(profile: DisplayProfile) -> None:
@@ -193,9 +193,9 @@ def _check_lengths(profile: DisplayProfile) -> None:
 def _check_pixels(profile: DisplayProfile) -> None:
     for axis, name in enumerate(("width", "height")):
         product = profile.eia_pixels[axis]
-        if product > MOST_PIXELS:
+        if product > MAX_PIXELS:
             _fail("views", list(profile.views), f"lenses × views are {product} pixels of {name}, and Blender renders "
-                                                f"no more than {MOST_PIXELS}")
+                                                f"no more than {MAX_PIXELS}")
         if not profile.is_woven and profile.panel_pixels[axis] != product:
             _fail("panel_pixels", list(profile.panel_pixels),
                   f"its {name} must be lenses × views = {profile.lenses[axis]} × {profile.views[axis]} = {product}")

@@ -24,14 +24,14 @@ OWN_BLUR = 3.0
 
 
 @dataclasses.dataclass(frozen=True)
-class WorldPicture:
+class WorldImage:
     """Where a picture of the world for one light field lies; pairs are (horizontal, vertical)."""
 
     size: tuple[int, int]  # pixels
     reach: tuple[float, float]  # slope of its edges, both ways from the array's axis
 
     @classmethod
-    def of(cls, layout: RayLayout) -> WorldPicture:
+    def of(cls, layout: RayLayout) -> WorldImage:
         """The picture that holds every ray of ``layout``."""
         edges = [max(abs(slopes(layout, axis)).max() + sum(_boxes(layout, axis)) / 2, 1e-6) for axis in (0, 1)]
         steps = [max(_boxes(layout, axis)) / PER_PIXEL for axis in (0, 1)]
@@ -56,13 +56,13 @@ class WorldView:
     """What a light field sees of the world, by lens."""
 
     layout: RayLayout  # every view of the display
-    picture: WorldPicture
+    picture: WorldImage
     pixels: Array  # (H, W, 3) of the picture, float32, blurred as the layout's pixels see it
 
     @classmethod
     def of(cls, layout: RayLayout, pixels: Array) -> WorldView:
         """View through ``layout`` of the rendered ``pixels`` (H, W, 3) of its picture."""
-        picture = WorldPicture.of(layout)
+        picture = WorldImage.of(layout)
         down, across = (_blur(picture.size[axis], [width / picture.step[axis] for width in _boxes(layout, axis)])
                         for axis in (1, 0))
         rows = down @ np.asarray(pixels, float).reshape(picture.size[1], -1)

@@ -12,7 +12,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.job import Job
-from lfsr_core.images.exposure import extreme
+from lfsr_core.images.exposure import extreme_tone
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.plan import sample as plan_sample
 from lfsr_core.plan.candidates import Choice, Rated, choose, low_pixels, samples_of
@@ -148,7 +148,7 @@ def _reference(question: Question, sample: LensSample, renders: SampleRenders, r
 
 def _check_exposure(reference: SampledReference) -> None:
     """LfsrError where the picture is almost black or white: then every candidate is perfect, and none of use."""
-    tone = extreme(srgb_encode(np.mean(reference.quarters, 0)[reference.hits]))
+    tone = extreme_tone(srgb_encode(np.mean(reference.quarters, 0)[reference.hits]))
     if tone:
         change = "stronger" if tone == "black" else "weaker"
         raise LfsrError(f"the sampled lenses are almost {tone}, so that every setting would seem perfect: make the "

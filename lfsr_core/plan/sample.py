@@ -16,7 +16,7 @@ import numpy as np
 from lfsr_core.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.lens_sampling import spread
+from lfsr_core.optics.lens_sampling import systematic_sample
 from lfsr_core.plan.candidates import Candidate, low_pixels, samples_of
 
 CONTEXT = 16  # low-resolution pixels around a sampled lens that a denoiser should see
@@ -109,7 +109,7 @@ def sample(masks: Mapping[str, Array], count: int, seed: int, whole: bool) -> di
     sizes = {"edge": few, "rest": few if whole else 0}
     sizes = {name: min(size, int(masks[name].sum())) for name, size in sizes.items()}
     sizes["foreground"] = min(max(LEAST_OF_STRATUM, count - sum(sizes.values())), int(masks["foreground"].sum()))
-    return {name: _as_lenses(spread(np.argwhere(masks[name]), sizes[name], random)) for name in STRATA}
+    return {name: _as_lenses(systematic_sample(np.argwhere(masks[name]), sizes[name], random)) for name in STRATA}
 
 
 def _as_lenses(places: Array) -> list[Lens]:

@@ -20,11 +20,11 @@ from lfsr_core.frames.foreground import foreground_pixels
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS, Frame
 from lfsr_core.frames.low_res import over_background
 from lfsr_core.frames.report import Report, write_report
-from lfsr_core.images.exposure import sentences
+from lfsr_core.images.exposure import exposure_notes
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.png import write_png
 from lfsr_core.images.view_transform import ViewTransform
-from lfsr_core.optics.panel.panel_rays import shown_subpixels
+from lfsr_core.optics.panel.panel_rays import panel_image
 from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.clock import StageClock, peak_bytes
 from lfsr_core.reconstruct.method_name import AS_RENDERED, PANEL_METHODS, MethodName
@@ -70,7 +70,7 @@ def finish_panel(folder: Path, frame: Frame, method: MethodName, progress: Progr
     report = Report(
         method=method.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds={stage: round(seconds, 4) for stage, seconds in clock.seconds.items()}, peak_bytes=peak_bytes(),
-        foreground_share=float(foreground_pixels(layers).mean()), notes=tuple(sentences(pixels, background)),
+        foreground_share=float(foreground_pixels(layers).mean()), notes=tuple(exposure_notes(pixels, background)),
         replaced_pixels=replaced, layout=frame.layout, device=frame.device)
     write_report(folder, report)
     return report
@@ -88,7 +88,7 @@ def panel_picture(layers: Mapping[str, Array], frame: Frame, method: MethodName)
     traced = over_background(layers, frame)
     if method.text != AS_RENDERED:
         traced = _denoised(traced, np.asarray(frame.display.background, np.float32), fast=method.text == "oidn-fast")
-    return shown_subpixels(frame.panel_rays, traced)
+    return panel_image(frame.panel_rays, traced)
 
 
 def _denoised(traced: Array, background: Array, fast: bool) -> Array:

@@ -24,12 +24,12 @@ from lfsr_core.frames.frame import (
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.frames.report import Report, write_report
 from lfsr_core.frames.world import read_world
-from lfsr_core.images.exposure import sentences
+from lfsr_core.images.exposure import exposure_notes
 from lfsr_core.images.exr import HALF_MAX, clean, read_layers, write_layers
 from lfsr_core.images.png import write_mask, write_png
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.eia import to_elemental_images
-from lfsr_core.optics.panel.kept import map_of
+from lfsr_core.optics.panel.gather_cache import cached_gather_map
 from lfsr_core.optics.panel.weave import weave
 from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct import registry
@@ -249,7 +249,7 @@ def _woven(run: _Run, pixels: Array) -> Array | None:
         return None
     run.options.progress("weave", 0.0, PANEL_FILE)
     with run.clock("map"):
-        mapped = map_of(display)
+        mapped = cached_gather_map(display)
     with run.clock("weave"):
         return weave(pixels, mapped)
 
@@ -279,7 +279,7 @@ def _exposure_notes(run: _Run, show: ViewTransform, assembly: Assembly, pixels: 
     lenses = np.argwhere(assembly.mask | assembly.fill)
     rows, columns = lenses[::len(lenses) // MOST_JUDGED + 1].T
     background = show.to_uint8(np.asarray(run.frame.display.background, np.float32)[None])[0]
-    return sentences(images[rows, columns], background)
+    return exposure_notes(images[rows, columns], background)
 
 
 def _report(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> Report:

@@ -18,7 +18,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
 from lfsr_core.frames.frame import FRAME_FILE, REFERENCE_FILES, WORLD_FILE, Frame, read_part, write_frame
 from lfsr_core.images import exr
-from lfsr_core.optics.lens_rows import check_cover, pixel_rows, shown
+from lfsr_core.optics.lens_rows import check_cover, pixel_rows, rows_text
 from lfsr_core.progress import Progress, silent
 from lfsr_core.render.process import DERIVED_FILES, RENDERED_FILES, check_folder
 from lfsr_core.render.staging import publish, staging_folder
@@ -164,8 +164,8 @@ def _check_sizes(found: list[_Found]) -> None:
         first, last = pixel_rows(part.frame.rows, layout.views[1])
         size, wanted = exr.size(part.folder / name), (layout.size[0], last - first)
         if size != wanted:
-            raise LfsrError(f"{part.folder / name} has {size[0]}×{size[1]} pixels, but rows {shown(part.frame.rows)} "
-                            f"have {wanted[0]}×{wanted[1]}: render this part again")
+            raise LfsrError(f"{part.folder / name} has {size[0]}×{size[1]} pixels, but rows "
+                            f"{rows_text(part.frame.rows)} have {wanted[0]}×{wanted[1]}: render this part again")
 
 
 def _join(found: list[_Found], name: str, path: Path) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
-from lfsr_core.images.exr import check_whole
+from lfsr_core.images.exr import check_complete
 from lfsr_core.render.parts_folder import RANGE, has_parts
 
 INPUTS_FILE = "inputs.json"
@@ -110,7 +110,7 @@ def _part_of(text: str) -> Part | None:
 
 def _is_whole(path: Path) -> bool:
     try:
-        check_whole(path)
+        check_complete(path)
     except LfsrError:
         path.unlink(missing_ok=True)
         return False

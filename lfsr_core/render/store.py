@@ -10,7 +10,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, LAYOUTS, SUBPIXELS, Frame, read_part
 from lfsr_core.frames.job import Job, check_scene
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.lens_rows import shown
+from lfsr_core.optics.lens_rows import rows_text
 from lfsr_core.progress import ProgressBar
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import RENDERED_FILES, run_job
@@ -88,7 +88,7 @@ def with_blender(executable: str | None = None, announce: bool = True, bar: Bar 
 def _shown(value: Any, other: Any) -> Any:
     """``value`` in a sentence: displays by name, or by what differs under one name, lists of lenses by their number."""
     if any(isinstance(of, tuple) and isinstance(of[0], int) for of in (value, other)):
-        return shown(value) if value else "1 to the last"
+        return rows_text(value) if value else "1 to the last"
     if isinstance(value, tuple) or value is None:
         return f"of {len(value)} lenses" if value else "of all lenses"
     if not isinstance(value, DisplayProfile) or value.name != other.name:

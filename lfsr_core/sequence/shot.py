@@ -21,7 +21,7 @@ from lfsr_core.frames.frame import (
 )
 from lfsr_core.frames.job import AUTO, Job
 from lfsr_core.frames.report import read_report
-from lfsr_core.images.exr import check_whole
+from lfsr_core.images.exr import check_complete
 from lfsr_core.reconstruct.neighbours import numbered_beside
 from lfsr_core.reconstruct.second_stage import UpscaleOptions
 from lfsr_core.render.content import scene_content
@@ -154,7 +154,7 @@ def _check_same(folder: Path, job: Job, frame: Frame, content: str) -> None:
 
 def _is_whole(path: Path) -> bool:
     try:
-        check_whole(path)
+        check_complete(path)
     except LfsrError:
         return False
     return True

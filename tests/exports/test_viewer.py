@@ -15,7 +15,7 @@ from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.page import write_page
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
-from lfsr_core.optics.eye import see
+from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.rays import view_offset
 from tests.support.browser import Page, chromium, needs_chromium
 from tests.support.finished import DIRECT, MINI, TALL, finished
@@ -88,12 +88,12 @@ def test_each_lens_shows_what_the_simulated_eye_sees(browser, folders, name):
     profile, panel = read_frame(folders[name]).display, read_png(folders[name] / "eia.png")
     page = opened(browser, folders[name])
     for eye in NINE:
-        seen = see(panel, profile, eye, width=128)
+        seen = eye_view(panel, profile, eye, width=128)
         pixels = shown(page, 128, eye=eye)
         across, down = profile.lenses
         centres = np.ix_(((np.arange(down) + 0.5) * len(pixels) / down).astype(int),
                          ((np.arange(across) + 0.5) * 128 / across).astype(int))
-        assert difference(pixels[centres], see(panel, profile, eye, width=0)) <= 2, eye
+        assert difference(pixels[centres], eye_view(panel, profile, eye, width=0)) <= 2, eye
         if pixels.shape == seen.shape:
             assert difference(pixels, seen) <= 2, eye
         assert seen.std() > 30
@@ -105,7 +105,7 @@ def test_without_loss_the_pixels_are_the_images(browser, folders):
     page = opened(browser, folders["mini"], quality=100)
     panel = read_png(folders["mini"] / "eia.png")
     for eye in NINE:
-        np.testing.assert_array_equal(shown(page, 128, eye=eye), see(panel, MINI, eye, width=128))
+        np.testing.assert_array_equal(shown(page, 128, eye=eye), eye_view(panel, MINI, eye, width=128))
     page.close()
 
 
@@ -242,7 +242,7 @@ def test_a_small_gpu_gets_half_the_picture_and_says_so(browser, folders):
     assert "64×48 of 128×96" in page.page.inner_text("#note")
     panel = read_png(folders["mini"] / "eia.png").astype(float)
     halved = panel.reshape(48, 2, 64, 2, 3).mean((1, 3)).repeat(2, axis=0).repeat(2, axis=1)
-    assert difference(shown(page, 128, eye=NINE[5]), see(halved, MINI, NINE[5], width=128)) <= 2
+    assert difference(shown(page, 128, eye=NINE[5]), eye_view(halved, MINI, NINE[5], width=128)) <= 2
     page.close()
 
 
@@ -281,7 +281,7 @@ def test_the_canvas_shows_the_display_where_the_layout_says(browser, folders):
                   viewport={"width": 800, "height": 600})
     place = run(page, "() => ({...layout, bar: find('controls').getBoundingClientRect().top})")
     pixels = cv2.imdecode(np.frombuffer(page.page.screenshot(), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
-    seen = see(read_png(folders["mini"] / "eia.png"), MINI, eye, width=0)
+    seen = eye_view(read_png(folders["mini"] / "eia.png"), MINI, eye, width=0)
     rows, columns = np.indices(seen.shape[:2])
     x = place["x"] + ((columns + 0.5) / 16 - 0.5) * MINI.panel_mm[0] * place["scale"]
     y = place["y"] + ((rows + 0.5) / 12 - 0.5) * MINI.panel_mm[1] * place["scale"]

@@ -6,7 +6,7 @@ import pytest
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics import eia
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.eye import gap_mm, see
+from lfsr_core.optics.eye import eye_view, gap_mm
 from lfsr_core.optics.rays import CameraArray, RayLayout, pixel_rays, view_offset
 
 MINI = load_display("mini")
@@ -36,7 +36,7 @@ def center(image, color):
 
 
 def looking(image, x=0.0, y=0.0, z=None):
-    return see(on_panel(image), MINI, (x, y, MINI.viewing_distance_mm if z is None else z), width=0)
+    return eye_view(on_panel(image), MINI, (x, y, MINI.viewing_distance_mm if z is None else z), width=0)
 
 
 def test_an_eye_where_a_camera_stood_sees_that_cameras_view():
@@ -90,12 +90,12 @@ def test_a_display_whose_driver_flips_shows_the_same():
     image = painted((-30, 20, 0.8, NEAR), (20, 0, 1.2, FAR))
     direct = dataclasses.replace(MINI, ei_order="direct")
     eye = (25.0, -10.0, MINI.viewing_distance_mm)
-    np.testing.assert_array_equal(see(image, direct, eye, width=0), see(on_panel(image), MINI, eye, width=0))
+    np.testing.assert_array_equal(eye_view(image, direct, eye, width=0), eye_view(on_panel(image), MINI, eye, width=0))
 
 
 def test_samples_are_enlarged_without_blur():
     image = painted((-30, 20, 1.0, PLANE))
-    large = see(on_panel(image), MINI, (0, 0, 180), width=100)
+    large = eye_view(on_panel(image), MINI, (0, 0, 180), width=100)
     assert large.shape == (12 * 6, 16 * 6, 3)
     np.testing.assert_array_equal(large[::6, ::6], looking(image))
     np.testing.assert_array_equal(large[5::6, 5::6], looking(image))
@@ -108,6 +108,6 @@ def test_gap_gives_the_viewing_angle():
 
 def test_bad_eye_and_bad_image_are_errors():
     with pytest.raises(LfsrError, match="z = 0"):
-        see(np.zeros((96, 128, 3)), MINI, (0, 0, 0))
+        eye_view(np.zeros((96, 128, 3)), MINI, (0, 0, 0))
     with pytest.raises(LfsrError, match="128×90"):
-        see(np.zeros((90, 128, 3)), MINI, (0, 0, 180))
+        eye_view(np.zeros((90, 128, 3)), MINI, (0, 0, 180))

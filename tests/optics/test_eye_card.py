@@ -10,7 +10,7 @@ import pytest
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import flip_order
-from lfsr_core.optics.eye import see
+from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.eye_card import eye_card, eye_place, eye_region
 from lfsr_core.optics.lens_card import card_rays
 from lfsr_core.optics.rays import CameraArray, RayLayout, pixel_rays
@@ -29,7 +29,7 @@ def test_every_lens_shows_the_ray_of_the_pixel_that_the_eye_sees(order, place):
     origins, directions = pixel_rays(layout)
     light = np.concatenate([origins, directions, np.ones_like(origins[..., :1])], axis=-1)   # a ray is its own colour
     on_panel = flip_order(light, profile.lenses) if order == "flipped" else light
-    wanted = see(on_panel, profile, eye, width=profile.lenses[0]).reshape(-1, 7)
+    wanted = eye_view(on_panel, profile, eye, width=profile.lenses[0]).reshape(-1, 7)
     card = eye_card(layout, profile, eye, region)
     origin, direction = card_rays(card, card.cells.mean(1), card.targets, array.distance)
     shown = wanted[:, 6] > 0

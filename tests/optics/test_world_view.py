@@ -8,7 +8,7 @@ import pytest
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.rays import CameraArray, RayLayout, rays
-from lfsr_core.optics.world_view import WorldPicture, WorldView
+from lfsr_core.optics.world_view import WorldImage, WorldView
 from tests.support.synthetic import FLAT, MINI
 
 LAYOUTS = {"centred": {}, "paper": {"convention": "paper"}, "points": {"view_aperture": 0.0}}
@@ -25,7 +25,7 @@ def look(right, down):
 
 def picture_of(layout):
     """What Blender renders: mean light of every pixel."""
-    picture = WorldPicture.of(layout)
+    picture = WorldImage.of(layout)
     right, down = (((np.arange(4 * count) + 0.5) / (4 * count) * 2 - 1) * reach
                    for count, reach in zip(picture.size, picture.reach, strict=True))
     fine = look(*np.meshgrid(right, down))
@@ -45,7 +45,7 @@ def ray_slopes(layout, seed):
 @pytest.mark.parametrize("options", LAYOUTS.values(), ids=LAYOUTS)
 def test_pixels_see_the_mean_of_their_rays(display, options):
     layout = layout_of(display, **options)
-    picture = WorldPicture.of(layout)
+    picture = WorldImage.of(layout)
     drawn, count = 0.0, 100
     for seed in range(count):
         right, down = ray_slopes(layout, seed)
@@ -70,9 +70,9 @@ def test_lenses_in_any_order_see_the_same():
 def test_pictures_stay_small():
     """An 8K light field sees no more of the world than a small picture holds."""
     layout = layout_of(load_display("bupt-32in-8k"))
-    assert np.prod(WorldPicture.of(layout).size) < 1e6
+    assert np.prod(WorldImage.of(layout).size) < 1e6
     tiny = dataclasses.replace(layout, array=dataclasses.replace(layout.array, spacing=1e-9), spacing=1e-9)
-    assert max(WorldPicture.of(tiny).size) <= 4096
+    assert max(WorldImage.of(tiny).size) <= 4096
 
 
 def test_tiles_know_their_lenses():

@@ -17,7 +17,7 @@ from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.eia import to_elemental_images
-from lfsr_core.optics.world_view import WorldPicture
+from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.plan import planner, score
 from lfsr_core.plan.candidates import BETWEEN, Candidate
 from lfsr_core.plan.options import Options
@@ -185,7 +185,7 @@ def test_a_visible_world_is_rendered_once_and_reused(tmp_path):
         seconds = {**frame.seconds, "world": 0.0}
         if job.world is None:
             rendered.append(job)
-            width, height = WorldPicture.of(finished_layout(frame)).size
+            width, height = WorldImage.of(finished_layout(frame)).size
             write_layers(folder / WORLD_FILE, {"color": np.full((height, width, 3), 0.2, np.float32)})
             seconds |= {"world": 50.0, "render": seconds["render"] + 50.0}
         else:

@@ -16,7 +16,7 @@ from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.panel.panel_rays import panel_rays
 from lfsr_core.optics.rays import CameraArray, pixel_rays
-from lfsr_core.optics.world_view import WorldPicture
+from lfsr_core.optics.world_view import WorldImage
 
 MINI = load_display("mini")
 # Sixteen columns of eight views; a row of lenses for every second row of pixels of MINI.
@@ -72,7 +72,7 @@ def write_apart(folder: Path, world: float | None = None,
     color = paint(read_layers(folder / LOW_RES_FILE)["color"])
     shown = np.repeat(1 - color[..., 3:], 3, -1)
     write_layers(folder / LOW_RES_FILE, {"color": color, "environment": shown})
-    width, height = WorldPicture.of(finished_layout(frame_of(2))).size
+    width, height = WorldImage.of(finished_layout(frame_of(2))).size
     right, down = np.meshgrid(np.linspace(0.1, 0.9, width), np.linspace(0.2, 0.6, height))
     picture = np.stack([right, down, right * down], -1) if world is None else np.full((height, width, 3), world)
     write_layers(folder / WORLD_FILE, {"color": picture.astype(np.float32)})

@@ -18,7 +18,7 @@ from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.patterns import carrier, dots
-from lfsr_core.optics.panel.photograph import homography_of, project, sampled
+from lfsr_core.optics.panel.photograph import find_homography, project, sample_bilinear
 from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_waves
 from lfsr_core.optics.sheet import Lattice
 
@@ -48,7 +48,7 @@ class Fringes:
     share: float  # of the variation
 
 
-def fitted_profile(profile: DisplayProfile, photographs: Sequence[Photograph]) -> DisplayProfile:
+def fit_profile(profile: DisplayProfile, photographs: Sequence[Photograph]) -> DisplayProfile:
     """``profile``, for which the pattern was drawn, with the sheet that the photographs show.
 
     LfsrError where that cannot be told: no panel, dots or fringes in sight, or photographs that disagree.
@@ -76,7 +76,7 @@ def _lens_waves(profile: DisplayProfile, photograph: Photograph) -> tuple[Array,
     size = tuple(side / (1 + behind) for side in profile.panel_mm)
     middle = eye * behind / (1 + behind)
     seen = centers / (1 + behind)
-    matrix = homography_of(photograph.image[..., 2], size, seen, spread / (1 + behind))
+    matrix = find_homography(photograph.image[..., 2], size, seen, spread / (1 + behind))
     waves, phases = elemental_waves(profile)
     found = []
     for axis in range(1 if profile.lenticular else 2):
@@ -98,7 +98,7 @@ def _straight(image: Array, matrix: Array, size: tuple[float, float]) -> Array:
     columns, rows = (min(most, round(length)) for most, length in zip(GRID, _extent(matrix, size), strict=True))
     x, y = ((np.arange(count) + 0.5) / count - 0.5 for count in (columns, rows))
     places = np.stack(np.meshgrid(x * size[0] * MARGIN, -y * size[1] * MARGIN), -1)
-    return sampled(image, project(matrix, places))
+    return sample_bilinear(image, project(matrix, places))
 
 
 def _extent(matrix: Array, size: tuple[float, float]) -> tuple[float, float]:

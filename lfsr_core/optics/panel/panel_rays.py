@@ -71,7 +71,7 @@ def rendered_size(display: DisplayProfile) -> tuple[int, int]:
     return display.panel_pixels[0] * _parts(display), display.panel_pixels[1]
 
 
-def parts_of(layout: PanelLayout) -> Parts:
+def subpixel_table(layout: PanelLayout) -> Parts:
     """The subpixels of every pixel, from left to right in the panel's image."""
     if layout.parts == 1:
         return Parts(*(np.zeros((PERIOD, PERIOD, 1), kind) for kind in (float, float, int)))
@@ -129,7 +129,7 @@ def lens_points(display: DisplayProfile, first: Array, second: Array) -> tuple[A
     return x - near_x, y - near_y
 
 
-def shown_subpixels(layout: PanelLayout, traced: Array) -> Array:
+def panel_image(layout: PanelLayout, traced: Array) -> Array:
     """The panel's picture (H, W, 3) of what its subpixels' rays bring: of each its own colour.
 
     ``traced``: (H, W · parts, 3), rows from the top.
@@ -139,7 +139,7 @@ def shown_subpixels(layout: PanelLayout, traced: Array) -> Array:
     width, height = layout.display.panel_pixels
     by_pixel = traced.reshape(height, width, layout.parts, CHANNELS)
     rows, columns = _on_panel(layout, np.arange(height)[::-1], np.arange(width))
-    channel = parts_of(layout).channel[rows[:, None] % PERIOD, columns % PERIOD]
+    channel = subpixel_table(layout).channel[rows[:, None] % PERIOD, columns % PERIOD]
     place = np.argsort(channel, axis=-1)  # of the part that shows each colour
     return np.take_along_axis(by_pixel, place[:, :, None], 2)[:, :, 0]
 
@@ -166,7 +166,7 @@ def _panel_points(layout: PanelLayout, raster_x: Array, raster_y: Array) -> tupl
                   for raster, count in zip((raster_x, raster_y), layout.size, strict=True))
     index, row = np.floor(at_x).astype(int), np.floor(at_y).astype(int)
     y, x = _on_panel(layout, row, index // parts)
-    (right, up, _), (wide, high) = parts_of(layout), _subpixels(layout.display).size
+    (right, up, _), (wide, high) = subpixel_table(layout), _subpixels(layout.display).size
     entry = y % PERIOD, x % PERIOD, index % parts
     return ((x + 0.5 + right[entry] + (at_x - index - 0.5) * wide) / across - 0.5) * layout.display.panel_mm[0], (
         (y + 0.5 + up[entry] + (at_y - row - 0.5) * high) / down - 0.5) * layout.display.panel_mm[1]

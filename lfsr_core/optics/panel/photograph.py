@@ -17,7 +17,7 @@ LEAST_DOT = 0.05  # of the light range that a dot must stand out by
 LEAST_SIDE = 200  # pixels of the lit panel
 
 
-def homography_of(blue: Array, size: tuple[float, float], dots: Array, spread: float) -> Array:
+def find_homography(blue: Array, size: tuple[float, float], dots: Array, spread: float) -> Array:
     """(3, 3) from millimetres on the plane, y up, to (column, row) in the photograph.
 
     Parameters
@@ -32,7 +32,7 @@ def homography_of(blue: Array, size: tuple[float, float], dots: Array, spread: f
     LfsrError : where no panel or too few dots are found
     """
     corners = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2 * size
-    matrix = fitted(corners, _lit_corners(blue))
+    matrix = fit_homography(corners, _lit_corners(blue))
     for _ in range(STEPS):
         seen, sure = zip(*(_middle(blue, matrix, dot, spread) for dot in dots), strict=True)
         sure = np.array(sure)
@@ -40,7 +40,7 @@ def homography_of(blue: Array, size: tuple[float, float], dots: Array, spread: f
             raise LfsrError(f"only {int(sure.sum())} of the pattern's {len(dots)} dots are seen in the photograph: "
                             "photograph the whole panel, sharp, showing nothing but the phase pattern")
         # The homography that takes the dots to where they were seen.
-        matrix = fitted(dots[sure], project(matrix, np.array(seen)[sure]))
+        matrix = fit_homography(dots[sure], project(matrix, np.array(seen)[sure]))
     return matrix
 
 
@@ -51,7 +51,7 @@ def project(matrix: Array, points: Array) -> Array:
     return np.stack([scaled[0] / scaled[2], scaled[1] / scaled[2]], -1)
 
 
-def fitted(points: Array, images: Array) -> Array:
+def fit_homography(points: Array, images: Array) -> Array:
     """The homography (3, 3) that takes (n, 2) ``points`` nearest to ``images``, n of 4 or more."""
     before, after = (_normalised(places) for places in (points, images))
     x, y = project(before, points).T
@@ -64,7 +64,7 @@ def fitted(points: Array, images: Array) -> Array:
     return result / result[2, 2]
 
 
-def sampled(image: Array, places: Array) -> Array:
+def sample_bilinear(image: Array, places: Array) -> Array:
     """Values of an (H, W) image at (…, 2) columns and rows, bilinear; 0 outside."""
     height, width = image.shape
     column, row = places[..., 0], places[..., 1]
@@ -98,7 +98,7 @@ def _middle(blue: Array, matrix: Array, dot: Array, spread: float) -> tuple[Arra
     """Where a dot's middle lies on the plane by the present ``matrix``, and whether there is a dot at all."""
     steps = np.linspace(-WIDE, WIDE, GRID) * spread
     window = np.stack(np.meshgrid(steps, steps), -1)
-    values = sampled(blue, project(matrix, dot + window))
+    values = sample_bilinear(blue, project(matrix, dot + window))
     above = np.clip(values - np.percentile(values, 20), 0, None)
     # Weighted by a bell around the present middle, whose pull is undone: two equal bells meet half way.
     bell = np.exp(-0.5 * (window ** 2).sum(-1) / spread ** 2)

@@ -15,7 +15,6 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.eye import DEFAULT_WIDTH, check_sight, enlarged
 from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_places
 from lfsr_core.optics.sheet import Subpixels
 
@@ -34,26 +33,19 @@ class Seen:
     on_panel: Array  # bool; elsewhere the numbers above are of the nearest pixel
 
 
-def see_panel(panel: Array, profile: DisplayProfile, eye_mm: tuple[float, float, float],
-              width: int = DEFAULT_WIDTH) -> Array:
-    """What an eye sees of a woven panel's image.
+def seen_panel(panel: Array, profile: DisplayProfile, eye_mm: tuple[float, float, float]) -> Array:
+    """Return what an eye sees of a woven panel's image, about one pixel per lens of the sheet across.
 
     Parameters
     ----------
-    panel : (H, W, 3) uint8, as panel.png
-    profile : the display, woven
+    panel : (H, W, 3) uint8, as in panel.png
+    profile : the display, with a lens sheet
     eye_mm : (x, y, z) of the eye from the middle of the lenses, y up, z towards the viewer
-    width : most pixels across of the result
 
     Returns
     -------
-    (rows·n, columns·n, 3) uint8, about one pixel per lens of the sheet across, each n times; black beyond the panel
-
-    Raises
-    ------
-    LfsrError : for an eye behind the lenses or an image that is not the profile's
+    (rows, columns, 3) uint8, black beyond the panel
     """
-    check_sight(panel, profile, eye_mm)
     columns, rows = _result_size(profile)
     light, count = np.zeros((rows, columns, 3)), np.zeros((rows, columns, 3))
     for sample in range(SAMPLES):
@@ -63,7 +55,7 @@ def see_panel(panel: Array, profile: DisplayProfile, eye_mm: tuple[float, float,
         shown = (seen.channel[..., None] == np.arange(3)) | (seen.channel[..., None] < 0)
         light += values * shown
         count += shown
-    return enlarged(np.rint(_filled(light) / np.maximum(_filled(count), 1e-12)).astype(np.uint8), width)
+    return np.rint(_filled(light) / np.maximum(_filled(count), 1e-12)).astype(np.uint8)
 
 
 def trace(profile: DisplayProfile, eye_mm: tuple[float, float, float], x: Array, y: Array,

@@ -87,7 +87,7 @@ def read_calibration(path: str | Path) -> Calibration:
     return Calibration(numbers, int(mode), _cells(path, data.get("subpixelCells") or []), str(data.get("serial", "")))
 
 
-def profile_of(calibration: Calibration, name: str) -> DisplayProfile:
+def profile_from_calibration(calibration: Calibration, name: str) -> DisplayProfile:
     """The display profile of a calibration, with the light field that loses nothing on it."""
     numbers = calibration.numbers
     pixels = (int(numbers["screenW"]), int(numbers["screenH"]))

@@ -199,5 +199,5 @@ def test_group_is_small(scene):
 def test_file_that_was_rendered_is_whole(scene, tmp_path):
     add_box(scene, (0, 0, 0), (0.3, 0.3, 0.3))
     encoded(scene, LAYOUT, tmp_path, way="lens-card", layers=("position",))
-    exr.check_whole(tmp_path / "image.exr")
+    exr.check_complete(tmp_path / "image.exr")
     assert [path.name for path in tmp_path.iterdir()] == ["image.exr"]

@@ -15,7 +15,7 @@ import pytest
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import to_elemental_images
-from lfsr_core.optics.eye import see
+from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.eye_card import eye_place
 from tests.support.window.desktop import VARIABLE, Window, blender_window
 from tests.support.window.live_scenes import SAMPLES, SCENE, another_scene
@@ -159,7 +159,7 @@ def test_start_and_stop_leave_everything_as_it_was(window):
 def test_the_eye_sees_the_light_field(window, place):
     """Through every lens the view that an eye there would see of the offline image of the same samples."""
     display, offline = load_display("mini"), render_offline(window, "mini", "2", "nearest")
-    wanted = see(offline, display, eye_place(display, *place), width=128).astype(float)
+    wanted = eye_view(offline, display, eye_place(display, *place), width=128).astype(float)
     start(window, (128, 96), "eye")
     first = window.get("live.live('eye').camera.session_uid")
     window.run("lfsr = bpy.context.scene.lfsr\n"

@@ -10,10 +10,10 @@ import pytest
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.optics.panel.fit import Photograph, fitted_profile
+from lfsr_core.optics.eye import eye_view
+from lfsr_core.optics.panel.fit import Photograph, fit_profile
 from lfsr_core.optics.panel.patterns import PATTERNS, pattern
-from lfsr_core.optics.panel.photograph import fitted, project
-from lfsr_core.optics.panel.trace import see_panel
+from lfsr_core.optics.panel.photograph import fit_homography, project
 from lfsr_core.optics.sheet import Lattice
 from tests.support.panels import SHEETS
 from tests.support.photographs import photograph
@@ -35,7 +35,7 @@ def photographs(nominal, real, *eyes):
 def test_cylinders_are_found(pitch, slant, center):
     real = dataclasses.replace(CYLINDERS, lenticular=dataclasses.replace(
         CYLINDERS.lenticular, pitch_mm=pitch, slant=slant, center=center))
-    found = fitted_profile(CYLINDERS, photographs(CYLINDERS, real, (30.0, -20.0, 520.0))).lenticular
+    found = fit_profile(CYLINDERS, photographs(CYLINDERS, real, (30.0, -20.0, 520.0))).lenticular
     assert found.pitch_mm == pytest.approx(pitch, rel=1e-4)
     assert math.degrees(math.atan(found.slant) - math.atan(slant)) == pytest.approx(0, abs=0.01)
 
@@ -50,7 +50,7 @@ def test_small_lenses_are_found():
     pitch = (4.02, 4.0 * math.sqrt(0.75) * 0.997)
     real = dataclasses.replace(LENSES, lenslet=dataclasses.replace(
         LENSES.lenslet, lenses=Lattice(pitch, 0.3, 0.002, (0.5, -0.4))))
-    found = fitted_profile(LENSES, photographs(LENSES, real, (0.0, 0.0, 500.0), (40.0, 20.0, 480.0))).lenslet.lenses
+    found = fit_profile(LENSES, photographs(LENSES, real, (0.0, 0.0, 500.0), (40.0, 20.0, 480.0))).lenslet.lenses
     # Only 34 rows of lenses: a ten thousandth is a third of a percent of one.
     assert found.pitch_mm == pytest.approx(pitch, rel=1.5e-4)
     assert found.rotation_deg == pytest.approx(0.3, abs=0.01)
@@ -60,7 +60,7 @@ def test_small_lenses_are_found():
 def test_photographs_from_other_places_than_said_disagree():
     first, second = photographs(CYLINDERS, CYLINDERS, (0.0, 0.0, 500.0), (60.0, 0.0, 500.0))
     with pytest.raises(LfsrError, match="photographs disagree by 0.1"):
-        fitted_profile(CYLINDERS, [first, dataclasses.replace(second, eye_mm=(100.0, 0.0, 500.0))])
+        fit_profile(CYLINDERS, [first, dataclasses.replace(second, eye_mm=(100.0, 0.0, 500.0))])
 
 
 @pytest.mark.parametrize(("image", "told"), [
@@ -70,24 +70,24 @@ def test_photographs_from_other_places_than_said_disagree():
 ])
 def test_what_shows_no_pattern_is_refused(image, told):
     with pytest.raises(LfsrError, match=told):
-        fitted_profile(CYLINDERS, [Photograph(image, (0.0, 0.0, 500.0))])
+        fit_profile(CYLINDERS, [Photograph(image, (0.0, 0.0, 500.0))])
 
 
 def test_another_pattern_is_refused():
     shown = photograph(pattern(CYLINDERS, "phase") * np.array([0, 0, 1], np.uint8), CYLINDERS, (0.0, 0.0, 500.0))
     with pytest.raises(LfsrError, match="no clear fringes"):
-        fitted_profile(CYLINDERS, [Photograph(shown, (0.0, 0.0, 500.0))])
+        fit_profile(CYLINDERS, [Photograph(shown, (0.0, 0.0, 500.0))])
 
 
 def test_a_camera_behind_the_panel_is_refused():
     with pytest.raises(LfsrError, match="z = -3"):
-        fitted_profile(CYLINDERS, [Photograph(np.zeros((9, 9, 3)), (0.0, 0.0, -3.0))])
+        fit_profile(CYLINDERS, [Photograph(np.zeros((9, 9, 3)), (0.0, 0.0, -3.0))])
 
 
 def test_a_homography_is_found_again():
     matrix = np.array([[2.0, 0.1, 30], [-0.2, 1.8, 40], [1e-3, -2e-3, 1]])
     points = np.random.default_rng(0).uniform(-50, 50, (9, 2))
-    np.testing.assert_allclose(fitted(points, project(matrix, points)), matrix, rtol=1e-6)
+    np.testing.assert_allclose(fit_homography(points, project(matrix, points)), matrix, rtol=1e-6)
 
 
 @pytest.mark.parametrize("sheet", SHEETS)
@@ -102,7 +102,7 @@ def test_every_pattern_on_every_sheet(sheet, kind):
 def test_the_band_is_bright_from_the_middle_and_dark_from_the_side(sheet):
     display = SHEETS[sheet]()
     shown = pattern(display, "band")
-    middle, side = (see_panel(shown, display, (x, 0.0, 300.0), width=1)[3:-3, 3:-3].mean() for x in (0.0, 60.0))
+    middle, side = (eye_view(shown, display, (x, 0.0, 300.0), width=1)[3:-3, 3:-3].mean() for x in (0.0, 60.0))
     assert middle > 150 and side < 30
 
 
@@ -110,7 +110,7 @@ def test_the_band_is_bright_from_the_middle_and_dark_from_the_side(sheet):
 def test_rgb_is_red_from_the_left_and_blue_from_the_right(sheet):
     display = SHEETS[sheet]()
     for x, channel in ((-70.0, 0), (0.0, 1), (70.0, 2)):
-        color = see_panel(pattern(display, "rgb"), display, (x, 0.0, 300.0), width=1)[3:-3, 3:-3].mean((0, 1))
+        color = eye_view(pattern(display, "rgb"), display, (x, 0.0, 300.0), width=1)[3:-3, 3:-3].mean((0, 1))
         assert color.argmax() == channel and color.max() > 2 * np.sort(color)[1]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.optics.panel.panel_rays import PanelLayout, lens_points, panel_rays, shown_subpixels
+from lfsr_core.optics.panel.panel_rays import PanelLayout, lens_points, panel_image, panel_rays
 from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_rays
 from lfsr_core.optics.panel.trace import trace
 from lfsr_core.optics.rays import CameraArray
@@ -38,7 +38,7 @@ def test_a_subpixels_ray_is_the_one_that_the_weave_looks_for(name):
     layout = layout_of(name)
     display, array = layout.display, layout.array
     origin, target = rays_of(layout)
-    x, y, eye = (shown_subpixels(layout, np.repeat(values[..., None], 3, -1))
+    x, y, eye = (panel_image(layout, np.repeat(values[..., None], 3, -1))
                  for values in (target[..., 0], target[..., 1], origin[..., 0]))
     rows, columns = np.arange(display.panel_pixels[1])[:, None], np.arange(display.panel_pixels[0])
     for channel in range(3):
@@ -59,7 +59,7 @@ def test_an_eye_where_a_ray_arrives_sees_the_subpixel_that_sent_it(name):
     places = tuple(random.uniform(0.1, 0.9, 4))
     origin, target = rays_of(layout, places)
     millimetres = np.array(geometry.lens_plane) / 2 / (layout.array.half_width, layout.array.half_height)
-    sent = shown_subpixels(layout, np.repeat(np.arange(width * height).reshape(height, width, 1), 3, -1))
+    sent = panel_image(layout, np.repeat(np.arange(width * height).reshape(height, width, 1), 3, -1))
     for row, index in random.integers(0, (height, width), (60, 2)):
         eye = (*origin[row, index, :2] / layout.array.spacing * geometry.spacing, geometry.distance)
         seen = trace(layout.display, eye, *(target[row, index, :2] * millimetres))

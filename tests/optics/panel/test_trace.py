@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.optics.eye import see
+from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.panel.gather import gather_map
 from lfsr_core.optics.panel.subpixel_rays import Geometry
-from lfsr_core.optics.panel.trace import see_panel
 from lfsr_core.optics.panel.weave import weave
 from tests.support.panels import SHEETS, lenticular, whole
 from tests.support.synthetic import MINI
@@ -32,7 +31,7 @@ def eye_of_view(display, view_x, view_y=None):
 
 def looks(display, eia, eye):
     """Without the panel's border, beyond which an eye at the side looks."""
-    return see_panel(weave(eia, gather_map(display, "nearest")), display, eye, width=1)[2:-2, 2:-2].astype(float)
+    return eye_view(weave(eia, gather_map(display, "nearest")), display, eye, width=1)[2:-2, 2:-2].astype(float)
 
 
 @pytest.mark.parametrize("sheet", SHEETS)
@@ -53,7 +52,7 @@ def test_whole_numbers_are_seen_as_a_profile_of_format_1_is():
     panel = weave(eia, gather_map(display, "views"))
     for view in ((0, 0), (2, 5), (7, 7)):
         eye = eye_of_view(display, *view)
-        np.testing.assert_array_equal(see_panel(panel, display, eye, width=1), see(panel, MINI, eye, width=1))
+        np.testing.assert_array_equal(eye_view(panel, display, eye, width=1), eye_view(panel, MINI, eye, width=1))
 
 
 def test_an_eye_that_moves_on_by_the_zone_sees_the_views_again():
@@ -67,9 +66,9 @@ def test_an_eye_that_moves_on_by_the_zone_sees_the_views_again():
 @pytest.mark.parametrize(("eye", "told"), [((0, 0, 0), "z = 0 mm"), ((0, 0, -5), "z = -5 mm")])
 def test_an_eye_behind_the_panel_is_refused(eye, told):
     with pytest.raises(LfsrError, match=told):
-        see_panel(np.zeros((160, 240, 3), np.uint8), lenticular(), eye)
+        eye_view(np.zeros((160, 240, 3), np.uint8), lenticular(), eye)
 
 
 def test_another_image_is_refused():
     with pytest.raises(LfsrError, match="240×159 pixels.*240×160"):
-        see_panel(np.zeros((159, 240, 3), np.uint8), lenticular(), (0, 0, 300))
+        eye_view(np.zeros((159, 240, 3), np.uint8), lenticular(), (0, 0, 300))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
-from lfsr_core.optics.panel.visual_json import profile_of, read_calibration
+from lfsr_core.optics.panel.visual_json import profile_from_calibration, read_calibration
 from lfsr_core.optics.profile_file import write_profile
 
 OLD = {"pitch": 52.59267044067383, "slope": -7.083540916442871, "center": 0.8167931437492371, "DPI": 324,
@@ -73,18 +73,18 @@ def agree(profile, wanted):
 @given(st.fixed_dictionaries({name: st.sampled_from([0, 1]) for name in ("flipImageX", "flipSubp", "invView")}))
 def test_the_first_generations_formula(tmp_path_factory, flips):
     numbers = OLD | flips
-    profile = profile_of(read_calibration(written(tmp_path_factory.mktemp("device"), numbers)), "old")
+    profile = profile_from_calibration(read_calibration(written(tmp_path_factory.mktemp("device"), numbers)), "old")
     agree(profile, lambda *place: formula(numbers, *place))
 
 
 def test_the_third_generations_formula(tmp_path):
-    profile = profile_of(read_calibration(new_unit(tmp_path)), "new")
+    profile = profile_from_calibration(read_calibration(new_unit(tmp_path)), "new")
     agree(profile, lambda *place: formula(NEW, *place, cells=CELLS))
     assert profile.viewing_angle_deg == 50 and profile.subpixels.cell_rule == "x%2"
 
 
 def test_the_old_formula_on_a_new_panel_is_mostly_wrong(tmp_path):
-    profile = profile_of(read_calibration(new_unit(tmp_path)), "new")
+    profile = profile_from_calibration(read_calibration(new_unit(tmp_path)), "new")
     random = np.random.default_rng(0)
     row, column = (random.integers(0, size, 20000) for size in profile.panel_pixels[::-1])
     wrong = [np.mean(np.floor(formula(NEW, channel, row, column) * 49)
@@ -94,7 +94,7 @@ def test_the_old_formula_on_a_new_panel_is_mostly_wrong(tmp_path):
 
 def test_an_imported_profile_is_read_back(tmp_path):
     for number, path in enumerate((written(tmp_path, OLD), new_unit(tmp_path))):
-        profile = profile_of(read_calibration(path), f"my {number}")
+        profile = profile_from_calibration(read_calibration(path), f"my {number}")
         write_profile(tmp_path / "my.toml", profile)
         assert load_display(tmp_path / "my.toml") == profile
 

@@ -16,7 +16,7 @@ import PyOpenColorIO as ocio
 from lfsr_core.arrays import Array
 from lfsr_core.images.baked_color import BRIGHTEST, STOPS
 from lfsr_core.images.color_settings import ColorSettings
-from lfsr_core.images.view_transform import LEAST_BAKED, ViewTransform, find_config
+from lfsr_core.images.view_transform import MIN_BAKED_PIXELS, ViewTransform, find_config
 from lfsr_lab.experiments.tables import markdown_table
 
 PROMISED_STEPS, PROMISED_SHARE = 3, 0.999  # of 255: no colour further off, and so many within one
@@ -57,7 +57,7 @@ def _looks(config: ocio.Config, view: str) -> list[str]:
 
 def measure(settings: ColorSettings, colors: Array) -> Row:
     """A chain's table against the chain, on ``colors`` (1, N, 3), scene-linear."""
-    baked = ViewTransform(settings, LEAST_BAKED)
+    baked = ViewTransform(settings, MIN_BAKED_PIXELS)
     if not baked.is_baked:
         return Row(settings, False)
     steps = np.abs(baked.to_uint8(colors).astype(np.int16) - ViewTransform(settings).to_uint8(colors)).max(-1)

@@ -20,8 +20,7 @@ from lfsr_core.frames.frame import REFERENCE_FILES, read_rendered
 from lfsr_core.frames.reference import Reference
 from lfsr_core.metrics.split_ssim import mean_of, psnr, split_mse, split_ssim_map
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.eye import see
-from lfsr_core.optics.panel.trace import see_panel
+from lfsr_core.optics.eye import eye_view
 from lfsr_lab.experiments.displays.ways import Way, panel_image, shown, traced
 
 PLACES = ((0.5, 0.5), (0.2, 0.4), (0.8, 0.6), (0.35, 0.75), (0.65, 0.25))  # of eyes, in the viewing zone
@@ -104,4 +103,4 @@ def _seen(panel: Array, profile: DisplayProfile, place: tuple[float, float]) -> 
     wide = 2 * profile.viewing_distance_mm * math.tan(math.radians(profile.viewing_angle_deg) / 2)
     high = profile.camera_spacing_mm * (profile.views[1] if profile.parallax[1] else 0)
     eye = ((place[0] - 0.5) * wide, (place[1] - 0.5) * high, profile.viewing_distance_mm)
-    return (see_panel if profile.is_woven else see)(panel, profile, eye, ONCE) / 255
+    return eye_view(panel, profile, eye, ONCE) / 255

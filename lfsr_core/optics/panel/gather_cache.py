@@ -28,7 +28,7 @@ ABOUT, FIRST = "map.json", "first.npy"
 APPEARANCE = ("name", "description", "background")
 
 
-def map_of(profile: DisplayProfile) -> GatherMap:
+def cached_gather_map(profile: DisplayProfile) -> GatherMap:
     """The gather map of a woven profile, from disk where it is there; a disk that refuses only costs time."""
     size = (profile.panel_pixels[1], profile.panel_pixels[0], 3)
     if np.prod(size) < QUICK:
