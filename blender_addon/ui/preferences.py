@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-
 import bpy
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.render.child import output_of
 
 from ..background.runtime import PACKAGE
 
@@ -53,12 +52,11 @@ def probe() -> str:
 
     command = runtime.second_stage_command("lfsr_core.tasks.probe")
     try:
-        done = subprocess.run(command, env=runtime.environment(), capture_output=True, text=True, encoding="utf-8",
-                              errors="replace", timeout=SECONDS_FOR_TEST, check=False)
-    except (OSError, subprocess.TimeoutExpired) as error:
+        code, output = output_of(command, runtime.environment(), SECONDS_FOR_TEST)
+    except OSError as error:
         raise LfsrError(f"Python {command[0]!r} cannot be started ({error}): choose another") from None
-    lines = [line for line in (done.stdout + done.stderr).splitlines() if line.strip()] or ["no reason given"]
-    if done.returncode != 0:
+    lines = [line for line in output.splitlines() if line.strip()] or ["no reason given"]
+    if code != 0:
         raise LfsrError(f"Python {command[0]!r} cannot run the second stage ({lines[-1].strip()}): choose another, or "
                         "clear the preference")
     return lines[-1].strip()

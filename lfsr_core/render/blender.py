@@ -7,12 +7,12 @@ import importlib.util
 import os
 import re
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import Protocol
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.render.child import output_of
 
 OLDEST_BLENDER = (4, 5)
 
@@ -75,8 +75,8 @@ def find_blender(executable: str | None = None) -> Blender:
 
 def _version(path: str) -> tuple[int, ...]:
     try:
-        answer = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=60, check=False).stdout
-    except (OSError, subprocess.TimeoutExpired) as error:
+        _, answer = output_of([path, "--version"], seconds=60)
+    except OSError as error:
         raise LfsrError(f"{path} cannot be started ({error}): give another with --blender PATH") from None
     found = re.search(r"Blender (\d+)\.(\d+)", answer)
     if found is None:

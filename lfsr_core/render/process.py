@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import collections
 import contextlib
 import dataclasses
-import os
 import shutil
-import signal
-import subprocess
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,13 +17,12 @@ from lfsr_core.frames.job import Job
 from lfsr_core.progress import Progress
 from lfsr_core.records import write_record
 from lfsr_core.render.blender import Starts
+from lfsr_core.render.child import Child
 from lfsr_core.render.parts_folder import kept_sentence, parts_folder
-from lfsr_core.render.protocol import ENDS_WITH_INPUT, EXIT_BAD_INPUT, LAST_STAGES, RENDERED_STAGE, parse_progress
+from lfsr_core.render.protocol import LAST_STAGES, RENDERED_STAGE
 from lfsr_core.render.staging import publish, staging_folder
 
 LOG_FILE = "blender.log"
-SECONDS_TO_STOP = 5
-LINES_IN_MESSAGE, MOST_LAST_WORDS = 3, 120
 RENDERED_FILES = {"render": (frame.LOW_RES_FILE,), "reference": frame.REFERENCE_FILES}
 # Made from an older render of the same folder, so they would no longer match it.
 DERIVED_FILES = (frame.EIA_FILE, frame.EIA_LINEAR_FILE, frame.PANEL_FILE, frame.MASK_FILE, frame.REPORT_FILE,
@@ -54,10 +49,6 @@ def run_job(job: Job, blender: Starts, progress: Progress | None = None, warn: W
     KeyboardInterrupt : once Blender is stopped
     """
     run_jobs([job], blender, Listener(progress, warn))
-
-
-class CrashError(LfsrError):
-    """Blender ended without a sentence of its own: another try may do."""
 
 
 def _nothing(_job: Job) -> None:
@@ -175,54 +166,12 @@ def check_folder(folder: Path, kind: str) -> None:
 
 
 def _run(command: list[str], chunk: _Chunk) -> None:
-    # Its own process group: Ctrl-C reaches this program only, which then stops Blender.
-    # A pipe for its input, which ends with this program, whatever ends that; then Blender ends too.
-    child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                             text=True, errors="replace", start_new_session=True,
-                             env=os.environ | {"PYTHONUNBUFFERED": "1", ENDS_WITH_INPUT: "1"})
-    with child, chunk.log_file.open("w", encoding="utf-8") as log:
-        try:
-            last = _follow(child.stdout or (), log.write, chunk.listen)
-            code = child.wait()
-        except BaseException:
-            _stop(child)
-            raise
-    if code == EXIT_BAD_INPUT and last.get("stage") == "error":
-        raise LfsrError(str(last.get("message")))
-    if code != 0 or last.get("stage") != "done":
-        raise _crash(code, chunk.log_file, chunk.current.folder)
-
-
-def _follow(lines: Iterable[str], log: Callable[[str], Any],
-            listen: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
-    """Log every line, pass LFSR records on; returns the last one."""
-    last: dict[str, Any] = {}
-    for line in lines:
-        log(line)
-        record = parse_progress(line)
-        if record is not None:
-            last = record
-            listen(record)
-    return last
-
-
-def _stop(child: subprocess.Popen[str]) -> None:
-    if child.poll() is not None:
-        return
-    os.killpg(child.pid, signal.SIGTERM)
-    try:
-        child.wait(SECONDS_TO_STOP)
-    except subprocess.TimeoutExpired:
-        os.killpg(child.pid, signal.SIGKILL)
-
-
-def _crash(code: int, log_file: Path, folder: Path) -> CrashError:
-    kept = folder / LOG_FILE
-    with atomic_path(kept) as temporary:
-        shutil.copyfile(log_file, temporary)
-    with kept.open(encoding="utf-8", errors="replace") as log:
-        lines = collections.deque((line.strip() for line in log if line.strip()), maxlen=LINES_IN_MESSAGE)
-    reason = f"signal {-code}" if code < 0 else f"exit code {code}"
-    last = (" / ".join(lines) or "nothing")[-MOST_LAST_WORDS:]
-    return CrashError(f"Blender stopped with {reason} before the render was done, last saying {last!r}: "
-                      f"the whole log is {kept}")
+    with chunk.log_file.open("w", encoding="utf-8") as log, Child(command, log=log.write) as child:
+        for record in child.records():
+            chunk.listen(record)
+        if not child.is_done():
+            kept = chunk.current.folder / LOG_FILE
+            with atomic_path(kept) as temporary:
+                log.flush()
+                shutil.copyfile(chunk.log_file, temporary)
+            raise child.crash("Blender stopped with", f"the whole log is {kept}")

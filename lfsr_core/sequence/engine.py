@@ -18,7 +18,8 @@ from lfsr_core.frames.report import read_report
 from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.second_stage import upscale_frame
 from lfsr_core.render.blender import Starts, find_blender
-from lfsr_core.render.process import CrashError, Listener, Warn, run_jobs
+from lfsr_core.render.child import CrashError
+from lfsr_core.render.process import Listener, Warn, run_jobs
 from lfsr_core.render.staging import remove_dead
 from lfsr_core.sequence.shot import DONE, TO_RENDER, SecondStage, Shot, beside, state
 

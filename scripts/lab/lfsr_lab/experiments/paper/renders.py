@@ -17,10 +17,10 @@ from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lens_sampling import choose_lenses
 from lfsr_core.render.blender import find_blender
-from lfsr_core.render.script import run_script
 from lfsr_core.render.store import kept, with_blender
 from lfsr_lab.experiments.paper.settings import Settings
 from lfsr_lab.scenes import scene_script
+from lfsr_lab.scenes.running import run_script
 
 LAYERS = ("albedo", "normal")
 

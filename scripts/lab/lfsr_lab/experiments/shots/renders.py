@@ -18,9 +18,9 @@ from lfsr_core.progress import ProgressBar
 from lfsr_core.records import read_record, write_record
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import Listener, run_jobs
-from lfsr_core.render.script import run_script
 from lfsr_core.render.store import check_same, is_complete
 from lfsr_lab.scenes import scene_script
+from lfsr_lab.scenes.running import run_script
 
 DISPLAY_FILE, SCENE_FILE, SETTINGS_FILE = Path(__file__).parent / "shots.toml", "scene.blend", "settings.json"
 NAMES = ("object", "light", "array")  # what moves, of scripts/lab/lfsr_lab/scenes/shot_scenes.py

@@ -14,12 +14,12 @@ from lfsr_core.frames.job import Job
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import read_record, write_record
 from lfsr_core.render.blender import find_blender
-from lfsr_core.render.script import run_script
 from lfsr_core.render.store import kept, with_blender
 from lfsr_lab.experiments.cells import Cells
 from lfsr_lab.experiments.stress.dials import Dial
 from lfsr_lab.experiments.stress.records import Cell, Settings
 from lfsr_lab.scenes import scene_script
+from lfsr_lab.scenes.running import run_script
 
 DISPLAY_FILE = Path(__file__).parent / "stress.toml"
 SETTINGS_FILE, SCENE_FILE, CELLS = "settings.json", "scene.blend", "cells"

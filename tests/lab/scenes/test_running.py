@@ -4,7 +4,7 @@ import pytest
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.render.blender import Blender
-from lfsr_core.render.script import run_script
+from lfsr_lab.scenes.running import run_script
 
 
 @pytest.fixture
@@ -24,13 +24,13 @@ def test_a_script_gets_its_argument_and_makes_its_product(tmp_path, script):
 
 @pytest.mark.parametrize(("body", "message"), [
     ("""print('LFSR {"stage": "error", "message": "too deep"}'); raise SystemExit(2)""", "^too deep$"),
-    ("raise RuntimeError('no memory')", r"exit code 1 in script\.py without writing .*product.*no memory"),
-    ("""print('LFSR {"stage": "scene"}')""", r"exit code 0 in script\.py without writing .*product")])
+    ("raise RuntimeError('no memory')", r"in script\.py without writing .*product with exit code 1 .*no memory"),
+    ("""print('LFSR {"stage": "scene"}')""", r"in script\.py without writing .*product with exit code 0")])
 def test_a_script_that_fails_is_reported(tmp_path, script, body, message):
     with pytest.raises(LfsrError, match=message):
         run_script(Blender(), script(body), tmp_path / "job.json", [tmp_path / "product"])
 
 
 def test_a_script_that_fails_after_its_work_is_reported(tmp_path, script):
-    with pytest.raises(LfsrError, match="exit code 3 in script.py, last saying 'nothing'"):
+    with pytest.raises(LfsrError, match="in script.py with exit code 3 before it was done, last printing 'nothing'"):
         run_script(Blender(), script("raise SystemExit(3)"), tmp_path / "job.json", [])

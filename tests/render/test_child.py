@@ -1,0 +1,80 @@
+"""Child processes: what they write arrives, and none outlives its use."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.render.child import Child, output_of
+
+ECHO = """import sys
+for line in iter(sys.stdin.readline, ""):
+    print('LFSR {"stage": "scene", "index": %d}' % int(line))
+print('LFSR {"stage": "done"}')"""
+# A grandchild that ignores SIGTERM, as its parent does.
+DEAF = "trap '' TERM; sleep 60 & echo \"LFSR {\\\"stage\\\": \\\"x\\\", \\\"pid\\\": $!}\"; while :; do sleep 9; done"
+REFUSAL = """print('LFSR {"stage": "error", "message": "bad"}'); raise SystemExit(2)"""
+HOLDER = f"""import os, sys
+from lfsr_core.render.child import Child
+child = Child([sys.executable, "-c", {ECHO!r}])
+print(child.pid, flush=True)
+os._exit(1)"""
+
+
+def wait_until_gone(pid: int) -> None:
+    """Fail where a process lives on; a zombie, whose parent died without collecting it, counts as gone."""
+    status, end = Path(f"/proc/{pid}/stat"), time.monotonic() + 20
+    while status.exists() and ") Z" not in status.read_text():
+        assert time.monotonic() < end, f"{pid} lives on"
+        time.sleep(0.02)
+
+
+def test_a_child_answers_and_ends_with_its_input():
+    lines = []
+    with Child([sys.executable, "-c", ECHO], log=lines.append) as child:
+        records = child.records()
+        for number in (3, 5):
+            child.send(f"{number}\n")
+            assert next(records) == {"stage": "scene", "index": number}
+        assert child.is_running()
+    assert not child.is_running() and len(lines) == 2
+
+
+def test_a_deaf_child_and_its_own_child_are_killed():
+    with Child(["/bin/sh", "-c", DEAF]) as child:
+        pid = next(child.records())["pid"]
+        started = time.monotonic()
+        child.stop(0.2)
+        assert time.monotonic() - started < 5 and not child.is_running()
+    wait_until_gone(pid)
+
+
+def test_a_child_notices_the_end_of_a_parent_that_dies():
+    answer = subprocess.run([sys.executable, "-c", HOLDER], capture_output=True, text=True, check=False)
+    wait_until_gone(int(answer.stdout))
+
+
+def test_how_a_child_ended_is_one_sentence():
+    with Child([sys.executable, "-c", "print('out of memory'); raise SystemExit(3)"]) as child:
+        assert not list(child.records()) and not child.is_done()
+        sentence = "the render stopped with exit code 3 before it was done, last printing 'out of memory': try again"
+        assert str(child.crash("the render stopped with", "try again")) == sentence
+    with Child([sys.executable, "-c", REFUSAL]) as child:
+        assert len(list(child.records())) == 1
+        with pytest.raises(LfsrError, match="^bad$"):
+            child.is_done()
+
+
+def test_the_output_of_a_command():
+    code = "import os, sys; print(os.environ['GIVEN'], flush=True); print('both', file=sys.stderr); sys.exit(4)"
+    assert output_of([sys.executable, "-c", code], os.environ | {"GIVEN": "one"}) == (4, "one\nboth\n")
+    with pytest.raises(TimeoutError, match="no answer within 0 s"):
+        output_of([sys.executable, "-c", "import time; time.sleep(60)"], seconds=0.1)
+    with pytest.raises(OSError, match="No such file"):
+        output_of(["/no/such/program"])
