@@ -7,6 +7,7 @@ import dataclasses
 import fnmatch
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.exports import folders, hci, quilt, stereo, sway
@@ -17,6 +18,13 @@ from lfsr_core.files import check_name, system_errors
 from lfsr_core.render.staging import publish, staging_folder
 
 DEFAULT = ExportOptions()
+
+
+class Exported(NamedTuple):
+    """What an export wrote."""
+
+    files: list[Path]
+    notes: list[str]  # sentences that the user should know
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,7 +53,7 @@ FORMATS = {
 
 
 def export(folder: str | Path, name: str, target: str | Path | None = None,
-           options: ExportOptions = DEFAULT) -> tuple[list[Path], list[str]]:
+           options: ExportOptions = DEFAULT) -> Exported:
     """Write a finished frame in another format.
 
     Parameters
@@ -54,10 +62,6 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
     name : of FORMATS, format_names describes them
     target : folder to write into, by default ``export/NAME`` in the frame folder
     options : what the format leaves to choose
-
-    Returns
-    -------
-    The files, and sentences that the user should know
 
     Raises
     ------
@@ -70,8 +74,8 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
     return written
 
 
-def write_whole(target: Path, chosen: Format, write: Callable[[Path], list[str]]) -> tuple[list[Path], list[str]]:
-    """Let ``write`` fill an empty folder and move its files into ``target``, all or none; the files and notes.
+def write_whole(target: Path, chosen: Format, write: Callable[[Path], list[str]]) -> Exported:
+    """Let ``write`` fill an empty folder and move its files into ``target``, all or none.
 
     LfsrError where ``target`` cannot be written.
     """
@@ -84,7 +88,7 @@ def write_whole(target: Path, chosen: Format, write: Callable[[Path], list[str]]
         notes = write(staged)
         files = sorted(path.name for path in staged.iterdir())
         publish(staged, target, _left_by_earlier(target, files, chosen.numbered))
-    return [target / file for file in files], notes
+    return Exported([target / file for file in files], notes)
 
 
 @contextlib.contextmanager

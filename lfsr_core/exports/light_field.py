@@ -10,11 +10,9 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.contact_sheet import view_order
-from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, Frame, read_frame
+from lfsr_core.frames.frame import EIA_LINEAR_FILE, Frame, read_frame
+from lfsr_core.frames.views import eia_to_views, read_views
 from lfsr_core.images.exr import read_layers
-from lfsr_core.images.png import read_png
-from lfsr_core.optics import eia
 from lfsr_core.optics.display import DisplayProfile
 
 LONGEST_NAME = 60  # characters
@@ -76,9 +74,7 @@ def camera_places(count: int, wanted: int) -> Array:
 def read_light_field(folder: str | Path) -> LightField:
     """The views of a finished frame folder; LfsrError where its eia.png is missing or of another size."""
     folder, frame = Path(folder), read_frame(folder)
-    image = view_order(read_png(folder / EIA_FILE), frame.display)
-    views = np.ascontiguousarray(eia.to_views(image, frame.display.lenses))
-    return LightField(views, frame, folder, _name(frame, folder))
+    return LightField(read_views(folder), frame, folder, _name(frame, folder))
 
 
 def read_linear_views(field: LightField) -> Array:
@@ -87,8 +83,7 @@ def read_linear_views(field: LightField) -> Array:
     if not path.is_file():
         raise LfsrError(f"{field.folder} has no {EIA_LINEAR_FILE}, which scene-linear views are made of: run "
                         "`lfsr upscale` on it with --linear-exr, or export PNG")
-    image = view_order(read_layers(path)["color"][..., :3], field.display)
-    return eia.to_views(image, field.display.lenses)
+    return eia_to_views(read_layers(path)["color"][..., :3], field.display)
 
 
 def _between(value: float, count: int) -> tuple[int, int, float]:

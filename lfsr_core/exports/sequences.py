@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from lfsr_core.exports.format_names import default_target
-from lfsr_core.exports.formats import DEFAULT, Format, find_format, write_whole
+from lfsr_core.exports.formats import DEFAULT, Exported, Format, find_format, write_whole
 from lfsr_core.exports.frame_folders import frame_folders, one_display
 from lfsr_core.exports.light_field import LightField, read_light_field
 from lfsr_core.exports.options import ExportOptions
@@ -16,7 +16,7 @@ from lfsr_core.progress import Progress
 
 
 def export_sequence(folder: str | Path, name: str, target: str | Path | None = None,
-                    options: ExportOptions = DEFAULT) -> tuple[list[Path], list[str]]:
+                    options: ExportOptions = DEFAULT) -> Exported:
     """Write the finished frames of an animation in another format, or as one film where the format is one.
 
     Formats of one picture a frame number it by its frame; those of many files have a folder per frame, named as the
@@ -28,10 +28,6 @@ def export_sequence(folder: str | Path, name: str, target: str | Path | None = N
     name : of formats.FORMATS
     target : folder to write into, by default ``export/NAME`` in ``folder``
     options : what the format leaves to choose
-
-    Returns
-    -------
-    The files, and sentences that the user should know, each once
 
     Raises
     ------
@@ -46,7 +42,7 @@ def export_sequence(folder: str | Path, name: str, target: str | Path | None = N
     else:
         files, notes = _frame_by_frame(folders, chosen, target, options)
     options.progress("export", 1.0, name)
-    return files, list(dict.fromkeys(notes))
+    return Exported(files, list(dict.fromkeys(notes)))
 
 
 def _fields(folders: list[Path]) -> Iterator[LightField]:

@@ -7,26 +7,16 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame, read_rendered
+from lfsr_core.frames.views import view_order
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics import eia
-from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eye import eye_view
 
 VIEWS_ACROSS = 5
 GAP_PIXELS = 4
 SHEET_FILE, HORIZONTAL_EPI_FILE, VERTICAL_EPI_FILE, EYE_FILE = "views.png", "epi_x.png", "epi_y.png", "eye.png"
 LEAST_EPI_HEIGHT, LEAST_VIEW_WIDTH = 160, 192
-
-
-def view_order(panel: Array, profile: DisplayProfile) -> Array:
-    """Finished EIA (H, W, C) in panel order -> view order; LfsrError if it is not the profile's size."""
-    width, height = profile.eia_pixels
-    if panel.shape[:2] != (height, width):
-        raise LfsrError(f"the EIA has {panel.shape[1]}×{panel.shape[0]} pixels, but display {profile.name!r} has "
-                        f"{width}×{height}: upscale the folder again")
-    return eia.flip_order(panel, profile.lenses) if profile.ei_order == "flipped" else panel
 
 
 def contact_sheet(image: Array, lenses: tuple[int, int], across: int = VIEWS_ACROSS) -> Array:

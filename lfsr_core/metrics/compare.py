@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,10 +20,40 @@ from lfsr_core.reconstruct.second_stage import UpscaleOptions, finished_linear, 
 LEAST_SAMPLES = 8
 
 
-def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]:
+@dataclasses.dataclass(frozen=True)
+class Metrics:
+    """How close a finished frame is to its reference, see docs/reference/metrics.md; None: not measured.
+
+    A reference of all lenses has ``ssim_eia``, ``ssim_eia_fg``, ``ssim_eia_plain``, ``ssim_ceiling`` and
+    ``ssim_views_fg``; one of sampled lenses has ``ssim_lens_plain``, ``ssim_lens_ceiling``, ``lenses`` and ``ci95``.
+    """
+
+    p: float | None = None  # fraction of the lenses that show foreground
+    # split SSIM of the whole EIA, and of its foreground elemental images
+    ssim_eia: float | None = None
+    ssim_eia_fg: float | None = None
+    # split SSIM of each elemental image on its own, mean over all lenses and over foreground lenses
+    ssim_lens: float | None = None
+    ssim_lens_fg: float | None = None
+    psnr_fg: float | None = None  # split PSNR in dB of the foreground
+    ssim_views_fg: float | None = None  # split SSIM of the decoded views, foreground
+    # ordinary SSIM against the mean of the reference's halves, and of one half against the other
+    ssim_eia_plain: float | None = None
+    ssim_ceiling: float | None = None
+    ssim_lens_plain: float | None = None
+    ssim_lens_ceiling: float | None = None
+    flip: float | None = None  # mean FLIP difference, 0: identical
+    recall: float | None = None  # fraction of the reference's foreground lenses in the frame's mask
+    lenses: int | None = None  # lenses of the sample
+    # half-widths of the 95 % confidence intervals of a sample, by metric
+    ci95: dict[str, float | None] = dataclasses.field(default_factory=dict)
+    notes: tuple[str, ...] = ()  # what the user should know
+
+
+def compare_folders(folder: str | Path, reference: str | Path) -> Metrics:
     """Metrics of ``folder`` against ``reference``, also written into its report.json.
 
-    Keys as in docs/reference/frame-folder.md. The foreground is the reference's where it
+    The foreground is the reference's where it
     shows every lens: a mask that lost some must not hide them from the metrics. The finished
     picture is read from eia.exr where that was kept, else made once more.
     LfsrError where either folder is incomplete or the two show different pictures.
@@ -47,7 +76,7 @@ def compare_folders(folder: str | Path, reference: str | Path) -> dict[str, Any]
         raise LfsrError(f"{folder} was finished anew while it was compared, so the metrics are of what it was before: "
                         "compare it again")
     write_report(folder, dataclasses.replace(report, metrics=metrics))
-    return metrics
+    return Metrics(**metrics | {"notes": tuple(metrics.get("notes", ()))})
 
 
 def sampled_recall(mask: Array, hits: Array, lens_list: tuple[tuple[int, int], ...]) -> float | None:

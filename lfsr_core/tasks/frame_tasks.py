@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.files import atomic_path
-from lfsr_core.frames.frame import EIA_FILE, MASK_FILE, read_frame
-from lfsr_core.optics import eia
+from lfsr_core.frames.frame import MASK_FILE, read_frame
 from lfsr_core.render.protocol import emit_progress
 
 
@@ -40,13 +39,10 @@ def decode(folder: str, views: str) -> dict[str, Any]:
     Row 0 is the topmost camera; one view is contiguous, so that a reader that maps
     the file touches a few kB per view. Result: its shape.
     """
-    from lfsr_core.frames.contact_sheet import view_order
-    from lfsr_core.images.png import read_png
+    from lfsr_core.frames.views import read_views
 
     emit_progress("preview", 0.0, "decoding views")
-    profile = read_frame(folder).display
-    image = view_order(read_png(Path(folder, EIA_FILE)), profile)
-    decoded = np.ascontiguousarray(eia.to_views(image, profile.lenses))
+    decoded = read_views(folder)
     with atomic_path(views) as temporary, temporary.open("wb") as file:
         np.save(file, decoded)
     return {"shape": list(decoded.shape)}
@@ -71,7 +67,9 @@ def check(method: str) -> dict[str, Any]:
 
 def compare(folder: str, reference: str) -> dict[str, Any]:
     """Metrics of a finished folder against a reference folder, also written into its report."""
+    from lfsr_core.frames.report import read_report
     from lfsr_core.metrics.compare import compare_folders
 
     emit_progress("compare", 0.0, "comparing")
-    return {"metrics": compare_folders(folder, reference)}
+    compare_folders(folder, reference)
+    return {"metrics": read_report(folder).metrics}

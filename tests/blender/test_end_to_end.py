@@ -14,10 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.frames.contact_sheet import view_order
+from lfsr_core.frames.views import read_views
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_png
-from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import to_views
 from lfsr_core.optics.profile_file import write_profile
 from tests.support.panels import SHEETS
@@ -50,8 +49,7 @@ def frame(scene, tmp_path_factory):
 
 
 def test_demo_scene_stands_the_right_way_round(frame):
-    profile = load_display("small")
-    views = to_views(view_order(read_png(frame / "eia.png"), profile), profile.lenses).astype(int)
+    views = read_views(frame).astype(int)
     middle = views[20, 20]
     bluest = (middle[..., 2] - middle[..., 0]).argmax()
     greenest = (2 * middle[..., 1] - middle[..., 0] - middle[..., 2]).argmax()
@@ -62,8 +60,7 @@ def test_demo_scene_stands_the_right_way_round(frame):
 
 
 def test_near_things_move_left_when_the_eye_moves_right(frame):
-    profile = load_display("small")
-    views = to_views(view_order(read_png(frame / "eia.png"), profile), profile.lenses).astype(float)
+    views = read_views(frame).astype(float)
 
     def column_of_green(view: np.ndarray) -> float:
         green = np.maximum(2 * view[..., 1] - view[..., 0] - view[..., 2] - 40, 0).sum(0)

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.frames.contact_sheet import contact_sheet, epi_pair, view_order
+from lfsr_core.frames.contact_sheet import contact_sheet, epi_pair
 from lfsr_core.optics import eia
-from lfsr_core.optics.display import DisplayProfile, load_display
-
-MINI = load_display("mini")
 
 
 def numbered(lenses=(16, 12), views=(8, 8)) -> np.ndarray:
@@ -49,16 +44,3 @@ def test_epi_pair_runs_through_the_middle():
     np.testing.assert_array_equal(vertical[::20, 0, 1], np.arange(8))
     assert (vertical[..., 0] == 4).all()
     assert (vertical[..., 2] == 8).all()
-
-
-def test_panel_order_is_undone_only_where_the_profile_flips():
-    image = numbered()
-    panel = eia.flip_order(image, MINI.lenses)
-    np.testing.assert_array_equal(view_order(panel, MINI), image)
-    direct = DisplayProfile.from_dict(MINI.to_dict() | {"ei_order": "direct"})
-    np.testing.assert_array_equal(view_order(image, direct), image)
-
-
-def test_picture_of_another_size_is_refused():
-    with pytest.raises(LfsrError, match="has 64×96 pixels, but display 'mini' has 128×96"):
-        view_order(np.zeros((96, 64, 3), np.uint8), MINI)
