@@ -1,5 +1,6 @@
 """Records: frozen dataclasses and the JSON they are kept in, both ways in one place.
 
+A field with ``metadata={"key": "name"}`` has another name in JSON than in Python.
 Nothing is converted on the way in: a field holds what the data said, or reading fails with one sentence.
 """
 
@@ -91,6 +92,7 @@ def _converter() -> cattrs.Converter:
     import cattrs  # slow to import, and scripts inside Blender that read no record do without it
 
     converter = cattrs.Converter(unstruct_collection_overrides={tuple: list})
+    converter.register_unstructure_hook_factory(dataclasses.is_dataclass, _unstructured)
     hooks: dict[Callable[[Any], bool], Callable[[Any, Any], Any]] = {
         dataclasses.is_dataclass: _record, _origin(tuple): _tuple, _origin(dict): _dict,
         _origin(typing.Literal): _literal, _origin(typing.Union, types.UnionType): _union}
@@ -128,19 +130,32 @@ def _encodes(text: str) -> bool:
 def _record(data: Any, cls: type) -> Any:
     if not isinstance(data, dict):
         raise _value_error(data, "an object")
-    fields = {field.name: field for field in dataclasses.fields(cls) if field.init}
+    fields = {_key(field): field for field in dataclasses.fields(cls) if field.init}
     for key in data:
         if key not in fields:
             raise _WrongError(f"unknown field {_start(repr(key), MOST_VALUE)}; {did_you_mean(key, fields)}"
                               f"the fields are {_start(', '.join(fields), MOST_RULE)}")
-    for name, field in fields.items():
-        if name not in data and field.default is field.default_factory is dataclasses.MISSING:
-            raise _WrongError(f"field {name!r} is missing; every {cls.__name__} needs it")
+    for key, field in fields.items():
+        if key not in data and field.default is field.default_factory is dataclasses.MISSING:
+            raise _WrongError(f"field {key!r} is missing; every {cls.__name__} needs it")
     hints, values = _hints(cls), {}
-    for name, value in data.items():
-        with _at(f".{name}"):
+    for key, value in data.items():
+        name = fields[key].name
+        with _at(f".{key}"):
             values[name] = _converter().structure(value, hints[name])
     return cls(**values)
+
+
+def _unstructured(cls: Any) -> Callable[[Any], Any]:
+    from cattrs.gen import make_dict_unstructure_fn, override
+
+    keys: dict[str, Any] = {field.name: override(rename=_key(field)) for field in dataclasses.fields(cls)}
+    return make_dict_unstructure_fn(cls, _converter(), **keys)
+
+
+def _key(field: dataclasses.Field[Any]) -> str:
+    """The JSON key of a field: ``metadata["key"]``, else its name."""
+    return str(field.metadata.get("key", field.name))
 
 
 _hints = functools.cache(typing.get_type_hints)

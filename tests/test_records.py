@@ -25,7 +25,7 @@ class Point:
 class Sheet:
     name: str
     count: int
-    share: float
+    fraction: float = dataclasses.field(metadata={"key": "share"})
     flag: bool
     points: tuple[Point, ...] = ()
     seconds: dict[str, float] = dataclasses.field(default_factory=dict)

@@ -200,7 +200,7 @@ def is_complete(folder: Path, job: Job, method: str) -> bool:
         frame, report = read_rendered(folder), read_report(folder)
     except LfsrError:
         return False  # an incomplete or older folder is rendered again
-    return report.method == method and _same(frame, job, report.share_frames)
+    return report.method == method and _same(frame, job, report.temporal_averaging)
 
 
 def _same(frame: Frame, job: Job, share_frames: int) -> bool:

@@ -14,7 +14,7 @@ from lfsr_core.progress import Progress, ProgressBar, silent
 
 if TYPE_CHECKING:  # its modules are slow to import, and `lfsr --help` is to be quick
     from lfsr_core.reconstruct.method_name import MethodName
-    from lfsr_core.reconstruct.second_stage import UpscaleOptions
+    from lfsr_core.reconstruct.options import UpscaleOptions
 
 NAME = "upscale"
 HELP = "redo only the second stage of a rendered frame folder"
@@ -63,7 +63,7 @@ def panel_method(arguments: argparse.Namespace) -> MethodName:
 
     name = arguments.method or PANEL_METHODS[0 if denoise.is_available() else -1]
     method = MethodName.parse(name)
-    check_panel_finish(method, vars(arguments))
+    check_panel_finish(method, options_of(arguments))
     return method
 
 
@@ -84,7 +84,7 @@ def chosen_method(name: str | None, scale: int, display: DisplayProfile) -> Meth
 
 def options_of(arguments: argparse.Namespace, progress: Progress = silent) -> UpscaleOptions:
     """How the frame is finished, besides the method."""
-    from lfsr_core.reconstruct.second_stage import UpscaleOptions
+    from lfsr_core.reconstruct.options import UpscaleOptions
 
     return UpscaleOptions(arguments.step, arguments.dilate, weights=arguments.weights, linear_exr=arguments.linear_exr,
                           temporal_averaging=arguments.temporal_averaging or 0, progress=progress)
@@ -108,4 +108,4 @@ def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> 
         return
     if frame.display.is_woven:
         print(f"{folder / PANEL_FILE}: the panel's image, woven for its lens sheet")
-    print(f"{folder / EIA_FILE}: {method}, {report.foreground_share:.0%} of the lenses are foreground ({times})")
+    print(f"{folder / EIA_FILE}: {method}, {report.foreground_fraction:.0%} of the lenses are foreground ({times})")

@@ -21,7 +21,8 @@ class Report:
     samples: int
     seconds: dict[str, float]  # of each stage
     peak_bytes: int | None  # most memory that the process held, None where the system does not say
-    foreground_share: float  # of the lenses, or of a panel's traced subpixels, in [0, 1]
+    # of the lenses, or of a panel's traced subpixels, in [0, 1]
+    foreground_fraction: float = dataclasses.field(metadata={"key": "foreground_share"})
     notes: tuple[str, ...] = ()  # what the user should know
     # against a reference, empty until it was compared
     metrics: dict[str, Any] = dataclasses.field(default_factory=dict)
@@ -31,7 +32,8 @@ class Report:
     layout: str = ""
     device: str = ""
     weights: str | None = None  # file that replaced the weights of the method's network, None for the shipped ones
-    share_frames: int = 0  # neighbouring frames to each side that were looked at
+    # neighbouring frames to each side that were looked at
+    temporal_averaging: int = dataclasses.field(default=0, metadata={"key": "share_frames"})
     neighbours: tuple[int, ...] = ()  # their numbers, those that could not be averaged included
 
 

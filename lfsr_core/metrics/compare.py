@@ -15,7 +15,8 @@ from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.frames.report import read_report, write_report
 from lfsr_core.images.png import read_mask
 from lfsr_core.metrics.eia_metrics import compare
-from lfsr_core.reconstruct.second_stage import UpscaleOptions, finished_linear, kept_linear
+from lfsr_core.reconstruct.options import UpscaleOptions
+from lfsr_core.reconstruct.second_stage import finished_linear, read_finished_linear
 
 LEAST_SAMPLES = 8
 
@@ -61,10 +62,10 @@ def compare_folders(folder: str | Path, reference: str | Path) -> Metrics:
     folder, frame = Path(folder), read_frame(folder)
     check_reference(frame, read_frame(reference))
     report = read_report(folder)
-    image = kept_linear(folder)
+    image = read_finished_linear(folder)
     if image is None:
         image = finished_linear(folder, report.method, UpscaleOptions(
-            dilate=report.dilate, weights=report.weights, temporal_averaging=report.share_frames))
+            dilate=report.dilate, weights=report.weights, temporal_averaging=report.temporal_averaging))
     known, mask = Reference.read(reference), read_mask(folder / MASK_FILE, frame.display.lenses)
     metrics = compare(image, (known.half_a, known.half_b), frame.display.lenses, known.foreground_mask(mask),
                       known.lens_list)

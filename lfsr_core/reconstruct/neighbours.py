@@ -27,7 +27,7 @@ class Neighbour:
     same_seed: bool  # True where its noise is the same, so that a mean over both has no less
 
     @property
-    def shares(self) -> bool:
+    def usable(self) -> bool:
         """True if it can be averaged with."""
         return self.same_rays and not self.same_seed
 
@@ -59,7 +59,7 @@ def read_low(folder: Path) -> LowResEIA:
     return low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], read_frame(folder))
 
 
-def sharing_notes(neighbours: Sequence[Neighbour]) -> list[str]:
+def averaging_notes(neighbours: Sequence[Neighbour]) -> list[str]:
     """A sentence where neighbours have the same noise, and one where they show other rays."""
     same = ", ".join(str(each.number) for each in neighbours if each.same_seed)
     other = ", ".join(str(each.number) for each in neighbours if not each.same_rays)

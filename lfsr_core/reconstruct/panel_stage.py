@@ -10,7 +10,6 @@ import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -29,6 +28,7 @@ from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.clock import StageClock, peak_bytes
 from lfsr_core.reconstruct.method_name import AS_RENDERED, PANEL_METHODS, MethodName
 from lfsr_core.reconstruct.methods import denoise
+from lfsr_core.reconstruct.options import UpscaleOptions
 
 OF_LENSES = ("dilate", "weights", "step", "linear_exr", "temporal_averaging")
 ROWS_AT_ONCE, MOST_WORKERS = 64, 8
@@ -41,10 +41,10 @@ def check_panel_method(method: MethodName) -> None:
                         f"choose one of {', '.join(PANEL_METHODS)}")
 
 
-def check_panel_finish(method: MethodName, options: Mapping[str, Any]) -> None:
-    """LfsrError where ``method``, or one of the options of ``UpscaleOptions`` by name, wants elemental images."""
+def check_panel_finish(method: MethodName, options: UpscaleOptions) -> None:
+    """LfsrError where ``method`` or one of the ``options`` needs elemental images."""
     check_panel_method(method)
-    for name in (name for name in OF_LENSES if options.get(name)):
+    for name in (name for name in OF_LENSES if getattr(options, name)):
         raise LfsrError(f"--{name.replace('_', '-')} is for elemental images, which the layout {SUBPIXELS} goes "
                         "without: leave it out")
 
@@ -70,7 +70,7 @@ def finish_panel(folder: Path, frame: Frame, method: MethodName, progress: Progr
     report = Report(
         method=method.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds={stage: round(seconds, 4) for stage, seconds in clock.seconds.items()}, peak_bytes=peak_bytes(),
-        foreground_share=float(foreground_pixels(layers).mean()), notes=tuple(exposure_notes(pixels, background)),
+        foreground_fraction=float(foreground_pixels(layers).mean()), notes=tuple(exposure_notes(pixels, background)),
         replaced_pixels=replaced, layout=frame.layout, device=frame.device)
     write_report(folder, report)
     return report

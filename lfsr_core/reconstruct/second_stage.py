@@ -31,14 +31,14 @@ from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.panel.gather_cache import cached_gather_map
 from lfsr_core.optics.panel.weave import weave
-from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct import registry
 from lfsr_core.reconstruct.assembly import Assembly, filled, place, upscale_all
 from lfsr_core.reconstruct.clock import StageClock, peak_bytes
 from lfsr_core.reconstruct.contract import Upscaler
 from lfsr_core.reconstruct.method_name import PLAIN_METHOD, MethodName
-from lfsr_core.reconstruct.methods.temporal_averaging import share
-from lfsr_core.reconstruct.neighbours import Neighbour, neighbours_of, read_low, sharing_notes
+from lfsr_core.reconstruct.methods.temporal_averaging import average_frames
+from lfsr_core.reconstruct.neighbours import Neighbour, averaging_notes, neighbours_of, read_low
+from lfsr_core.reconstruct.options import DEFAULT, UpscaleOptions
 from lfsr_core.reconstruct.panel_stage import check_panel_finish, finish_panel
 from lfsr_core.reconstruct.registry import Method
 from lfsr_core.reconstruct.world import BeforeWorld, prepared
@@ -47,25 +47,7 @@ FILL_METHOD = PLAIN_METHOD
 MOST_JUDGED = 200  # elemental images that say whether the picture is black
 
 
-@dataclasses.dataclass(frozen=True)
-class UpscaleOptions:
-    """How a frame is finished, besides the method."""
-
-    step: int | None = None  # elemental images per call of the method, None for as many as suit it
-    dilate: int = 0  # lenses by which the foreground mask grows
-    selection: bool = True  # False treats every lens as foreground
-    # file for the method's network instead of the shipped one; for a method given by name
-    weights: str | Path | None = None
-    linear_exr: bool = False  # whether the scene-linear eia.exr is written too
-    temporal_averaging: int = 0  # frames of the same animation to each side that are averaged where they show the same
-    progress: Progress = silent  # called with (stage, fraction, message)
-
-
-DEFAULT = UpscaleOptions()
-
-
-def upscale_frame(folder: str | Path, method: str | MethodName | Method,
-                  options: UpscaleOptions = DEFAULT) -> Report:
+def upscale_frame(folder: str | Path, method: str | MethodName, options: UpscaleOptions = DEFAULT) -> Report:
     """Write eia.png, mask.png and report.json of a rendered frame folder; return the report.
 
     And eia.exr where asked for, panel.png where the display has a lens sheet to weave for. Of a render of the panel's
@@ -73,12 +55,11 @@ def upscale_frame(folder: str | Path, method: str | MethodName | Method,
 
     LfsrError for bad input; then nothing in the folder is half-written.
     """
-    rendered = read_rendered(folder)
+    rendered, name = read_rendered(folder), MethodName.parse(method)
     if rendered.panel_rays:
-        name = method.name if isinstance(method, Method) else MethodName.parse(method)
-        check_panel_finish(name, vars(options))
+        check_panel_finish(name, options)
         return finish_panel(Path(folder), rendered, name, options.progress)
-    run = _begin(folder, method, options)
+    run = _begin(folder, registry.method(name, options.weights), options)
     show = _shown_by(run)
     assembly, replaced = _prepare(run)
     pixels, linear = _panel_images(run, show, assembly)
@@ -91,21 +72,19 @@ def upscale_frame(folder: str | Path, method: str | MethodName | Method,
     return report
 
 
-def panel_image(folder: str | Path, method: str | MethodName | Method,
-                options: UpscaleOptions = DEFAULT) -> Array:
+def panel_image(folder: str | Path, method: Method, options: UpscaleOptions = DEFAULT) -> Array:
     """The pixels of eia.png, (H, W, 3) uint8 in panel order. Writes nothing."""
     run = _begin(folder, method, options)
     show = _shown_by(run)
     return _panel_images(run, show, _prepare(run)[0])[0]
 
 
-def finished_linear(folder: str | Path, method: str | MethodName | Method,
-                    options: UpscaleOptions = DEFAULT) -> Array:
+def finished_linear(folder: str | Path, method: str | MethodName, options: UpscaleOptions = DEFAULT) -> Array:
     """The finished EIA, (H, W, 3) float32, scene-linear, in view order: what metrics compare. Writes nothing."""
-    return linear_and_mask(folder, method, options)[0]
+    return linear_and_mask(folder, registry.method(method, options.weights), options)[0]
 
 
-def kept_linear(folder: str | Path) -> Array | None:
+def read_finished_linear(folder: str | Path) -> Array | None:
     """The finished EIA as ``finished_linear`` makes it, from the folder's eia.exr; None where there is none.
 
     To half precision. A second stage that writes no eia.exr removes that of an earlier one.
@@ -127,8 +106,7 @@ def kept_linear(folder: str | Path) -> Array | None:
     return result
 
 
-def linear_and_mask(folder: str | Path, method: str | MethodName | Method,
-                    options: UpscaleOptions = DEFAULT) -> tuple[Array, Array]:
+def linear_and_mask(folder: str | Path, method: Method, options: UpscaleOptions = DEFAULT) -> tuple[Array, Array]:
     """``finished_linear`` and the foreground mask (sy, sx) that it was made with. Writes nothing."""
     run = _begin(folder, method, options)
     assembly, _ = _prepare(run)
@@ -175,12 +153,11 @@ class _Run:
     neighbours: list[Neighbour]  # frames that it may share with
 
 
-def _begin(folder: str | Path, method: str | MethodName | Method, options: UpscaleOptions) -> _Run:
-    chosen = method if isinstance(method, Method) else registry.method(method, options.weights)
+def _begin(folder: str | Path, method: Method, options: UpscaleOptions) -> _Run:
     frame = read_frame(folder)
-    chosen.name.check_scale(frame.scale)
+    method.name.check_scale(frame.scale)
     beside = neighbours_of(Path(folder), frame, options.temporal_averaging) if options.temporal_averaging else []
-    return _Run(Path(folder), frame, chosen, options, StageClock(), beside)
+    return _Run(Path(folder), frame, method, options, StageClock(), beside)
 
 
 def _shown_by(run: _Run) -> ViewTransform:
@@ -191,7 +168,7 @@ def _shown_by(run: _Run) -> ViewTransform:
 
 def _filler(method: Method, scale: int) -> Upscaler:
     """What finishes the lenses beside the foreground."""
-    return method.upscaler if scale == 1 else registry.method(FILL_METHOD).upscaler
+    return method.upscaler if scale == 1 else registry.CLASSICAL[FILL_METHOD]
 
 
 def _prepare(run: _Run) -> tuple[Assembly, int]:
@@ -219,7 +196,7 @@ def _with_neighbours(run: _Run, low: LowResEIA) -> LowResEIA:
         return low
     run.options.progress("share", 0.0, "neighbouring frames")
     with run.clock("share"):
-        return share(low, (read_low(each.folder) for each in run.neighbours if each.shares))
+        return average_frames(low, (read_low(each.folder) for each in run.neighbours if each.usable))
 
 
 def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[Array, Array | None]:
@@ -287,9 +264,9 @@ def _report(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> R
     return Report(
         method=name.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds={stage: round(seconds, 4) for stage, seconds in run.clock.seconds.items()},
-        peak_bytes=peak_bytes(), foreground_share=float(assembly.mask.mean()),
+        peak_bytes=peak_bytes(), foreground_fraction=float(assembly.mask.mean()),
         notes=(*filter(None, [frame.scale_reason]), *notes, *name.guide_notes(assembly.low.layers),
-               *assembly.upscaler.notes, *sharing_notes(run.neighbours)),
+               *assembly.upscaler.notes, *averaging_notes(run.neighbours)),
         replaced_pixels=replaced, dilate=options.dilate, layout=frame.layout, device=frame.device,
-        weights=str(options.weights) if options.weights else None, share_frames=options.temporal_averaging,
+        weights=str(options.weights) if options.weights else None, temporal_averaging=options.temporal_averaging,
         neighbours=tuple(each.number for each in run.neighbours))

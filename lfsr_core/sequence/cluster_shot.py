@@ -14,7 +14,7 @@ from lfsr_core.sequence.shot import DONE, Shot, state
 
 def render_on(cluster: Cluster, shot: Shot, tools: Tools) -> list[Result]:
     """As ``engine.render_shot``, on a cluster; errors also as of ``cluster.work_through``, and where frames share."""
-    if shot.second.share_frames:
+    if shot.second.temporal_averaging:
         raise LfsrError("--temporal-averaging was given, but each of several workers knows its own frames only: leave "
                         "out the workers, or --temporal-averaging")
     quiet = Tools(tools.blender, chunk=tools.chunk, overwrite=tools.overwrite)

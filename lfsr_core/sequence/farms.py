@@ -35,21 +35,21 @@ class FarmJob:
     linear_exr: bool = False
     parts: int = 1  # into how many, by rows of lenses, each frame is split
     display: str = ""  # file of the display's profile, empty for the built-in one of its name
-    share_frames: int = 0  # as of ``shot.SecondStage``
+    temporal_averaging: int = 0  # as of ``shot.SecondStage``
 
     def __post_init__(self) -> None:
         most = min(MOST_PARTS, self.job.display.lenses[1])
         if not 1 <= self.parts <= most:
             raise LfsrError(f"parts are {self.parts}, but they must be 1 to {most} on display "
                             f"{self.job.display.name}")
-        check_shared(self.share_frames)
+        check_shared(self.temporal_averaging)
 
     @property
     def values(self) -> dict[str, Any]:
         """Settings by the names that both templates use, those of Flamenco without capitals."""
         return {"Output": self.job.output, "Parts": self.parts, "Display": self.display or self.job.display.name,
                 "Scale": self.job.scale, "Samples": self.job.spp, "Seed": self.job.seed, "Device": self.job.device,
-                "Method": self.method, "Linear": LINEAR_EXR[self.linear_exr], "Share": self.share_frames}
+                "Method": self.method, "Linear": LINEAR_EXR[self.linear_exr], "Share": self.temporal_averaging}
 
 
 @dataclasses.dataclass(frozen=True)

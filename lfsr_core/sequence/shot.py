@@ -23,7 +23,7 @@ from lfsr_core.frames.job import AUTO, Job
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.exr import check_complete
 from lfsr_core.reconstruct.neighbours import numbered_beside
-from lfsr_core.reconstruct.second_stage import UpscaleOptions
+from lfsr_core.reconstruct.options import UpscaleOptions
 from lfsr_core.render.content import scene_content
 from lfsr_core.render.process import RENDERED_FILES, check_folder
 from lfsr_core.render.store import check_same, is_complete
@@ -42,13 +42,14 @@ class SecondStage:
     weights: str | None = None
     step: int | None = None
     linear_exr: bool = False
-    share_frames: int = 0  # neighbouring frames to each side that are averaged where they show the same
+    # neighbouring frames to each side that are averaged where they show the same
+    temporal_averaging: int = dataclasses.field(default=0, metadata={"key": "share_frames"})
 
     @property
     def options(self) -> UpscaleOptions:
         """For ``upscale_frame``."""
         return UpscaleOptions(self.step, self.dilate, weights=self.weights, linear_exr=self.linear_exr,
-                              temporal_averaging=self.share_frames)
+                              temporal_averaging=self.temporal_averaging)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,9 +71,10 @@ def shot_of(job: Job, frames: Iterable[int], second: SecondStage, lenient: bool 
     output = Path(job.output)
     if is_complete(output, "render") or is_complete(output, "reference"):
         raise LfsrError(f"{output} is a frame folder itself: choose another folder for the frames of an animation")
-    check_shared(second.share_frames)
+    check_shared(second.temporal_averaging)
     jobs = tuple(dataclasses.replace(job, frame=number, output=str(frame_folder(output, number)),
-                                     seed=seed_in_turn(job.seed, number, second.share_frames)) for number in frames)
+                                     seed=seed_in_turn(job.seed, number, second.temporal_averaging))
+                 for number in frames)
     return Shot(jobs, second, scene_content(job.scene), lenient)
 
 
@@ -96,7 +98,7 @@ def state(shot: Shot, job: Job) -> str:
 def beside(shot: Shot, job: Job) -> set[str]:
     """Folders of the frames that ``job`` shares with."""
     planned = (other.frame for other in shot.jobs if other.frame is not None)
-    return set(map(str, numbered_beside(Path(job.output), shot.second.share_frames, planned)))
+    return set(map(str, numbered_beside(Path(job.output), shot.second.temporal_averaging, planned)))
 
 
 def _has_shared(shot: Shot, job: Job) -> bool:
@@ -168,8 +170,8 @@ def _is_finished(folder: Path, second: SecondStage) -> bool:
         return False
     if second.linear_exr and not _is_whole(folder / EIA_LINEAR_FILE):
         return False
-    made = (report.method, report.dilate, report.weights, report.share_frames)
-    same = made == (second.method, second.dilate, second.weights, second.share_frames)
+    made = (report.method, report.dilate, report.weights, report.temporal_averaging)
+    same = made == (second.method, second.dilate, second.weights, second.temporal_averaging)
     return same and _ends_as_png(folder / (PANEL_FILE if report.layout == SUBPIXELS else EIA_FILE))
 
 

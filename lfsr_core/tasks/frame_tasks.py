@@ -25,7 +25,8 @@ def upscale(folder: str, method: str, linear_exr: bool = False, views: str | Non
     -------
     "method" and "seconds" per stage
     """
-    from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
+    from lfsr_core.reconstruct.options import UpscaleOptions
+    from lfsr_core.reconstruct.second_stage import upscale_frame
 
     report = upscale_frame(folder, method, UpscaleOptions(linear_exr=linear_exr, progress=emit_progress))
     if views:

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from lfsr_core.metrics.compare import compare_folders
-from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
+from lfsr_core.reconstruct.options import UpscaleOptions
+from lfsr_core.reconstruct.second_stage import upscale_frame
 from tests.support.synthetic import write_reference, write_render
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "reference" / "frame-folder.md"

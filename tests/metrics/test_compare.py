@@ -11,7 +11,8 @@ from lfsr_core.images.png import read_mask, write_mask
 from lfsr_core.metrics import compare as compare_module
 from lfsr_core.metrics.compare import compare_folders, sampled_recall
 from lfsr_core.optics.display import load_display
-from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
+from lfsr_core.reconstruct.options import UpscaleOptions
+from lfsr_core.reconstruct.second_stage import upscale_frame
 from tests.support.synthetic import write_reference, write_render
 
 

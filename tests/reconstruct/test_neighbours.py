@@ -7,8 +7,9 @@ import pytest
 
 from lfsr_core.frames.averaging import seed_in_turn
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.reconstruct.neighbours import near, neighbours_of, numbered_beside, sharing_notes
-from lfsr_core.reconstruct.second_stage import UpscaleOptions, linear_and_mask, upscale_frame
+from lfsr_core.reconstruct.neighbours import averaging_notes, near, neighbours_of, numbered_beside
+from lfsr_core.reconstruct.options import UpscaleOptions
+from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
 from tests.support.synthetic import IDENTITY, write_render
 
 
@@ -22,7 +23,7 @@ def film(folder, numbers, **changes):
 
 def numbers_near(folder, number, count):
     frame = folder / f"{number:04d}"
-    return [(each.number, each.shares) for each in neighbours_of(frame, read_frame(frame), count)]
+    return [(each.number, each.usable) for each in neighbours_of(frame, read_frame(frame), count)]
 
 
 def test_the_nearest_on_both_sides():
@@ -56,20 +57,21 @@ def test_an_array_that_moved_or_the_same_seed_shares_nothing(tmp_path):
     film(tmp_path, (1,), matrix_world=moved)
     assert numbers_near(tmp_path, 3, 2) == [(1, False), (2, True), (4, False)]
     found = neighbours_of(tmp_path / "0003", read_frame(tmp_path / "0003"), 2)
-    assert [note[:26] for note in sharing_notes(found)] == ["frames 4 have the same see", "nothing was shared with fr"]
-    assert not sharing_notes(found[1:2])
+    notes = averaging_notes(found)
+    assert [note[:26] for note in notes] == ["frames 4 have the same see", "nothing was shared with fr"]
+    assert not averaging_notes(found[1:2])
 
 
 def test_the_second_stage_averages_and_says_with_which(tmp_path):
     film(tmp_path, (1, 2, 3))
     report = upscale_frame(tmp_path / "0002", "bicubic", UpscaleOptions(temporal_averaging=1))
-    assert (report.share_frames, report.neighbours) == (1, (1, 3)) and report.seconds["share"] >= 0
+    assert (report.temporal_averaging, report.neighbours) == (1, (1, 3)) and report.seconds["share"] >= 0
     alone = upscale_frame(tmp_path / "0002", "bicubic")
-    assert (alone.share_frames, alone.neighbours) == (0, ()) and "share" not in alone.seconds
+    assert (alone.temporal_averaging, alone.neighbours) == (0, ()) and "share" not in alone.seconds
 
 
 def test_frames_without_noise_are_finished_as_alone(tmp_path):
     film(tmp_path, (1, 2))
-    images = [linear_and_mask(tmp_path / "0001", "bicubic", UpscaleOptions(temporal_averaging=count))[0]
+    images = [finished_linear(tmp_path / "0001", "bicubic", UpscaleOptions(temporal_averaging=count))
               for count in (0, 2)]
     np.testing.assert_allclose(*images, atol=1e-5)

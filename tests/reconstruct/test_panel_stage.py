@@ -11,7 +11,8 @@ from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame, read_render
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_png
-from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
+from lfsr_core.reconstruct.options import UpscaleOptions
+from lfsr_core.reconstruct.second_stage import upscale_frame
 from tests.support.panels import SHEETS, cells, hexagonal
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import fails, write_reference, write_render, write_traced
@@ -53,7 +54,7 @@ def test_noise_goes_from_what_was_traced(tmp_path):
     found = {}
     for method in ("none", "oidn", "oidn-fast"):
         report = upscale_frame(folder, method)
-        assert (report.method, report.layout) == (method, "subpixels") and 0 < report.foreground_share < 1
+        assert (report.method, report.layout) == (method, "subpixels") and 0 < report.foreground_fraction < 1
         found[method] = psnr(read_png(folder / PANEL_FILE), clean)
     assert min(found["oidn"], found["oidn-fast"]) > found["none"] + 1
 

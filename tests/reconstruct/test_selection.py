@@ -14,7 +14,8 @@ from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_mask, read_png
 from lfsr_core.optics import eia
 from lfsr_core.reconstruct import second_stage
-from lfsr_core.reconstruct.second_stage import UpscaleOptions
+from lfsr_core.reconstruct.options import UpscaleOptions
+from lfsr_core.reconstruct.registry import method
 from tests.support.prerequisites import needs_bpy
 from tests.support.slow_way import expected_linear
 from tests.support.synthetic import MINI, light_field, write_render
@@ -77,15 +78,15 @@ def test_mask_and_dilation_are_written(tmp_path):
     plain = read_mask(tmp_path / "mask.png")
     alpha = eia.to_elemental_images(read_layers(tmp_path / LOW_RES_FILE)["color"][..., 3:], MINI.lenses)
     np.testing.assert_array_equal(plain, alpha.any((2, 3, 4)))
-    assert report.foreground_share == pytest.approx(plain.mean())
-    assert second_stage.upscale_frame(tmp_path, "bicubic", UpscaleOptions(dilate=1)).foreground_share > plain.mean()
+    assert report.foreground_fraction == pytest.approx(plain.mean())
+    assert second_stage.upscale_frame(tmp_path, "bicubic", UpscaleOptions(dilate=1)).foreground_fraction > plain.mean()
     assert (read_mask(tmp_path / "mask.png") >= plain).all()
 
 
 def test_without_selection_every_lens_is_foreground(tmp_path):
     folder = write_render(tmp_path)
-    linear, mask = second_stage.linear_and_mask(folder, "bicubic")
-    whole, every = second_stage.linear_and_mask(folder, "bicubic", UpscaleOptions(selection=False))
+    linear, mask = second_stage.linear_and_mask(folder, method("bicubic"))
+    whole, every = second_stage.linear_and_mask(folder, method("bicubic"), UpscaleOptions(selection=False))
     assert every.all() and not mask.all()
     inside = np.repeat(np.repeat(mask, 8, 0), 8, 1)
     np.testing.assert_allclose(linear[inside], whole[inside], atol=1e-6)

@@ -9,14 +9,15 @@ import pytest
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.report import read_report
-from lfsr_core.reconstruct.second_stage import UpscaleOptions, upscale_frame
+from lfsr_core.reconstruct.options import UpscaleOptions
+from lfsr_core.reconstruct.second_stage import upscale_frame
 from lfsr_core.sequence.engine import KEPT, MADE, Tools, render_shot
 from lfsr_core.sequence.shot import SecondStage
 from tests.support.played_blender import played_blender
 from tests.support.shots import pictures, shot
 from tests.support.synthetic import fails
 
-SHARING = SecondStage("bicubic", share_frames=1)
+SHARING = SecondStage("bicubic", temporal_averaging=1)
 
 
 @pytest.fixture(scope="module")

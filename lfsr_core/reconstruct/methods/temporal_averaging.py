@@ -26,7 +26,7 @@ TINY = 1e-12
 VERSION = 1  # of what comes out: figures measured with another one are out of date
 
 
-def share(low: LowResEIA, others: Iterable[LowResEIA]) -> LowResEIA:
+def average_frames(low: LowResEIA, others: Iterable[LowResEIA]) -> LowResEIA:
     """The frame averaged with others, pixel by pixel as far as they show the same.
 
     ``others``: neighbouring frames of the same animation with random numbers of their own; one is held at a time.

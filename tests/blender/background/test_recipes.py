@@ -55,6 +55,6 @@ def test_a_frame_of_an_animation_that_shares_is_the_panels_in_spite_of_its_seed(
     for seed, share, whole in ((0, 0, True), (2, 0, False), (2, 2, True), (2, 1, True), (1, 2, False)):
         write_frame(recipe.folder, frame_of(job.scale, samples=job.spp, seed=seed, frame=3))
         write_report(recipe.folder, Report(recipe.method, "mini", job.scale, job.spp, {}, None, 1.0,
-                                           share_frames=share))
+                                           temporal_averaging=share))
         assert recipe.complete == whole
     assert not dataclasses.replace(recipe, method="bilinear").complete

@@ -19,8 +19,9 @@ from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.compare import compare_folders
 from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.reconstruct.options import UpscaleOptions
 from lfsr_core.reconstruct.registry import method
-from lfsr_core.reconstruct.second_stage import UpscaleOptions, finished_linear, upscale_frame
+from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
 from lfsr_lab.networks.networks import load
 from lfsr_lab.train import fit as fit_module
 from lfsr_lab.train.fit import FitOptions, fit

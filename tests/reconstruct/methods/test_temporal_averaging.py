@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.frames.low_res import LowResEIA
-from lfsr_core.reconstruct.methods.temporal_averaging import share, similarity, unchanged
+from lfsr_core.reconstruct.methods.temporal_averaging import average_frames, similarity, unchanged
 
 SHAPE = (10, 12, 4, 5, 3)
 BLOCK = (slice(2, 6), slice(3, 8))  # lenses in which something moves
@@ -35,13 +35,13 @@ def deviation(low: LowResEIA, clean: np.ndarray) -> float:
 def test_the_noise_of_a_static_scene_goes_down_by_the_root_of_the_frames(count, noise):
     clean = waves(0)
     frames = [frame(clean, seed, noise) for seed in range(count)]
-    ratio = deviation(share(frames[0], frames[1:]), clean) / deviation(frames[0], clean)
+    ratio = deviation(average_frames(frames[0], frames[1:]), clean) / deviation(frames[0], clean)
     assert ratio == pytest.approx(count**-0.5, rel=0.07)
 
 
 def test_the_mean_is_kept():
     clean = waves(0)
-    shared = share(frame(clean, 0), [frame(clean, seed) for seed in range(1, 5)])
+    shared = average_frames(frame(clean, 0), [frame(clean, seed) for seed in range(1, 5)])
     assert shared.color.mean() == pytest.approx(clean.mean(), rel=0.01)
     assert shared.color.dtype == np.float32 and shared.samples == 16
 
@@ -52,7 +52,7 @@ def test_what_moved_is_untouched_and_the_rest_shared():
     ours, other = frame(clean, 0, 0.1), frame(moved, 1, 0.1)
     weight = similarity(ours, other)
     assert weight[BLOCK].mean() < 0.05 and weight[:, 10:].mean() > 0.9
-    shared = share(ours, [other] * 4)
+    shared = average_frames(ours, [other] * 4)
     assert np.abs(shared.color - ours.color)[BLOCK].mean() < 0.2 * np.abs(other.color - ours.color)[BLOCK].mean()
 
 
@@ -89,26 +89,26 @@ def test_similarity_is_symmetrical_and_within_bounds():
 def test_equal_frames_share_everything_and_dark_ones_too():
     assert unchanged(np.zeros(SHAPE, np.float32)).min() == 1
     black = frame(np.zeros(SHAPE, np.float32), 0)
-    assert not share(black, [black]).color.any()
+    assert not average_frames(black, [black]).color.any()
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 1, 1, 3), (48, 16, 1, 4, 3), (3, 2, 2, 2, 3)])
 def test_few_lenses_and_views_along_one_axis(shape):
     clean = np.full(shape, 0.5, np.float32)
-    shared = share(frame(clean, 0), [frame(clean, seed) for seed in (1, 2)])
+    shared = average_frames(frame(clean, 0), [frame(clean, seed) for seed in (1, 2)])
     assert shared.color.shape == shape and np.isfinite(shared.color).all()
 
 
 def test_without_neighbours_nothing_changes():
     low = frame(waves(0), 0)
-    np.testing.assert_array_equal(share(low, []).color, low.color)
+    np.testing.assert_array_equal(average_frames(low, []).color, low.color)
 
 
 def test_layers_are_averaged_like_colour():
     clean = waves(0)
     noisy = [frame(clean, seed, albedo=frame(clean, seed + 10).color, opacity=frame(clean, seed + 20).color)
              for seed in range(4)]
-    shared = share(noisy[0], noisy[1:])
+    shared = average_frames(noisy[0], noisy[1:])
     assert np.std(shared.albedo - clean) < 0.6 * np.std(noisy[0].albedo - clean)
     assert np.std(shared.opacity - clean) < 0.6 * np.std(noisy[0].opacity - clean)
     assert dataclasses.replace(noisy[0], color=shared.color).samples == 16

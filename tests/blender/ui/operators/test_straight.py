@@ -50,7 +50,7 @@ def test_the_panels_picture_is_all_there_is(opened, rendered):
     picture, frame, report = read_png(folder / PANEL_FILE), read_rendered(folder), read_report(folder)
     assert picture.shape == (80, 120, 3) and picture.std() > 10
     assert (frame.layout, frame.scale, frame.layers, frame.samples) == ("subpixels", 1, (), 4)
-    assert (report.method, report.share_frames) == ("oidn", 0)
+    assert (report.method, report.temporal_averaging) == ("oidn", 0)
 
 
 def test_it_is_complete_for_these_settings_alone(opened, rendered):

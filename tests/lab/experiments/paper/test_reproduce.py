@@ -16,6 +16,7 @@ from lfsr_core.frames.reference import Reference
 from lfsr_core.metrics.compare import compare_folders
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES
 from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.second_stage import linear_and_mask, upscale_frame
 from lfsr_core.records import from_data, to_data
 from lfsr_core.render import store
@@ -99,7 +100,7 @@ def test_sampled_lenses_are_compared_as_they_are_elsewhere(frames, tmp_path):
     listed = tuple((row, column) for row in range(0, 12, 3) for column in range(0, 16, 2))
     write_reference(tmp_path, noise=0.02, lens_list=listed)
     reference, folder = Reference.read(tmp_path), frames.bench / "toy" / f"s4-spp{CLEAN}"
-    image, mask = linear_and_mask(folder, "bicubic")
+    image, mask = linear_and_mask(folder, method("bicubic"))
     found = quality.accuracy(quality.Picture(image, mask, read_frame(folder), reference))
     inside = [mask[row, column] for row, column in listed]
     assert 0 < sum(inside) < len(listed) and len(found.lens_ssim_fg) == reference.foreground.sum()

@@ -19,7 +19,7 @@ from lfsr_core.frames.reference import Reference
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import mean_of, stacked_ssim
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.reconstruct.methods.temporal_averaging import share, similarity
+from lfsr_core.reconstruct.methods.temporal_averaging import average_frames, similarity
 from lfsr_core.reconstruct.neighbours import near
 from lfsr_core.reconstruct.registry import Method
 from lfsr_core.reconstruct.second_stage import finished_lenses
@@ -116,7 +116,7 @@ def _shared(lows: Sequence[LowResEIA], number: int, window: Window) -> LowResEIA
     if window.where == AFTER or not others:
         return low
     if window.tested:
-        return share(low, others)
+        return average_frames(low, others)
     return dataclasses.replace(low, color=np.mean([low.color, *(other.color for other in others)], axis=0))
 
 
@@ -141,7 +141,7 @@ def cost_of_sharing(display: DisplayProfile, scale: int) -> float:
 
     low, other = (LowResEIA(layer(3), layer(1), 16, scale, layer(3), layer(3)) for _ in range(2))
     started = _cpu()
-    share(low, [other])
+    average_frames(low, [other])
     return _cpu() - started
 
 

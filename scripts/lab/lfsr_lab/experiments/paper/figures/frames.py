@@ -8,7 +8,8 @@ from pathlib import Path
 
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.second_stage import UpscaleOptions, panel_image
+from lfsr_core.reconstruct.options import UpscaleOptions
+from lfsr_core.reconstruct.second_stage import panel_image
 from lfsr_lab.experiments import plots
 from lfsr_lab.experiments.paper import quality, renders, timing, weights
 from lfsr_lab.experiments.paper.cells import Cells
