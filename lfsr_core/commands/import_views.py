@@ -27,11 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Import, finish where there is nothing to upscale, and say what to do next."""
-    from lfsr_core.exports.importing import Geometry, import_views
+    from lfsr_core.exports.importing import ImportGeometry, import_views
     from lfsr_core.reconstruct.second_stage import upscale_frame
 
     progress, folder = ProgressBar(), arguments.output
-    geometry = Geometry(arguments.width_mm, arguments.distance_mm, arguments.angle_deg, arguments.mirror)
+    geometry = ImportGeometry(arguments.width_mm, arguments.distance_mm, arguments.angle_deg, arguments.mirror)
     try:
         imported = import_views(arguments.source, folder, arguments.scale, geometry, progress)
         if arguments.scale == 1:

@@ -14,7 +14,7 @@ HELP = "find the cheapest scale, samples and method that reach an accuracy, from
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this verb; their defaults are those of plan.options.Options."""
+    """Arguments of this verb; their defaults are those of plan.options.PlanOptions."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     parser.add_argument("--target", type=float, metavar="0..1", help="accuracy to reach, default: 0.95")
     parser.add_argument("--metric", metavar="NAME",
@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Plan, print the table, and the command that renders the choice."""
     from lfsr_core.plan.candidates import default_methods
     from lfsr_core.plan.moving import Moving
-    from lfsr_core.plan.options import Options
+    from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import make_plan
     from lfsr_core.plan.renders import rendering
     from lfsr_core.plan.report import plan_report, table
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     names = ("target", "metric", "scales", "spps", "between", "methods", "most_seconds", "share", "lenses",
              "reference_spp")
-    options = Options(**{name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None})
+    options = PlanOptions(**{name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None})
     layers = layers_of(options.methods or default_methods())
     job = make_job(arguments, output=".", spp=1, layers=layers, scale=1)
     progress, blender = ProgressBar(), find_blender(arguments.blender)

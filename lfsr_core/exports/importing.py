@@ -31,7 +31,7 @@ MOST_PARAMETER_BYTES = 100_000
 
 
 @dataclasses.dataclass(frozen=True)
-class Geometry:
+class ImportGeometry:
     """What the pictures themselves do not tell; None for what the folder says, else the usual."""
 
     width_mm: float | None = None  # of the plane without parallax, which becomes the display
@@ -52,7 +52,7 @@ class Imported:
     notes: tuple[str, ...]  # what was assumed
 
 
-def import_views(source: str | Path, output: str | Path, scale: int = 1, geometry: Geometry | None = None,
+def import_views(source: str | Path, output: str | Path, scale: int = 1, geometry: ImportGeometry | None = None,
                  progress: Progress = silent) -> Imported:
     """Make a frame folder, as the render stage leaves it, of a folder of views.
 
@@ -68,7 +68,7 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
     ------
     LfsrError : for views that are missing, unreadable or of several sizes, a scale or geometry that cannot be
     """
-    source, output, geometry = Path(source), Path(output), geometry or Geometry()
+    source, output, geometry = Path(source), Path(output), geometry or ImportGeometry()
     check_folder(output, "render")
     known = _hci_parameters(source / PARAMETERS_FILE)
     files = find_views(source, known and known.columns).square()
@@ -88,7 +88,7 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
     return Imported(display, (*files.notes, *notes))
 
 
-def _display(files: ViewFiles, scale: int, given: Geometry, hci: _Hci | None) -> tuple[DisplayProfile, list[str]]:
+def _display(files: ViewFiles, scale: int, given: ImportGeometry, hci: _Hci | None) -> tuple[DisplayProfile, list[str]]:
     """Display whose lenses are the pictures' pixels, and what had to be assumed."""
     if not 1 <= scale <= MOST_SCALE:
         raise LfsrError(f"scale is {scale}, but it must be a whole number from 1 to {MOST_SCALE}")
@@ -118,7 +118,7 @@ class _Hci:
     focus: float
 
     def geometry(self, files: ViewFiles) -> dict[str, float]:
-        """The values of a ``Geometry``, by name."""
+        """The values of a ``ImportGeometry``, by name."""
         width = self.focus * self.sensor / self.focal * files.size[0] / max(files.size)
         angle = 2 * math.degrees(math.atan(self.baseline * files.count[0] / 2 / self.focus))
         return {"width_mm": width, "distance_mm": self.focus, "angle_deg": angle}

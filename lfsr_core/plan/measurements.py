@@ -17,7 +17,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import BETWEEN, Candidate, Rated, between, choose, samples_of
 from lfsr_core.plan.estimate import Estimate, Stratum, estimate
 from lfsr_core.plan.moving import Moving
-from lfsr_core.plan.options import Options
+from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.renders import SampleRenders
 from lfsr_core.plan.sample import STRATA, Budget, Lens, Mosaic, reach, with_neighbours
 from lfsr_core.plan.score import QuickLook, SampledReference, Scores, score, stage_time
@@ -29,7 +29,7 @@ class Question:
     """What is to be planned."""
 
     job: Job  # scene, display and frame; its scale, samples and output do not matter
-    options: Options  # target, metric and what the sample may cost
+    options: PlanOptions  # target, metric and what the sample may cost
     wanted: tuple[Candidate, ...]  # the candidates, cheapest render first
 
     @property

@@ -11,7 +11,7 @@ from lfsr_core.plan.candidates import METRICS, SAMPLES, Candidate, candidates
 
 
 @dataclasses.dataclass(frozen=True)
-class Options:
+class PlanOptions:
     """Target, candidates, and what the sample may cost; LfsrError for what cannot be."""
 
     target: float = 0.95  # accuracy to reach, in (0, 1)

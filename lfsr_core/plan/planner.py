@@ -18,7 +18,7 @@ from lfsr_core.plan import sample as plan_sample
 from lfsr_core.plan.candidates import Choice, Rated, choose, low_pixels, samples_of
 from lfsr_core.plan.measurements import LensSample, Measurements, Question
 from lfsr_core.plan.moving import Moving
-from lfsr_core.plan.options import Options
+from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.renders import REFERENCE_PARTS, SampleRenders
 from lfsr_core.plan.score import QuickLook, SampledReference, quick_look
 from lfsr_core.plan.times import TimeModel, path_samples, render_seconds
@@ -58,7 +58,7 @@ class Planned:
     sample: SampleFacts  # what was looked at
 
 
-def make_plan(job: Job, options: Options, render: Render, folder: Path,
+def make_plan(job: Job, options: PlanOptions, render: Render, folder: Path,
               progress: Progress | Moving = silent) -> Planned:
     """Plan for the scene, display and frame of a job.
 

@@ -7,14 +7,14 @@ import dataclasses
 from lfsr_core.frames.job import Job
 from lfsr_core.plan.candidates import BETWEEN, Choice, Rated
 from lfsr_core.plan.estimate import Estimate
-from lfsr_core.plan.options import Options
+from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.planner import Planned, SampleFacts
 
 MOST_ROWS = 5  # so that heading, rows, what it cost, the sentence and the command are ten lines
 HEADINGS = ("", "scale", "spp", "method", "seconds", "accuracy", "95 % above", "")
 
 
-def table(planned: Planned, options: Options, details: bool = True) -> str:
+def table(planned: Planned, options: PlanOptions, details: bool = True) -> str:
     """Measured candidates and the chosen one, cheapest first, what the sample cost, the choice in a sentence.
 
     Without ``details`` ten lines: of the candidates those that no cheaper one equals, around the choice.
@@ -48,7 +48,7 @@ def cost(planned: Planned) -> str:
             f"{sample.costliest_seconds:.0f} s")
 
 
-def sentence(choice: Choice, options: Options) -> str:
+def sentence(choice: Choice, options: PlanOptions) -> str:
     """The outcome for a person."""
     if choice.chosen is not None:
         row = choice.chosen
@@ -87,7 +87,7 @@ class PlanReport:
     scene: str
     display: str
     seed: int
-    options: Options  # of the plan
+    options: PlanOptions  # of the plan
     sample: SampleFacts  # what was looked at, and what that cost
     candidates: tuple[CandidateReport, ...]  # all of them, cheapest first
     chosen: CandidateReport | None  # the cheapest that meets the target, None where none does
@@ -96,7 +96,7 @@ class PlanReport:
     sentence: str  # the outcome for a person
 
 
-def plan_report(planned: Planned, options: Options, job: Job) -> PlanReport:
+def plan_report(planned: Planned, options: PlanOptions, job: Job) -> PlanReport:
     """The report of a finished plan."""
     choice = planned.choice
     chosen, best = (row and CandidateReport.of(row) for row in (choice.chosen, choice.best))
@@ -105,7 +105,7 @@ def plan_report(planned: Planned, options: Options, job: Job) -> PlanReport:
                       sentence(choice, options))
 
 
-def _row(row: Rated, choice: Choice, options: Options) -> tuple[str, ...]:
+def _row(row: Rated, choice: Choice, options: PlanOptions) -> tuple[str, ...]:
     mark = "→" if row is choice.chosen else ""
     known = ("–", "–") if row.estimate is None else (f"{row.estimate.mean:.3f}", f"{row.estimate.low:.3f}")
     note = row.note or ("meets it" if row.estimate is not None and row.estimate.low >= options.target else "")

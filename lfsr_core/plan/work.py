@@ -15,7 +15,7 @@ from typing import Any
 from lfsr_core import __version__
 from lfsr_core.files import locks
 from lfsr_core.frames.job import Job
-from lfsr_core.plan.options import Options
+from lfsr_core.plan.options import PlanOptions
 from lfsr_core.records import to_data
 from lfsr_core.render.content import scene_content
 from lfsr_core.render.parts import digest
@@ -28,7 +28,7 @@ NO_MATTER = ("output", "scale", "spp", "world", "parts")  # fields of the job th
 SECONDS_KEPT = 24 * 3600  # textures and linked files are not looked at, so no plan goes on from an old one
 
 
-def sample_facts(job: Job, options: Options) -> dict[str, Any]:
+def sample_facts(job: Job, options: PlanOptions) -> dict[str, Any]:
     """JSON-ready: what two plans must have in common to use the same renders."""
     same = {name: value for name, value in to_data(job).items() if name not in NO_MATTER}
     wanted = {(candidate.scale, candidate.spp) for candidate in options.candidates(job.display)}
@@ -37,7 +37,7 @@ def sample_facts(job: Job, options: Options) -> dict[str, Any]:
 
 
 @contextmanager
-def work_folder(folder: Path | None, job: Job, options: Options, warn: Warn) -> Iterator[Path]:
+def work_folder(folder: Path | None, job: Job, options: PlanOptions, warn: Warn) -> Iterator[Path]:
     """``folder``, or one in the user's cache that is gone after the block.
 
     An error or an interrupt leaves that one, if anything in it is whole, to the next plan of the same question for the

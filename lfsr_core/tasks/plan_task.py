@@ -26,7 +26,7 @@ def plan(job: dict[str, Any], options: dict[str, Any], command: list[str], work:
     Parameters
     ----------
     job : data of a frames.job.Job
-    options : data of a plan.options.Options
+    options : data of a plan.options.PlanOptions
     command : words that start a render, before the job file
     work : folder for the sample
 
@@ -36,13 +36,13 @@ def plan(job: dict[str, Any], options: dict[str, Any], command: list[str], work:
     """
     from lfsr_core.frames.job import Job
     from lfsr_core.plan.moving import Moving
-    from lfsr_core.plan.options import Options
+    from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import make_plan
     from lfsr_core.plan.renders import rendering
     from lfsr_core.plan.report import sentence
     from lfsr_core.records import from_data, to_data
 
-    wanted = from_data(Options, options, "options of the plan")
+    wanted = from_data(PlanOptions, options, "options of the plan")
     moving = Moving(emit_progress)
     render = rendering(RenderCommand(tuple(command)), emit_warning, moving)
     planned = make_plan(from_data(Job, job, "job of the plan"), wanted, render, Path(work), moving)

@@ -10,7 +10,7 @@ from PIL import Image
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.exports.formats import export
-from lfsr_core.exports.importing import Geometry, import_views
+from lfsr_core.exports.importing import ImportGeometry, import_views
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.frame import read_frame
@@ -66,7 +66,7 @@ def test_hci_tells_its_geometry(folder, tmp_path):
 
 
 def test_the_second_stage_makes_the_views_between(pictures, field, tmp_path):
-    imported = import_views(pictures, tmp_path / "frame", scale=2, geometry=Geometry(angle_deg=30.0))
+    imported = import_views(pictures, tmp_path / "frame", scale=2, geometry=ImportGeometry(angle_deg=30.0))
     assert "--width-mm 600, --distance-mm 1000" in imported.notes[0] and "angle" not in imported.notes[0]
     upscale_frame(tmp_path / "frame", "bilinear")
     made = read_light_field(tmp_path / "frame")
@@ -96,7 +96,7 @@ def test_stanford_cameras_are_ordered_by_place(field, tmp_path):
 
 
 def test_mirrored_cameras_are_turned_round(pictures, field, tmp_path):
-    import_views(pictures, tmp_path / "frame", geometry=Geometry(mirror="x"))
+    import_views(pictures, tmp_path / "frame", geometry=ImportGeometry(mirror="x"))
     upscale_frame(tmp_path / "frame", "none")
     np.testing.assert_array_equal(read_light_field(tmp_path / "frame").views, field.resampled((3, 3))[:, ::-1])
 
@@ -162,8 +162,8 @@ def test_refused_in_one_sentence(pictures, tmp_path, spoil, message):
 
 @pytest.mark.parametrize(("options", "message"), [
     ({"scale": 0}, "scale is 0"), ({"scale": 99}, "scale is 99"),
-    ({"geometry": Geometry(angle_deg=200.0)}, "between 1 and 120 degrees"),
-    ({"geometry": Geometry(width_mm=-1.0)}, "lengths above 0"),
+    ({"geometry": ImportGeometry(angle_deg=200.0)}, "between 1 and 120 degrees"),
+    ({"geometry": ImportGeometry(width_mm=-1.0)}, "lengths above 0"),
 ])
 def test_geometry_that_cannot_be(pictures, tmp_path, options, message):
     with pytest.raises(LfsrError, match=message):

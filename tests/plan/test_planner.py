@@ -20,7 +20,7 @@ from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.plan import planner, score
 from lfsr_core.plan.candidates import BETWEEN, Candidate
-from lfsr_core.plan.options import Options
+from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.planner import make_plan
 from lfsr_core.plan.report import sentence, table
 from lfsr_core.reconstruct.second_stage import finished_linear
@@ -28,7 +28,7 @@ from tests.support import noisy_renders
 from tests.support.noisy_renders import JOB, render
 from tests.support.synthetic import MINI, frame_of, light_field
 
-OPTIONS = Options(target=0.9, scales=(2, 4), spps=(4, 16, 64), methods=("nearest", "bilinear"), lenses=40,
+OPTIONS = PlanOptions(target=0.9, scales=(2, 4), spps=(4, 16, 64), methods=("nearest", "bilinear"), lenses=40,
                   reference_spp=1024, between=0)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lfsr_core.plan import score
-from lfsr_core.plan.options import Options
+from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.planner import make_plan
 from lfsr_core.plan.report import PlanReport, _front, plan_report, table
 from lfsr_core.records import read_record, write_record
@@ -19,7 +19,7 @@ def quick(monkeypatch):
 
 
 def test_report_says_everything(tmp_path):
-    options = Options(target=0.6, scales=(2, 4), spps=(4, 16, 64), methods=("nearest", "bilinear"), lenses=40,
+    options = PlanOptions(target=0.6, scales=(2, 4), spps=(4, 16, 64), methods=("nearest", "bilinear"), lenses=40,
                       reference_spp=1024, between=0)
     planned = make_plan(JOB, options, render, tmp_path / "sample")
     text = table(planned, options)

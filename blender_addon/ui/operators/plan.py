@@ -11,7 +11,7 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.plan import candidates
-from lfsr_core.plan.options import Options
+from lfsr_core.plan.options import PlanOptions
 from lfsr_core.reconstruct.method_name import layers_of
 from lfsr_core.records import from_data, to_data
 from lfsr_core.tasks.plan_task import Found
@@ -58,9 +58,9 @@ class LFSR_OT_plan_use(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def wanted(scene: bpy.types.Scene) -> Options:
+def wanted(scene: bpy.types.Scene) -> PlanOptions:
     """What to plan for: the scene's target and the methods of the panel."""
-    return Options(target=round(scene.lfsr.plan_target, 4), methods=methods())
+    return PlanOptions(target=round(scene.lfsr.plan_target, 4), methods=methods())
 
 
 def methods() -> tuple[str, ...]:
@@ -69,7 +69,7 @@ def methods() -> tuple[str, ...]:
     return tuple(name for name in candidates.default_methods() if name in listed)
 
 
-def find(job: Job, options: Options) -> Steps:
+def find(job: Job, options: PlanOptions) -> Steps:
     """Plan for a copy of this file; the result is a ``Found``."""
     with steps.file_copy() as copy:
         job = dataclasses.replace(job, scene=str(copy), output=str(copy.parent))

@@ -23,7 +23,7 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import BETWEEN, Candidate, between, samples_of
-from lfsr_core.plan.options import Options
+from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.planner import Planned, make_plan
 from lfsr_core.plan.renders import rendering
 from lfsr_core.records import write_record
@@ -63,7 +63,7 @@ class Case:
     display: DisplayProfile
 
 
-def validate(draw: Draw, render: Render, options: Options, targets: Sequence[float]) -> Iterator[Verdict]:
+def validate(draw: Draw, render: Render, options: PlanOptions, targets: Sequence[float]) -> Iterator[Verdict]:
     """One verdict per target; the sample in ``draw.work`` serves all targets.
 
     Parameters
@@ -189,7 +189,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(argv)
     folders = scenes(options.bench)
     files = {path.stem: str(path.resolve()) for path in options.scenes}
-    wanted = Options(metric=options.metric, spps=options.spps, methods=options.methods, lenses=options.lenses,
+    wanted = PlanOptions(metric=options.metric, spps=options.spps, methods=options.methods, lenses=options.lenses,
                      between=options.between, share=options.budget, reference_spp=options.reference_spp)
     rows: list[Verdict] = []
     try:
@@ -206,7 +206,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _scene(folder: Path, wanted: Options, options: argparse.Namespace, scene_file: str) -> list[Verdict]:
+def _scene(folder: Path, wanted: PlanOptions, options: argparse.Namespace, scene_file: str) -> list[Verdict]:
     rows: list[Verdict] = []
     kept = options.output / folder.name
     for seed in options.seeds:
@@ -230,13 +230,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--replay", action="store_true", help="cut the sample out of the bench's frames")
     parser.add_argument("--targets", type=_floats, default=TARGETS)
     parser.add_argument("--seeds", type=_ints, default=(101,))
-    parser.add_argument("--metric", default=Options.metric)
-    parser.add_argument("--spps", type=_ints, default=Options.spps)
-    parser.add_argument("--between", type=int, default=Options.between)
+    parser.add_argument("--metric", default=PlanOptions.metric)
+    parser.add_argument("--spps", type=_ints, default=PlanOptions.spps)
+    parser.add_argument("--between", type=int, default=PlanOptions.between)
     parser.add_argument("--methods", type=lambda text: tuple(text.split(",")), default=None)
     parser.add_argument("--lenses", type=int, default=None)
-    parser.add_argument("--budget", type=float, default=Options.share)
-    parser.add_argument("--reference-spp", type=int, default=Options.reference_spp)
+    parser.add_argument("--budget", type=float, default=PlanOptions.share)
+    parser.add_argument("--reference-spp", type=int, default=PlanOptions.reference_spp)
     parser.add_argument("--blender")
     return parser
 

@@ -1,0 +1,89 @@
+"""The programs of docs/reference/python.md: each runs as it stands, and passes a type checker."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import lfsr_core
+from tests.support.prerequisites import needs_bpy
+from tests.support.synthetic import write_render
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+PROGRAMS = dict(re.findall(r"^## ([^\n]+)\n(?:(?!^## ).)*?^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL))
+NEED_BLENDER = {"Render a scene", "Compare methods"}
+FILES = {"Render a scene": ["frame/eia.png", "frame/eia.exr"], "Compare methods": ["reference/reference_a.exr"],
+         "Work on the views": ["middle.png", "epi.png", "without-parallax.png"],
+         "See through an eye": ["eye-left.png", "eye-middle.png", "eye-right.png"],
+         "Hand it on": ["frame/view.html", "imported/eia.png"]}
+
+
+def run(folder: Path, *command: str | Path) -> str:
+    done = subprocess.run([sys.executable, *map(str, command)], cwd=folder, capture_output=True, text=True, check=False,
+                          env=os.environ | {"PYTHONPATH": str(ROOT), "PYTHONUTF8": "1"})
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("scene") / "scene.blend"
+    run(ROOT, ROOT / "scripts" / "lab" / "lfsr_lab" / "scenes" / "demo_scene.py", path)
+    return path
+
+
+def test_there_are_five_programs():
+    assert set(PROGRAMS) == set(FILES)
+
+
+@needs_bpy
+@pytest.mark.slow
+def test_programs_that_render(tmp_path, scene):
+    (tmp_path / "scene.blend").symlink_to(scene)
+    for name in (name for name in PROGRAMS if name in NEED_BLENDER):
+        shown = run(tmp_path, "-c", PROGRAMS[name])
+        assert shown and all((tmp_path / file).exists() for file in FILES[name]), name
+
+
+@pytest.mark.parametrize("name", sorted(set(FILES) - NEED_BLENDER))
+def test_programs_on_a_finished_frame(tmp_path, name):
+    lfsr_core.upscale_frame(write_render(tmp_path / "frame"), "bilinear")
+    run(tmp_path, "-c", PROGRAMS[name])
+    assert all((tmp_path / file).exists() for file in FILES[name])
+
+
+def test_every_public_name_is_on_the_page():
+    missing = [name for name in lfsr_core.__all__ if not re.search(rf"\b{name}\b", PAGE)]
+    assert missing == ["__version__"]
+
+
+USER = """import lfsr_core
+from lfsr_core import Frame, Metrics, Report, UpscaleOptions, compare_folders, read_frame, read_views, upscale_frame
+
+frame: Frame = read_frame("frame")
+report: Report = upscale_frame("frame", "light", UpscaleOptions(dilate=1))
+metrics: Metrics = compare_folders("frame", "reference")
+brightest: int = int(read_views("frame").max())
+print(report.seconds["render"], metrics.notes, brightest, frame.display.lenses[0] + 1, lfsr_core.__version__)
+"""
+WRONG = ["from lfsr_core import upscale_frames", "from lfsr_core import UpscaleOptions; UpscaleOptions(dilate='1')",
+         "from lfsr_core import compare_folders; compare_folders('a', 'b')['p']",
+         "from lfsr_core import read_frame; read_frame('a').display.lense"]
+
+
+@pytest.mark.slow
+def test_a_strict_type_checker_knows_the_public_names(tmp_path):
+    right = {f"right{number}": text for number, text in enumerate([USER, *PROGRAMS.values()])}
+    wrong = {f"wrong{number}": text + "\n" for number, text in enumerate(WRONG)}
+    for name, text in (right | wrong).items():
+        (tmp_path / f"{name}.py").write_text(text, encoding="utf-8")
+    checked = subprocess.run([sys.executable, "-m", "mypy", "--strict", "--ignore-missing-imports",
+                              "--follow-imports=silent", *sorted(tmp_path.glob("*.py"))], cwd=ROOT, check=False,
+                             capture_output=True, text=True, env=os.environ | {"MYPYPATH": str(ROOT)})
+    assert set(re.findall(r"(\w+)\.py:\d+: error", checked.stdout)) == set(wrong), checked.stdout + checked.stderr
