@@ -32,3 +32,8 @@ def test_code_points_to_documents_that_are_there():
                 for path in MENTION.findall((ROOT / name).read_text(encoding="utf-8"))}
     assert len(mentions) > 20
     assert sorted(pair for pair in mentions if not (ROOT / pair[1]).exists()) == []
+
+
+def test_documents_outside_the_notebook_can_be_read_in_an_afternoon():
+    pages = [name for name in tracked("*.md") if not name.startswith("docs/notebook/")]
+    assert sum(len((ROOT / name).read_text(encoding="utf-8").split()) for name in pages) <= 30_000

@@ -26,7 +26,7 @@ from lfsr_lab.experiments.stress.records import Report, Settings
 from lfsr_lab.experiments.stress.report import write_report
 from tests.support.synthetic import MINI, fails, frame_of, write_reference, write_render
 
-DOCUMENT = Path(__file__).parents[4] / "docs" / "results" / "stress.md"
+DOCUMENT = Path(__file__).parents[4] / "docs" / "notebook" / "stress.md"
 TYPES = {"text": str, "integer": int, "number": (int, float), "array": list, "object": dict, "null": type(None)}
 DIALS, FRAMES, SCALE = ("samples", "wire", "motion", "eye", "recall"), 2, 2
 OPTIONS = ["--dials", ",".join(DIALS), "--methods", "bilinear,nearest", "--quick", "--display", "mini",
@@ -169,7 +169,7 @@ def test_another_version_of_a_method_is_measured_again(bench, monkeypatch):
 @pytest.mark.parametrize(("name", "hidden"), [("stress", ()), ("stress-epi", ("oidn-fast+bilinear",
                                                                              "oidn-guided+bilinear"))])
 def test_published_reports_are_read_and_are_what_the_document_shows(name, hidden):
-    published = read_record(DOCUMENT.parent / "measured" / f"{name}.json", Report, "a report of the stability suite")
+    published = read_record(DOCUMENT.parents[1] / "results" / "measured" / f"{name}.json", Report, "a report of the stability suite")
     document = DOCUMENT.read_text(encoding="utf-8")
     methods = [method for method in published.methods if method not in hidden]
     for dial in published.dials:
