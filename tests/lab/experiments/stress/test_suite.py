@@ -169,7 +169,8 @@ def test_another_version_of_a_method_is_measured_again(bench, monkeypatch):
 @pytest.mark.parametrize(("name", "hidden"), [("stress", ()), ("stress-epi", ("oidn-fast+bilinear",
                                                                              "oidn-guided+bilinear"))])
 def test_published_reports_are_read_and_are_what_the_document_shows(name, hidden):
-    published = read_record(DOCUMENT.parents[1] / "results" / "measured" / f"{name}.json", Report, "a report of the stability suite")
+    measured = DOCUMENT.parents[1] / "results" / "measured" / f"{name}.json"
+    published = read_record(measured, Report, "a report of the stability suite")
     document = DOCUMENT.read_text(encoding="utf-8")
     methods = [method for method in published.methods if method not in hidden]
     for dial in published.dials:
