@@ -10,10 +10,10 @@ import bpy
 
 from lfsr_core import __version__
 from lfsr_core.frames.frame import Frame
+from lfsr_core.frames.identity import digest, job_facts
 from lfsr_core.frames.job import Job
 from lfsr_core.records import to_data
 from lfsr_core.render.content import file_content, stamp
-from lfsr_core.render.parts import digest
 
 from ..scene.notices import image_files
 
@@ -39,9 +39,7 @@ def inputs(scene: bpy.types.Scene, job: Job, frame: Frame, content: str) -> dict
     frame : the job's, as placed
     content : of the scene's file
     """
-    settings = to_data(job) | to_data(dataclasses.replace(frame, seconds={}))
-    for name in ("output", "parts", "world"):
-        del settings[name]
+    settings = job_facts(job) | to_data(dataclasses.replace(frame, seconds={}))
     # A panel renders copies of its file: their content counts, not where they lie.
     settings |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail}
     program = [__version__, *(file_content(path) for name in SOURCES

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 import zlib
@@ -12,7 +13,8 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import check_name
 from lfsr_core.frames.averaging import seed_in_turn
-from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, SUBPIXELS, Frame, read_rendered
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, SUBPIXELS, read_rendered
+from lfsr_core.frames.identity import is_same, on_any_device
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
 from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale, scales_up_to
@@ -200,15 +202,9 @@ def is_complete(folder: Path, job: Job, method: str) -> bool:
         frame, report = read_rendered(folder), read_report(folder)
     except LfsrError:
         return False  # an incomplete or older folder is rendered again
-    return report.method == method and _same(frame, job, report.temporal_averaging)
-
-
-def _same(frame: Frame, job: Job, share_frames: int) -> bool:
-    """True if ``frame`` was rendered as ``job`` says, alone or in an animation whose frames share."""
-    seed = seed_in_turn(job.seed, frame.frame, share_frames)
-    wanted = (job.display, job.scale, job.spp, seed, job.frame, job.layout == SUBPIXELS)
-    made = (frame.display, frame.scale, frame.samples, frame.seed, frame.frame, frame.layout == SUBPIXELS)
-    return made == wanted
+    # In an animation with temporal averaging neighbouring frames have seeds of their own.
+    job = dataclasses.replace(job, seed=seed_in_turn(job.seed, frame.frame, report.temporal_averaging))
+    return report.method == method and is_same(frame, on_any_device(job))
 
 
 def check_image(folder: Path, purpose: str) -> None:

@@ -12,11 +12,13 @@ from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import REFERENCE_FILES, Frame, read_frame
+from lfsr_core.frames.identity import first_difference, phrases
 from lfsr_core.frames.low_res import over_background
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import to_elemental_images
 
+SAME_AS_REFERENCE = ("display", "convention", "frame", "world_visible")
 MOST_NAME = 60  # characters of a scene's in a message
 
 
@@ -96,14 +98,11 @@ def check_reference(frame: Frame, reference: Frame) -> None:
     """LfsrError unless ``reference`` shows at full resolution what ``frame`` shows."""
     if reference.scale != 1:
         raise LfsrError(f"the reference has scale {reference.scale}, but it must be 1: render it with 'lfsr reference'")
-    pairs = {"display": (frame.display, reference.display), "convention": (frame.convention, reference.convention),
-             "frame number": (frame.frame, reference.frame),
-             "the world": tuple("seen" if of.world_visible else "hidden" for of in (frame, reference))}
-    for name, (ours, theirs) in pairs.items():
-        if ours != theirs:
-            shown = (ours.name, theirs.name) if name == "display" and ours.name != theirs.name else (ours, theirs)
-            raise LfsrError(f"the reference was rendered with {name} {shown[1]}, but the frame with {name} {shown[0]}: "
-                            "render the reference of the same frame in the same way")
+    name = first_difference(vars(reference), {name: vars(frame)[name] for name in SAME_AS_REFERENCE})
+    if name:
+        theirs, ours = phrases(name, vars(reference)[name], vars(frame)[name])
+        raise LfsrError(f"the reference was rendered with {theirs}, but the frame with {ours}: "
+                        "render the reference of the same frame in the same way")
     if not _same_place(frame, reference):
         raise LfsrError(_elsewhere(frame, reference))
     if frame.lens_list is not None and frame.lens_list != reference.lens_list:

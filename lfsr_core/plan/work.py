@@ -14,26 +14,25 @@ from typing import Any
 
 from lfsr_core import __version__
 from lfsr_core.files import locks
+from lfsr_core.frames.identity import PLACES, digest, job_facts
 from lfsr_core.frames.job import Job
 from lfsr_core.plan.options import PlanOptions
-from lfsr_core.records import to_data
 from lfsr_core.render.content import scene_content
-from lfsr_core.render.parts import digest
 from lfsr_core.render.parts_folder import has_parts
 from lfsr_core.render.process import Warn
 from lfsr_core.render.staging import LOCK_FILE
 from lfsr_core.render.store import is_complete
 
-NO_MATTER = ("output", "scale", "spp", "world", "parts")  # fields of the job that is planned for
+NO_MATTER = (*PLACES, "scale", "spp")  # fields of the job that is planned for
 SECONDS_KEPT = 24 * 3600  # textures and linked files are not looked at, so no plan goes on from an old one
 
 
 def sample_facts(job: Job, options: PlanOptions) -> dict[str, Any]:
     """JSON-ready: what two plans must have in common to use the same renders."""
-    same = {name: value for name, value in to_data(job).items() if name not in NO_MATTER}
     wanted = {(candidate.scale, candidate.spp) for candidate in options.candidates(job.display)}
-    return same | {"lenses": options.lenses, "share": options.share, "reference_spp": options.reference_spp,
-                   "metric": options.metric, "renders": [list(pair) for pair in sorted(wanted)]}
+    return job_facts(job, NO_MATTER) | {
+        "lenses": options.lenses, "share": options.share, "reference_spp": options.reference_spp,
+        "metric": options.metric, "renders": [list(pair) for pair in sorted(wanted)]}
 
 
 @contextmanager

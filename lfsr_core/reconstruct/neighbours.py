@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, Frame, read_frame
+from lfsr_core.frames.identity import first_difference
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.images.exr import clean, read_layers
 
@@ -71,8 +72,8 @@ def averaging_notes(neighbours: Sequence[Neighbour]) -> list[str]:
 
 def _neighbour(folder: Path, frame: Frame) -> Neighbour:
     other = read_frame(folder)
-    same = all(getattr(frame, name) == getattr(other, name) for name in COMMON)
-    return Neighbour(folder, int(folder.name), same, frame.seed == other.seed)
+    other_rays = first_difference(vars(other), {name: vars(frame)[name] for name in COMMON})
+    return Neighbour(folder, int(folder.name), not other_rays, frame.seed == other.seed)
 
 
 def _is_rendered(folder: Path) -> bool:

@@ -10,13 +10,13 @@ import dataclasses
 import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
 from lfsr_core.frames.frame import FRAME_FILE, REFERENCE_FILES, WORLD_FILE, Frame, read_part, write_frame
+from lfsr_core.frames.identity import first_difference, phrases
 from lfsr_core.images import exr
 from lfsr_core.optics.lens_rows import check_cover, pixel_rows, rows_text
 from lfsr_core.progress import Progress, silent
@@ -127,19 +127,15 @@ def _check_same(found: list[_Found], free: set[str]) -> None:
     for part in found[1:]:
         if part.kind != first.kind:
             raise LfsrError(f"{part.folder} holds a {part.kind}, but {first.folder} a {first.kind}: leave one out")
-        for field in dataclasses.fields(Frame):
-            ours, theirs = getattr(first.frame, field.name), getattr(part.frame, field.name)
-            if field.name not in free and ours != theirs:
-                raise LfsrError(f"{part.folder} was rendered with another {field.name.replace('_', ' ')} than "
-                                f"{first.folder}{_both(theirs, ours)}: render the one again like the other")
+        ours, theirs = ({name: value for name, value in vars(of.frame).items() if name not in free}
+                        for of in (first, part))
+        if name := first_difference(theirs, ours):
+            here, there = phrases(name, theirs[name], ours[name])
+            raise LfsrError(f"{part.folder} was rendered with {here}, but {first.folder} with {there}: "
+                            "render one of them again like the other")
         if first.frame.content and part.frame.content and first.frame.content != part.frame.content:
             raise LfsrError(f"{part.folder} was rendered from {part.frame.scene} with another content than "
                             f"{first.folder}: render the one again like the other")
-
-
-def _both(theirs: Any, ours: Any) -> str:
-    plain = all(isinstance(value, (str, int, float)) for value in (theirs, ours))
-    return f" ({theirs!r}, not {ours!r})" if plain else ""
 
 
 def _write(found: list[_Found], fill: Fill, output: Path, frame: Frame, progress: Progress) -> None:

@@ -7,8 +7,6 @@ which range of which image of which inputs, so that parts of different renders n
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
 import os
 import shutil
 from collections.abc import Iterable, Mapping
@@ -16,11 +14,11 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
+from lfsr_core.frames.identity import digest, first_difference
 from lfsr_core.images.exr import check_complete
 from lfsr_core.render.parts_folder import RANGE, has_parts
 
 INPUTS_FILE = "inputs.json"
-DIGEST_SIZE = 12  # bytes
 
 
 @dataclasses.dataclass(frozen=True, order=True)
@@ -45,11 +43,6 @@ def gaps(count: int, parts: Iterable[Part]) -> list[Part]:
             found.append(Part(at, part.first))
         at = max(at, part.last)
     return found
-
-
-def digest(data: object) -> str:
-    """Short text that differs where JSON-ready ``data`` does."""
-    return hashlib.blake2b(json.dumps(data, sort_keys=True).encode(), digest_size=DIGEST_SIZE).hexdigest()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,10 +90,9 @@ def remove_others(folder: Path, inputs: Mapping[str, str]) -> str:
         return ""
     removed = has_parts(folder)
     shutil.rmtree(folder, ignore_errors=True)
-    old = known if isinstance(known, dict) else {}
-    other = [name for name, value in inputs.items() if old.get(name) != value]
-    return (f"what was kept of an earlier render was made with other {', '.join(other)}: it is removed, and the render "
-            "starts from the beginning") if removed else ""
+    name = first_difference(known if isinstance(known, dict) else {}, inputs)
+    return (f"the parts of an earlier render were made with other {name}: they are removed, and the render starts from "
+            "the beginning") if removed else ""
 
 
 def _part_of(text: str) -> Part | None:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import FRAME_FILE, LAYOUTS, SUBPIXELS, Frame, read_part
+from lfsr_core.frames.frame import FRAME_FILE
+from lfsr_core.frames.identity import check_same
 from lfsr_core.frames.job import Job, check_scene
-from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.lens_rows import rows_text
 from lfsr_core.progress import ProgressBar
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import RENDERED_FILES, run_job
@@ -30,29 +28,6 @@ def kept(job: Job, render: Render) -> Path:
         render(job)
     check_same(folder, job)
     return folder
-
-
-def check_same(folder: Path, job: Job) -> None:
-    """LfsrError unless ``folder`` holds what ``job`` asks for.
-
-    A reference may have other samples and lenses: all that use one ask it which. A device that
-    does not run the OSL camera renders through the lens card where one pass was asked for.
-    """
-    found, wanted = fingerprint(read_part(folder)), fingerprint(job)
-    free = {"samples", "lens_list"} if job.kind == "reference" else set()
-    free |= {"layout"} if job.layout == LAYOUTS[0] and found["layout"] != SUBPIXELS else set()
-    free |= {"scale", "samples"} if found["scale"] in job.scales else set()
-    for name in (name for name in wanted if name not in free):
-        if found[name] != wanted[name]:
-            raise LfsrError(f"{folder} was rendered with {name.replace('_', ' ')} {_shown(found[name], wanted[name])}, "
-                            f"but {_shown(wanted[name], found[name])} is needed: choose another folder")
-
-
-def fingerprint(render: Job | Frame) -> dict[str, Any]:
-    """What a finished render and the job it was made for have in common, and two different renders do not."""
-    return {"display": render.display, "scale": render.scale, "convention": render.convention,
-            "layout": render.layout, "samples": render.spp if isinstance(render, Job) else render.samples,
-            "lens_list": render.lens_list, "rows": render.rows}
 
 
 class Bar(Protocol):
@@ -83,15 +58,3 @@ def with_blender(executable: str | None = None, announce: bool = True, bar: Bar 
         finally:
             shown_in.close()
     return render
-
-
-def _shown(value: Any, other: Any) -> Any:
-    """``value`` in a sentence: displays by name, or by what differs under one name, lists of lenses by their number."""
-    if any(isinstance(of, tuple) and isinstance(of[0], int) for of in (value, other)):
-        return rows_text(value) if value else "1 to the last"
-    if isinstance(value, tuple) or value is None:
-        return f"of {len(value)} lenses" if value else "of all lenses"
-    if not isinstance(value, DisplayProfile) or value.name != other.name:
-        return getattr(value, "name", value)
-    differing = next(name for name in vars(value) if getattr(value, name) != getattr(other, name))
-    return f"{value.name} of {differing}={getattr(value, differing)!r}"

@@ -6,17 +6,15 @@ Shares lie in a hidden folder beside the reference until all are there; the same
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.frames.identity import digest, job_facts
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.lens_rows import parse_rows
 from lfsr_core.progress import Progress
-from lfsr_core.records import to_data
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.content import scene_content
 from lfsr_core.render.merge import merge
@@ -103,10 +101,8 @@ def _most(job: Job, by: str) -> int:
 
 def _folder(job: Job, by: str, count: int) -> Path:
     """Named by all that decides the pixels, so that shares of another reference are never taken for this one's."""
-    decides = [to_data(dataclasses.replace(job, output="")), scene_content(job.scene), by, count]
-    digest = hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()[:12]
     output = Path(job.output)
-    return output.with_name(f"{_prefix(output)}{digest}")
+    return output.with_name(f"{_prefix(output)}{digest([job_facts(job), scene_content(job.scene), by, count])}")
 
 
 def _prefix(output: Path) -> str:

@@ -12,21 +12,21 @@ from lfsr_core.frames.averaging import check_shared, seed_in_turn
 from lfsr_core.frames.frame import (
     EIA_FILE,
     EIA_LINEAR_FILE,
-    LAYOUTS,
     PANEL_FILE,
     SUBPIXELS,
     Frame,
     frame_folder,
     read_part,
 )
-from lfsr_core.frames.job import AUTO, Job
+from lfsr_core.frames.identity import check_same, is_same, on_any_device
+from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.exr import check_complete
 from lfsr_core.reconstruct.neighbours import numbered_beside
 from lfsr_core.reconstruct.options import UpscaleOptions
 from lfsr_core.render.content import scene_content
 from lfsr_core.render.process import RENDERED_FILES, check_folder
-from lfsr_core.render.store import check_same, is_complete
+from lfsr_core.render.store import is_complete
 
 PNG_END = b"IEND\xaeB`\x82"
 TO_RENDER, TO_FINISH, DONE = "to render", "to finish", "done"
@@ -86,10 +86,10 @@ def state(shot: Shot, job: Job) -> str:
     if frame is None:
         return TO_RENDER
     if shot.lenient:
-        if not _is_same(folder, job, frame):
+        if not is_same(frame, on_any_device(job)):
             return TO_RENDER
     else:
-        _check_same(folder, job, frame, shot.content)
+        check_same(folder, job, shot.content, None, "give --overwrite, or choose another folder")
     if not all(_is_whole(folder / name) for name in RENDERED_FILES[job.kind]):
         return TO_RENDER
     return DONE if _is_finished(folder, shot.second) and _has_shared(shot, job) else TO_FINISH
@@ -117,41 +117,6 @@ def _readable(folder: Path) -> Frame | None:
     with contextlib.suppress(LfsrError):
         return read_part(folder)
     return None
-
-
-def _is_same(folder: Path, job: Job, frame: Frame) -> bool:
-    """True if the frame was rendered with the settings of ``job``, on whatever device."""
-    try:
-        layout = job.layout if job.layout == SUBPIXELS else LAYOUTS[0]
-        _check_same(folder, dataclasses.replace(job, device=AUTO, layout=layout), frame, "")
-    except LfsrError:
-        return False
-    return True
-
-
-def _check_same(folder: Path, job: Job, frame: Frame, content: str) -> None:
-    check_same(folder, job)
-    found = {"frame": frame.frame, "seed": frame.seed, "view aperture": frame.view_aperture, "subject": frame.subject,
-             "camera": frame.camera}
-    wanted = {"frame": job.frame, "seed": job.seed, "view aperture": job.view_aperture, "subject": job.subject or "",
-              "camera": job.camera or ""}
-    if job.device != AUTO:
-        found["device"], wanted["device"] = frame.device, job.device
-    if job.layout != LAYOUTS[0]:
-        found["layout"], wanted["layout"] = frame.layout, job.layout
-    if job.world_visible is not None:
-        found["world visible"], wanted["world visible"] = frame.world_visible, job.world_visible
-    for name, value in found.items():
-        if value != wanted[name]:
-            raise LfsrError(f"{folder} was rendered with {name} {value}, but {wanted[name]} is needed: give "
-                            "--overwrite, or choose another folder")
-    missing = sorted(set(job.layers) - set(frame.layers))
-    if missing:
-        raise LfsrError(f"{folder} was rendered without the layer {', '.join(missing)}: give --overwrite, or "
-                        "choose another folder")
-    if content and frame.content and content != frame.content:
-        raise LfsrError(f"{folder} was rendered before {frame.scene} was changed: give --overwrite, or choose another "
-                        "folder")
 
 
 def _is_whole(path: Path) -> bool:

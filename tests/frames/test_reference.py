@@ -76,7 +76,7 @@ SHIFTED = tuple(tuple(value + 0.3 * (column == 3) for column, value in enumerate
     ({"display": dataclasses.replace(load_display("mini"), viewing_angle_deg=30.0)}, "display"),
     ({"convention": "paper"}, "convention paper"),
     ({"frame": 7}, "frame number 7"),
-    ({"world_visible": True}, "with the world seen, but the frame with the world hidden"),
+    ({"world_visible": True}, "with visible world, but the frame with no visible world"),
     ({"array": dataclasses.replace(REFERENCE.array, distance=9.0)}, "cameras"),
     ({"array": dataclasses.replace(REFERENCE.array, spacing=REFERENCE.array.spacing * 1.01)}, "cameras"),
     ({"matrix_world": SHIFTED}, "cameras"),

@@ -64,7 +64,7 @@ def test_a_frame_is_finished_again_when_more_lie_beside_it(made):
 
 
 def test_frames_that_did_not_share_are_refused(made):
-    with pytest.raises(LfsrError, match="seed 6, but 5 is needed"):
+    with pytest.raises(LfsrError, match="seed 6, but seed 5 was asked for"):
         render_shot(shot(made, (2,)), Tools("/must/not/run"))
 
 

@@ -18,12 +18,13 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
+from lfsr_core.frames.identity import check_same
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.progress import ProgressBar
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import Listener, run_jobs
-from lfsr_core.render.store import check_same, is_complete
+from lfsr_core.render.store import is_complete
 from lfsr_lab.experiments.cells import Cells, Fingerprint
 from lfsr_lab.experiments.displays.kinds import Kind
 from lfsr_lab.experiments.displays.ways import DIRECT, OTHER, OURS, STRAIGHT, USUAL, WAYS, Way, measured_at

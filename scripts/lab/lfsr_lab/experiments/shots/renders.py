@@ -12,13 +12,14 @@ import numpy as np
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import write_json
 from lfsr_core.frames.frame import frame_folder
+from lfsr_core.frames.identity import check_same
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.progress import ProgressBar
 from lfsr_core.records import read_record, write_record
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import Listener, run_jobs
-from lfsr_core.render.store import check_same, is_complete
+from lfsr_core.render.store import is_complete
 from lfsr_lab.scenes import scene_script
 from lfsr_lab.scenes.running import run_script
 

@@ -1,0 +1,141 @@
+"""What decides the pixels of a render, and in what two renders differ first."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, Frame, read_part
+from lfsr_core.frames.job import AUTO, Job
+from lfsr_core.optics.lens_rows import rows_text
+from lfsr_core.records import to_data
+
+Facts = Mapping[str, object]  # what decides pixels, by name
+# Facts of the rays and their number; a render's folder is compared by these unless more are asked for.
+RAYS = ("display", "convention", "layout", "lens_list", "rows", "scale", "samples")
+PLACES = ("output", "parts", "world")  # fields of a job that are paths, on which no pixel depends
+PLURAL = ("samples", "lens_list", "rows", "layers")
+SAMPLES = " samples per pixel"
+LABELS = {"world_visible": "visible world", "world_apart": "world image", "matrix_world": "camera placement",
+          "frame": "frame number"}
+DIGEST_SIZE, MOST_SHOWN = 12, 60  # bytes, characters
+
+
+def digest(data: object) -> str:
+    """Return a short text that differs where JSON-ready ``data`` differs."""
+    return hashlib.blake2b(json.dumps(data, sort_keys=True).encode(), digest_size=DIGEST_SIZE).hexdigest()
+
+
+def job_facts(job: Job, free: Collection[str] = PLACES) -> dict[str, Any]:
+    """Return the fields of a job, JSON-ready, without those named in ``free``."""
+    return {name: value for name, value in to_data(job).items() if name not in free}
+
+
+def wanted_facts(job: Job, found: Frame, content: str = "") -> Facts:
+    """Return the fields that a frame must have to be the render of ``job``.
+
+    Parameters
+    ----------
+    job : what to render
+    found : a frame, whose own values stand for what the job leaves open, such as the device or the choice of a scale;
+        a reference may have other samples and lenses than its job
+    content : digest of the scene's file, empty where any will do
+    """
+    is_reference, is_chosen = job.kind == "reference", found.scale in job.scales
+    is_open_layout = job.layout == LAYOUTS[0] and found.layout != SUBPIXELS  # some devices need the lens card
+    return {"display": job.display,
+            "scale": found.scale if is_chosen else job.scale,
+            "samples": found.samples if is_chosen or is_reference else job.spp,
+            "layout": found.layout if is_open_layout else job.layout,
+            "convention": job.convention,
+            "view_aperture": job.view_aperture,
+            "lens_list": found.lens_list if is_reference else job.lens_list,
+            "rows": job.rows,
+            "frame": found.frame if job.frame is None else job.frame,
+            "seed": job.seed,
+            "subject": job.subject or "",
+            "camera": job.camera or "",
+            "device": found.device if job.device == AUTO else job.device,
+            "world_visible": found.world_visible if job.world_visible is None else job.world_visible,
+            "layers": found.layers if set(job.layers) <= set(found.layers) else job.layers,
+            "content": content if content and found.content else found.content}
+
+
+def first_difference(found: Facts, wanted: Facts) -> str:
+    """Return the name of the first of the ``wanted`` facts that is another in ``found``, "" where there is none."""
+    return next((name for name, value in wanted.items() if found.get(name) != value), "")
+
+
+def on_any_device(job: Job) -> Job:
+    """Return ``job`` without its choice of a device and of the way to send the rays there."""
+    return dataclasses.replace(job, device=AUTO, layout=job.layout if job.layout == SUBPIXELS else LAYOUTS[0])
+
+
+def is_same(frame: Frame, job: Job, names: Collection[str] | None = None) -> bool:
+    """True if ``frame`` is the render of ``job`` as far as the facts ``names`` go, or all facts."""
+    return not first_difference(vars(frame), _only(wanted_facts(job, frame), names))
+
+
+def check_same(folder: Path, job: Job, content: str = "", names: Collection[str] | None = RAYS,
+               advice: str = "choose another folder") -> None:
+    """LfsrError with the first difference unless ``folder`` holds the render of ``job``.
+
+    Parameters
+    ----------
+    folder : a frame folder, or a part of one
+    job, content : as of ``wanted_facts``
+    names : facts to compare, None for all
+    advice : what the sentence tells the user to do
+    """
+    found = read_part(folder)
+    wanted = _only(wanted_facts(job, found, content), names)
+    if name := first_difference(vars(found), wanted):
+        if name == "content":
+            raise LfsrError(f"{folder} was rendered before {found.scene} was changed: {advice}")
+        here, there = phrases(name, vars(found)[name], wanted[name])
+        verb = "were" if name in PLURAL else "was"
+        raise LfsrError(f"{folder} was rendered with {here}, but {there.removesuffix(SAMPLES)} {verb} asked for: "
+                        f"{advice}")
+
+
+def phrases(name: str, found: object, wanted: object) -> tuple[str, str]:
+    """Return both values of the fact ``name`` in words, as "scale 2" and "scale 4"; long ones are cut."""
+    parts = _parts(found), _parts(wanted)
+    if name not in PLURAL and parts[0] and parts[0].keys() == parts[1].keys():
+        # Displays have names; of other records and of tuples the part that differs is shown.
+        part = first_difference(*parts)
+        return phrases(f"{name} {part}".removesuffix(" name"), parts[0][part], parts[1][part])
+    here, there = _phrase(name, found), _phrase(name, wanted)
+    return here if here != there else f"other {here}", there
+
+
+def _only(facts: Facts, names: Collection[str] | None) -> Facts:
+    return facts if names is None else {name: value for name, value in facts.items() if name in names}
+
+
+def _parts(value: object) -> dict[str, object]:
+    """Return the fields of a record, or the entries of a tuple by their numbers; nothing of other values."""
+    if dataclasses.is_dataclass(value):
+        return dict(vars(value))
+    return {str(index): entry for index, entry in enumerate(value)} if isinstance(value, tuple) else {}
+
+
+def _phrase(name: str, value: Any) -> str:
+    words = LABELS.get(name, name.replace("_", " "))
+    match name:
+        case "samples":
+            return f"{value}{SAMPLES}"
+        case "lens_list":
+            return f"{len(value)} lenses" if value else "all lenses"
+        case "rows":
+            return f"rows {rows_text(value)}" if value else "all rows"
+        case "layers":
+            value = ", ".join(value)
+    if value is None or value is False or value == "":
+        return f"no {words}"
+    return words if value is True else f"{words} {value}"[:MOST_SHOWN]

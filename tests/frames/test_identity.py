@@ -1,0 +1,93 @@
+"""Whether a folder holds the render of a job, and the one sentence on the first difference."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import SUBPIXELS, write_frame
+from lfsr_core.frames.identity import check_same, digest, first_difference, is_same, job_facts, on_any_device, phrases
+from lfsr_core.frames.job import AUTO, Job
+from lfsr_core.optics.rays import CameraArray
+from tests.support.panels import lenticular
+from tests.support.synthetic import MINI, frame_of
+
+JOB = Job(output="film/0001", display=MINI, scale=2, spp=16)
+FRAME = frame_of(2)
+LENSES = ((0, 0), (1, 1))
+
+
+@pytest.mark.parametrize(("changes", "sentence"), [
+    ({"spp": 4}, "with 16 samples per pixel, but 4 were asked for"),
+    ({"scale": 4, "spp": 4}, "with scale 2, but scale 4 was asked for"),
+    ({"display": dataclasses.replace(MINI, name="other")}, "with display mini, but display other was"),
+    ({"display": dataclasses.replace(MINI, viewing_angle_deg=33.0)},
+     f"with display viewing angle deg {MINI.viewing_angle_deg}, but display viewing angle deg 33.0 was"),
+    ({"convention": "paper"}, "with convention centred, but convention paper was"),
+    ({"layout": "view-by-view"}, "with layout one-pass, but layout view-by-view was"),
+    ({"lens_list": LENSES}, "with all lenses, but 2 lenses were"),
+    ({"rows": (1, 3)}, "with all rows, but rows 1-3 were"),
+    ({"view_aperture": 0.5}, "with view aperture 1.0, but view aperture 0.5 was"),
+    ({"seed": 9}, "with seed 0, but seed 9 was"),
+    ({"frame": 2}, "with frame number 1, but frame number 2 was"),
+    ({"subject": "Things"}, "with no subject, but subject Things was"),
+    ({"camera": "Left"}, "with no camera, but camera Left was"),
+    ({"device": "OPTIX"}, "with device CPU, but device OPTIX was"),
+    ({"world_visible": True}, "with no visible world, but visible world was"),
+    ({"layers": ("albedo", "normal")}, "with no layers, but layers albedo, normal were")])
+def test_the_first_difference_is_one_sentence(tmp_path, changes, sentence):
+    job = dataclasses.replace(JOB, **changes)
+    write_frame(tmp_path, FRAME)
+    with pytest.raises(LfsrError) as caught:
+        check_same(tmp_path, job, names=None, advice="give --overwrite")
+    assert sentence in str(caught.value) and str(caught.value).endswith(" asked for: give --overwrite")
+    assert not is_same(FRAME, job)
+    if set(changes) & {"seed", "frame", "subject", "device", "layers"}:
+        check_same(tmp_path, job)  # its rays are those
+
+
+@pytest.mark.parametrize(("changes", "found"), [
+    ({"device": AUTO}, {"device": "OPTIX"}),
+    ({"layers": ("normal",)}, {"layers": ("albedo", "normal")}),
+    ({"scales": (2, 4), "scale": 4}, {"samples": 64}),
+    ({}, {"layout": "lens-card"}),
+    ({}, {"world_visible": True}),
+    ({"kind": "reference", "scale": 1}, {"scale": 1, "samples": 500, "lens_list": LENSES})])
+def test_what_a_job_leaves_open_may_be_anything(changes, found):
+    assert is_same(dataclasses.replace(FRAME, **found), dataclasses.replace(JOB, **changes))
+
+
+def test_on_any_device_a_light_field_is_still_no_render_of_subpixels():
+    display = lenticular()
+    frame, job = frame_of(1, display), dataclasses.replace(JOB, display=display, scale=1, device="OPTIX")
+    assert is_same(frame, on_any_device(dataclasses.replace(job, layout="lens-card")))
+    assert not is_same(dataclasses.replace(frame, layout=SUBPIXELS), on_any_device(job))
+    assert not is_same(frame, on_any_device(dataclasses.replace(job, layout=SUBPIXELS)))
+
+
+def test_a_file_that_has_changed_is_told_where_both_are_known(tmp_path):
+    write_frame(tmp_path, dataclasses.replace(FRAME, scene="a.blend", content="old"))
+    check_same(tmp_path, JOB, "", None)
+    with pytest.raises(LfsrError, match="was rendered before a.blend was changed: choose another folder"):
+        check_same(tmp_path, JOB, "new", None)
+    write_frame(tmp_path, FRAME)
+    check_same(tmp_path, JOB, "new", None)
+
+
+def test_of_records_and_tuples_the_part_that_differs_is_shown():
+    other = dataclasses.replace(FRAME, array=CameraArray.for_display(MINI, 9), clip=(0.5, 9.0))
+    assert first_difference(vars(FRAME), vars(other)) == "array"
+    here, there = phrases("array", FRAME.array, other.array)
+    assert here.startswith("array ") and here.split()[:-1] == there.split()[:-1]
+    assert phrases("clip", (0.1, 9.0), other.clip) == ("clip 0 0.1", "clip 0 0.5")
+    assert phrases("clip", None, other.clip) == ("no clip", "clip (0.5, 9.0)")
+    assert phrases("lens_list", LENSES, LENSES[::-1]) == ("other 2 lenses", "2 lenses")
+    assert first_difference(vars(FRAME), vars(FRAME)) == ""
+
+
+def test_a_digest_knows_what_decides_pixels_and_no_path():
+    moved = dataclasses.replace(JOB, output="elsewhere", parts="p", world="w")
+    assert digest(job_facts(JOB)) == digest(job_facts(moved))
+    assert digest(job_facts(JOB)) != digest(job_facts(dataclasses.replace(JOB, seed=1)))
