@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-import hashlib
 import shutil
 from pathlib import Path
 
-import bpy
-
 from lfsr_core.exports.format_names import default_target
 from lfsr_core.files import atomic_path
+from lfsr_core.render.staging import staging_folder
 
 from . import runtime
-from .steps import Step, Steps, second_stage_step, staging
+from .steps import Step, Steps, second_stage_step
 from .worker import Worker
 
 FILM = "sway"
-ENCODE = "encode"  # what the headless Blender is asked for
-FRAMES_SHARE = 0.7
+ENCODE = "encode"  # the headless Blender's word for this job
+FRAMES_FRACTION = 0.7  # of a film's time
 
 
 def write_viewer(folder: Path) -> Steps:
     """Write the viewer of a finished frame; the result is its path."""
-    with staging(_work(folder)) as work:
+    with staging_folder(runtime.temporary("export", folder)) as work:
         done = yield second_stage_step("Writing viewer", 1.0, work, "view", folder=str(folder))
     return Path(done["path"])
 
@@ -30,7 +28,7 @@ def write_viewer(folder: Path) -> Steps:
 def export(folder: Path, name: str) -> Steps:
     """Export a finished frame in format ``name``; the result is the folder that it went to."""
     target = default_target(folder, name)
-    with staging(_work(folder)) as work:
+    with staging_folder(runtime.temporary("export", folder)) as work:
         if name == FILM:
             yield from _film(folder, target, work)
         else:
@@ -40,20 +38,13 @@ def export(folder: Path, name: str) -> Steps:
 
 
 def _film(folder: Path, target: Path, work: Path) -> Steps:
-    """Frames from the second stage, the film from Blender: its Python has no encoder, but Blender itself has."""
+    """The second stage writes the frames and Blender encodes them: its Python has no encoder, but it has one."""
     frames = work / "frames"
-    done = yield second_stage_step("Exporting", FRAMES_SHARE, work, "export", folder=str(folder), name=FILM,
+    done = yield second_stage_step("Exporting", FRAMES_FRACTION, work, "export", folder=str(folder), name=FILM,
                                    target=str(frames), type="png")
-    name = Path(done["first"]).stem.rpartition("_")[0]
-    film = work / f"{name}.mp4"
+    film = work / f"{Path(done['first']).stem.rpartition('_')[0]}.mp4"
     command = [*runtime.render_command(ENCODE), str(frames), str(film)]
-    yield Step("Encoding", 1 - FRAMES_SHARE, lambda: Worker("The encoder", command, runtime.environment()))
+    yield Step("Encoding", 1 - FRAMES_FRACTION, lambda: Worker("The encoder", command, runtime.environment()))
     target.mkdir(parents=True, exist_ok=True)
     with atomic_path(target / film.name) as temporary:
         shutil.copy(film, temporary)
-
-
-def _work(folder: Path) -> Path:
-    """Name of a folder to work in, among this session's temporary files."""
-    name = hashlib.md5(str(folder).encode(), usedforsecurity=False).hexdigest()[:16]
-    return Path(bpy.app.tempdir, f"lfsr-share-{name}")

@@ -1,8 +1,8 @@
 """Run a module of lfsr_core: launch.py FOLDERS MODULE [ARGUMENT...]
 
-FOLDERS, joined as in PATH, are where to find lfsr_core (the first) and what else
-this Python lacks. Its own packages go before theirs, but for lfsr_core, which
-must be the one the add-on was built with.
+FOLDERS, joined as in PATH, hold lfsr_core (the first) and other packages that this
+Python may lack. Its own packages take precedence, except lfsr_core, which must be
+the one that the add-on was built with.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 
 
 def prepare(folders: list[str]) -> None:
-    """Make lfsr_core of the first folder importable, and what else lies in ``folders``."""
+    """Make lfsr_core of the first folder importable, and the packages in all ``folders``."""
     here = str(Path(__file__).resolve().parent)
     # This folder's modules must not hide others of the same name.
     sys.path[:] = [path for path in sys.path if path and str(Path(path).resolve()) != here]
@@ -24,6 +24,7 @@ def prepare(folders: list[str]) -> None:
     package = Path(folders[0], "lfsr_core")
     spec = importlib.util.spec_from_file_location("lfsr_core", package / "__init__.py",
                                                   submodule_search_locations=[str(package)])
+    assert spec and spec.loader
     module = sys.modules["lfsr_core"] = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
 

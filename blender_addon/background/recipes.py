@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 from pathlib import Path
 
 import bpy
@@ -15,109 +14,85 @@ from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import to_data
 from lfsr_core.render.parts_folder import parts_folder
 from lfsr_core.render.process import DERIVED_FILES
-from lfsr_core.render.staging import publish
+from lfsr_core.render.staging import publish, staging_folder
 
-from ..array import rig
-from ..settings import scene_settings
+from ..settings import folders, scene_settings
 from . import runtime
-from .steps import PANEL_TASKS, Steps, file_copy, render_step, rendering_step, second_stage_step, staging
+from .steps import PANEL_TASKS, Steps, file_copy, render_step, rendering_step, second_stage_step
 
-RENDER_SHARE = 0.85
+RENDER_FRACTION = 0.85  # of a frame's time
 
 
 @dataclasses.dataclass(frozen=True)
-class FrameRecipe:
-    """One frame as its scene asked for when the button was pressed."""
+class Recipe:
+    """Frames to make, from a scene's settings when the button was pressed."""
 
-    # Frame folder to fill.
-    folder: Path
-    # The render stage's job.
-    job: Job
-    # The second stage's method, by name.
+    folder: Path  # frame folder of the first frame
+    job: Job  # render job of the first frame
     method: str
-    # Also write the image before the view transform.
-    linear_exr: bool = False
+    linear_exr: bool  # also write the image before the view transform
+    frames: tuple[int, ...]
+    overwrite: bool  # make frames of an animation again that are complete
+    temporal_averaging: int  # neighbouring frames on each side that are averaged where nothing has changed
 
     @property
-    def straight(self) -> bool:
+    def is_direct(self) -> bool:
         """True if the panel's subpixels are rendered: there are no elemental images and no views."""
         return self.job.layout == SUBPIXELS
 
     @property
-    def complete(self) -> bool:
-        """True if the folder holds just this image already."""
-        return scene_settings.is_complete(self.folder, self.job, self.method)
+    def is_complete(self) -> bool:
+        """True if the first frame's folder holds just this image already."""
+        return folders.is_complete(self.folder, self.job, self.method)
 
 
-def frame_recipe(scene: bpy.types.Scene, number: int | None = None) -> FrameRecipe:
-    """Recipe of frame ``number``, by default the current one; LfsrError where it cannot be rendered."""
-    scene_settings.check_renderable(scene)
-    if rig.find(scene) is None:
-        raise LfsrError(f"scene {scene.name!r} has no camera array: add one in the Light Field tab")
-    folder = scene_settings.frame_folder(scene, number)
-    job = scene_settings.render_job(scene, folder, number)
-    rig.placement(scene, job.display)
+def frame_recipe(scene: bpy.types.Scene, frames: tuple[int, ...] = ()) -> Recipe:
+    """Recipe of ``frames``, by default the current one; LfsrError where they cannot be rendered."""
+    settings, frames = scene_settings.resolve_for_render(scene), frames or (scene.frame_current,)
+    folder = folders.frame_folder(scene, frames[0])
     # A second stage that cannot start should be an error before the render, not after it.
     runtime.second_stage_command(PANEL_TASKS)
-    method = scene_settings.method_of(scene)
-    if job.scale == 1 and scene.lfsr.scale == scene_settings.AUTO_SCALE:
-        method = method.without_upscaler()
-    return FrameRecipe(folder, job, str(method), scene.lfsr.linear_exr and job.layout != SUBPIXELS)
+    return Recipe(folder, settings.job(folder, frames[0]), str(settings.method), settings.linear_exr, frames,
+                  scene.lfsr.use_overwrite, settings.temporal_averaging)
 
 
-@dataclasses.dataclass(frozen=True)
-class AnimationRecipe:
-    """The timeline's frames as their scene asked for when the button was pressed."""
-
-    first: FrameRecipe
-    frames: tuple[int, ...]
-    overwrite: bool  # frames that are done are made again
-    share_frames: int = 0  # neighbouring frames to each side that are averaged where they show the same
-
-    @property
-    def last_folder(self) -> Path:
-        """Frame folder of the last frame."""
-        return frame_folder(self.first.folder.parent, self.frames[-1])
-
-
-def animation_recipe(scene: bpy.types.Scene) -> AnimationRecipe:
+def animation_recipe(scene: bpy.types.Scene) -> Recipe:
     """Recipe of the frames of the timeline's range; LfsrError where they cannot be rendered."""
-    frames = tuple(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
-    first = frame_recipe(scene, frames[0])
-    return AnimationRecipe(first, frames, scene.lfsr.use_overwrite, 0 if first.straight else scene.lfsr.share_frames)
+    return frame_recipe(scene, tuple(range(scene.frame_start, scene.frame_end + 1, scene.frame_step)))
 
 
-def render_animation(recipe: AnimationRecipe) -> Steps:
-    """Render and finish the frames that are not done; the result is the last one's folder and a sentence."""
-    first = recipe.first
+def render_animation(recipe: Recipe) -> Steps:
+    """Render and finish the frames that are missing; the result is the last one's folder and a sentence."""
+    output = recipe.folder.parent
     with file_copy() as copy:
-        yield from _check_method(first.method, copy.parent)
-        job = dataclasses.replace(first.job, scene=str(copy), output=str(first.folder.parent))
-        second = {"method": first.method, "linear_exr": first.linear_exr, "share_frames": recipe.share_frames}
+        yield from _check_method(recipe.method, copy.parent)
+        job = dataclasses.replace(recipe.job, scene=str(copy), output=str(output))
+        second = {"method": recipe.method, "linear_exr": recipe.linear_exr, "share_frames": recipe.temporal_averaging}
         done = yield rendering_step("Rendering animation", 0.98, copy.parent, "animation", job=to_data(job),
                                     frames=recipe.frames, second=second, overwrite=recipe.overwrite)
     print(done["table"])
     if done["failed"]:
         raise LfsrError(f"{done['sentence']}; {done['failed']}; press Render Animation again to make what is missing")
-    if not first.straight and not is_decoded(recipe.last_folder):
-        yield from decode_views(recipe.last_folder, 0.02)
-    return recipe.last_folder, done["sentence"]
+    last = frame_folder(output, recipe.frames[-1])
+    if not recipe.is_direct and not is_decoded(last):
+        yield from decode_views(last, 0.02)
+    return last, done["sentence"]
 
 
-def render_frame(recipe: FrameRecipe) -> Steps:
+def render_frame(recipe: Recipe) -> Steps:
     """Render and finish one frame; the result is its folder."""
     with file_copy() as copy:
         yield from _check_method(recipe.method, copy.parent)
-        with staging(recipe.folder) as folder:
+        with staging_folder(recipe.folder) as folder:
             staged = folder / "frame"
             staged.mkdir()
             job = dataclasses.replace(recipe.job, scene=str(copy), output=str(staged),
                                       parts=str(parts_folder(recipe.folder)))
-            yield render_step(job, folder, RENDER_SHARE, "Rendering")
+            yield render_step(job, folder, RENDER_FRACTION, "Rendering")
             yield second_stage_step(
-                "Denoising" if recipe.straight else "Upscaling", 1 - RENDER_SHARE, folder, "upscale",
+                "Denoising" if recipe.is_direct else "Upscaling", 1 - RENDER_FRACTION, folder, "upscale",
                 folder=str(staged), method=recipe.method, linear_exr=recipe.linear_exr,
-                views=None if recipe.straight else str(views_file(recipe.folder)))
+                views=None if recipe.is_direct else str(views_file(recipe.folder)))
             publish(staged, recipe.folder, DERIVED_FILES)
     return recipe.folder
 
@@ -128,20 +103,22 @@ def _check_method(method: str, work: Path) -> Steps:
         yield second_stage_step("Checking method", 0.0, work, "check", method=method)
 
 
-def reference_recipe(scene: bpy.types.Scene) -> tuple[FrameRecipe, Job]:
+def reference_recipe(scene: bpy.types.Scene) -> tuple[Recipe, Job]:
     """The finished frame to judge and the job of its reference; LfsrError where there is no such frame."""
-    scene_settings.check_light_field(scene, "a reference")
+    scene_settings.resolve(scene).check_light_field("a reference")
     recipe = frame_recipe(scene)
-    scene_settings.check_image(recipe.folder, "to compare")
-    if not recipe.complete:
+    folders.check_image(recipe.folder, "to compare")
+    if not recipe.is_complete:
         raise LfsrError(f"the image in {recipe.folder} was made with other settings: render the EIA again first")
-    return recipe, scene_settings.reference_job(scene, scene_settings.reference_folder(scene))
+    return recipe, dataclasses.replace(
+        recipe.job, output=str(recipe.folder.with_name(f"{recipe.folder.name}_reference")), kind="reference", scale=1,
+        scale_reason="", layers=(), spp=scene.lfsr.reference_samples, clamp_indirect=0.0)
 
 
-def render_reference(recipe: FrameRecipe, job: Job, lenses: int) -> Steps:
+def render_reference(recipe: Recipe, job: Job, lenses: int) -> Steps:
     """Render the reference of ``lenses`` lenses (0: all) and compare; the result is the metrics."""
     folder = Path(job.output)
-    with file_copy() as copy, staging(folder) as work:
+    with file_copy() as copy, staging_folder(folder) as work:
         staged = work / "frame"
         staged.mkdir()
         chosen = yield second_stage_step("Choosing lenses", 0.01, work, "choose", folder=str(recipe.folder),
@@ -156,21 +133,20 @@ def render_reference(recipe: FrameRecipe, job: Job, lenses: int) -> Steps:
     return done["metrics"]
 
 
-def decode_views(folder: Path, share: float = 1.0) -> Steps:
+def decode_views(folder: Path, fraction: float = 1.0) -> Steps:
     """Decode the finished frame in ``folder`` for the preview; the result is the file of its views.
 
-    ``share``: of the whole task's time.
+    ``fraction``: of the whole task's time.
     """
     views = views_file(folder)
-    with staging(views) as work:
-        yield second_stage_step("Decoding views", share, work, "decode", folder=str(folder), views=str(views))
+    with staging_folder(views) as work:
+        yield second_stage_step("Decoding views", fraction, work, "decode", folder=str(folder), views=str(views))
     return views
 
 
 def views_file(folder: Path) -> Path:
-    """Where the decoded views of a frame folder lie: with this session's temporary files."""
-    name = hashlib.md5(str(folder).encode(), usedforsecurity=False).hexdigest()[:16]
-    return Path(bpy.app.tempdir, f"lfsr-views-{name}.npy")
+    """File of a frame folder's decoded views, among this session's temporary files."""
+    return runtime.temporary("views", folder).with_suffix(".npy")
 
 
 def is_decoded(folder: Path) -> bool:

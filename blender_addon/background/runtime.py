@@ -1,18 +1,17 @@
 """Which Python runs the second stage, and which Blender runs a render in the background.
 
 The second stage runs in a process of its own: with Blender's Python and the
-wheels of the extension, or with a Python of the user's choice, which may have
-PyTorch and a GPU.
+wheels of the extension, or with a Python of the user's choice.
 """
 
 from __future__ import annotations
 
 import fnmatch
+import hashlib
 import importlib.util
 import os
 import sys
 from pathlib import Path
-from typing import Any
 
 import bpy
 
@@ -32,24 +31,23 @@ def second_stage_command(module: str = "lfsr_core.cli") -> list[str]:
     The default is the ``lfsr`` command. Start it with ``environment()``. LfsrError
     where the Python that was chosen does not exist.
     """
-    own = chosen_python()
-    start = [own] if own else [sys.executable, "-I"]
-    return [*start, str(LAUNCHER), os.pathsep.join(map(str, site_packages())), module]
+    chosen = chosen_python()
+    start = [chosen] if chosen else [sys.executable, "-I"]
+    return [*start, str(LAUNCHER), _paths(), module]
 
 
 def render_command(job_file: str | Path) -> list[str]:
     """Command line that runs one render job (lfsr_core.frames.job) in another Blender of this version."""
-    paths = os.pathsep.join(map(str, site_packages()))
     if not bpy.app.binary_path:  # the bpy wheel
-        return [sys.executable, str(ENTRY), "--", paths, str(job_file)]
+        return [sys.executable, str(ENTRY), "--", _paths(), str(job_file)]
     return [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1",
-            "--python", str(ENTRY), "--", paths, str(job_file)]
+            "--python", str(ENTRY), "--", _paths(), str(job_file)]
 
 
 def may_run_scripts(file: str) -> bool:
     """True if this session runs the Python in ``file`` when it opens it: only then may a background Blender.
 
-    That it ran nothing is no leave: text that was appended meanwhile has not been asked about yet.
+    A file that has run no Python so far is not trusted: scripts may have been added to it since.
     """
     preferences = bpy.context.preferences
     excluded = any(_covers(entry, file) for entry in preferences.autoexec_paths)
@@ -64,18 +62,26 @@ def _covers(entry: bpy.types.PathCompare, file: str) -> bool:
 
 
 def environment() -> dict[str, str]:
-    """Environment of those processes: this one's, without what would change where Python looks for modules."""
+    """Environment for those processes: this one's, without the variables that change where Python finds modules."""
     kept = {name: value for name, value in os.environ.items() if name not in PYTHON_VARIABLES}
     return kept | {"PYTHONUNBUFFERED": "1", "PYTHONUTF8": "1"}
 
 
+def temporary(kind: str, folder: Path) -> Path:
+    """Path for what is made of a frame folder, among this session's temporary files."""
+    name = hashlib.md5(str(folder).encode(), usedforsecurity=False).hexdigest()[:16]
+    return Path(bpy.app.tempdir, f"lfsr-{kind}-{name}")
+
+
 def chosen_python() -> str | None:
     """The user's own Python: the preference, else $LFSR_PYTHON; None means Blender's."""
-    named = python_path() or os.environ.get(PYTHON_VARIABLE, "")
-    if named and not Path(named).is_file():
-        raise LfsrError(f"Python {named!r} does not exist: choose another in the add-on's preferences, or clear it "
+    addon = bpy.context.preferences.addons.get(PACKAGE)
+    preferred = getattr(addon and addon.preferences, "python_path", "").strip()
+    chosen: str = bpy.path.abspath(preferred) if preferred else os.environ.get(PYTHON_VARIABLE, "")
+    if chosen and not Path(chosen).is_file():
+        raise LfsrError(f"Python {chosen!r} does not exist: choose another in the add-on's preferences, or clear it "
                         "to use Blender's own")
-    return named or None
+    return chosen or None
 
 
 def site_packages() -> list[Path]:
@@ -83,22 +89,11 @@ def site_packages() -> list[Path]:
     core = importlib.util.find_spec("lfsr_core")
     if core is None or core.origin is None:
         raise LfsrError("the package lfsr_core is not installed: install the add-on from its zip again")
-    return [Path(core.origin).parents[1], *_blender_packages()]
+    # Blender's own OpenImageIO and OpenColorIO lie where its Python may not look outside Blender.
+    own = [Path(bpy.utils.resource_path("LOCAL"), "python", "lib", name, "site-packages")
+           for name in (f"python{sys.version_info[0]}.{sys.version_info[1]}", "")]
+    return [Path(core.origin).parents[1], *(folder for folder in own if folder.is_dir())]
 
 
-def _blender_packages() -> list[Path]:
-    """Blender's own OpenImageIO and OpenColorIO, which its Python may not look for outside Blender."""
-    folders = [Path(bpy.utils.resource_path("LOCAL"), "python", "lib", name, "site-packages")
-               for name in (f"python{sys.version_info[0]}.{sys.version_info[1]}", "")]
-    return [folder for folder in folders if folder.is_dir()]
-
-
-def python_path() -> str:
-    """The preference "Python with PyTorch" as an absolute path; empty if not set or the add-on is not enabled."""
-    path = getattr(_preferences(), "python_path", "").strip()
-    return bpy.path.abspath(path) if path else ""
-
-
-def _preferences() -> Any:
-    addon = bpy.context.preferences.addons.get(PACKAGE)
-    return addon.preferences if addon else None
+def _paths() -> str:
+    return os.pathsep.join(map(str, site_packages()))

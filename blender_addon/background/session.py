@@ -12,17 +12,23 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
 
+from ..results import show_image
 from .steps import Steps, Task
 
 SECONDS_BETWEEN_LOOKS = 0.1
 POPUP_COLUMNS = 90
 
+
+def _forget_result(_result: Any) -> None:
+    """Do nothing: the result belongs to a file that is closed."""
+
+
 _current: Task | None = None
-_finish: Callable[[Any], None] | None = None
+_finish: Callable[[Any], None] = _forget_result
 
 
 def current() -> Task | None:
-    """The task under way, None if there is none."""
+    """The task that runs now, None if there is none."""
     return _current
 
 
@@ -46,7 +52,7 @@ def start(title: str, steps: Steps, finish: Callable[[Any], None]) -> Task:
 
 
 def run(title: str, steps: Steps) -> Task:
-    """Do ``steps`` now and return the finished task, for scripts and background mode."""
+    """Run ``steps`` to their end and return the task, for scripts and background mode."""
     global _current
     check_idle()
     _current = Task(title, steps)
@@ -68,7 +74,7 @@ def cancel() -> Task | None:
 
 
 def _look() -> float | None:
-    """Timer: look at the worker; the result or an error ends the task."""
+    """Timer: poll the task; its result or an error ends it."""
     global _current
     if _current is None:
         return None
@@ -86,7 +92,7 @@ def _look() -> float | None:
     except LfsrError as error:
         notify(". ".join(filter(None, (str(error), task.kept))), "ERROR")
     finally:
-        # Also after an error nobody thought of: a task that cannot go on must not block the next.
+        # Also after an unexpected error: a task that cannot go on must not block the next.
         if task.worker is None:
             _current = None
     redraw()
@@ -94,13 +100,13 @@ def _look() -> float | None:
 
 
 def notify(message: str, icon: str) -> None:
-    """Show a sentence that no operator is there to report: in the panel and beside the pointer."""
+    """Show a sentence in the panel and beside the pointer, where no operator can report it."""
     bpy.context.window_manager.lfsr.message = message
     tell(message, icon)
 
 
 def tell(message: str, icon: str) -> None:
-    """Show a sentence beside the pointer, and nowhere else: nothing is wrong."""
+    """Show a sentence beside the pointer only."""
     print(f"Light Field: {message}")
     windows = bpy.context.window_manager.windows
     if bpy.app.background or not windows:
@@ -116,13 +122,11 @@ def tell(message: str, icon: str) -> None:
 
 def redraw() -> None:
     """Redraw the sidebars and the status bar of every window."""
+    for region in (region for area in show_image.areas("VIEW_3D") for region in area.regions):
+        if region.type == "UI":
+            region.tag_redraw()
     for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                for region in area.regions:
-                    if region.type == "UI":
-                        region.tag_redraw()
-        # The status bar is no area that Python can tag; a running tool's own text must stay.
+        # Python cannot tag the status bar for a redraw; a running tool's own text must stay.
         if not bpy.app.background and not getattr(window, "modal_operators", ()):
             with bpy.context.temp_override(window=window):
                 window.workspace.status_text_set_internal(None)
@@ -135,7 +139,7 @@ def draw_status(header: bpy.types.Header, _context: bpy.types.Context) -> None:
 
 
 def draw_progress(row: bpy.types.UILayout, task: Task) -> None:
-    """Stage, time left, what is done at the moment, and the cancel button."""
+    """Draw the stage, the time left, what is being done, and the cancel button."""
     row.progress(factor=task.fraction, text=f"{task.stage} {progress_text(task)}")
     row.operator("lfsr.cancel", text="", icon="X")
 
@@ -148,18 +152,11 @@ def progress_text(task: Task) -> str:
     return f"{task.fraction:.0%}{left}{doing}"
 
 
+@bpy.app.handlers.persistent
 def _opened(*_: object) -> None:
-    """Another file was opened: nothing in it may be touched by the old one's task, but its images are saved."""
+    """Another file was opened: the old one's task must change nothing in it, but its images are saved."""
     global _finish
     _finish = _forget_result
-
-
-def _forget_result(_result: Any) -> None:
-    pass
-
-
-_opened = bpy.app.handlers.persistent(_opened)
-CLASSES = ()
 
 
 def register() -> None:

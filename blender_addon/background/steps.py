@@ -1,4 +1,4 @@
-"""What a button starts: steps, each a worker process, one after the other.
+"""What a button starts: a task of steps, each a worker process, one after the other.
 
 A task is a generator of steps; whatever ends it early (an error, a cancel) runs
 its ``finally`` blocks, so that temporary files never stay. ``poll`` never waits.
@@ -22,7 +22,6 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.records import to_data
 from lfsr_core.render.parts_folder import kept_sentence
-from lfsr_core.render.staging import staging_folder
 
 from . import runtime
 from .worker import Worker
@@ -33,13 +32,12 @@ LEAST_FRACTION = 0.02   # below it, time left is a guess
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """One worker process: what to call it and which share of the task's time it takes."""
+    """One worker process."""
 
-    stage: str
-    share: float
+    stage: str  # what the panel shows meanwhile
+    fraction: float  # of the whole task's time, 0 to 1
     start: Callable[[], Worker]
-    # Folder in which it keeps what is whole of a long render.
-    parts: Path | None = None
+    parts: Path | None = None  # folder in which it caches parts of a long render
 
 
 Steps = Generator[Step, dict[str, Any], Any]
@@ -53,18 +51,17 @@ class Task:
         self.title, self.stage, self.message = title, "", ""
         self.warnings: list[str] = []
         self.result: Any = None
+        self.worker: Worker | None = None
         self._steps, self._started = steps, time.monotonic()
         self._before = self._within = 0.0
         self._step: Step | None = None
         self._parts: Path | None = None  # of the last render
-        self.worker: Worker | None = None
         self._advance(None)
 
     @property
     def fraction(self) -> float:
-        """Share of the whole task that is done, 0 to 1."""
-        share = self._step.share if self._step else 0.0
-        return min(1.0, self._before + share * self._within)
+        """Fraction of the whole task that is done, 0 to 1."""
+        return min(1.0, self._before + (self._step.fraction * self._within if self._step else 0.0))
 
     @property
     def seconds_left(self) -> float | None:
@@ -72,6 +69,11 @@ class Task:
         if self.fraction < LEAST_FRACTION:
             return None
         return (time.monotonic() - self._started) * (1 - self.fraction) / self.fraction
+
+    @property
+    def kept(self) -> str:
+        """A sentence on what is cached of a render that ended early; empty where nothing is."""
+        return kept_sentence(self._parts) if self._parts else ""
 
     def poll(self) -> bool:
         """Look at the worker and start the next when it is done; True when all are. LfsrError if one failed."""
@@ -89,11 +91,6 @@ class Task:
             raise
         return self.worker is None
 
-    @property
-    def kept(self) -> str:
-        """A sentence on what was kept of a render that ended early; empty where nothing was."""
-        return kept_sentence(self._parts) if self._parts else ""
-
     def cancel(self) -> None:
         """Stop the worker and tidy up after all steps."""
         if self.worker is not None:
@@ -104,8 +101,9 @@ class Task:
     def run(self) -> Any:
         """Wait for the end and return the result, for scripts and background mode."""
         try:
-            while not self.poll():
+            while self.worker is not None:
                 self.worker.wait(0.1)
+                self.poll()
         except BaseException:
             self.cancel()
             raise
@@ -120,7 +118,7 @@ class Task:
 
     def _advance(self, record: dict[str, Any] | None) -> None:
         if self._step is not None:
-            self._before += self._step.share
+            self._before += self._step.fraction
         try:
             self._step = next(self._steps) if record is None else self._steps.send(record)
         except StopIteration as end:
@@ -131,57 +129,36 @@ class Task:
         self.worker = self._step.start()
 
 
-def render_step(job: Job, folder: Path, share: float, stage: str = "Rendering") -> Step:
-    """Render a job in a background Blender.
-
-    Parameters
-    ----------
-    job : what to render
-    folder : where the job file goes
-    share : share of the task's time, 0 to 1
-    stage : what the panel shows meanwhile
-    """
+def render_step(job: Job, folder: Path, fraction: float, stage: str) -> Step:
+    """Render ``job`` in a background Blender; the job file goes into ``folder``. Else as of ``Step``."""
     path = _write(folder / "job.json", to_data(job))
-    return Step(stage, share, lambda: Worker("The render", _render_command(path), runtime.environment()),
+    return Step(stage, fraction, lambda: Worker("The render", _render_command(path), runtime.environment()),
                 Path(job.parts) if job.parts else None)
 
 
-def second_stage_step(stage: str, share: float, work: Path, task: str, /, **arguments: Any) -> Step:
+def second_stage_step(stage: str, fraction: float, work: Path, task: str, /, **arguments: Any) -> Step:
     """Run one task of ``lfsr_core.tasks.runner``; its result is sent into the generator of steps.
 
     Parameters
     ----------
-    stage : what the panel shows meanwhile
-    share : share of the whole task's time, 0 to 1
+    stage, fraction : as of ``Step``
     work : folder for the task file
     task : name of the task
     arguments : its arguments, JSON-ready
     """
     path = _write(work / f"{task}.json", {"task": task, **arguments})
     command = [*runtime.second_stage_command(PANEL_TASKS), str(path)]
-    return Step(stage, share, lambda: Worker("The second stage", command, runtime.environment()))
+    return Step(stage, fraction, lambda: Worker("The second stage", command, runtime.environment()))
 
 
-def rendering_step(stage: str, share: float, work: Path, task: str, /, **arguments: Any) -> Step:
-    """A task that starts renders itself: parameters as of ``second_stage_step``, and the ``command`` for renders."""
-    return second_stage_step(stage, share, work, task, **arguments, command=_render_command(Path())[:-1])
-
-
-@contextmanager
-def staging(folder: Path) -> Iterator[Path]:
-    """Folder beside ``folder`` to work in, gone afterwards; LfsrError where none can be made or one is in use."""
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise LfsrError(f"output folder {folder.parent} cannot be written to ({error.strerror}): "
-                        "choose another output folder") from None
-    with staging_folder(folder) as made:
-        yield made
+def rendering_step(stage: str, fraction: float, work: Path, task: str, /, **arguments: Any) -> Step:
+    """Run a task that starts renders itself: a ``second_stage_step`` with the ``command`` for renders."""
+    return second_stage_step(stage, fraction, work, task, **arguments, command=_render_command(Path())[:-1])
 
 
 @contextmanager
 def file_copy() -> Iterator[Path]:
-    """Temporary copy of the .blend as it is now, unsaved changes included; gone afterwards."""
+    """Save a temporary copy of the .blend as it is now, unsaved changes included; remove it after the block."""
     folder = Path(tempfile.mkdtemp(prefix="lfsr-", dir=bpy.app.tempdir or None))
     path = folder / f"{Path(bpy.data.filepath).stem or 'untitled'}.blend"
     try:
@@ -189,13 +166,6 @@ def file_copy() -> Iterator[Path]:
         yield path
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def _render_command(job_file: Path) -> list[str]:
-    command = runtime.render_command(job_file)
-    if bpy.app.binary_path and runtime.may_run_scripts(bpy.data.filepath):
-        command.insert(1, "--enable-autoexec")
-    return command
 
 
 def save_copy(path: Path) -> None:
@@ -206,6 +176,13 @@ def save_copy(path: Path) -> None:
     except RuntimeError as error:
         raise LfsrError(f"a copy of this file cannot be saved to {path.parent} ({str(error).strip()}): "
                         "free some space there") from None
+
+
+def _render_command(job_file: Path) -> list[str]:
+    command = runtime.render_command(job_file)
+    if bpy.app.binary_path and runtime.may_run_scripts(bpy.data.filepath):
+        command.insert(1, "--enable-autoexec")
+    return command
 
 
 def _write(path: Path, data: dict[str, Any]) -> Path:

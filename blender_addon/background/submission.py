@@ -1,4 +1,4 @@
-"""What *Submit* writes: a copy of the file, the farm's template and the panel's settings, in one folder."""
+"""Write the job that *Submit* makes: a copy of the file, the farm's template and the panel's settings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, system_errors
 from lfsr_core.sequence.farms import FarmJob, Submission, write_job
 
-from ..settings import scene_settings
+from ..settings import folders, scene_settings
 from .recipes import animation_recipe
 from .steps import save_copy
 
@@ -26,37 +26,39 @@ def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> Submi
     ----------
     scene : what to render, with its settings
     farm : "openjd" or "flamenco"
-    folder : to be seen by every machine of the farm under the same path; made if it is not there
-    parts : into how many parts each frame is split
+    folder : every machine of the farm must see it under the same path; created where it is missing
+    parts : number of parts of each frame
 
-    LfsrError where the scene cannot be rendered or the folder not written to.
+    Raises
+    ------
+    LfsrError where the scene cannot be rendered or the folder cannot be written to.
     """
-    scene_settings.check_light_field(scene, "a farm's job")
+    scene_settings.resolve(scene).check_light_field("a farm's job")
     recipe = animation_recipe(scene)
     with system_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
     copy = folder / f"{Path(bpy.data.filepath).stem or 'untitled'}{COPY_SUFFIX}"
-    job = dataclasses.replace(recipe.first.job, output=str(recipe.first.folder.parent), scene=str(copy))
-    wanted = FarmJob(job, recipe.frames, recipe.first.method, recipe.first.linear_exr, parts, _profile(scene, folder),
-                     recipe.share_frames)
+    job = dataclasses.replace(recipe.job, output=str(recipe.folder.parent), scene=str(copy))
+    wanted = FarmJob(job, recipe.frames, recipe.method, recipe.linear_exr, parts, _profile(scene, folder),
+                     recipe.temporal_averaging)
     with atomic_path(copy) as temporary:
-        temporary.unlink()  # of a file that is there already Blender would keep an older version
+        temporary.unlink()  # Blender would keep an older version of a file that exists
         save_copy(temporary)
     return write_job(farm, folder, wanted)
 
 
 def chosen_folder(directory: str) -> Path:
-    """The folder chosen for a job; LfsrError where none was, or it is relative to a file that was never saved."""
+    """Folder for a job; LfsrError where none was chosen, or it is relative to a file that was never saved."""
     if not directory.strip():
-        raise LfsrError("no folder is chosen for the farm's job: give one that every machine of the farm sees")
-    return scene_settings.absolute(directory, "the folder of the job")
+        raise LfsrError("no folder is chosen for the farm's job: give one that every machine of the farm can see")
+    return folders.absolute(directory, "the folder of the job")
 
 
 def _profile(scene: bpy.types.Scene, folder: Path) -> str:
-    """A copy of the display's profile where it is a file, else empty."""
+    """Copy the display's profile where it is a file and return the copy's path, else an empty one."""
     if scene.lfsr.display != scene_settings.PROFILE_FILE:
         return ""
-    path = scene_settings.absolute(scene.lfsr.profile_file, "the display profile")
+    path = folders.absolute(scene.lfsr.profile_file, "the display profile")
     target = folder / path.name
     if path.resolve() != target.resolve():
         with atomic_path(target) as temporary:

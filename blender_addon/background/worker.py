@@ -1,11 +1,9 @@
 """A process that works for the panel: started, followed without waiting, stopped.
 
 Both stages run outside this Blender. A render inside it could neither be stopped
-from Python (Cycles returns when its image is done) nor keep the artist from
-editing a scene whose settings are borrowed, and a crash would take the artist's
-work along. A background Blender that renders a temporary copy of the .blend has
-none of that: the scene is never touched, cancelling is ending a process, and the
-price is a second copy of the scene in memory and the seconds it takes to open.
+from Python (Cycles returns when its image is done) nor let the artist edit the
+scene, and a crash would take the artist's work along. The price is a second copy
+of the scene in memory and the seconds that it takes to open.
 """
 
 from __future__ import annotations
@@ -35,13 +33,9 @@ class Worker:
         except OSError as error:
             raise LfsrError(f"{name} cannot start {command[0]!r} ({error.strerror}): check the add-on's "
                             "preferences") from None
+        self.pid = self._child.pid
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
-
-    @property
-    def pid(self) -> int:
-        """Process id."""
-        return self._child.pid
 
     def records(self) -> list[dict[str, Any]]:
         """Return the records that it has written since the last call."""

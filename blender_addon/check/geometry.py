@@ -16,7 +16,7 @@ from lfsr_core.optics.rays import CameraArray
 from ..array import rig
 from ..array.rig import Placement
 from ..scene.subject import GEOMETRY
-from ..settings.scene_settings import length, scale_of
+from ..settings.scene_settings import length, resolve
 
 COVERS = 0.8          # share of the display, in both directions, that makes an object its background
 TOLERANCE = 1e-3      # of the display's distance
@@ -85,7 +85,7 @@ def find(scene: bpy.types.Scene, display: DisplayProfile, placed: Placement,
     subject : objects to look at
     """
     array, matrix = placed
-    view = View(scene, display, array, scale_of(scene))
+    view = View(scene, display, array, resolve(scene).scale)
     corners = world_corners(subject)
     inverse = np.array(rig.to_array_space(matrix))
     for item in sorted(corners, key=lambda item: item.name):

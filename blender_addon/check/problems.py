@@ -18,7 +18,7 @@ from ..results import preview
 from ..scene.light import has_light
 from ..scene.notices import missing_images
 from ..scene.subject import find_subject
-from ..settings import scene_settings
+from ..settings import folders, scene_settings
 from . import geometry
 
 ERROR, WARNING, INFO = "ERROR", "WARNING", "INFO"
@@ -55,14 +55,14 @@ def _renderer(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 def _display(scene: bpy.types.Scene) -> Iterator[Problem]:
     try:
-        scene_settings.check_method(scene)
+        scene_settings.resolve(scene).check()
     except LfsrError as error:
         yield Problem("display", "Display", _sentence(error), severity=ERROR)
 
 
 def _file(scene: bpy.types.Scene) -> Iterator[Problem]:
     try:
-        scene_settings.scene_folder(scene)
+        folders.scene_folder(scene)
     except LfsrError as error:
         yield Problem("unsaved", "Output", _sentence(error), severity=ERROR)
     try:
@@ -117,9 +117,9 @@ def _geometry(scene: bpy.types.Scene) -> Iterator[Problem]:
             yield Problem("rig", rig.find(scene).name, _sentence(error), severity=ERROR, is_object=True)
         return
     if placed is not None:
-        straight = scene_settings.is_straight(scene)
+        direct = scene_settings.is_direct(scene)
         for found in geometry.find(scene, display, placed, subject):
-            if found.code == "background" and straight:
+            if found.code == "background" and direct:
                 continue  # nothing is reconstructed that could take less time
             yield Problem(found.code, found.item.name, found.reason, found.fix, is_object=True)
 

@@ -1,11 +1,12 @@
-"""The decoded view that an eye in the viewing zone sees, in the Image Editor.
+"""Show the view that an eye in the viewing zone sees, in the Image Editor.
 
-The second stage writes all views of a finished image once, one after the other;
-mapping that file makes a view a read of a few kB, so that a slider can follow.
+The second stage writes all decoded views of a finished image to one file. The file
+is mapped, so that showing a view reads a few kB and follows a slider.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -14,10 +15,11 @@ import numpy as np
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 
+from . import show_image
+
 IMAGE_NAME = "Light Field View"
-LEAST_WIDTH = 480   # views of few lenses are enlarged by repeating pixels
-# Mapped views (py, px, sy, sx, 3) by the scene they were rendered from.
-_views: dict[str, Array] = {}
+LEAST_WIDTH = 480  # in pixels; smaller views are enlarged by repeating pixels
+_views: dict[str, Array] = {}  # mapped views (py, px, sy, sx, 3) of each scene
 
 
 def load(scene: bpy.types.Scene, path: Path) -> None:
@@ -29,23 +31,23 @@ def load(scene: bpy.types.Scene, path: Path) -> None:
 
 
 def unload(scene: bpy.types.Scene) -> None:
-    """Let go of the views of ``scene``."""
+    """Forget the views of ``scene``."""
     _views.pop(scene.name, None)
 
 
 def is_loaded(scene: bpy.types.Scene) -> bool:
-    """True if the sliders of ``scene`` have views to show."""
+    """True if there are views of ``scene`` for its sliders to show."""
     return scene.name in _views
 
 
 @bpy.app.handlers.persistent
 def forget(*_: object) -> None:
-    """Let go of all views, as when another file is opened."""
+    """Forget all views, as when another file is opened."""
     _views.clear()
 
 
 def show(scene: bpy.types.Scene, eye: tuple[float, float]) -> bpy.types.Image | None:
-    """Put the view from ``eye``, (rightwards, upwards) in [-1, 1], into the preview image; None if none is loaded."""
+    """Put the view from ``eye`` (right, up), in [-1, 1], into the preview image; None if no views are loaded."""
     views = _views.get(scene.name)
     if views is None:
         return None
@@ -54,31 +56,23 @@ def show(scene: bpy.types.Scene, eye: tuple[float, float]) -> bpy.types.Image | 
     image = _image(pixels.shape[1], pixels.shape[0])
     image.pixels.foreach_set(pixels.ravel())
     image.update()
-    redraw_image_editors()
+    for area in show_image.areas("IMAGE_EDITOR"):
+        area.tag_redraw()  # an editor does not notice that its image has changed
     return image
 
 
-def view_index(count: tuple[int, int], eye: tuple[float, float]) -> tuple[int, int]:
+def view_index(count: Sequence[int], eye: tuple[float, float]) -> tuple[int, int]:
     """(row, column) of the view nearest to ``eye`` among ``count`` (py, px); row 0 is the topmost camera."""
-    row = int((1 - eye[1]) / 2 * count[0])
-    column = int((eye[0] + 1) / 2 * count[1])
+    row, column = int((1 - eye[1]) / 2 * count[0]), int((eye[0] + 1) / 2 * count[1])
     return min(max(row, 0), count[0] - 1), min(max(column, 0), count[1] - 1)
 
 
 def to_pixels(view: Array) -> Array:
-    """(sy, sx, 3) uint8 from the top -> Blender's (height, width, 4) float32 from the bottom, enlarged."""
+    """Convert (sy, sx, 3) uint8, top row first, to Blender's (height, width, 4) float32, bottom row first; enlarge."""
     times = max(1, -(-LEAST_WIDTH // view.shape[1]))
     pixels = np.ones((*view.shape[:2], 4), np.float32)
     np.multiply(view[::-1], np.float32(1 / 255), out=pixels[..., :3])
     return pixels.repeat(times, axis=0).repeat(times, axis=1)
-
-
-def redraw_image_editors() -> None:
-    """Image editors do not notice by themselves that a picture changed."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR":
-                area.tag_redraw()
 
 
 def _image(width: int, height: int) -> bpy.types.Image:

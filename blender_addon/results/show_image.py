@@ -1,4 +1,4 @@
-"""Results in an Image Editor: one that is open, else a window of its own, as Blender's own renders do."""
+"""Show results in an Image Editor: an open one, else one in a new window, as Blender shows its renders."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import bpy
 
 
 def open_file(path: Path) -> bpy.types.Image:
-    """Load ``path``, or load it again if it is open, and show it."""
+    """Load ``path``, or reload it, and show it."""
     known = next((image for image in bpy.data.images if bpy.path.abspath(image.filepath) == str(path)), None)
     if known is not None:
         known.reload()
@@ -19,19 +19,20 @@ def open_file(path: Path) -> bpy.types.Image:
 
 
 def in_editor(image: bpy.types.Image | None) -> None:
-    """Show ``image`` in an Image Editor; in background mode there is none."""
+    """Show ``image`` in an Image Editor; background mode has none."""
     if image is None or bpy.app.background:
         return
-    area = _editor() or _new_window()
+    # The UV Editor is of the same type.
+    area = next((area for area in areas("IMAGE_EDITOR") if area.ui_type == "IMAGE_EDITOR"), None) or _new_window()
     if area is not None:
         area.spaces.active.image = image
         area.tag_redraw()
         _fit(area)
 
 
-def _editor() -> bpy.types.Area | None:
-    areas = (area for window in bpy.context.window_manager.windows for area in window.screen.areas)
-    return next((area for area in areas if area.type == "IMAGE_EDITOR" and area.ui_type == "IMAGE_EDITOR"), None)
+def areas(kind: str) -> list[bpy.types.Area]:
+    """Areas of type ``kind`` in all windows."""
+    return [area for window in bpy.context.window_manager.windows for area in window.screen.areas if area.type == kind]
 
 
 def _new_window() -> bpy.types.Area | None:
@@ -48,7 +49,7 @@ def _new_window() -> bpy.types.Area | None:
 
 
 def _fit(area: bpy.types.Area) -> None:
-    """View All, so that an 8K image is seen whole."""
+    """View All: an 8K image is larger than the screen."""
     window = next((w for w in bpy.context.window_manager.windows if area in list(w.screen.areas)), None)
     region = next((region for region in area.regions if region.type == "WINDOW"), None)
     if window is None or region is None:

@@ -1,7 +1,7 @@
 """Settings of a scene and the state of the panel, as RNA properties.
 
-Everything that decides an image is saved with the scene; what only the running
-session knows (progress, messages, found problems) lives in the window manager.
+Everything that decides an image is saved with the scene. The state of the
+session (messages, found problems, the last plan) is in the window manager.
 """
 
 from __future__ import annotations
@@ -21,24 +21,22 @@ from lfsr_core.frames.averaging import MOST_SHARED
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 
 from ..array import rig
-from ..results import preview
-from .methods import method_items
-from .scene_settings import AUTO_SCALE, SCALES, STRAIGHT, profile_items, qualities
+from ..results import preview, show_image
+from .methods import DIRECT, method_items
+from .scene_settings import AUTO_SCALE, SCALES, profile_items, qualities
 
 MAX_EYE_STEP = 10
-LIVE_SCALES = (1, 2, 4, 8)   # Blender's viewport knows these pixel sizes
+LIVE_SCALES = (1, 2, 4, 8)  # pixel sizes of Blender's viewport
 
 
-def _draws(_settings: SceneSettings, context: bpy.types.Context) -> None:
-    """Redraw the 3D views, whose drawn frustum depends on the setting."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+def _draws(_settings: SceneSettings, _context: bpy.types.Context) -> None:
+    """Redraw the 3D views: the frustum depends on the setting."""
+    for area in show_image.areas("VIEW_3D"):
+        area.tag_redraw()
 
 
 def _display_changed(settings: SceneSettings, context: bpy.types.Context) -> None:
-    """A preset stays what it is: its method is the best for the display."""
+    """Set the preset again: its method depends on the display."""
     _apply_quality(settings, context)
     _draws(settings, context)
 
@@ -55,39 +53,20 @@ def _apply_quality(settings: SceneSettings, _context: bpy.types.Context) -> None
 
 
 def _is_custom(settings: SceneSettings, _context: bpy.types.Context) -> None:
-    if settings.applying:
-        return
-    presets = qualities(settings.id_data)
-    named = [name for name, values in presets.items() if values == (settings.samples, settings.method)]
-    settings.applying = True
-    try:
-        settings.quality = named[0] if named else "CUSTOM"
-    finally:
-        settings.applying = False
+    if not settings.applying:
+        chosen = settings.samples, settings.method
+        settings.quality = next((name for name, values in qualities(settings.id_data).items() if values == chosen),
+                                "CUSTOM")
 
 
 def _look(settings: SceneSettings, _context: bpy.types.Context) -> None:
     preview.show(settings.id_data, (settings.eye_right, settings.eye_up))
 
 
-def _get_distance(settings: SceneSettings) -> float:
-    return rig.get_distance(settings.id_data)
-
-
-def _set_distance(settings: SceneSettings, distance: float) -> None:
-    rig.set_distance(settings.id_data, distance)
-
-
-def _get_spacing(settings: SceneSettings) -> float:
-    return rig.get_spacing(settings.id_data)
-
-
-def _set_spacing(settings: SceneSettings, share: float) -> None:
-    rig.set_spacing(settings.id_data, share)
-
-
 class SceneSettings(bpy.types.PropertyGroup):
     """Light-field settings of one scene."""
+
+    # Saved files know direct subpixel rendering as `straight` and temporal averaging as `share_frames`.
 
     display: EnumProperty(
         name="Display", description="Light-field display that will show the image",
@@ -96,53 +75,57 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Profile", description="Display profile (.toml) of a display that is not built in",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_display_changed)
     straight: BoolProperty(
-        name=STRAIGHT, description="Render the panel's own image, a pixel for each subpixel, instead of a light field: "
-        "more accurate for a finished picture, and a quarter of the samples does. There are no views to preview, "
-        "compare or export; Scale, Method, Linear EXR and Share Frames do not count", default=False, update=_draws)
+        name=DIRECT, description="Render the panel's own image, one ray direction per subpixel, instead of a light "
+        "field. It is more accurate and needs a quarter of the samples, but has no views to preview, compare or "
+        "export. Scale, Method, Linear EXR and Temporal Averaging are not used", default=False, update=_draws)
     scale: EnumProperty(
-        name="Scale", description="Render one view of this many in each direction and reconstruct the others",
-        items=[(AUTO_SCALE, "Auto", "4×, or less where the subject is too deep for it", 0),
+        name="Scale", description="Render one of this many views in each direction and reconstruct the others",
+        items=[(AUTO_SCALE, "Auto", "4×, or less if the subject is too deep for that", 0),
                *((f"{s}", f"{s}×", f"Render 1 of {s}×{s} views" if s > 1 else "Render every view", s) for s in SCALES)],
         default=AUTO_SCALE, update=_draws)
 
     distance: FloatProperty(
-        name="Distance", description="From the viewing position to the display plane, where objects have no parallax",
+        name="Distance", description="Distance from the viewing position to the display plane, where objects have no "
+        "parallax",
         subtype="DISTANCE", unit="LENGTH", min=1e-4, soft_min=0.01, soft_max=100.0,
-        get=_get_distance, set=_set_distance)
+        get=lambda settings: rig.get_distance(settings.id_data),
+        set=lambda settings, value: rig.set_distance(settings.id_data, value))
     spacing: FloatProperty(
-        name="Array Spacing", description="Spacing of the cameras as a share of what fills the display's viewing "
-        "angle; less flattens the scene and deepens the usable range",
+        name="Array Spacing", description="Spacing of the cameras as a fraction of the one that fills the display's "
+        "viewing angle. Less of it flattens the scene and makes more depth usable",
         subtype="FACTOR", min=0.01, max=2.0, soft_max=1.0, precision=2,
-        get=_get_spacing, set=_set_spacing)
+        get=lambda settings: rig.get_spacing(settings.id_data),
+        set=lambda settings, value: rig.set_spacing(settings.id_data, value))
     show_frustum: BoolProperty(
-        name="Frustum", description="Draw the display rectangle, the frustum and the limits of usable depth "
+        name="Show Frustum", description="Draw the display rectangle, the frustum and the limits of usable depth "
         "in the 3D views", default=True, update=_draws)
 
     quality: EnumProperty(
         name="Quality", description="How much time to spend on an image",
         items=[("DRAFT", "Draft", "Fewest rays: for placing objects and light"),
                ("BALANCED", "Balanced", "Few rays, denoised: for most images"),
-               ("FINAL", "Final", "Many rays, denoised: for an image that stays"),
-               ("CUSTOM", "Custom", "Your own samples and method")],
+               ("FINAL", "Final", "Many rays, denoised: for final images"),
+               ("CUSTOM", "Custom", "Samples and method are set by hand")],
         default="BALANCED", update=_apply_quality)
     samples: IntProperty(
         name="Samples", description="Paths per pixel of the rendered views", min=1, soft_max=1024, default=16,
         update=_is_custom)
     method: EnumProperty(
-        name="Method", description="How the dense views are made from the rendered ones", items=method_items(),
+        name="Method", description="How the image is denoised and the missing views are made", items=method_items(),
         default=DEFAULT_METHOD, update=_is_custom)
-    seed: IntProperty(name="Seed", description="Random numbers of the render", min=0, default=0)
+    seed: IntProperty(name="Seed", description="Seed of the noise: another value renders other noise", min=0, default=0)
     output: StringProperty(
         name="Output", description="Folder for the images of this scene; // is the folder of the .blend file",
         subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, default="//lightfield/")
     use_overwrite: BoolProperty(
-        name="Overwrite", description="Render frames of an animation again that are complete already", default=False)
+        name="Overwrite", description="Also render frames of an animation that are complete", default=False)
     share_frames: IntProperty(
-        name="Share Frames", description="Average each frame of an animation with so many before and after it, where "
-        "they show the same, against noise; 0 for none, 2 does well. Nothing is shared while the camera array moves",
+        name="Temporal Averaging", description="Number of frames before and after each frame of an animation that are "
+        "averaged with it against noise, where nothing has changed; 0 for none, 2 is a good value. Frames are not "
+        "averaged while the camera array moves",
         min=0, max=MOST_SHARED, default=0)
     linear_exr: BoolProperty(
-        name="Scene-Linear EXR", description="Also save the image before the view transform, as OpenEXR",
+        name="Linear EXR", description="Also save the scene-linear image, before the view transform, as OpenEXR",
         default=False)
 
     plan_target: FloatProperty(
@@ -150,26 +133,26 @@ class SceneSettings(bpy.types.PropertyGroup):
         min=0.5, max=0.999, soft_min=0.8, precision=3, step=1, default=0.95)
 
     reference_samples: IntProperty(
-        name="Samples", description="Paths per pixel of the reference, split over its two independent halves",
+        name="Samples", description="Paths per pixel of the reference, half of them in each of its two images",
         min=2, soft_max=4096, default=256)
     reference_lenses: IntProperty(
-        name="Lenses", description="Render only so many random lenses of the reference; 0 renders all of them",
+        name="Lenses", description="Number of random lenses that are rendered of the reference; 0 for all",
         min=0, soft_max=256, default=16)
 
     eye_right: FloatProperty(
-        name="Eye Right", description="Where the eye stands in the viewing zone, from its left (-1) to its right (1)",
+        name="Eye Right", description="Position of the eye in the viewing zone, from its left (-1) to its right (1)",
         subtype="FACTOR", min=-1.0, max=1.0, step=MAX_EYE_STEP, update=_look, options={"SKIP_SAVE"})
     eye_up: FloatProperty(
-        name="Eye Up", description="Where the eye stands in the viewing zone, from its bottom (-1) to its top (1)",
+        name="Eye Up", description="Position of the eye in the viewing zone, from its bottom (-1) to its top (1)",
         subtype="FACTOR", min=-1.0, max=1.0, step=MAX_EYE_STEP, update=_look, options={"SKIP_SAVE"})
 
     live_scale: EnumProperty(
-        name="Pixel Size", description="Scale of the live view: one rendered view stands for so many each way",
+        name="Pixel Size", description="Scale of the live view: one of this many views in each direction is rendered",
         items=[(f"{s}", f"{s}×", f"Render 1 of {s}×{s} views" if s > 1 else "Render every view", s)
                for s in LIVE_SCALES],
         default="4")
     live_samples: IntProperty(
-        name="Samples", description="Paths per rendered pixel after which the live view rests; 0 goes on for ever",
+        name="Samples", description="Paths per pixel after which the live view stops rendering; 0 for no limit",
         min=0, soft_max=4096, default=256)
     live_smooth: BoolProperty(
         name="Interpolate", description="Interpolate the views between the rendered ones, inside each elemental image",
@@ -177,15 +160,15 @@ class SceneSettings(bpy.types.PropertyGroup):
     live_denoise: BoolProperty(
         name="Denoise", description="Denoise the rendered views with Cycles' viewport denoiser", default=True)
     live_denoise_start: IntProperty(
-        name="From Sample", description="First sample that is denoised", min=1, soft_max=64, default=1)
+        name="Start Sample", description="First sample that is denoised", min=1, soft_max=64, default=1)
     live_eye_right: FloatProperty(
-        name="Eye Right", description="Where the eye stands: the viewing zone reaches from -1, its left, to 1",
+        name="Eye Right", description="Position of the eye; the viewing zone is from -1, its left, to 1, its right",
         min=-4.0, max=4.0, soft_min=-1.0, soft_max=1.0, step=10)
     live_eye_up: FloatProperty(
-        name="Up", description="Where the eye stands: the viewing zone reaches from -1, its bottom, to 1",
+        name="Up", description="Position of the eye; the viewing zone is from -1, its bottom, to 1, its top",
         min=-4.0, max=4.0, soft_min=-1.0, soft_max=1.0, step=10)
     live_eye_near: FloatProperty(
-        name="Distance", description="From the display to the eye, as a share of the display's viewing distance",
+        name="Distance", description="Distance of the eye as a fraction of the display's viewing distance",
         min=0.1, max=10.0, soft_min=0.5, soft_max=2.0, step=10, default=1.0)
 
     applying: BoolProperty(
@@ -203,12 +186,12 @@ class FoundProblem(bpy.types.PropertyGroup):
         name="Severity", description="How bad it is",
         items=[("ERROR", "Error", "The image will be wrong or missing"),
                ("WARNING", "Warning", "Part of the image will look bad"),
-               ("INFO", "Information", "Ignored by light-field renders")])
-    is_object: BoolProperty(name="Object", description="The name is that of an object in the scene")
+               ("INFO", "Information", "Light-field renders ignore it")])
+    is_object: BoolProperty(name="Object", description="The problem is that of an object in the scene")
 
 
 class SessionState(bpy.types.PropertyGroup):
-    """What the panel shows of this session."""
+    """State of the panel in this session."""
 
     problems: CollectionProperty(
         name="Problems", description="What the last scene check found", type=FoundProblem)
@@ -233,6 +216,6 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take them away again; saved files keep their values."""
+    """Remove them again; saved files keep their values."""
     del bpy.types.WindowManager.lfsr
     del bpy.types.Scene.lfsr

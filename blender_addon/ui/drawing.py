@@ -1,4 +1,4 @@
-"""What the panels share: their place, labels beside values, sentences over lines."""
+"""Parts of panels: their place, labels beside values, sentences over several lines."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ PIXELS_PER_LETTER = 6.6
 
 
 class LightFieldPanel:
-    """Place of every panel of the tab."""
+    """Base of every panel of the tab."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -18,7 +18,7 @@ class LightFieldPanel:
 
 
 def columns(layout: bpy.types.UILayout) -> bpy.types.UILayout:
-    """Labels left and values right, as in Blender's own panels."""
+    """Column with labels left and values right, as in Blender's own panels."""
     column = layout.column()
     column.use_property_split = True
     column.use_property_decorate = False
@@ -26,18 +26,18 @@ def columns(layout: bpy.types.UILayout) -> bpy.types.UILayout:
 
 
 def row_if(applies: bool, layout: bpy.types.UILayout) -> bpy.types.UILayout:
-    """Row for a setting, greyed where it does not count."""
+    """Row for a setting, greyed out where it is not used."""
     row = layout.row()
     row.enabled = applies
     return row
 
 
-def facts(layout: bpy.types.UILayout, pairs: list[tuple[str, str]]) -> None:
-    """Names left and values right."""
+def facts(layout: bpy.types.UILayout, pairs: list[tuple[str, str]], factor: float = 0.4) -> None:
+    """Draw names left and values right; the names take ``factor`` of the width."""
     column = layout.column(align=True)
     column.scale_y = 0.8
     for name, value in pairs:
-        split = column.split(factor=0.4)
+        split = column.split(factor=factor)
         left = split.row()
         left.alignment = "RIGHT"
         left.label(text=name)
@@ -45,8 +45,8 @@ def facts(layout: bpy.types.UILayout, pairs: list[tuple[str, str]]) -> None:
 
 
 def sentence(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.types.Context) -> None:
-    """Text over as many lines as the sidebar's width needs."""
-    # The interface has no scale where there is no window.
+    """Draw a text, broken into lines that fit the sidebar."""
+    # Without a window the interface has no scale.
     scale = (context.preferences.system.ui_scale or 1.0) * PIXELS_PER_LETTER
     letters = max(20, int((context.region.width if context.region else 300) / scale) - 6)
     column = layout.column(align=True)

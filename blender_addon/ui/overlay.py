@@ -1,4 +1,4 @@
-"""The camera array as drawn in the 3D views: frustum, display rectangle and limits of usable depth."""
+"""Draw the camera array in the 3D views: frustum, display rectangle and limits of usable depth."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ from ..settings import scene_settings
 
 DISPLAY_COLOR, FRUSTUM_COLOR = (0.36, 0.78, 1.0), (0.75, 0.85, 0.95)
 USABLE_COLOR, SPARSE_COLOR = (1.0, 0.62, 0.25), (0.55, 1.0, 0.55)
-BEYOND = 4.0   # an unlimited range is drawn up to so many display distances
+BEYOND = 4.0  # display distances up to which an unlimited range is drawn
 LOOP = ((0, 1), (1, 2), (2, 3), (3, 0))
 
+Lines = tuple[tuple[float, ...], float, float, Array]
 _handle: object | None = None
 
 
 def rectangle(array: CameraArray, distance: float) -> Array:
-    """Corners (4, 3) in array space of what the display shows at ``distance``, around from bottom left."""
+    """Corners (4, 3) in array space of what the display shows at ``distance``, from bottom left, in order."""
     x, y = array.half_width * distance / array.distance, array.half_height * distance / array.distance
     return np.array([(-x, -y, distance), (x, -y, distance), (x, y, distance), (-x, y, distance)])
 
@@ -35,16 +36,16 @@ def viewing_zone(array: CameraArray, display: DisplayProfile) -> Array:
     return np.array([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, y, 0)])
 
 
-def lines(array: CameraArray, display: DisplayProfile, scale: int) -> list[tuple[tuple, float, float, Array]]:
-    """(colour, opacity, width in pixels, points (2n, 3) in array space) of every set of lines."""
+def lines(array: CameraArray, display: DisplayProfile, scale: int) -> list[Lines]:
+    """(colour, opacity, width in pixels, points (2n, 3) in array space) of each set of lines."""
     near, far = rig.usable_depth(array, display)
     seen_far = far if math.isfinite(far) else BEYOND * array.distance
     plane, zone = rectangle(array, array.distance), viewing_zone(array, display)
     edges = np.stack([rectangle(array, near), rectangle(array, seen_far)], axis=1).reshape(-1, 3)
     sight = np.stack([np.zeros((4, 3)), rectangle(array, near)], axis=1).reshape(-1, 3)
-    drawn = [(FRUSTUM_COLOR, 0.35, 1.0, edges), (FRUSTUM_COLOR, 0.18, 1.0, sight),
-             (FRUSTUM_COLOR, 0.7, 1.5, _loop(zone)), (DISPLAY_COLOR, 1.0, 2.5, _loop(plane)),
-             (USABLE_COLOR, 0.9, 1.5, _loop(rectangle(array, near)))]
+    drawn: list[Lines] = [
+        (FRUSTUM_COLOR, 0.35, 1.0, edges), (FRUSTUM_COLOR, 0.18, 1.0, sight), (FRUSTUM_COLOR, 0.7, 1.5, _loop(zone)),
+        (DISPLAY_COLOR, 1.0, 2.5, _loop(plane)), (USABLE_COLOR, 0.9, 1.5, _loop(rectangle(array, near)))]
     if math.isfinite(far):
         drawn.append((USABLE_COLOR, 0.9, 1.5, _loop(rectangle(array, far))))
     if scale > 1:
@@ -67,11 +68,12 @@ def draw() -> None:
     if array is None or not array.visible_get():
         return
     try:
-        display = scene_settings.display_of(scene)
-        placed = rig.placement(scene, display)
+        settings = scene_settings.resolve(scene)
+        placed = rig.placement(scene, settings.display)
     except LfsrError:
-        return  # the panel says what is wrong with it
-    _draw(placed, display, scene_settings.scale_of(scene))
+        return  # the panel shows what is wrong
+    if placed is not None:
+        _draw(placed, settings.display, settings.scale)
 
 
 def _draw(placed: rig.Placement, display: DisplayProfile, scale: int) -> None:
@@ -119,9 +121,6 @@ def _draw_lines(points: list[tuple[float, ...]], color: tuple[float, ...], width
     batch.draw(shader)
 
 
-CLASSES = ()
-
-
 def register() -> None:
     """Draw in every 3D view; there is none in background mode."""
     global _handle
@@ -130,7 +129,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Draw no more."""
+    """Stop drawing."""
     global _handle
     if _handle is not None:
         bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")

@@ -1,4 +1,4 @@
-"""What the artist sees in the sidebar's tab "Light Field": drawing only."""
+"""Panels of the sidebar's tab "Light Field": drawing only."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from ..array import rig
 from ..background import session
 from ..results import preview
 from ..settings import scene_settings
+from ..settings.scene_settings import Resolved
 from . import summary
 from .drawing import LightFieldPanel, columns, facts, row_if, sentence
 from .presets import LFSR_PT_presets
@@ -18,30 +19,28 @@ SEVERITY_ICONS = {"ERROR": "ERROR", "WARNING": "ERROR", "INFO": "INFO"}
 
 
 class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
-    """Which display the image is for."""
+    """The display that the image is for"""
 
     bl_label = "Display"
     bl_idname = "LFSR_PT_display"
     bl_order = 0
 
     def draw_header_preset(self, _context: bpy.types.Context) -> None:
-        """The preset menu."""
+        """Draw the preset menu."""
         LFSR_PT_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Profile, scale and what they mean."""
-        scene, layout = context.scene, columns(self.layout)
-        lfsr, straight = scene.lfsr, scene_settings.is_straight(scene)
+        """Draw profile, scale and resolutions."""
+        lfsr, layout = context.scene.lfsr, columns(self.layout)
         layout.prop(lfsr, "display", text="Profile")
         if lfsr.display == scene_settings.PROFILE_FILE:
             layout.prop(lfsr, "profile_file", text="File")
-        if scene_settings.has_sheet(scene):
-            _draw_straight(layout, context)
-        row_if(not straight, layout).prop(lfsr, "scale")
         try:
-            display = scene_settings.display_of(scene)
-            found = (summary.panel_facts(display) if straight
-                     else summary.display_facts(display, scene_settings.scale_of(scene)))
+            settings = scene_settings.resolve(context.scene)
+            if settings.display.is_woven:
+                _draw_direct(self.layout, settings, context)
+            row_if(not settings.is_direct, columns(self.layout)).prop(lfsr, "scale")
+            found = summary.display_facts(settings)
         except LfsrError as error:
             sentence(self.layout, str(error), "ERROR", context)
             return
@@ -49,14 +48,14 @@ class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
 
 
 class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
-    """The camera array in the scene."""
+    """The camera array in the scene"""
 
     bl_label = "Camera Array"
     bl_idname = "LFSR_PT_array"
     bl_order = 1
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Add, fit, remove; distance and spacing."""
+        """Draw the buttons, distance and spacing."""
         scene, layout = context.scene, self.layout
         array = rig.find(scene)
         if array is None:
@@ -75,7 +74,7 @@ class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
         row.prop(context.scene.lfsr, "distance", text="Distance")
         row.operator("lfsr.select_plane", text="", icon="RESTRICT_SELECT_OFF")
         column.prop(context.scene.lfsr, "spacing", text="Spacing", slider=True)
-        column.prop(context.scene.lfsr, "show_frustum", text="Show Frustum")
+        column.prop(context.scene.lfsr, "show_frustum")
         try:
             found = summary.depth_facts(context.scene)
         except LfsrError as error:
@@ -85,14 +84,14 @@ class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
 
 
 class LFSR_PT_check(LightFieldPanel, bpy.types.Panel):
-    """What will go wrong."""
+    """Problems that the render will have"""
 
     bl_label = "Scene Check"
     bl_idname = "LFSR_PT_check"
     bl_order = 2
 
     def draw(self, context: bpy.types.Context) -> None:
-        """The button and what it found last."""
+        """Draw the button and what it found last."""
         layout, state = self.layout, context.window_manager.lfsr
         layout.operator("lfsr.check_scene", text="Check Scene", icon="VIEWZOOM")
         if state.checked_scene != context.scene.name:
@@ -104,15 +103,15 @@ class LFSR_PT_check(LightFieldPanel, bpy.types.Panel):
 
 
 class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
-    """How much time an image may take."""
+    """How much time an image takes"""
 
     bl_label = "Quality"
     bl_idname = "LFSR_PT_quality"
     bl_order = 3
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Preset, samples, method, output."""
-        lfsr, has_lenses = context.scene.lfsr, not scene_settings.is_straight(context.scene)
+        """Draw preset, samples, method, device and output."""
+        lfsr, has_lenses = context.scene.lfsr, not scene_settings.is_direct(context.scene)
         layout = columns(self.layout)
         layout.prop(lfsr, "quality", text="Preset")
         layout.prop(lfsr, "samples")
@@ -121,26 +120,28 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
         if hasattr(context.scene, "cycles"):
             layout.prop(context.scene.cycles, "device")
             facts(self.layout, summary.device_facts(context.scene))
+            if summary.lacks_gpu(context.scene):
+                sentence(self.layout, "No GPU is set up in Preferences > System", "INFO", context)
         below = columns(self.layout)  # a second column: the first stands above the facts
         below.prop(lfsr, "output")
-        row_if(has_lenses, below).prop(lfsr, "linear_exr", text="Linear EXR")
+        row_if(has_lenses, below).prop(lfsr, "linear_exr")
 
 
 class LFSR_PT_plan(LightFieldPanel, bpy.types.Panel):
-    """The cheapest settings that are good enough."""
+    """The cheapest settings that are accurate enough"""
 
-    bl_label = "Least That Will Do"
+    bl_label = "Find Cheapest Settings"
     bl_idname = "LFSR_PT_plan"
     bl_parent_id = "LFSR_PT_quality"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Target, the button, what it found last."""
+        """Draw the target, the button and what it found last."""
         state = context.window_manager.lfsr
         columns(self.layout).prop(context.scene.lfsr, "plan_target")
         row = self.layout.row()
         row.enabled = session.current() is None
-        row.operator("lfsr.plan", icon="VIEWZOOM")
+        row.operator("lfsr.plan", text="Find", icon="VIEWZOOM")
         if state.plan_scene != context.scene.name:
             return
         sentence(self.layout, state.plan_text, "CHECKMARK" if state.plan_method else "INFO", context)
@@ -149,14 +150,14 @@ class LFSR_PT_plan(LightFieldPanel, bpy.types.Panel):
 
 
 class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
-    """Render, compare, look."""
+    """Render, compare, preview and export"""
 
     bl_label = "Render"
     bl_idname = "LFSR_PT_render"
     bl_order = 4
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Buttons, progress, what came out."""
+        """Draw progress, buttons and the last error."""
         layout, task = self.layout, session.current()
         if task is not None:
             session.draw_progress(layout.row(align=True), task)
@@ -166,16 +167,16 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         column.operator("lfsr.render_eia", icon="RENDER_STILL")
         column.operator("lfsr.render_animation", icon="RENDER_ANIMATION")
         column.menu("LFSR_MT_submit")
-        settings = columns(layout)
-        row_if(not scene_settings.is_straight(context.scene), settings).prop(context.scene.lfsr, "share_frames")
-        settings.prop(context.scene.lfsr, "use_overwrite")
+        # Without a column for labels, where this one would be cut off.
+        row_if(not scene_settings.is_direct(context.scene), layout).prop(context.scene.lfsr, "share_frames")
+        layout.prop(context.scene.lfsr, "use_overwrite")
         message = context.window_manager.lfsr.message
         if message:
             sentence(layout, message, "ERROR", context)
 
 
 class LFSR_PT_reference(LightFieldPanel, bpy.types.Panel):
-    """How close the image is to its reference."""
+    """How close the image is to its reference"""
 
     bl_label = "Reference"
     bl_idname = "LFSR_PT_reference"
@@ -183,7 +184,7 @@ class LFSR_PT_reference(LightFieldPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Samples, lenses, the button, the last metrics."""
+        """Draw samples, lenses, the button and the last metrics."""
         layout, lfsr = columns(self.layout), context.scene.lfsr
         layout.prop(lfsr, "reference_samples")
         layout.prop(lfsr, "reference_lenses")
@@ -192,18 +193,18 @@ class LFSR_PT_reference(LightFieldPanel, bpy.types.Panel):
         row.operator("lfsr.render_reference", icon="RENDERLAYERS")
         found = summary.metric_facts(context.scene)
         if found:
-            facts(self.layout, found)
+            facts(self.layout, found, 0.65)
 
 
 class LFSR_PT_preview(LightFieldPanel, bpy.types.Panel):
-    """What an eye sees."""
+    """What an eye sees"""
 
     bl_label = "Preview"
     bl_idname = "LFSR_PT_preview"
     bl_parent_id = "LFSR_PT_render"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """The button and the eye's place."""
+        """Draw the button and the eye's position."""
         row = self.layout.row()
         row.enabled = session.current() is None
         row.operator("lfsr.preview_view", icon="HIDE_OFF")
@@ -213,26 +214,27 @@ class LFSR_PT_preview(LightFieldPanel, bpy.types.Panel):
         column.prop(context.scene.lfsr, "eye_up", text="Up", slider=True)
 
 
-class LFSR_PT_share(LightFieldPanel, bpy.types.Panel):
-    """The image for those who have no display."""
+class LFSR_PT_exports(LightFieldPanel, bpy.types.Panel):
+    """The image for those who have no display"""
 
     bl_label = "View and Export"
-    bl_idname = "LFSR_PT_share"
+    bl_idname = "LFSR_PT_exports"
     bl_parent_id = "LFSR_PT_render"
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """The viewer and the formats."""
+        """Draw the viewer's button and the menu of formats."""
         row = self.layout.row()
         row.enabled = session.current() is None
         row.operator("lfsr.open_viewer", icon="URL")
         row.menu("LFSR_MT_export", icon="EXPORT")
 
 
-def _draw_straight(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    lfsr, reason = context.scene.lfsr, scene_settings.why_not_straight(context.scene)
-    row_if(lfsr.straight or not reason, layout).prop(lfsr, "straight")
+def _draw_direct(layout: bpy.types.UILayout, settings: Resolved, context: bpy.types.Context) -> None:
+    reason = scene_settings.why_not_direct(settings.device)
+    # Without a column for labels: its label is as long as the sidebar is wide.
+    row_if(settings.is_direct or not reason, layout).prop(context.scene.lfsr, "straight")
     if reason:
-        sentence(layout, reason, "ERROR" if lfsr.straight else "INFO", context)
+        sentence(layout, reason, "ERROR" if settings.is_direct else "INFO", context)
 
 
 def _draw_problem(layout: bpy.types.UILayout, problem: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
@@ -249,4 +251,4 @@ def _draw_problem(layout: bpy.types.UILayout, problem: bpy.types.PropertyGroup, 
 
 
 CLASSES = (LFSR_PT_display, LFSR_PT_array, LFSR_PT_check, LFSR_PT_quality, LFSR_PT_plan, LFSR_PT_render,
-           LFSR_PT_preview, LFSR_PT_share, LFSR_PT_reference)
+           LFSR_PT_preview, LFSR_PT_exports, LFSR_PT_reference)

@@ -11,26 +11,28 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import REPORT_FILE
 from lfsr_core.frames.report import read_report
-from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.panel_rays import rendered_size
 
 from ..array import rig
 from ..render import devices
-from ..settings import scene_settings
-from ..settings.scene_settings import length
+from ..settings import folders, scene_settings
+from ..settings.scene_settings import Resolved, length
 
 Facts = list[tuple[str, str]]
-METRICS = {"ssim_eia_fg": "SSIM, foreground", "ssim_lens_fg": "SSIM, lens by lens", "ssim_views_fg": "SSIM, views",
-           "psnr_fg": "PSNR", "flip": "FLIP", "ssim_eia_plain": "Plain SSIM", "ssim_ceiling": "Its ceiling",
-           "ssim_lens_plain": "Plain, lens by lens", "ssim_lens_ceiling": "Its ceiling"}
-WAYS = {"one-pass": "by the OSL camera", "lens-card": "through the lens card"}
+METRICS = {"ssim_eia_fg": "SSIM Foreground", "ssim_lens_fg": "SSIM per Lens", "ssim_views_fg": "SSIM Views",
+           "psnr_fg": "PSNR", "flip": "FLIP", "ssim_eia_plain": "Plain SSIM", "ssim_ceiling": "SSIM Ceiling",
+           "ssim_lens_plain": "Plain per Lens", "ssim_lens_ceiling": "Lens Ceiling"}
+CAMERAS = {"one-pass": "OSL camera", "lens-card": "lens card"}
 IN_DECIBEL = ("psnr_fg",)
 
 
-def display_facts(display: DisplayProfile, scale: int) -> Facts:
-    """Lenses, views and resolutions of a display at a scale; LfsrError if the scale does not divide the views."""
-    low = display.low_views(scale)
-    lenses, views = display.lenses, display.views
+def display_facts(settings: Resolved) -> Facts:
+    """Lenses, views and resolutions; LfsrError if the scale does not divide the views."""
+    display = settings.display
+    if settings.is_direct:
+        (width, height), panel = rendered_size(display), display.panel_pixels
+        return [("Rendered", f"{width} × {height} px"), ("Image", f"{panel[0]} × {panel[1]} px")]
+    low, lenses, views = display.low_views(settings.scale), display.lenses, display.views
     return [("Lenses", f"{lenses[0]} × {lenses[1]}"),
             ("Views", f"{views[0]} × {views[1]}"),
             ("Rendered", f"{low[0]} × {low[1]}"),
@@ -38,34 +40,33 @@ def display_facts(display: DisplayProfile, scale: int) -> Facts:
             ("Image", f"{display.eia_pixels[0]} × {display.eia_pixels[1]} px")]
 
 
-def panel_facts(display: DisplayProfile) -> Facts:
-    """Resolutions where the subpixels of a display with a lens sheet are rendered."""
-    sizes = {"Rendered": rendered_size(display), "Image": display.panel_pixels}
-    return [(name, f"{width} × {height} px") for name, (width, height) in sizes.items()]
-
-
 def depth_facts(scene: bpy.types.Scene) -> Facts:
-    """Sizes and usable depth of the scene's array; LfsrError if it or the display is broken."""
+    """Width and usable depth of the scene's array; empty where it has none, LfsrError if it is broken."""
     display = scene_settings.display_of(scene)
-    array, _ = rig.placement(scene, display)
-    near, far = rig.usable_depth(array, display)
+    placed = rig.placement(scene, display)
+    if placed is None:
+        return []
+    array, (near, far) = placed[0], rig.usable_depth(placed[0], display)
     return [("Width", length(scene, 2 * array.half_width)),
             ("In Front", length(scene, array.distance - near)),
             ("Behind", "unlimited" if math.isinf(far) else length(scene, far - array.distance))]
 
 
 def device_facts(scene: bpy.types.Scene) -> Facts:
-    """What the scene renders on, and what sends the rays there."""
+    """Device that renders the scene, and the camera that it uses."""
     device = scene_settings.device_of(scene)
-    if device == "CPU" and scene.cycles.device != "CPU":
-        return [("Renders on", "the CPU, no GPU is set up in Preferences > System")]
-    return [("Renders on", f"{device}, {WAYS[devices.way_of(device)]}")]
+    return [("Renders On", f"{device}, {CAMERAS[devices.way_of(device)]}")]
+
+
+def lacks_gpu(scene: bpy.types.Scene) -> bool:
+    """True if the scene asks for a GPU and Blender's preferences have none."""
+    return scene.cycles.device != "CPU" and scene_settings.device_of(scene) == "CPU"
 
 
 def metric_facts(scene: bpy.types.Scene) -> Facts:
     """Metrics in the report of the current frame; empty where there are none."""
     try:
-        report = scene_settings.frame_folder(scene) / REPORT_FILE
+        report = folders.frame_folder(scene) / REPORT_FILE
         return list(_metrics(report.parent, report.stat().st_mtime_ns))
     except (LfsrError, OSError):
         return []  # nothing rendered yet

@@ -1,4 +1,4 @@
-"""What the buttons share: errors become reports, and a task is started or waited for."""
+"""Base of the buttons: errors become reports, and a task is started or waited for."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ Prepared = tuple[Steps, Callable[[Any], None]]
 
 
 def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
-    """An LfsrError inside the operator's method becomes its report, and the operator is cancelled."""
-    # Blender counts the arguments of what it calls: no *arguments here.
+    """Make an LfsrError in the operator's method its report, and cancel the operator."""
+    # Blender counts the arguments of the methods that it calls: no *arguments here.
     @functools.wraps(method)
     def wrapped(self: bpy.types.Operator, context: bpy.types.Context) -> Result:
         try:
@@ -35,19 +35,22 @@ def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
 
 
 class TaskOperator:
-    """An operator that starts a task, the one that its ``prepare`` returns."""
+    """An operator that starts the task that its ``prepare`` returns."""
+
+    bl_label: str
+    report: Callable[[set[str], str], None]
 
     def prepare(self, context: bpy.types.Context) -> Prepared | None:
-        """Steps and what to do with their result; None if there is nothing to do."""
+        """Return steps and what to do with their result; None if there is nothing to do."""
         raise NotImplementedError
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
-        """Start and return at once; in background mode as ``execute``."""
+        """Start and return at once; in background mode wait for the end."""
         return self.execute(context) if bpy.app.background else self.start(context)
 
     @reports_errors
     def start(self, context: bpy.types.Context) -> Result:
-        """Start the task; a timer follows it."""
+        """Start the task, which a timer follows."""
         session.check_idle()
         prepared = self.prepare(context)
         if prepared is not None:
@@ -56,7 +59,7 @@ class TaskOperator:
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Return when the result is there."""
+        """Run the task to its end."""
         session.check_idle()
         prepared = self.prepare(context)
         if prepared is None:

@@ -9,7 +9,7 @@ import bpy
 from lfsr_core.exports.format_names import DESCRIPTIONS, TITLES
 
 from ...background import exports, session
-from ...settings import scene_settings
+from ...settings import folders
 from .base import Prepared, TaskOperator
 
 FORMAT_ITEMS = [(name, TITLES[name], text[0].upper() + text[1:]) for name, text in DESCRIPTIONS.items()]
@@ -23,8 +23,8 @@ class LFSR_OT_open_viewer(TaskOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Write the page, then open it."""
-        folder = scene_settings.frame_folder(context.scene)
-        scene_settings.check_image(folder, "to show or export")
+        folder = folders.frame_folder(context.scene)
+        folders.check_image(folder, "to show or export")
         return exports.write_viewer(folder), _open
 
 
@@ -43,8 +43,8 @@ class LFSR_OT_export(TaskOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Export, then say where it is."""
-        folder = scene_settings.frame_folder(context.scene)
-        scene_settings.check_image(folder, "to show or export")
+        folder = folders.frame_folder(context.scene)
+        folders.check_image(folder, "to show or export")
         return exports.export(folder, self.format), _tell
 
 

@@ -32,7 +32,7 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """The plan of the current frame, then its result in the panel."""
         scene = context.scene
-        scene_settings.check_light_field(scene, "a plan")
+        scene_settings.resolve(scene).check_light_field("a plan")
         frame = recipes.frame_recipe(scene)
         options = wanted(scene)
         job = dataclasses.replace(frame.job, layers=layers_of(options.methods))

@@ -17,7 +17,7 @@ from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
 
 from ...background import recipes, session
 from ...results import preview, show_image
-from ...settings import scene_settings
+from ...settings import folders
 from .base import Prepared, Result, TaskOperator
 
 
@@ -73,8 +73,8 @@ class LFSR_OT_preview_view(TaskOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Prepared | None:
         """Decode the current frame's views unless that is done, then show one."""
         scene = context.scene
-        folder = scene_settings.frame_folder(scene)
-        scene_settings.check_image(folder, "to preview")
+        folder = folders.frame_folder(scene)
+        folders.check_image(folder, "to preview")
         if recipes.is_decoded(folder):
             _show_view(scene, recipes.views_file(folder))
             return None

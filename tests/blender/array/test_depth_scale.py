@@ -46,9 +46,9 @@ def test_a_scale_that_was_asked_for_stays(scene):
 def test_the_panel_chooses_before_it_renders(tmp_path):
     with panel.registered():
         scene = panel.artist_scene(tmp_path)
-        job = scene_settings.render_job(scene, tmp_path)
+        job = scene_settings.resolve_for_render(scene).job(tmp_path, 1)
         assert (job.scale, job.scale_reason) == (2, "")
         scene.lfsr.scale = scene_settings.AUTO_SCALE
-        auto = scene_settings.render_job(scene, tmp_path)
+        auto = scene_settings.resolve_for_render(scene).job(tmp_path, 1)
         assert auto.scale in (2, 4) and auto.scale_reason.startswith(f"scale {auto.scale}")
         assert not auto.scales and dataclasses.replace(auto, scale=2, scale_reason="") == job

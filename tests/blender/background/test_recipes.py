@@ -56,5 +56,5 @@ def test_a_frame_of_an_animation_that_shares_is_the_panels_in_spite_of_its_seed(
         write_frame(recipe.folder, frame_of(job.scale, samples=job.spp, seed=seed, frame=3))
         write_report(recipe.folder, Report(recipe.method, "mini", job.scale, job.spp, {}, None, 1.0,
                                            temporal_averaging=share))
-        assert recipe.complete == whole
-    assert not dataclasses.replace(recipe, method="bilinear").complete
+        assert recipe.is_complete == whole
+    assert not dataclasses.replace(recipe, method="bilinear").is_complete

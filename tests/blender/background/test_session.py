@@ -51,7 +51,7 @@ def test_progress_and_time_left(scene):
     task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
     task._take({"stage": "render", "fraction": 0.5})
     task._started -= 10
-    assert task.fraction == pytest.approx(0.5 * recipes.RENDER_SHARE)
+    assert task.fraction == pytest.approx(0.5 * recipes.RENDER_FRACTION)
     assert task.seconds_left == pytest.approx(10 * (1 - task.fraction) / task.fraction, abs=1)
     assert session.progress_text(task).startswith("42%, 0:13 left")
     assert task.stage == "Rendering"

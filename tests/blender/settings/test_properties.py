@@ -37,11 +37,11 @@ def test_a_preset_takes_the_method_for_the_displays_views(scene):
     scene.lfsr.display = "looking-glass-go"
     assert (scene.lfsr.quality, scene.lfsr.method) == ("BALANCED", HORIZONTAL_METHOD)
     scene.lfsr.scale = "3"
-    scene_settings.check_method(scene)
+    scene_settings.resolve(scene).check()
     scene.lfsr.method = DEFAULT_METHOD
     assert scene.lfsr.quality == "CUSTOM"
     with pytest.raises(LfsrError, match="'looking-glass-go' has views in one direction"):
-        scene_settings.check_method(scene)
+        scene_settings.resolve(scene).check()
     scene.lfsr.display, scene.lfsr.quality = "mini", "BALANCED"
     assert scene.lfsr.method == DEFAULT_METHOD
 

@@ -14,6 +14,7 @@ from blender_addon.ui.operators import check
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.optics.display import PROFILE_FOLDER
+from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.networks import catalogue
 from tests.support import panel
 
@@ -106,13 +107,13 @@ def test_unsaved_file(tmp_path):
 def test_read_only_folder(scene):
     # Not even the superuser can make files there.
     scene.lfsr.output = "/proc/lfsr"
-    refuse(scene, "output folder .* cannot be written to .*: choose another output folder")
+    refuse(scene, "Scene/0001 cannot be made .*: choose another folder")
 
 
 def test_output_is_a_file(scene, tmp_path):
     (tmp_path / "taken").write_text("x")
     scene.lfsr.output = str(tmp_path / "taken")
-    refuse(scene, "cannot be written to .*: choose another output folder")
+    refuse(scene, "cannot be made .*: choose another folder")
 
 
 @pytest.mark.parametrize(("name", "sentence"), [("x" * 256, "is too long"), ("link", "is a link to .*nowhere")])
@@ -182,9 +183,10 @@ def test_scale_that_does_not_divide_the_views(scene):
 
 def test_network_that_was_not_trained_for_the_scale(scene, monkeypatch):
     monkeypatch.setattr(catalogue, "trained_scales", lambda name: [4, 8])
-    methods.check_scale("oidn+fsrcnn", 4)
+    method = MethodName.parse("oidn+fsrcnn")
+    methods.check_scale(method, 4)
     with pytest.raises(LfsrError, match="'fsrcnn' was not trained for scale 2× but for 4×, 8×"):
-        methods.check_scale("oidn+fsrcnn", 2)
+        methods.check_scale(method, 2)
 
 
 def test_second_stage_that_cannot_run_the_method_is_an_error_before_the_render(scene, monkeypatch):

@@ -65,7 +65,7 @@ def all_greyed(drawn: dict[str, list]) -> set[str]:
 
 def test_with_an_array(scene):
     drawn = draw_all()
-    assert list(drawn) == ["Display", "Camera Array", "Scene Check", "Quality", "Least That Will Do", "Render",
+    assert list(drawn) == ["Display", "Camera Array", "Scene Check", "Quality", "Find Cheapest Settings", "Render",
                            "Preview", "View and Export", "Reference"]
     assert "16 × 12" in labels(drawn["Display"]) and "64 × 48 px" in labels(drawn["Display"])
     assert {"lfsr.array_fit", "lfsr.array_remove"} <= operators(drawn["Camera Array"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from blender_addon.settings import scene_settings
+from blender_addon.settings import folders
 from blender_addon.ui import summary
 from lfsr_core.frames.report import Report, write_report
 from tests.support import panel
@@ -18,11 +18,11 @@ def scene(tmp_path):
 
 @pytest.mark.parametrize(("flip", "shown"), [(0.01234, "0.0123"), (None, "not computed")])
 def test_metrics_of_the_frame_are_shown(scene, flip, shown):
-    folder = scene_settings.frame_folder(scene)
+    folder = folders.frame_folder(scene)
     folder.mkdir(parents=True)
     metrics = {"ssim_eia_fg": 0.91234, "psnr_fg": 31.26, "flip": flip}
     write_report(folder, Report("bicubic", "mini", 4, 16, {"render": 1.0}, None, 0.5, metrics=metrics))
-    assert summary.metric_facts(scene) == [("SSIM, foreground", "0.9123"), ("PSNR", "31.3 dB"), ("FLIP", shown)]
+    assert summary.metric_facts(scene) == [("SSIM Foreground", "0.9123"), ("PSNR", "31.3 dB"), ("FLIP", shown)]
 
 
 def test_without_a_frame_there_are_no_metrics(scene):

@@ -123,7 +123,7 @@ def test_reference_and_ssim(opened, rendered):
     assert len(read_frame(reference).lens_list) == 16
     metrics = read_json(panel.frame_one(rendered) / "report.json", "report")["metrics"]
     assert "ssim_lens_fg" in metrics and "ssim_eia_fg" not in metrics, "of sampled lenses"
-    assert "SSIM, lens by lens" in dict(summary.metric_facts(opened))
+    assert "SSIM per Lens" in dict(summary.metric_facts(opened))
 
 
 def test_reference_needs_the_image_of_these_settings(opened):

@@ -6,7 +6,7 @@ import av
 import bpy
 import pytest
 
-from blender_addon.settings import scene_settings
+from blender_addon.settings import folders
 from lfsr_core.exports.format_names import DESCRIPTIONS
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.pictures import on_screen
@@ -26,7 +26,7 @@ def add_on():
 def frame(add_on, tmp_path):
     """The frame folder of a new scene, finished."""
     scene = panel.artist_scene(tmp_path)
-    return finished(scene_settings.frame_folder(scene))
+    return finished(folders.frame_folder(scene))
 
 
 def test_the_viewer_is_written_beside_the_image(frame):

@@ -54,14 +54,14 @@ def test_the_panels_picture_is_all_there_is(opened, rendered):
 
 
 def test_it_is_complete_for_these_settings_alone(opened, rendered):
-    assert recipes.frame_recipe(opened).complete
+    assert recipes.frame_recipe(opened).is_complete
     opened.lfsr.straight, opened.lfsr.scale, opened.lfsr.method = False, "1", "oidn"
-    assert not recipes.frame_recipe(opened).complete
+    assert not recipes.frame_recipe(opened).is_complete
     (panel.frame_one(rendered) / EIA_FILE).touch()
-    assert not recipes.frame_recipe(opened).complete
+    assert not recipes.frame_recipe(opened).is_complete
     (panel.frame_one(rendered) / EIA_FILE).unlink()
     opened.lfsr.straight, opened.lfsr.samples = True, 5
-    assert not recipes.frame_recipe(opened).complete
+    assert not recipes.frame_recipe(opened).is_complete
 
 
 def test_an_animation_keeps_the_frame_that_is_there(opened, rendered, capfd):
