@@ -11,7 +11,6 @@ import bpy
 from lfsr_core.arrays import Array
 from lfsr_core.optics.panel.panel_rays import PanelLayout, subpixel_table
 from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice, elemental_waves
-from lfsr_core.optics.sheet import Subpixels
 
 from .osl_camera import set_shader
 
@@ -26,8 +25,8 @@ def set_panel_layout(camera: bpy.types.Camera, layout: PanelLayout, clip_start: 
 
 def panel_source(layout: PanelLayout) -> str:
     """OSL source with the subpixels of ``layout`` as constants (arrays cannot be passed as parameters)."""
-    parts, source = subpixel_table(layout), SOURCE.read_text(encoding="utf-8")
-    values = {"OFFSETS": str(parts.right.size), "RIGHT": _listed(parts.right), "UP": _listed(parts.up)}
+    table, source = subpixel_table(layout), SOURCE.read_text(encoding="utf-8")
+    values = {"OFFSETS": str(table.right.size), "RIGHT": _listed(table.right), "UP": _listed(table.up)}
     for name, value in values.items():
         source = re.sub(rf"#define {name} .*", f"#define {name} {value}", source)
     return source
@@ -37,10 +36,10 @@ def panel_parameters(layout: PanelLayout, clip_start: float = 0.0) -> Numbers:
     """Values of the shader's parameters; those of the other kind of sheet keep their defaults."""
     display, array, geometry = layout.display, layout.array, Geometry.of(layout.display)
     waves, phases = elemental_waves(display)
-    (across, down), (part_x, part_y) = display.panel_pixels, (display.subpixels or Subpixels()).size
+    (across, down), (part_x, part_y) = display.panel_pixels, display.pixel_layout.size
     of_sheet = _cylinders(layout, geometry) if display.lenticular else _lenses(layout, geometry)
     return {
-        "across": across, "down": down, "parts": layout.parts, "pixel_x": geometry.pixel[0],
+        "across": across, "down": down, "parts": layout.subpixels, "pixel_x": geometry.pixel[0],
         "pixel_y": geometry.pixel[1], "part_x": part_x, "part_y": part_y,
         **{f"wave_{name}": float(value) for name, value in zip(("xx", "xy", "yx", "yy"), waves.ravel(), strict=True)},
         "phase_x": float(phases[0]), "phase_y": float(phases[1]),
@@ -60,7 +59,7 @@ def _cylinders(layout: PanelLayout, geometry: Geometry) -> Numbers:
 
 def _lenses(layout: PanelLayout, geometry: Geometry) -> Numbers:
     sheet = layout.display.lenslet
-    images, lenses = (lattice.matrix(sheet.packing) for lattice in (elemental_lattice(layout.display), sheet.lenses))
+    images, lenses = (lattice.matrix(sheet.packing) for lattice in (elemental_lattice(sheet, geometry), sheet.lenses))
     metrics = {name: matrix.T @ matrix for name, matrix in (("image", images), ("lens_metric", lenses))}
     steps = {f"{name}_{pair}": float(metric["xy".index(pair[0]), "xy".index(pair[1])])
              for name, metric in metrics.items() for pair in ("xx", "xy", "yy")}

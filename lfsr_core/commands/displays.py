@@ -10,7 +10,6 @@ from lfsr_core.commands.arguments import position
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.optics.proposal import PanelShape, proposed_light_field
-from lfsr_core.optics.sheet import Subpixels
 
 NAME = "displays"
 HELP = "list the display profiles, show one with its derived numbers, import or calibrate one"
@@ -131,7 +130,7 @@ def _sheet(profile: DisplayProfile) -> list[tuple[str, str]]:
 
     spread, geometry = view_spread(profile), Geometry.of(profile)
     shape = PanelShape(profile.panel_pixels, profile.panel_mm)
-    lenses, views = proposed_light_field(shape, profile.lenslet, profile.lenticular)
+    lenses, views = proposed_light_field(shape, profile.sheet)
     return [*(_lenslet(profile) if profile.lenslet else _lenticular(profile)), _subpixels(profile),
             ("panel to lenses", f"{geometry.gap:.3f} mm"),
             ("loses nothing", f"{_pair(lenses)} lenses of {_pair(views)} views"),
@@ -150,17 +149,17 @@ def _lenticular(profile: DisplayProfile) -> list[tuple[str, str]]:
 
 
 def _lenslet(profile: DisplayProfile) -> list[tuple[str, str]]:
-    from lfsr_core.optics.panel.subpixel_rays import elemental_lattice
+    from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice
 
     sheet, pixel = profile.lenslet, profile.panel_mm[0] / profile.panel_pixels[0]
-    images = elemental_lattice(profile)
+    images = elemental_lattice(sheet, Geometry.of(profile))
     return [("lens sheet", f"{sheet.packing}, {_mm(sheet.lenses.pitch_mm)} apart, turned by "
                            f"{sheet.lenses.rotation_deg:g}°, shifted by {_mm(sheet.lenses.shift_mm)}"),
             ("pixels behind a lens", " × ".join(f"{pitch / pixel:.3f}" for pitch in images.pitch_mm))]
 
 
 def _subpixels(profile: DisplayProfile) -> tuple[str, str]:
-    subpixels = profile.subpixels or Subpixels()
+    subpixels = profile.pixel_layout
     if subpixels.cells:
         return "subpixels", f"{len(subpixels.cells)} cells, pixel x, y has number {subpixels.cell_rule}"
     return "subpixels", f"{subpixels.stripes} stripes" if subpixels.stripes != "white" else "in one place"

@@ -66,7 +66,7 @@ def _through_lenses(eia: Array, profile: DisplayProfile, eye_mm: Point) -> Array
         eia = flip_order(eia, profile.lenses)
     height, width = eia.shape[:2]
     column, row = _seen_pixel(profile, eye_mm, 0), height - 1 - _seen_pixel(profile, eye_mm, 1)[::-1]
-    seen = eia[np.clip(row, 0, height - 1)[:, None], np.clip(column, 0, width - 1)]
+    seen: Array = eia[np.clip(row, 0, height - 1)[:, None], np.clip(column, 0, width - 1)]
     seen[(row < 0) | (row >= height)] = 0
     seen[:, (column < 0) | (column >= width)] = 0
     return seen

@@ -1,4 +1,4 @@
-"""Display profiles as TOML files, written."""
+"""Write display profiles as TOML files."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from lfsr_core.optics.display import DisplayProfile, load_display
 
 
 def write_profile(path: str | Path, profile: DisplayProfile) -> None:
-    """Write ``profile`` as TOML, whole or not at all; LfsrError for a name that ``load_display`` would not read."""
+    """Write ``profile`` as TOML, completely or not at all; LfsrError if ``load_display`` would not read it back."""
     path = Path(path)
     if path.suffix != ".toml":
-        raise LfsrError(f"{path} is to be a display profile, but its name does not end in .toml: add that")
+        raise LfsrError(f"{path} cannot be a display profile, because its name does not end in .toml: add the ending")
     with atomic_path(path) as temporary:
         temporary.write_text(as_toml(profile), encoding="utf-8")
         if load_display(temporary) != profile:
-            raise LfsrError(f"display {profile.name!r} would be read back as another: choose a plainer name")
+            raise LfsrError(f"display {profile.name!r} cannot be written so that it reads back the same: choose a "
+                            "plainer name")
 
 
 def as_toml(profile: DisplayProfile) -> str:
-    """The profile as TOML text: its own fields, then a table for each part."""
+    """The profile as TOML text: its own fields, then a table for each nested record."""
     data = profile.to_dict()
     return "\n".join(_lines({"format": data.pop("format", 1), **data}, "")) + "\n"
 

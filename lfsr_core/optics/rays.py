@@ -18,6 +18,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 
 CONVENTIONS = ("centred", "paper")
+LensList = tuple[tuple[int, int], ...]  # (row, column) pairs
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,6 +44,11 @@ class CameraArray:
         spacing = profile.camera_spacing_mm * distance / profile.viewing_distance_mm
         return cls(distance, width / 2, height / 2, spacing)
 
+    @property
+    def half_size(self) -> tuple[float, float]:
+        """Half the display rectangle, (horizontal, vertical)."""
+        return self.half_width, self.half_height
+
 
 @dataclasses.dataclass(frozen=True)
 class RayLayout:
@@ -54,10 +60,9 @@ class RayLayout:
     array: CameraArray  # placement of the dense camera array
     spacing: float  # between the views of this render, s × the dense spacing
     convention: str = "centred"  # one of CONVENTIONS, "centred" unless the paper is reproduced
-    view_aperture: float = 1.0  # share of a view's cell that its rays cover, in [0, 1] (0: a point)
-    # only these lenses, as (row, column) pairs in tiles of the image, row by row; None for all
-    lens_list: tuple[tuple[int, int], ...] | None = None
-    # axes along which the display's views differ; along another every ray starts on the array's axis
+    view_aperture: float = 1.0  # fraction of a view's cell that its rays cover, in [0, 1] (0: a point)
+    lens_list: LensList | None = None  # only these lenses, in tiles of the image, row by row; None for all
+    # axes along which the display's views differ; along the others every ray starts on the array's axis
     parallax: tuple[bool, bool] = (True, True)
 
     def __post_init__(self) -> None:
@@ -68,10 +73,11 @@ class RayLayout:
         _check_lens_list(self)
 
     @classmethod
-    def for_display(cls, profile: DisplayProfile, array: CameraArray, scale: int = 1, **options) -> RayLayout:
+    def for_display(cls, profile: DisplayProfile, array: CameraArray, scale: int = 1, *, convention: str = "centred",
+                    view_aperture: float = 1.0, lens_list: LensList | None = None) -> RayLayout:
         """Layout of the EIA of ``profile`` with views divided by ``scale``."""
-        return cls(profile.lenses, profile.low_views(scale), array, array.spacing * scale,
-                   parallax=profile.parallax, **options)
+        return cls(profile.lenses, profile.low_views(scale), array, array.spacing * scale, convention, view_aperture,
+                   lens_list, profile.parallax)
 
     @property
     def cell(self) -> tuple[float, float]:
@@ -81,7 +87,7 @@ class RayLayout:
 
     @property
     def reach(self) -> float:
-        """Scene units from the array's axis that no ray begins beyond, generously."""
+        """Distance from the array's axis, in scene units, beyond which no ray starts (an upper bound)."""
         return max(self.views) * self.spacing
 
     @property
@@ -117,20 +123,9 @@ def _check_lens_list(layout: RayLayout) -> None:
 
 
 def view_offset(index: Array, count: int, spacing: float, convention: str = "centred") -> Array:
-    """Offset of a view on the camera plane, rightwards positive.
+    """Offset of view ``index`` (from 0) of ``count`` on the camera plane, rightwards positive, in units of ``spacing``.
 
     Centred: (k + 1/2 - count/2) · spacing. Paper Eqs. (5), (7): (k - ⌊count/2⌋) · spacing.
-
-    Parameters
-    ----------
-    index : k, from 0
-    count : of views along this axis
-    spacing : between neighbouring views
-    convention : one of CONVENTIONS
-
-    Returns
-    -------
-    In the unit of ``spacing``
     """
     if convention == "paper":
         return (index - count // 2) * spacing
@@ -144,7 +139,7 @@ def rays(layout: RayLayout, raster_x: Array, raster_y: Array,
     Parameters
     ----------
     layout : which ray each pixel sends
-    raster_x, raster_y : in [0, 1), y up: the pixel, and the place inside it chooses the point on the lens
+    raster_x, raster_y : in [0, 1), y up: the pixel; the place inside it chooses the point on the lens
     random_x, random_y : in [0, 1), choose the point in the view's cell
 
     Returns
@@ -158,16 +153,24 @@ def rays(layout: RayLayout, raster_x: Array, raster_y: Array,
     origin_x, target_x = _axis(layout, 0, lens_x, view_x, place_x, random_x)
     # Rows count downwards and the camera's Y upwards: the same formula, mirrored.
     origin_y, target_y = _axis(layout, 1, lens_y, view_y, place_y, 1 - np.asarray(random_y, float))
-    depth = np.full_like(target_x, layout.array.distance)
-    origin = np.stack([origin_x, -origin_y, np.zeros_like(depth)], axis=-1)
-    direction = np.stack([target_x, -target_y, depth], axis=-1) - origin
-    return origin, direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+    return directed((origin_x, -origin_y), (target_x, -target_y), layout.array.distance)
+
+
+def directed(origin: tuple[Array, Array], target: tuple[Array, Array], distance: float) -> tuple[Array, Array]:
+    """Origins and unit directions, (..., 3) each, of rays from the camera plane to a plane at ``distance``.
+
+    ``origin``, ``target``: (x, y) arrays that broadcast.
+    """
+    depth = np.full_like(target[0], distance)
+    start = np.stack(np.broadcast_arrays(*origin, 0.0 * depth), axis=-1)
+    direction = np.stack(np.broadcast_arrays(*target, depth), axis=-1) - start
+    return start, direction / np.linalg.norm(direction, axis=-1, keepdims=True)
 
 
 def pixel_rays(layout: RayLayout, place: tuple[float, float] = (0.5, 0.5)) -> tuple[Array, Array]:
     """Origins and unit directions, (H, W, 3), of one ray per pixel, rows from the top.
 
-    ``place`` is where in the pixel, (rightwards, downwards) in [0, 1).
+    ``place``: where in the pixel, (rightwards, downwards) in [0, 1).
     """
     width, height = layout.size
     raster_x, raster_y = np.meshgrid((np.arange(width) + place[0]) / width,
@@ -176,13 +179,14 @@ def pixel_rays(layout: RayLayout, place: tuple[float, float] = (0.5, 0.5)) -> tu
 
 
 def _split(raster: Array, pixels: int, views: int) -> tuple[Array, Array, Array]:
+    """Tile, view and place in the pixel of raster coordinates along one axis."""
     position = np.clip(np.asarray(raster, float) * pixels, 0, pixels - 1e-9)
     index = np.floor(position).astype(int)
     return index // views, index % views, position - index
 
 
 def _split_rows(raster_y: Array, pixels: int, views: int) -> tuple[Array, Array, Array]:
-    """As ``_split``, counted from the top; a pixel's own lower edge stays in it."""
+    """As ``_split``, counted from the top; a pixel includes its own lower edge."""
     position = np.clip(np.asarray(raster_y, float) * pixels, 0, pixels - 1e-9)
     row = np.floor(position).astype(int)
     index = pixels - 1 - row
@@ -201,7 +205,7 @@ def _lens_of_tile(layout: RayLayout, tile_x: Array, tile_y: Array) -> tuple[Arra
 def _axis(layout: RayLayout, axis: int, lens: Array, view: Array, place: Array,
           random: Array | float) -> tuple[Array, Array]:
     """Origin on the camera plane and target on the display plane along one axis."""
-    half = (layout.array.half_width, layout.array.half_height)[axis]
+    half = layout.array.half_size[axis]
     views, lenses = layout.views[axis], layout.lenses[axis]
     origin = view_offset(view, views, layout.spacing, layout.convention)
     if layout.convention == "paper":

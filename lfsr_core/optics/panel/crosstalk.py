@@ -1,7 +1,7 @@
-"""How much of what an eye sees belongs to other views than the one whose place it is at.
+"""Crosstalk of a lens sheet: how much of what an eye sees belongs to views other than its own.
 
-Rays are traced from the eye to the subpixels that it sees; what those show is split over views as the weave does.
-A subpixel is as wide as several views where a light field has more of them than the panel has subpixels behind a lens.
+Rays are traced from the eye to the subpixels that it sees, and these are divided among views as in the weave.
+A subpixel is as wide as several views if there are more views than subpixels behind a lens.
 """
 
 from __future__ import annotations
@@ -17,33 +17,32 @@ from lfsr_core.optics.panel.trace import trace
 
 PLACES = (0.25, 0.5, 0.75)  # of the viewing zone
 POINTS = 20_000
-BORDER = 0.9  # share of the panel that is looked at: beyond it an eye at the side looks past the panel
+BORDER = 0.9  # fraction of the panel that is measured: near its edge an eye at the side looks past the panel
 
 
 @dataclasses.dataclass(frozen=True)
 class ViewSpread:
-    """What an eye at the centre of a view sees, averaged over the panel and some places of the zone; shares of 1."""
+    """Fractions of the light that an eye at the centre of a view sees, mean over the panel and places in the zone."""
 
-    own: float  # light of that view
-    neighbours: float  # light of views beside it
-    others: float  # light of any further view: crosstalk
-    error: float  # mean of the views seen less the eye's, in views across: 0 where the weave is right
+    own: float  # from that view
+    neighbours: float  # from the views beside it
+    others: float  # from any other view: crosstalk
+    error: float  # mean difference of the views seen from the eye's, in views across: 0 if the weave is correct
 
 
 def view_spread(profile: DisplayProfile, seed: int = 0) -> ViewSpread:
-    """By ``POINTS`` rays from each of ``PLACES``; ``profile`` must be woven."""
+    """Measure a display with a lens sheet by ``POINTS`` rays from each of ``PLACES``."""
     random, parts = np.random.default_rng(seed), []
     for place in PLACES:
-        view = tuple(round(place * (count - 1)) for count in profile.views)
-        off = np.stack(_views_off(profile, view, random))
+        off = _views_off(profile, [round(place * (count - 1)) for count in profile.views], random)
         on_place = np.clip(1 - np.abs(off), 0, None).prod(0)
         beside = sum(np.clip(1 - np.abs(off - step), 0, None) for step in (-1, 0, 1)).prod(0)
         parts.append((on_place.mean(), (beside - on_place).mean(), (1 - beside).mean(), off[0].mean()))
     return ViewSpread(*map(float, np.mean(parts, 0)))
 
 
-def _views_off(profile: DisplayProfile, view: tuple[int, int], random: np.random.Generator) -> list[Array]:
-    """Views, across and down, by which what an eye at the centre of ``view`` sees lies off it, at random points."""
+def _views_off(profile: DisplayProfile, view: list[int], random: np.random.Generator) -> Array:
+    """Distances (2, n), in views across and down, of what an eye at the centre of ``view`` sees at random points."""
     geometry = Geometry.of(profile)
     across, down = ((number - (count - 1) / 2) * geometry.spacing
                     for number, count in zip(view, profile.views, strict=True))
@@ -56,4 +55,4 @@ def _views_off(profile: DisplayProfile, view: tuple[int, int], random: np.random
         for axis, place in enumerate((rays.view_x, rays.view_y)):
             inside = np.clip(place, 0, profile.views[axis] - 1)
             off[axis] = np.where(chosen, inside - view[axis], off[axis])
-    return [values[seen.on_panel] for values in off]
+    return off[:, seen.on_panel]

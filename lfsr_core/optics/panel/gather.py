@@ -1,13 +1,12 @@
-"""The gather map of a profile: from which bytes of the finished EIA each subpixel of the panel comes.
+"""The gather map of a display: the bytes of the finished EIA that each subpixel of the panel is made from.
 
-One index of four bytes per subpixel, to the first of its samples, and one weight per axis that is interpolated.
+Per subpixel one four-byte index of its first sample, and one weight per interpolated axis.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -17,9 +16,9 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
 
-ONE = 128  # a weight of 1; the product with a difference of bytes fits 16 bits
+ONE = 128  # a weight of 1; its product with a difference of bytes fits into 16 bits
 ROWS_AT_ONCE = 64
-MOST_WORKERS = 8
+MAX_WORKERS = 8
 CHANNELS = 3
 
 
@@ -41,10 +40,10 @@ class GatherMap:
 
 
 def gather_map(profile: DisplayProfile, sampling: str) -> GatherMap:
-    """The map of a woven profile.
+    """Return the gather map of a display with a lens sheet.
 
-    ``sampling``, one of display.WEAVES: "nearest", or interpolated over "views" or over "all", lenses too.
-    LfsrError for an EIA of more bytes than an index of four bytes can say.
+    ``sampling``, one of display.WEAVES: "nearest", or interpolated over "views", or over "all" (lenses too).
+    LfsrError if the EIA has more bytes than a four-byte index can address.
     """
     columns, rows = profile.eia_pixels
     if columns * rows * CHANNELS >= 2**31:
@@ -52,48 +51,33 @@ def gather_map(profile: DisplayProfile, sampling: str) -> GatherMap:
                         "give the profile fewer lenses or views")
     size = (profile.panel_pixels[1], profile.panel_pixels[0], CHANNELS)
     first = np.empty(size, np.int32)
-    weights = [np.empty(size, np.uint8) for _ in _strides(profile, sampling)]
+    strides = [stride for stride, _, smooth in _light_field_axes(profile, sampling) if smooth]
+    weights = [np.empty(size, np.uint8) for _ in strides]
 
     def work(start: int) -> None:
         part = np.arange(start, min(start + ROWS_AT_ONCE, size[0]))
         for channel in range(CHANNELS):
             index, fractions = _block(profile, sampling, channel, part)
             first[part, :, channel] = index
-            for kept, fraction in zip(weights, fractions, strict=True):
-                kept[part, :, channel] = np.rint(fraction * ONE)
+            for weight, fraction in zip(weights, fractions, strict=True):
+                weight[part, :, channel] = np.rint(fraction * ONE)
 
-    with ThreadPoolExecutor(min(os.cpu_count() or 1, MOST_WORKERS)) as pool:
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, MAX_WORKERS)) as pool:
         list(pool.map(work, range(0, size[0], ROWS_AT_ONCE)))
-    axes = (Axis(stride, kept) for stride, kept in zip(_strides(profile, sampling), weights, strict=True))
+    axes = (Axis(stride, weight) for stride, weight in zip(strides, weights, strict=True))
     return GatherMap((columns, rows), first, tuple(axis for axis in axes if axis.weights.any()))
 
 
-def taps(mapped: GatherMap, rows: slice) -> Iterator[tuple[Array, Array]]:
-    """(index, weight in [0, 1]) of every sample of the panel's ``rows``, each (n, W, 3)."""
-    first, axes = mapped.first[rows].astype(np.int64), mapped.axes
-    for corner in range(2 ** len(axes)):
-        index, weight = first.copy(), np.ones(first.shape)
-        for bit, axis in enumerate(axes):
-            share = axis.weights[rows] / ONE
-            index += axis.stride * (corner >> bit & 1)
-            weight *= share if corner >> bit & 1 else 1 - share
-        yield np.where(weight > 0, index, first), weight
-
-
-def _strides(profile: DisplayProfile, sampling: str) -> list[int]:
-    return [stride for stride, _, smooth in _light_field_axes(profile, sampling) if smooth]
-
-
 def _light_field_axes(profile: DisplayProfile, sampling: str) -> list[tuple[int, int, bool]]:
-    """(bytes from one to the next, count, whether it is interpolated) of columns, rows, views across and down."""
+    """(bytes from one to the next, count, whether interpolated) of columns, rows, views across and views down."""
     (sx, sy), (px, py) = profile.lenses, profile.views
     line = sx * px * CHANNELS
     return [(px * CHANNELS, sx, sampling == "all" and sx > 1), (py * line, sy, sampling == "all" and sy > 1),
             (CHANNELS, px, sampling != "nearest" and px > 1), (line, py, sampling != "nearest" and py > 1)]
 
 
-def _block(profile: DisplayProfile, sampling: str, channel: int, rows: Array) -> tuple[Array,
-                                                                                           list[Array]]:
+def _block(profile: DisplayProfile, sampling: str, channel: int, rows: Array) -> tuple[Array, list[Array]]:
+    """Index of the first sample, and fractions along the interpolated axes, of one channel of panel rows."""
     rays = subpixel_rays(profile, channel, rows[:, None], np.arange(profile.panel_pixels[0]))
     places = (rays.column, rays.row, rays.view_x, rays.view_y)
     index, fractions = np.zeros((len(rows), profile.panel_pixels[0])) + channel, []

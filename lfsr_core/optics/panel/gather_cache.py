@@ -1,6 +1,6 @@
-"""Gather maps on disk: that of a large panel takes seconds to compute and is the same for every frame.
+"""Cache of gather maps on disk: that of a large panel takes seconds to compute and is the same for every frame.
 
-In the user's cache folder, or where LFSR_CACHE says; the last few profiles' are kept.
+The cache lies in the user's cache folder, or in the folder LFSR_CACHE, and holds the maps used last.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from lfsr_core.files import parse_json
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.gather import Axis, GatherMap, gather_map
 
-VERSION = 1  # of what a map holds: others are not read
-QUICK = 4_000_000  # subpixels whose map is computed sooner than it pays to keep it
-MOST_KEPT = 3
+VERSION = 1  # of a map's content: maps of other versions are not read
+MIN_SUBPIXELS = 4_000_000  # a map of fewer is computed faster than it is worth caching
+MAX_MAPS = 3
 ABOUT, FIRST = "map.json", "first.npy"
 APPEARANCE = ("name", "description", "background")
 
 
 def cached_gather_map(profile: DisplayProfile) -> GatherMap:
-    """The gather map of a woven profile, from disk where it is there; a disk that refuses only costs time."""
+    """Return the gather map of a display with a lens sheet, from the cache if possible; disk errors are ignored."""
     size = (profile.panel_pixels[1], profile.panel_pixels[0], 3)
-    if np.prod(size) < QUICK:
+    if np.prod(size) < MIN_SUBPIXELS:
         return gather_map(profile, profile.weave)
     folder = cache_folder() / "weave" / digest(profile)
     with contextlib.suppress(OSError, LfsrError, ValueError, KeyError):
@@ -41,12 +41,12 @@ def cached_gather_map(profile: DisplayProfile) -> GatherMap:
     mapped = gather_map(profile, profile.weave)
     with contextlib.suppress(OSError):
         _write(folder, mapped)
-        _forget_old(folder.parent)
+        _remove_old(folder.parent)
     return mapped
 
 
 def cache_folder() -> Path:
-    """Where this user's programs keep what they can make again."""
+    """Folder in which this user's programs store data that they can compute again."""
     if "LFSR_CACHE" in os.environ:
         return Path(os.environ["LFSR_CACHE"])
     if sys.platform == "win32":
@@ -57,7 +57,7 @@ def cache_folder() -> Path:
 
 
 def digest(profile: DisplayProfile) -> str:
-    """What a map depends on, as text for a folder's name."""
+    """Hash of everything that a map depends on, for a folder's name."""
     data = {key: value for key, value in profile.to_dict().items() if key not in APPEARANCE} | {"version": VERSION}
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:32]
 
@@ -86,8 +86,8 @@ def _write(folder: Path, mapped: GatherMap) -> None:
         part.replace(folder)
 
 
-def _forget_old(parent: Path) -> None:
+def _remove_old(parent: Path) -> None:
     folders = sorted((entry for entry in parent.iterdir() if not entry.name.startswith(".")),
                      key=lambda entry: entry.stat().st_mtime)
-    for entry in folders[:-MOST_KEPT]:
+    for entry in folders[:-MAX_MAPS]:
         shutil.rmtree(entry, ignore_errors=True)

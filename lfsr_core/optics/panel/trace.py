@@ -1,39 +1,39 @@
 """What an eye sees of a panel with a lens sheet: rays from the eye through the lenses to the subpixels.
 
-Written from the optics alone, the other way round than ``subpixel_rays.py``, which it is there to check: an eye looks
-at a point of the plane of the lenses; the lens there focuses on one point of the panel; a subpixel lies there.
-A lens is a pinhole; a cylinder is one across its axis, and along it light goes straight on.
+This traces light in the opposite direction to ``subpixel_rays.py`` and shares no optics with it, so that each checks
+the other: an eye looks at a point on the plane of the lenses; the lens there focuses on a point of the panel; a
+subpixel lies there. A lens is a pinhole. A cylinder is a pinhole across its axis; along it light goes straight on.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
-import math
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.arrays import Array, Mask
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_places
-from lfsr_core.optics.sheet import Subpixels
+from lfsr_core.optics.panel.subpixel_rays import Geometry, Pair, subpixel_places
+from lfsr_core.optics.sheet import Lenslet, Lenticular
 
 SAMPLES = 24  # rays per pixel of the result
 # Bases of the generalised golden ratio in four dimensions: points that fill the unit cube evenly.
 GOLDEN = np.array([0.8566748838545029, 0.733891856627126, 0.6287067210378087, 0.5385972572236101])
+Point = tuple[float, float, float]
 
 
 @dataclasses.dataclass(frozen=True)
-class Seen:
-    """Subpixels that rays of an eye end on; arrays of one shape."""
+class SeenSubpixels:
+    """Subpixels that rays from an eye reach; arrays of one shape."""
 
     row: Array  # of the panel's image, from the top
     column: Array  # of the panel's image
     channel: Array  # 0 red, 1 green, 2 blue; -1 where a pixel shows all three
-    on_panel: Array  # bool; elsewhere the numbers above are of the nearest pixel
+    on_panel: Mask  # elsewhere the other arrays hold the nearest pixel
 
 
-def seen_panel(panel: Array, profile: DisplayProfile, eye_mm: tuple[float, float, float]) -> Array:
+def seen_panel(panel: Array, profile: DisplayProfile, eye_mm: Point) -> Array:
     """Return what an eye sees of a woven panel's image, about one pixel per lens of the sheet across.
 
     Parameters
@@ -55,55 +55,49 @@ def seen_panel(panel: Array, profile: DisplayProfile, eye_mm: tuple[float, float
         shown = (seen.channel[..., None] == np.arange(3)) | (seen.channel[..., None] < 0)
         light += values * shown
         count += shown
-    return np.rint(_filled(light) / np.maximum(_filled(count), 1e-12)).astype(np.uint8)
+    image: Array = np.rint(_filled(light) / np.maximum(_filled(count), 1e-12)).astype(np.uint8)
+    return image
 
 
-def trace(profile: DisplayProfile, eye_mm: tuple[float, float, float], x: Array, y: Array,
-          spread: tuple[float, float] = (0.0, 0.0)) -> Seen:
-    """Subpixels that an eye sees at points (x, y) of the plane of the lenses, millimetres from its middle, y up.
+def trace(profile: DisplayProfile, eye_mm: Point, x: Array, y: Array,
+          spread: tuple[float, float] = (0.0, 0.0)) -> SeenSubpixels:
+    """Subpixels that an eye sees at points (x, y) on the plane of the lenses, millimetres from its middle, y up.
 
-    ``spread``: by how many pixels the focus lies off.
+    ``spread``: pixels (right, up) by which the focus is moved.
     """
-    focus = _cylinder_focus if profile.lenticular else _lens_focus
-    on_x, on_y = focus(profile, Geometry.of(profile), eye_mm, (x, y))
-    pixel = Geometry.of(profile).pixel
-    return _subpixel_at(profile, on_x + spread[0] * pixel[0], on_y + spread[1] * pixel[1])
+    sheet, geometry = profile.sheet, Geometry.of(profile)
+    if isinstance(sheet, Lenticular):
+        on_x, on_y = _cylinder_focus(profile, sheet, eye_mm, (x, y))
+    else:
+        on_x, on_y = _lens_focus(profile, sheet, eye_mm, (x, y))
+    return _subpixel_at(profile, on_x + spread[0] * geometry.pixel[0], on_y + spread[1] * geometry.pixel[1])
 
 
 def _result_size(profile: DisplayProfile) -> tuple[int, int]:
-    """Columns and rows of about one lens each, with the panel's proportions."""
-    width, height = profile.panel_mm
-    columns = max(1, round(Geometry.of(profile).lens_plane[0] / profile.lenslet.lenses.pitch_mm[0] if profile.lenslet
-                           else width / profile.lenticular.pitch_mm))
+    """Columns and rows of about one lens each, in the panel's proportions."""
+    sheet, (width, height) = profile.sheet, profile.panel_mm
+    columns = max(1, round(width / sheet.pitch_mm if isinstance(sheet, Lenticular)
+                           else Geometry.of(profile).lens_plane[0] / sheet.lenses.pitch_mm[0]))
     return columns, max(1, round(columns * height / width))
 
 
-def _seen_by_pixels(profile: DisplayProfile, eye_mm: tuple[float, float, float], size: tuple[int, int],
-                    place: Array) -> Seen:
-    """One ray of every pixel of a picture of ``size``, through ``place`` in [0, 1)⁴: in the pixel, in the focus."""
+def _seen_by_pixels(profile: DisplayProfile, eye_mm: Point, size: tuple[int, int], place: Array) -> SeenSubpixels:
+    """One ray of every pixel of an image of ``size``, through ``place`` in [0, 1)⁴: in the pixel, in the focus."""
     (columns, rows), (width, height) = size, Geometry.of(profile).lens_plane
     x = ((np.arange(columns) + place[0]) / columns - 0.5) * width
     y = (0.5 - (np.arange(rows)[:, None] + place[1]) / rows) * height
-    wide = _focus_width(profile)
-    return trace(profile, eye_mm, *np.broadcast_arrays(x, y), ((place[2] - 0.5) * wide, (place[3] - 0.5) * wide))
+    # A lens focuses on a whole pixel, or it would show one colour; a cylinder passes many rows anyway.
+    wide = 0.0 if profile.pixel_layout.is_white else 1.0 if profile.lenslet else 1 / 3
+    points_x, points_y = np.broadcast_arrays(x, y)
+    return trace(profile, eye_mm, points_x, points_y, ((place[2] - 0.5) * wide, (place[3] - 0.5) * wide))
 
 
-def _focus_width(profile: DisplayProfile) -> float:
-    """In pixels: a lens focuses on a whole pixel, else it would show one colour; a cylinder passes many rows anyway."""
-    if (profile.subpixels or Subpixels()).size == (1.0, 1.0):
-        return 0.0
-    return 1.0 if profile.lenslet else 1 / 3
-
-
-def _cylinder_focus(profile: DisplayProfile, geometry: Geometry, eye: tuple[float, float, float],
-                    point: tuple[Array, Array]) -> tuple[Array, Array]:
-    sheet, (width, height) = profile.lenticular, profile.panel_mm
-    long = math.hypot(1, sheet.slant)
-    normal, along = np.array([1, sheet.slant]) / long, np.array([-sheet.slant, 1]) / long
-    # The panel's lower left corner lies ``center`` pitches beyond a border of two elemental images; their middles are
-    # half a pitch further, and seen from the viewing distance the axes stand before them.
+def _cylinder_focus(profile: DisplayProfile, sheet: Lenticular, eye: Point, point: Pair) -> Pair:
+    geometry, (width, height), (normal, along) = Geometry.of(profile), profile.panel_mm, sheet.directions
+    # The panel's lower left corner lies ``center`` pitches beyond a border of two elemental images; their centres are
+    # half a pitch further, and from the viewing distance the axes are seen in front of these.
     start = (-width / 2 * normal[0] - height / 2 * normal[1]) + (sheet.center + 0.5) * sheet.pitch_mm
-    nearer = geometry.distance / (geometry.distance + geometry.gap)
+    nearer = geometry.nearer
     pitch = sheet.pitch_mm * nearer
     off = point[0] * normal[0] + point[1] * normal[1]
     axis = start * nearer + np.round((off - start * nearer) / pitch) * pitch
@@ -114,11 +108,9 @@ def _cylinder_focus(profile: DisplayProfile, geometry: Geometry, eye: tuple[floa
     return across * normal[0] + length * along[0], across * normal[1] + length * along[1]
 
 
-def _lens_focus(profile: DisplayProfile, geometry: Geometry, eye: tuple[float, float, float],
-                point: tuple[Array, Array]) -> tuple[Array, Array]:
-    lattice = profile.lenslet.lenses
-    matrix = lattice.matrix(profile.lenslet.packing)
-    right, up = point[0] - lattice.shift_mm[0], point[1] - lattice.shift_mm[1]
+def _lens_focus(profile: DisplayProfile, sheet: Lenslet, eye: Point, point: Pair) -> Pair:
+    matrix, (shift_x, shift_y) = sheet.lenses.matrix(sheet.packing), sheet.lenses.shift_mm
+    right, up = point[0] - shift_x, point[1] - shift_y
     around = [np.round(number) for number in np.einsum("ij,j...->i...", np.linalg.inv(matrix), np.stack([right, up]))]
     best = np.full(np.shape(right), np.inf)
     center_x, center_y = np.zeros_like(best), np.zeros_like(best)
@@ -128,47 +120,49 @@ def _lens_focus(profile: DisplayProfile, geometry: Geometry, eye: tuple[float, f
         far = (x - right) ** 2 + (y - up) ** 2
         center_x, center_y = np.where(far < best, x, center_x), np.where(far < best, y, center_y)
         best = np.minimum(best, far)
-    center_x, center_y = center_x + lattice.shift_mm[0], center_y + lattice.shift_mm[1]
-    behind = geometry.gap / eye[2]
+    center_x, center_y = center_x + shift_x, center_y + shift_y
+    behind = Geometry.of(profile).gap / eye[2]
     return center_x + (center_x - eye[0]) * behind, center_y + (center_y - eye[1]) * behind
 
 
-def _subpixel_at(profile: DisplayProfile, x: Array, y: Array) -> Seen:
-    """The subpixel at a point of the panel, millimetres from its centre: the nearest of those of the pixels around."""
+def _subpixel_at(profile: DisplayProfile, x: Array, y: Array) -> SeenSubpixels:
+    """Subpixel at a point of the panel, millimetres from its centre."""
     (across, down), (width, height) = profile.panel_pixels, profile.panel_mm
     column = np.floor((x / width + 0.5) * across).astype(int)
     row = np.floor((0.5 - y / height) * down).astype(int)
     on_panel = (column >= 0) & (column < across) & (row >= 0) & (row < down)
-    if profile.lenticular and profile.lenticular.flip[0]:
-        column = across - 1 - column
-    if profile.lenticular and profile.lenticular.flip[1]:
-        row = down - 1 - row
+    column = across - 1 - column if profile.flip[0] else column
+    row = down - 1 - row if profile.flip[1] else row
     row, column = np.clip(row, 0, down - 1), np.clip(column, 0, across - 1)
-    subpixels = profile.subpixels or Subpixels()
-    if subpixels.size == (1.0, 1.0):
-        return Seen(row, column, np.full(row.shape, -1), on_panel)
+    subpixels = profile.pixel_layout
+    if subpixels.is_white:
+        return SeenSubpixels(row, column, np.full(row.shape, -1), on_panel)
     if subpixels.cells:
-        return _nearest_subpixel(profile, x, y, Seen(row, column, row, on_panel))
+        return SeenSubpixels(*_nearest_subpixel(profile, (x, y), row, column), on_panel)
     third = np.floor(((x / width + 0.5) * across % 1) * 3).astype(int).clip(0, 2)
-    return Seen(row, column, third if subpixels.stripes == "rgb" else 2 - third, on_panel)
+    return SeenSubpixels(row, column, third if subpixels.stripes == "rgb" else 2 - third, on_panel)
 
 
-def _nearest_subpixel(profile: DisplayProfile, x: Array, y: Array, near: Seen) -> Seen:
-    across, down = profile.panel_pixels
+def _nearest_subpixel(profile: DisplayProfile, point: Pair, near_row: Array,
+                      near_column: Array) -> tuple[Array, Array, Array]:
+    """Row, column and channel of the subpixel nearest to ``point`` among the pixels around a pixel."""
+    (across, down), (x, y) = profile.panel_pixels, point
     best = np.full(x.shape, np.inf)
-    found = [np.zeros(x.shape, int) for _ in range(3)]
+    found_row, found_column, found_channel = (np.zeros(x.shape, int) for _ in range(3))
     for one, two, channel in itertools.product((-1, 0, 1), (-1, 0, 1), range(3)):
-        row, column = np.clip(near.row + one, 0, down - 1), np.clip(near.column + two, 0, across - 1)
+        row, column = np.clip(near_row + one, 0, down - 1), np.clip(near_column + two, 0, across - 1)
         at_x, at_y = subpixel_places(profile, channel, row, column)
         far = (at_x - x) ** 2 + (at_y - y) ** 2
-        found = [np.where(far < best, new, old) for new, old in zip((row, column, channel), found, strict=True)]
-        best = np.minimum(best, far)
-    return Seen(*found, near.on_panel)
+        nearer = far < best
+        found_row, found_column = np.where(nearer, row, found_row), np.where(nearer, column, found_column)
+        found_channel, best = np.where(nearer, channel, found_channel), np.minimum(best, far)
+    return found_row, found_column, found_channel
 
 
 def _filled(values: Array) -> Array:
-    """A little of the eight neighbours, so that a channel that no ray of a pixel met is theirs."""
+    """Add a little of the eight neighbours, so that a channel that no ray of a pixel reached takes theirs."""
     padded = np.pad(values, ((1, 1), (1, 1), (0, 0)))
     rows, columns = values.shape[:2]
     around = sum(padded[y:y + rows, x:x + columns] for y in range(3) for x in range(3)) - values
-    return values + 1e-6 * around
+    filled: Array = values + 1e-6 * around
+    return filled

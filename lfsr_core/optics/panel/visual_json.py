@@ -1,9 +1,9 @@
-"""Calibrations of Looking Glass displays, ``visual.json``, as display profiles.
+"""Display profiles from calibrations of Looking Glass displays, ``visual.json``.
 
-Wrapped numbers, as ``"pitch": {"value": 52.6}``, and of the third generation cells of subpixels in plain ones. With x
-and y in 0 … 1 from the lower left and channel c a calibration of the first two generations says
-a = (x + c / (3·screenW) + y·tilt)·P − center: its stripes begin at the pixel's centre, ours a third of a pixel before.
-The image's own coordinates are kept where a calibration mirrors it.
+Most numbers are wrapped, as in ``"pitch": {"value": 52.6}``; the third generation adds cells of subpixels as plain
+numbers. For x and y from 0 to 1 from the lower left and channel c, the first two generations state
+a = (x + c / (3·screenW) + y·tilt)·P − center: their stripes begin at the pixel's centre, ours a third of a pixel
+earlier. If a calibration mirrors the image, its coordinates are those of the image.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from lfsr_core.optics.proposal import PanelShape, proposed_light_field
 from lfsr_core.optics.sheet import Lenticular, Subpixels
 
 INCH = 25.4
-# Which cell a pixel has, by a calibration's mode, as older programs read it; others differ: see cell_rule.
+# The rule for a pixel's cell, by a calibration's mode as older programs read it; other programs differ.
 RULES = {0: "0", 1: "(x+y)%2", 2: "x%2", 3: "(y+2(x%2))%4", 4: "y%2"}
 OFFSETS = tuple(f"{channel}Offset{axis}" for channel in "RGB" for axis in "XY")
-CONE, DISTANCE_BY_HEIGHT = 40.0, 2.5  # where the calibration says nothing of them
+CONE, DISTANCE_BY_HEIGHT = 40.0, 2.5  # if the calibration does not state them
 REQUIRED = ("pitch", "slope", "center", "DPI", "screenW", "screenH")
 OPTIONAL = {"viewCone": CONE, "invView": 1.0, "verticalAngle": 0.0, "flipImageX": 0.0, "flipImageY": 0.0,
             "flipSubp": 0.0, "fringe": 0.0}
@@ -31,7 +31,7 @@ OPTIONAL = {"viewCone": CONE, "invView": 1.0, "verticalAngle": 0.0, "flipImageX"
 
 @dataclasses.dataclass(frozen=True)
 class Calibration:
-    """The numbers of a visual.json, by its own names; see RESEARCH and docs/reference/displays.md."""
+    """The numbers of a visual.json under its own names; see docs/reference/displays.md."""
 
     numbers: Mapping[str, float]  # every name of REQUIRED and OPTIONAL
     mode: int  # CellPatternMode
@@ -40,12 +40,12 @@ class Calibration:
 
     @property
     def lenses_across(self) -> float:
-        """P: cylinders across the panel."""
+        """Number of cylinders across the panel, P."""
         return self.lenticular(0).lenses_across(self.panel_mm[0])
 
     @property
     def tilt(self) -> float:
-        """Panel heights by which an axis leans per panel width, with a sign."""
+        """Panel heights by which an axis leans per panel width, signed."""
         width, height = (self.numbers[name] for name in ("screenW", "screenH"))
         tilt = height / (width * self.numbers["slope"])
         return -tilt if self.is_on("flipImageX") else tilt
@@ -57,11 +57,11 @@ class Calibration:
         return width, height
 
     def is_on(self, name: str) -> bool:
-        """Whether a switch of the calibration is on."""
+        """Whether the switch ``name`` of the calibration is on."""
         return self.numbers[name] >= 0.5
 
     def lenticular(self, shift: float) -> Lenticular:
-        """The sheet, its ``center`` moved by a ``shift`` in panel widths to the right."""
+        """The lens sheet, moved by ``shift`` panel widths to the right."""
         pitch = INCH / self.numbers["pitch"]
         width, height = self.numbers["screenW"], self.numbers["screenH"]
         plain = Lenticular(pitch, self.tilt * width / height, self.numbers["center"],
@@ -70,7 +70,7 @@ class Calibration:
 
 
 def read_calibration(path: str | Path) -> Calibration:
-    """Calibration in a visual.json; LfsrError names the field, its value and what it should be."""
+    """Read a visual.json; LfsrError names the field, its value and what was expected."""
     data = read_json(path, "the visual.json of a display")
     if not isinstance(data, dict):
         raise LfsrError(f"{path} holds a {type(data).__name__}, but a calibration is a JSON object: check the path")
@@ -81,17 +81,17 @@ def read_calibration(path: str | Path) -> Calibration:
     for name in ("screenW", "screenH"):
         _check(path, name, numbers[name], numbers[name] == int(numbers[name]), "a whole number of pixels")
     _check(path, "slope", numbers["slope"], numbers["slope"] != 0, "a number other than 0")
-    mode = data.get("CellPatternMode", data.get("cellPatternMode", 0))
+    mode: Any = data.get("CellPatternMode", data.get("cellPatternMode", 0))
     mode = mode.get("value") if isinstance(mode, dict) else mode
     _check(path, "CellPatternMode", mode, isinstance(mode, (int, float)) and mode in RULES, "one of 0, 1, 2, 3, 4")
     return Calibration(numbers, int(mode), _cells(path, data.get("subpixelCells") or []), str(data.get("serial", "")))
 
 
 def profile_from_calibration(calibration: Calibration, name: str) -> DisplayProfile:
-    """The display profile of a calibration, with the light field that loses nothing on it."""
+    """Return the display profile of a calibration, with the light field that loses nothing on the display."""
     numbers = calibration.numbers
     pixels = (int(numbers["screenW"]), int(numbers["screenH"]))
-    # A switched-off flip leaves stripes red first; both flips together cancel.
+    # Without flips the stripes begin with red; two flips cancel.
     forward = calibration.is_on("flipImageX") == calibration.is_on("flipSubp")
     if calibration.cells:
         subpixels = Subpixels(cells=calibration.cells, cell_rule=RULES[calibration.mode])
@@ -99,7 +99,7 @@ def profile_from_calibration(calibration: Calibration, name: str) -> DisplayProf
     else:
         subpixels = Subpixels("rgb" if forward else "bgr")
         sheet = calibration.lenticular((1 if forward else -1) / (3 * pixels[0]))
-    lenses, views = proposed_light_field(PanelShape(pixels, calibration.panel_mm), None, sheet)
+    lenses, views = proposed_light_field(PanelShape(pixels, calibration.panel_mm), sheet)
     serial = f" {calibration.serial}" if calibration.serial else ""
     return DisplayProfile(
         name, pixels, calibration.panel_mm, lenses, views, DISTANCE_BY_HEIGHT * calibration.panel_mm[1],

@@ -1,4 +1,4 @@
-"""From the finished EIA, a regular light field, to what each subpixel of the real panel must show."""
+"""The weave: from the finished EIA, a regular light field, to the image of a panel with a lens sheet."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
-from lfsr_core.optics.panel.gather import MOST_WORKERS, ONE, GatherMap
+from lfsr_core.optics.panel.gather import MAX_WORKERS, ONE, GatherMap
 
-AT_ONCE = 1 << 17  # subpixels: what belongs to them stays in a core's cache
+AT_ONCE = 1 << 17  # subpixels: their data fit into a core's cache
 
 
 def weave(eia: Array, mapped: GatherMap) -> Array:
-    """The panel's image (H, W, 3) uint8.
+    """Return the panel's image (H, W, 3) uint8.
 
     Parameters
     ----------
     eia : finished EIA (rows, columns, 3) uint8 in view order
-    mapped : of the profile
+    mapped : gather map of the display
 
     Raises
     ------
-    LfsrError : for an EIA that is not the profile's
+    LfsrError : if the EIA is not of the size and type that the map needs
     """
     columns, rows = mapped.eia_pixels
     if eia.shape != (rows, columns, 3) or eia.dtype != np.uint8:
         raise LfsrError(f"the EIA has shape {eia.shape} of {eia.dtype}, but the weave needs ({rows}, {columns}, 3) of "
                         "uint8: upscale the folder again")
-    # A sample beyond the last byte has a weight of 0, but is read.
+    # Samples beyond the last byte have a weight of 0, but are read.
     source = np.zeros(eia.size + sum(axis.stride for axis in mapped.axes), np.uint8)
     source[:eia.size] = eia.reshape(-1)
     result = np.empty(mapped.first.shape, np.uint8)
@@ -39,11 +39,11 @@ def weave(eia: Array, mapped: GatherMap) -> Array:
 
     def work(start: int) -> None:
         part = slice(start, start + AT_ONCE)
-        # An index of eight bytes is what NumPy takes by.
+        # ``take`` is fastest with NumPy's own index type.
         index, mixed = first[part].astype(np.intp), [(stride, weights[part]) for stride, weights in axes]
         shown[part] = _mixed(source, index, mixed)
 
-    with ThreadPoolExecutor(min(os.cpu_count() or 1, MOST_WORKERS)) as pool:
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, MAX_WORKERS)) as pool:
         list(pool.map(work, range(0, first.size, AT_ONCE)))
     return result
 
@@ -54,7 +54,7 @@ def _mixed(source: Array, index: Array, axes: list[tuple[int, Array]]) -> Array:
         return source.take(index)
     *inner, (stride, weights) = axes
     here = _mixed(source, index, inner)
-    # The next samples: the same places of what begins a stride later.
+    # The next samples lie one stride further.
     difference = _mixed(source[stride:], index, inner).astype(np.int16)
     difference -= here
     difference *= weights

@@ -1,4 +1,4 @@
-"""Gather maps on disk."""
+"""The cache of gather maps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.support.panels import lenticular
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
     monkeypatch.setenv("LFSR_CACHE", str(tmp_path))
-    monkeypatch.setattr(gather_cache, "QUICK", 0)
+    monkeypatch.setattr(gather_cache, "MIN_SUBPIXELS", 0)
     return tmp_path / "weave"
 
 
@@ -40,14 +40,14 @@ def test_a_damaged_map_is_made_again(cache, name, damage):
 
 
 def test_only_the_last_few_stay(cache):
-    for number in range(gather_cache.MOST_KEPT + 2):
+    for number in range(gather_cache.MAX_MAPS + 2):
         gather_cache.cached_gather_map(lenticular(viewing_distance_mm=300.0 + number))
-    assert len(list(cache.iterdir())) == gather_cache.MOST_KEPT
+    assert len(list(cache.iterdir())) == gather_cache.MAX_MAPS
     assert (cache / gather_cache.digest(lenticular(viewing_distance_mm=304.0))).is_dir()
 
 
 def test_without_a_place_to_write_it_is_only_slower(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setenv("LFSR_CACHE", str(tmp_path / "file"))
-    monkeypatch.setattr(gather_cache, "QUICK", 0)
+    monkeypatch.setattr(gather_cache, "MIN_SUBPIXELS", 0)
     assert gather_cache.cached_gather_map(lenticular()).axes
