@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# From nothing to an 8K elemental image array: environment, scene, render, pictures, numbers.
+# Make an 8K elemental image array from nothing: environment, scene, render, images, numbers.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 out=${1:-out/demo}
@@ -27,22 +27,22 @@ report "A page that shows it in any browser"
 report "The reference for 12 random lenses: every view, 1024 samples, in two independent halves"
 "$lfsr" reference "$out/scene.blend" -o "$out/reference" --display bupt-32in-8k --spp 1024 --lenses 12
 
-report "How close it is"
+report "The quality of the image"
 "$lfsr" compare "$out/frame" "$out/reference"
 
-report "Done. Open $out/frame/view.html in a browser. The pictures are in $out/frame:"
+report "Done. Open $out/frame/view.html in a browser. The images are in $out/frame:"
 cat <<END
   eia.png      the 7680×4320 elemental image array, in the order a physical lens array needs
   views.png    5×5 of the 80×80 decoded views, topmost and leftmost camera first
-  epi_x.png    epipolar images: an upright line is a point on the display, a slanted one lies
-  epi_y.png    before or behind it
+  epi_x.png    epipolar images: an upright line is a point on the display, a slanted line
+  epi_y.png    a point before or behind it
   eye.png      what the simulated eye sees through the lenses
   mask.png     which lenses see the foreground
-  view.html    open this in a browser: what a person in front of the display sees; drag to look around
+  view.html    open this in a browser to see what a person in front of the display sees; drag to look around
   report.json  the numbers above with the seconds of every stage
 
-The numbers compare $out/frame with a path-traced reference that nothing was upscaled or denoised in.
-SSIM is 1 and FLIP 0 for a perfect picture. "split" means that the reference's own noise cancels;
-ssim_lens_plain does not have that, so even a perfect picture would score little more than
-ssim_lens_ceiling there. The ± is the 95 % confidence interval that comes from looking at 12 lenses only.
+The numbers compare $out/frame with a path-traced reference that was neither upscaled nor denoised.
+SSIM is 1 and FLIP 0 for a perfect image. "split" means that the reference's own noise cancels; in
+ssim_lens_plain it does not, so even a perfect image scores little more than ssim_lens_ceiling there.
+The ± is the 95 % confidence interval over 12 lenses.
 END
