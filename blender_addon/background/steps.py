@@ -21,7 +21,7 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.records import to_data
-from lfsr_core.render.parts_folder import kept_sentence
+from lfsr_core.render.parts_folder import parts_sentence
 
 from . import runtime
 from .worker import Worker
@@ -73,7 +73,7 @@ class Task:
     @property
     def kept(self) -> str:
         """A sentence on what is cached of a render that ended early; empty where nothing is."""
-        return kept_sentence(self._parts) if self._parts else ""
+        return parts_sentence(self._parts) if self._parts else ""
 
     def poll(self) -> bool:
         """Look at the worker and start the next when it is done; True when all are. LfsrError if one failed."""

@@ -14,7 +14,7 @@ from lfsr_core.plan.sample import Lens
 from lfsr_core.plan.times import path_samples
 from lfsr_core.render.blender import Blender
 from lfsr_core.render.process import Warn, run_job
-from lfsr_core.render.store import Render, kept
+from lfsr_core.render.store import Render, cached
 
 QUICK, QUICK_SCALE, QUICK_SAMPLES = "quick", 4, 4
 PILOT_SAMPLES = 16
@@ -79,8 +79,8 @@ class SampleRenders:
     def _kept(self, name: str, number: int, seed: int = 0, **changes: Any) -> tuple[Path, Frame]:
         """Folder of the job with ``changes``; ``number`` makes its random numbers its own."""
         seed = (self._job.seed + seed + SEED_STEP * number) % 2**31
-        folder = kept(dataclasses.replace(self._job, output=str(self._folder / name), seed=seed, world=self._world,
-                                          **changes), self._render)
+        folder = cached(dataclasses.replace(self._job, output=str(self._folder / name), seed=seed, world=self._world,
+                                            **changes), self._render)
         self._frames[name] = read_frame(folder)
         return folder, self._frames[name]
 

@@ -1,6 +1,6 @@
-"""The hidden folder where parts of a long render are kept: where it is, and whether something is in it.
+"""The hidden folder for the finished parts of a long render.
 
-Apart from ``parts``, which reads images: the panel asks this, also where nothing that reads them is at hand.
+The panel asks for it, also where the modules that read images cannot be imported; so it is apart from ``parts``.
 """
 
 from __future__ import annotations
@@ -12,16 +12,15 @@ RANGE = re.compile(r"(\d+)-(\d+)-(\d+)$")  # end of a part's name: its first row
 
 
 def parts_folder(target: Path) -> Path:
-    """Where parts of a render into ``target`` are kept."""
+    """Return the folder for the parts of a render into ``target``."""
     return target.with_name(f".{target.name}-parts")
 
 
 def has_parts(folder: Path) -> bool:
-    """True if a next render may find something in ``folder``."""
+    """True if the next render may continue from a part in ``folder``."""
     return any(RANGE.search(path.stem) for path in folder.glob("*.exr"))
 
 
-def kept_sentence(folder: Path) -> str:
-    """What to tell somebody whose render ended early; empty where nothing was kept."""
-    return (f"what is whole of it is kept: the same render again goes on from there; remove {folder} to be rid of it"
-            if has_parts(folder) else "")
+def parts_sentence(folder: Path) -> str:
+    """Return what to tell a user whose render ended early, "" where ``folder`` has no parts."""
+    return f"Render again to continue, or delete {folder} to start over" if has_parts(folder) else ""

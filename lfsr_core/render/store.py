@@ -1,4 +1,4 @@
-"""Renders that are kept: each is made once, when it is first asked for, and recognised when it is there."""
+"""Cached renders: each is made when it is first asked for."""
 
 from __future__ import annotations
 
@@ -16,22 +16,8 @@ from lfsr_core.render.process import RENDERED_FILES, run_job
 Render = Callable[[Job], None]
 
 
-def is_complete(folder: Path, kind: str = "render") -> bool:
-    """True if a render of this kind, or a reference, has left all it should in ``folder``."""
-    return all((folder / name).exists() for name in (FRAME_FILE, *RENDERED_FILES[kind]))
-
-
-def kept(job: Job, render: Render) -> Path:
-    """The job's folder, made by ``render(job)`` unless it is complete; LfsrError if it holds another render."""
-    folder = Path(job.output)
-    if not is_complete(folder, job.kind):
-        render(job)
-    check_same(folder, job)
-    return folder
-
-
 class Bar(Protocol):
-    """What shows progress: a ``ProgressBar``, or a part of a longer one."""
+    """Progress on a screen, as of ``ProgressBar``."""
 
     def __call__(self, stage: str, fraction: float, message: str) -> None:
         """Show one state."""
@@ -40,13 +26,31 @@ class Bar(Protocol):
         """Show a line that stays."""
 
     def close(self) -> None:
-        """The render is done, or has failed."""
+        """End the progress of a render, finished or not."""
+
+
+def is_complete(folder: Path, kind: str = "render") -> bool:
+    """True if ``folder`` has all files of a render, or of a reference where that is the ``kind``."""
+    return all((folder / name).exists() for name in (FRAME_FILE, *RENDERED_FILES[kind]))
+
+
+def cached(job: Job, render: Render) -> Path:
+    """Return the job's folder, rendered by ``render(job)`` unless it is complete; LfsrError if it holds another one."""
+    folder = Path(job.output)
+    if not is_complete(folder, job.kind):
+        render(job)
+    check_same(folder, job)
+    return folder
 
 
 def with_blender(executable: str | None = None, announce: bool = True, bar: Bar | None = None) -> Render:
-    """Renders in Blender, looked for when the first job comes; ``bar`` shows how far each is, None: one of its own.
+    """Return a function that renders jobs in Blender, which is looked for when the first job comes.
 
-    ``announce``: a line stays of each.
+    Parameters
+    ----------
+    executable : Blender, None for the best there is
+    announce : whether each job is announced in a line that stays
+    bar : shows the progress, None for a new ``ProgressBar``
     """
     def render(job: Job) -> None:
         check_scene(job.scene)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from lfsr_core.images.exr import write_layers
 from lfsr_core.render.parts import ImageParts, Part, gaps, remove_others
-from lfsr_core.render.parts_folder import kept_sentence, parts_folder
+from lfsr_core.render.parts_folder import parts_folder, parts_sentence
 from lfsr_core.render.staging import publish, staging_folder
 
 INPUTS = {"settings": "abc", "scene file": "def"}
@@ -77,9 +77,9 @@ def test_parts_without_readable_inputs_go(parts, content):
 
 
 def test_it_is_told_where_parts_are_until_the_render_is_published(parts, tmp_path):
-    assert kept_sentence(parts.folder) == ""
+    assert parts_sentence(parts.folder) == ""
     put(parts, 0, 4)
-    assert f"remove {parts.folder} to be rid of it" in kept_sentence(parts.folder)
+    assert f"delete {parts.folder} to start over" in parts_sentence(parts.folder)
     with staging_folder(tmp_path / "frame") as staged:
         assert parts.folder.exists(), "a dead run's staging folder goes, parts stay"
         (staged / "frame").mkdir()

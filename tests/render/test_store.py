@@ -8,7 +8,7 @@ import pytest
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, write_frame
 from lfsr_core.frames.job import Job
-from lfsr_core.render.store import is_complete, kept
+from lfsr_core.render.store import cached, is_complete
 from tests.support.synthetic import MINI, frame_of, write_reference, write_render
 
 
@@ -40,36 +40,36 @@ def refuse(job: Job) -> None:
 def test_a_render_is_made_once(job, kind):
     job = dataclasses.replace(job, kind=kind, scale=2 if kind == "render" else 1)
     render = Renderer()
-    folder = kept(job, render)
+    folder = cached(job, render)
     assert folder == Path(job.output) and render.jobs == [job] and is_complete(folder, kind)
-    assert kept(job, refuse) == folder
+    assert cached(job, refuse) == folder
 
 
 @pytest.mark.parametrize("missing", [FRAME_FILE, LOW_RES_FILE])
 def test_what_is_incomplete_is_made_again(job, missing):
     render = Renderer()
-    (kept(job, render) / missing).unlink()
+    (cached(job, render) / missing).unlink()
     assert not is_complete(Path(job.output))
-    kept(job, render)
+    cached(job, render)
     assert len(render.jobs) == 2 and is_complete(Path(job.output))
 
 
 def test_another_render_is_refused(job):
-    kept(job, Renderer())
+    cached(job, Renderer())
     with pytest.raises(LfsrError, match="with scale 2, but scale 4 was asked for"):
-        kept(dataclasses.replace(job, scale=4), refuse)
+        cached(dataclasses.replace(job, scale=4), refuse)
 
 
 def test_a_render_whose_result_differs_from_the_job_is_refused(job):
     with pytest.raises(LfsrError, match="with scale 4, but scale 2 was asked for"):
-        kept(job, lambda wanted: write_render(Path(wanted.output), scale=4))
+        cached(job, lambda wanted: write_render(Path(wanted.output), scale=4))
 
 
 def test_a_reference_may_have_samples_and_lenses_of_its_own(job):
     job = dataclasses.replace(job, kind="reference", scale=1)
-    folder = kept(dataclasses.replace(job, spp=64, lens_list=((0, 0), (1, 1))), Renderer())
+    folder = cached(dataclasses.replace(job, spp=64, lens_list=((0, 0), (1, 1))), Renderer())
     assert all((folder / name).exists() for name in REFERENCE_FILES)
-    assert kept(job, refuse) == folder
+    assert cached(job, refuse) == folder
     write_frame(folder, frame_of(2))
     with pytest.raises(LfsrError, match="with scale 2, but scale 1 was asked for"):
-        kept(job, refuse)
+        cached(job, refuse)

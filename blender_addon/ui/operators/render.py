@@ -93,7 +93,7 @@ class LFSR_OT_cancel(bpy.types.Operator):
         if task is None:
             self.report({"WARNING"}, "No light-field render is running")
             return {"CANCELLED"}
-        self.report({"INFO"}, ": ".join(filter(None, ("Light-field render cancelled", task.kept))))
+        self.report({"INFO"}, ". ".join(filter(None, ("Light-field render cancelled", task.kept))))
         return {"FINISHED"}
 
 

@@ -111,7 +111,7 @@ def test_an_interrupted_render_says_what_is_kept_and_a_changed_scene_starts_anew
     program.send_signal(signal.SIGINT)
     said, _ = program.communicate(timeout=30)
     assert program.returncode == 130
-    assert f"the same render again goes on from there; remove {tmp_path / '.frame-parts'} to be rid of it" in said
+    assert f"Render again to continue, or delete {tmp_path / '.frame-parts'} to start over" in said
     assert not list(tmp_path.glob(".frame-????????")), "staging is gone"
     bpy.data.lights["lamp"].energy *= 2
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
@@ -129,7 +129,7 @@ def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, m
         session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
         panel.wait_for(lambda: len(parts(folder)) >= 2)
         task = session.cancel()
-        assert f"remove {folder.with_name(f'.{folder.name}-parts')} to be rid of it" in task.kept
+        assert f"delete {folder.with_name(f'.{folder.name}-parts')} to start over" in task.kept
         done = written(folder)
         task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
         seen, fractions = {}, []

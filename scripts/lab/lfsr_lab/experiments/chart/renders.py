@@ -13,7 +13,7 @@ from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.lens_sampling import choose_lenses
-from lfsr_core.render.store import is_complete, kept, with_blender
+from lfsr_core.render.store import cached, is_complete, with_blender
 from lfsr_lab.experiments.cells import Cells, Fingerprint
 from lfsr_lab.experiments.chart.overall import Overall
 from lfsr_lab.experiments.chart.settings import LAYERS, REFERENCE_FOLDER, TIMES_FOLDER, Settings, render_folder
@@ -131,7 +131,7 @@ def _kept(settings: Settings, job: Job, progress: Overall | None = None) -> Path
     """The job's folder; None where it would have to be rendered and may not."""
     if settings.only_measure and not is_complete(Path(job.output), job.kind):
         return None
-    folder = kept(job, with_blender(settings.blender, announce=progress is None, bar=progress))
+    folder = cached(job, with_blender(settings.blender, announce=progress is None, bar=progress))
     _check_shown(read_frame(folder), job)
     return folder
 

@@ -17,7 +17,7 @@ from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lens_sampling import choose_lenses
 from lfsr_core.render.blender import find_blender
-from lfsr_core.render.store import kept, with_blender
+from lfsr_core.render.store import cached, with_blender
 from lfsr_lab.experiments.paper.settings import Settings
 from lfsr_lab.scenes import scene_script
 from lfsr_lab.scenes.running import run_script
@@ -40,8 +40,8 @@ def low_resolution(settings: Settings, shot: Shot) -> Path:
     """Frame folder of a render; LfsrError where the folder holds another one."""
     variant = "" if shot.layout == "one-pass" else f"-{shot.layout}"
     job = _job(settings, shot.scene, f"s{shot.scale}-spp{shot.spp}{variant}", shot.display or settings.display)
-    return kept(dataclasses.replace(job, scale=shot.scale, spp=shot.spp, layers=LAYERS, layout=shot.layout),
-                with_blender(settings.blender))
+    return cached(dataclasses.replace(job, scale=shot.scale, spp=shot.spp, layers=LAYERS, layout=shot.layout),
+                  with_blender(settings.blender))
 
 
 def reference(settings: Settings, scene: Path) -> Path:
@@ -51,7 +51,7 @@ def reference(settings: Settings, scene: Path) -> Path:
     if settings.lenses is not None and not Path(job.output, FRAME_FILE).exists():
         mask = foreground(low_resolution(settings, Shot(scene, settings.scale, settings.spp)))
         job = dataclasses.replace(job, lens_list=choose_lenses(mask, settings.lenses))
-    return kept(job, with_blender(settings.blender))
+    return cached(job, with_blender(settings.blender))
 
 
 def _job(settings: Settings, scene: Path, name: str, display: DisplayProfile) -> Job:

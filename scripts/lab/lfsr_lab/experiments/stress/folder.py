@@ -14,7 +14,7 @@ from lfsr_core.frames.job import Job
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import read_record, write_record
 from lfsr_core.render.blender import find_blender
-from lfsr_core.render.store import kept, with_blender
+from lfsr_core.render.store import cached, with_blender
 from lfsr_lab.experiments.cells import Cells
 from lfsr_lab.experiments.stress.dials import Dial
 from lfsr_lab.experiments.stress.records import Cell, Settings
@@ -85,8 +85,8 @@ class Bench:
 
     def _kept(self, dial: Dial, value: float, name: str, **job: Any) -> Path:
         folder = self.scene_folder(dial, value)
-        return kept(Job(output=str(folder / name), display=self.settings.display, device=self.settings.device,
-                        scene=str((folder / SCENE_FILE).resolve()), **job), with_blender(self.executable))
+        return cached(Job(output=str(folder / name), display=self.settings.display, device=self.settings.device,
+                          scene=str((folder / SCENE_FILE).resolve()), **job), with_blender(self.executable))
 
     def read_cell(self, dial: Dial, value: float, method: str) -> Cell | None:
         """A measured cell; None if it is missing or was measured with other weights or versions of the method."""
