@@ -116,7 +116,7 @@ def test_an_interrupted_render_says_what_is_kept_and_a_changed_scene_starts_anew
     bpy.data.lights["lamp"].energy *= 2
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
     said, _ = start(blend, folder, *WAYS["one pass"], seconds_per_part="60").communicate(timeout=120)
-    assert "other scene file: it is removed, and the render starts from the beginning" in said
+    assert "other scene file: they are removed, and the render starts from the beginning" in said
     assert sorted(path.name for path in tmp_path.iterdir() if path.suffix != ".blend1") == ["frame", "scene.blend"]
 
 
