@@ -13,6 +13,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
 
 from ..results import show_image
+from ..settings.words import capitalized
 from .steps import Steps, Task
 
 SECONDS_BETWEEN_LOOKS = 0.1
@@ -101,7 +102,7 @@ def _look() -> float | None:
 
 def notify(message: str, icon: str) -> None:
     """Show a sentence in the panel and beside the pointer, where no operator can report it."""
-    bpy.context.window_manager.lfsr.message = message
+    bpy.context.window_manager.lfsr.message = capitalized(message)
     tell(message, icon)
 
 
@@ -113,7 +114,7 @@ def tell(message: str, icon: str) -> None:
         return
 
     def draw(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
-        for line in textwrap.wrap(message, POPUP_COLUMNS):
+        for line in textwrap.wrap(capitalized(message), POPUP_COLUMNS):
             menu.layout.label(text=line)
 
     with bpy.context.temp_override(window=windows[0]):

@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import queue
 import threading
-import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -61,10 +60,8 @@ class Worker:
         self._reader.join(SECONDS_TO_STOP)
 
     def wait(self, seconds: float) -> None:
-        """Let some time pass, less if it ends before."""
-        ends = time.monotonic() + seconds
-        while self.running() and time.monotonic() < ends:
-            time.sleep(min(0.02, seconds))
+        """Wait for its end, at most ``seconds``."""
+        self._reader.join(seconds)
 
     def _read(self) -> None:
         for record in self._child.records():

@@ -6,6 +6,8 @@ import textwrap
 
 import bpy
 
+from ..settings.words import capitalized
+
 PIXELS_PER_LETTER = 6.6
 
 
@@ -51,5 +53,5 @@ def sentence(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.type
     letters = max(20, int((context.region.width if context.region else 300) / scale) - 6)
     column = layout.column(align=True)
     column.scale_y = 0.75
-    for number, line in enumerate(textwrap.wrap(text, letters)):
+    for number, line in enumerate(textwrap.wrap(capitalized(text), letters)):
         column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))

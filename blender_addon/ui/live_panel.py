@@ -1,4 +1,4 @@
-"""The panel of the live view: drawing only."""
+"""Panel of the live view: drawing only."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import bpy
 from ..live import nodes, session
 from ..live.scene import EYE
 from ..render import devices
-from .drawing import LightFieldPanel, columns, sentence
+from .drawing import LightFieldPanel, columns, row_if, sentence
 
 HOW_TO_PLACE = ("Drag the new window to the display and make it full screen: point at it and press Ctrl F11, or "
-                "use the window manager. Everything you change here is shown there")
+                "use the window manager. The window follows all changes here")
 
 
 class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
-    """The light field in a window of its own, as it renders."""
+    """The light field in a window of its own, as it renders"""
 
     bl_label = "Live"
     bl_idname = "LFSR_PT_live"
     bl_order = 5
 
     def draw(self, context: bpy.types.Context) -> None:
-        """The button, the settings, what to do."""
+        """Draw the buttons, the settings and the notes."""
         layout, lfsr = self.layout, context.scene.lfsr
         if session.is_on():
             layout.operator("lfsr.live_stop", icon="PAUSE")
@@ -30,10 +30,9 @@ class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
         column = columns(layout)
         column.prop(lfsr, "live_scale")
         column.prop(lfsr, "live_samples")
-        row = column.row()
-        row.enabled = nodes.can_interpolate()
-        row.prop(lfsr, "live_smooth")
-        self._draw_denoiser(column, lfsr)
+        row_if(nodes.can_interpolate(), column).prop(lfsr, "live_smooth")
+        row_if(devices.has_denoiser(), column).prop(lfsr, "live_denoise")
+        row_if(devices.has_denoiser() and lfsr.live_denoise, column).prop(lfsr, "live_denoise_start")
         for text, icon in notes(context.scene):
             sentence(layout, text, icon, context)
         self._draw_eye(layout, lfsr)
@@ -49,21 +48,13 @@ class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
         for name in ("live_eye_right", "live_eye_up", "live_eye_near"):
             column.prop(lfsr, name, slider=True)
 
-    def _draw_denoiser(self, column: bpy.types.UILayout, lfsr: bpy.types.PropertyGroup) -> None:
-        column = column.column()
-        column.enabled = devices.has_denoiser()
-        column.prop(lfsr, "live_denoise")
-        row = column.row()
-        row.enabled = lfsr.live_denoise
-        row.prop(lfsr, "live_denoise_start")
-
 
 def notes(scene: bpy.types.Scene) -> list[tuple[str, str]]:
-    """Sentences with their icons: what this Blender cannot do, and what is to be done now."""
+    """Sentences with their icons: what this Blender cannot do, and what to do now."""
     found = []
     if not nodes.can_interpolate():
-        found.append(("This Blender's viewport compositor cannot interpolate: each rendered view is repeated, "
-                      "as method Nearest does. Blender 5.0 and later can", "INFO"))
+        found.append(("This Blender's viewport compositor cannot interpolate: each rendered view is repeated. "
+                      "Blender 5.0 and later can", "INFO"))
     if scene.lfsr.live_denoise and not devices.has_denoiser():
         found.append(("This Blender was built without a denoiser: the live view shows its noise", "INFO"))
     if session.is_on():

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 
 import bpy
+import gpu
 import numpy as np
+from gpu_extras.batch import batch_for_shader
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
@@ -77,8 +79,6 @@ def draw() -> None:
 
 
 def _draw(placed: rig.Placement, display: DisplayProfile, scale: int) -> None:
-    import gpu
-
     array, matrix = placed
     to_world = np.array(matrix)
     gpu.state.blend_set("ALPHA")
@@ -98,9 +98,6 @@ def _in_world(points: Array, to_world: Array) -> list[tuple[float, ...]]:
 
 
 def _draw_plane(corners: list[tuple[float, ...]]) -> None:
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     batch = batch_for_shader(shader, "TRIS", {"pos": corners}, indices=[(0, 1, 2), (0, 2, 3)])
     shader.bind()
@@ -109,9 +106,6 @@ def _draw_plane(corners: list[tuple[float, ...]]) -> None:
 
 
 def _draw_lines(points: list[tuple[float, ...]], color: tuple[float, ...], width: float) -> None:
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
     batch = batch_for_shader(shader, "LINES", {"pos": points})
     shader.bind()

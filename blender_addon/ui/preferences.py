@@ -1,4 +1,4 @@
-"""The add-on's preferences: a Python of the user's for the second stage, and a test of it."""
+"""The add-on's preferences: the Python that runs the second stage, and a test of it."""
 
 from __future__ import annotations
 
@@ -7,20 +7,21 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.render.child import output_of
 
-from ..background.runtime import PACKAGE
+from ..background import runtime
+from .operators.base import Result, reports_errors
 
 SECONDS_FOR_TEST = 120
 
 
 class LfsrPreferences(bpy.types.AddonPreferences):
-    """Choices that hold for every file."""
+    """Settings for all files"""
 
-    bl_idname = PACKAGE
+    bl_idname = runtime.PACKAGE
 
     python_path: bpy.props.StringProperty(
-        name="Python with PyTorch", subtype="FILE_PATH",
-        description="Python executable that runs the second stage, such as one of an environment with PyTorch and a "
-                    "GPU; empty: Blender's own Python with what this add-on brings")
+        name="Second Stage Python", subtype="FILE_PATH",
+        description="Python executable that denoises and upscales; empty for Blender's own Python with the packages "
+                    "of this add-on")
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the path with its button."""
@@ -30,26 +31,21 @@ class LfsrPreferences(bpy.types.AddonPreferences):
 
 
 class LFSR_OT_test_python(bpy.types.Operator):
-    """Start the Python that runs the second stage and report what it has"""
+    """Start the Python that runs the second stage and report its version and packages"""
 
     bl_idname = "lfsr.test_python"
-    bl_label = "Test Second Stage's Python"
+    bl_label = "Test Second Stage Python"
     bl_options = {"REGISTER", "INTERNAL"}
 
-    def execute(self, _context: bpy.types.Context) -> set[str]:
-        """Report versions, engines and devices, or the reason why it will not work."""
-        try:
-            self.report({"INFO"}, probe())
-        except LfsrError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+    @reports_errors
+    def execute(self, _context: bpy.types.Context) -> Result:
+        """Report versions, or the reason why it does not work."""
+        self.report({"INFO"}, probe())
         return {"FINISHED"}
 
 
 def probe() -> str:
-    """One sentence on the second stage's Python: version, engines, device; LfsrError if it cannot run it."""
-    from ..background import runtime
-
+    """Versions of the second stage's Python and packages, in one line; LfsrError if it cannot run the second stage."""
     command = runtime.second_stage_command("lfsr_core.tasks.probe")
     try:
         code, output = output_of(command, runtime.environment(), SECONDS_FOR_TEST)

@@ -1,4 +1,4 @@
-"""Display and quality settings as Blender presets, in the panel's header."""
+"""Blender presets of display and quality settings, in the panel's header."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ SAVED = ("display", "profile_file", "straight", "scale", "samples", "method", "s
 
 
 class LFSR_OT_preset_add(AddPresetBase, bpy.types.Operator):
-    """Add or remove a light-field preset: display, scale, samples and method"""
+    """Add or remove a light-field preset of display, scale, samples and method"""
 
     bl_idname = "lfsr.preset_add"
     bl_label = "Add Light Field Preset"
     preset_menu = "LFSR_PT_presets"
     preset_subdir = SUBFOLDER
-    # Lines of the preset file; execution sets them in this order.
+    # Lines of the preset file; they are executed in this order.
     preset_defines = ("import bpy", "lfsr = bpy.context.scene.lfsr")
     preset_values = tuple(f"lfsr.{name}" for name in SAVED)
 
 
 class LFSR_PT_presets(PresetPanel, bpy.types.Panel):
-    """Menu of the presets."""
+    """Menu of the presets"""
 
     bl_label = "Light Field Presets"
     preset_subdir = SUBFOLDER

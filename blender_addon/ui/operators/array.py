@@ -12,7 +12,7 @@ from .base import UNDO, Result, activate, reports_errors
 
 
 class LFSR_OT_array_add(bpy.types.Operator):
-    """Add a light-field camera array where the active camera is, else in front of the objects"""
+    """Add a light-field camera array at the active camera, or in front of the objects if there is none"""
 
     bl_idname = "lfsr.array_add"
     bl_label = "Add Camera Array"
@@ -37,7 +37,7 @@ class LFSR_OT_array_fit(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> Result:
         """Fit it; the selection stays."""
         scene = context.scene
-        items = [item for item in context.selected_objects if not _belongs_to_array(item)]
+        items = [item for item in context.selected_objects if not rig.is_array(item) and rig.PLANE not in item]
         edit.fit(scene, scene_settings.display_of(scene), items)
         return {"FINISHED"}
 
@@ -57,7 +57,7 @@ class LFSR_OT_array_remove(bpy.types.Operator):
 
 
 class LFSR_OT_select_plane(bpy.types.Operator):
-    """Select the display plane, to move it along the view"""
+    """Select the display plane, which can be moved along the view"""
 
     bl_idname = "lfsr.select_plane"
     bl_label = "Select Display Plane"
@@ -72,10 +72,6 @@ class LFSR_OT_select_plane(bpy.types.Operator):
             raise LfsrError("there is no display plane to select: add a camera array")
         activate(context, plane)
         return {"FINISHED"}
-
-
-def _belongs_to_array(item: bpy.types.Object) -> bool:
-    return rig.is_array(item) or rig.PLANE in item
 
 
 CLASSES = (LFSR_OT_array_add, LFSR_OT_array_fit, LFSR_OT_array_remove, LFSR_OT_select_plane)

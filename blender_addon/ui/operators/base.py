@@ -13,6 +13,7 @@ from lfsr_core.files import system_errors
 
 from ...background import session
 from ...background.steps import Steps
+from ...settings.words import capitalized
 
 UNDO = {"REGISTER", "UNDO"}
 Result = set[str]
@@ -29,7 +30,7 @@ def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
             with system_errors():
                 return method(self, context)
         except LfsrError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, capitalized(str(error)))
             return {"CANCELLED"}
     return wrapped
 
@@ -67,7 +68,7 @@ class TaskOperator:
         steps, finish = prepared
         task = session.run(self.bl_label, steps)
         for warning in task.warnings:
-            self.report({"WARNING"}, warning)
+            self.report({"WARNING"}, capitalized(warning))
         finish(task.result)
         return {"FINISHED"}
 

@@ -10,6 +10,7 @@ from ...array.rig import check_editable
 from ...background import session
 from ...check.fixes import FIXES, OUTSIDE_SCENE, find_object
 from ...check.problems import INFO, Problem, check_scene
+from ...settings.words import counted
 from .base import UNDO, Result, activate, reports_errors
 
 
@@ -21,20 +22,21 @@ class LFSR_OT_check_scene(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Fill the list."""
+        """Check the scene and report the number of problems."""
         problems = refresh(context.scene)
         serious = [problem for problem in problems if problem.severity != INFO]
         if not problems:
             self.report({"INFO"}, "No problems found")
         elif serious:
-            self.report({"WARNING"}, f"{len(serious)} problems found, first {serious[0].target}: {serious[0].reason}")
+            self.report({"WARNING"}, f"{counted(len(serious), 'problem')} found, first {serious[0].target}: "
+                        f"{serious[0].reason}")
         else:
-            self.report({"INFO"}, f"No problems found, {len(problems)} settings are ignored")
+            self.report({"INFO"}, f"No problems found; renders ignore {counted(len(problems), 'setting')}")
         return {"FINISHED"}
 
 
 class LFSR_OT_check_select(bpy.types.Operator):
-    """Select the object"""
+    """Select the object that has the problem"""
 
     bl_idname = "lfsr.check_select"
     bl_label = "Select Object with Problem"
@@ -72,7 +74,7 @@ class LFSR_OT_check_fix(bpy.types.Operator):
 
 
 def refresh(scene: bpy.types.Scene) -> list[Problem]:
-    """Check ``scene`` and put what was found into the list."""
+    """Check ``scene`` and fill the panel's list."""
     state, problems = bpy.context.window_manager.lfsr, check_scene(scene)
     state.checked_scene = scene.name
     state.problems.clear()

@@ -1,4 +1,4 @@
-"""Buttons that show a finished frame in a browser, or write it for others."""
+"""Buttons that show a finished frame in a browser, or export it."""
 
 from __future__ import annotations
 
@@ -16,36 +16,33 @@ FORMAT_ITEMS = [(name, TITLES[name], text[0].upper() + text[1:]) for name, text 
 
 
 class LFSR_OT_open_viewer(TaskOperator, bpy.types.Operator):
-    """Show the current frame's image in the browser as an eye in front of the display sees it"""
+    """Show the current frame's image in the browser, as an eye in front of the display sees it"""
 
     bl_idname = "lfsr.open_viewer"
     bl_label = "Open Viewer"
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Write the page, then open it."""
-        folder = folders.frame_folder(context.scene)
-        folders.check_image(folder, "to show or export")
-        return exports.write_viewer(folder), _open
+        return exports.write_viewer(_finished(context.scene)), _open
 
 
 class LFSR_OT_export(TaskOperator, bpy.types.Operator):
-    """Write the current frame's image for other displays and programs, into its folder"""
+    """Export the current frame's image for other displays and programs, into its folder"""
 
     bl_idname = "lfsr.export"
     bl_label = "Export Light Field"
 
-    format: bpy.props.EnumProperty(name="Format", description="What to write", items=FORMAT_ITEMS)
+    format: bpy.props.EnumProperty(name="Format", description="Format of the export", items=FORMAT_ITEMS)
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        """What the menu says of each format."""
+        """Return the tooltip of each format."""
         return dict((name, text) for name, _, text in FORMAT_ITEMS)[properties.format]
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
-        """Export, then say where it is."""
-        folder = folders.frame_folder(context.scene)
-        folders.check_image(folder, "to show or export")
-        return exports.export(folder, self.format), _tell
+        """Export, then show where the files are."""
+        steps = exports.export(_finished(context.scene), self.format)
+        return steps, lambda target: session.tell(f"Exported to {target}", "INFO")
 
 
 class LFSR_MT_export(bpy.types.Menu):
@@ -55,19 +52,22 @@ class LFSR_MT_export(bpy.types.Menu):
     bl_label = "Export"
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """One entry per format."""
+        """Draw one entry per format."""
         for name, title, _ in FORMAT_ITEMS:
             self.layout.operator("lfsr.export", text=title).format = name
+
+
+def _finished(scene: bpy.types.Scene) -> Path:
+    """Frame folder of the current frame; LfsrError where it has no image of a light field."""
+    folder = folders.frame_folder(scene)
+    folders.check_image(folder, "to show or export")
+    return folder
 
 
 def _open(page: Path) -> None:
     print(f"Light Field: {page}")
     if not bpy.app.background:
         bpy.ops.wm.url_open(url=page.as_uri())
-
-
-def _tell(target: Path) -> None:
-    session.tell(f"Exported to {target}", "INFO")
 
 
 CLASSES = (LFSR_OT_open_viewer, LFSR_OT_export, LFSR_MT_export)

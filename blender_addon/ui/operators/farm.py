@@ -1,4 +1,4 @@
-"""The button that writes a job for a render farm."""
+"""Button that writes a job for a render farm."""
 
 from __future__ import annotations
 
@@ -7,39 +7,39 @@ import bpy
 from ...background import session, submission
 from .base import Result, reports_errors
 
-FARM_ITEMS = [("openjd", "OpenJD", "A job bundle of Open Job Description, for AWS Deadline Cloud and others"),
-              ("flamenco", "Flamenco", "A job type and a job for a manager of Flamenco 3")]
+FARM_ITEMS = [("openjd", "OpenJD", "Job bundle of Open Job Description, for AWS Deadline Cloud and others"),
+              ("flamenco", "Flamenco", "Job type and job for a Flamenco 3 manager")]
 
 
 class LFSR_OT_submit(bpy.types.Operator):
-    """Write the timeline's range as a job for a render farm, into a folder that its machines see"""
+    """Write a job that renders the timeline's range on a render farm, into a folder that its machines can see"""
 
     bl_idname = "lfsr.submit"
-    bl_label = "Write Job"
+    bl_label = "Write Farm Job"
 
-    farm: bpy.props.EnumProperty(name="Farm", description="What the job is written for", items=FARM_ITEMS)
+    farm: bpy.props.EnumProperty(name="Farm", description="Render farm that the job is for", items=FARM_ITEMS)
     directory: bpy.props.StringProperty(
-        name="Folder", description="Where the job's files go; every machine must see it under the same path",
+        name="Folder", description="Folder for the job's files; every machine must see it under the same path",
         subtype="DIR_PATH", options={"SKIP_SAVE", "PATH_SUPPORTS_BLEND_RELATIVE"})
     parts: bpy.props.IntProperty(
-        name="Parts", description="Into how many parts, by rows of lenses, each frame is split", min=1, soft_max=64,
+        name="Parts", description="Number of parts, by rows of lenses, of each frame", min=1, soft_max=64,
         default=1)
     filter_folder: bpy.props.BoolProperty(
         name="Folders", description="Show folders only", default=True, options={"HIDDEN"})
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        """What the menu says of each farm."""
+        """Return the tooltip of each farm."""
         return dict((name, text) for name, _, text in FARM_ITEMS)[properties.farm]
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
-        """Ask for the folder; the parts are chosen beside it."""
+        """Ask for the folder and the parts."""
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Write the files and say the next command."""
+        """Write the files and show the next command."""
         folder = submission.chosen_folder(self.directory)
         written = submission.submit(context.scene, self.farm, folder, self.parts)
         context.window_manager.clipboard = written.command
@@ -55,7 +55,7 @@ class LFSR_MT_submit(bpy.types.Menu):
     bl_label = "Submit"
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """One entry per farm."""
+        """Draw one entry per farm."""
         for name, title, _ in FARM_ITEMS:
             self.layout.operator("lfsr.submit", text=f"{title}…").farm = name
 

@@ -9,54 +9,51 @@ from ...live.scene import EYE, PANEL
 from .base import Result, reports_errors
 
 
-class LFSR_OT_live_start(bpy.types.Operator):
-    """Open a window that shows the light field as it renders, to be put on the display"""
+class Starting:
+    """Opens a window that follows the scene and its settings."""
 
-    bl_idname = "lfsr.live_start"
-    bl_label = "Start Live"
+    kind: str
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Open it and return; the view follows the scene."""
-        session.start(context.scene)
+        """Open it and return."""
+        session.start(context.scene, self.kind)
         return {"FINISHED"}
 
 
-class LFSR_OT_live_stop(bpy.types.Operator):
+class Stopping:
+    """Closes that window."""
+
+    kind: str
+
+    def execute(self, _context: bpy.types.Context) -> Result:
+        """Close it; the file is as before."""
+        session.stop(self.kind)
+        return {"FINISHED"}
+
+
+class LFSR_OT_live_start(Starting, bpy.types.Operator):
+    """Open a window for the display, which shows the light field as it renders"""
+
+    bl_idname, bl_label, kind = "lfsr.live_start", "Start Live", PANEL
+
+
+class LFSR_OT_live_stop(Stopping, bpy.types.Operator):
     """Close the live window"""
 
-    bl_idname = "lfsr.live_stop"
-    bl_label = "Stop Live"
-
-    def execute(self, _context: bpy.types.Context) -> Result:
-        """Close it; nothing of it stays in the file."""
-        session.stop(PANEL)
-        return {"FINISHED"}
+    bl_idname, bl_label, kind = "lfsr.live_stop", "Stop Live", PANEL
 
 
-class LFSR_OT_live_eye_start(bpy.types.Operator):
-    """Open a window that shows what an eye in front of the display sees, for those without one"""
+class LFSR_OT_live_eye_start(Starting, bpy.types.Operator):
+    """Open a window that shows what an eye in front of the display sees"""
 
-    bl_idname = "lfsr.live_eye_start"
-    bl_label = "Show One Eye"
-
-    @reports_errors
-    def execute(self, context: bpy.types.Context) -> Result:
-        """Open it and return; the view follows the scene and the sliders."""
-        session.start(context.scene, EYE)
-        return {"FINISHED"}
+    bl_idname, bl_label, kind = "lfsr.live_eye_start", "Show One Eye", EYE
 
 
-class LFSR_OT_live_eye_stop(bpy.types.Operator):
+class LFSR_OT_live_eye_stop(Stopping, bpy.types.Operator):
     """Close the eye's window"""
 
-    bl_idname = "lfsr.live_eye_stop"
-    bl_label = "Hide Eye"
-
-    def execute(self, _context: bpy.types.Context) -> Result:
-        """Close it; nothing of it stays in the file."""
-        session.stop(EYE)
-        return {"FINISHED"}
+    bl_idname, bl_label, kind = "lfsr.live_eye_stop", "Hide Eye", EYE
 
 
 CLASSES = (LFSR_OT_live_start, LFSR_OT_live_stop, LFSR_OT_live_eye_start, LFSR_OT_live_eye_stop)

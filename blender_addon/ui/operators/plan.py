@@ -1,4 +1,4 @@
-"""Buttons that find the least that will do for a scene, and use it."""
+"""Buttons that find the cheapest settings for a scene, and use them."""
 
 from __future__ import annotations
 
@@ -27,15 +27,14 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
     """Measure a few lenses of the current frame and find the cheapest settings that reach the target"""
 
     bl_idname = "lfsr.plan"
-    bl_label = "Find the Least That Will Do"
+    bl_label = "Find Cheapest Settings"
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
-        """The plan of the current frame, then its result in the panel."""
+        """Plan for the current frame, then show the result in the panel."""
         scene = context.scene
         scene_settings.resolve(scene).check_light_field("a plan")
-        frame = recipes.frame_recipe(scene)
         options = wanted(scene)
-        job = dataclasses.replace(frame.job, layers=layers_of(options.methods))
+        job = dataclasses.replace(recipes.frame_recipe(scene).job, layers=layers_of(options.methods or ()))
         clear(context.window_manager.lfsr)
         return find(job, options), functools.partial(show, scene.name)
 
@@ -44,29 +43,25 @@ class LFSR_OT_plan_use(bpy.types.Operator):
     """Set the samples, scale and method that were found"""
 
     bl_idname = "lfsr.plan_use"
-    bl_label = "Use It"
+    bl_label = "Use Settings"
     bl_options = UNDO
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Set the three."""
+        """Set scale, samples and method."""
         scene, state = context.scene, context.window_manager.lfsr
         if state.plan_scene != scene.name or not state.plan_method:
-            raise LfsrError(f"nothing was found for scene {scene.name!r}: press Find the Least That Will Do first")
+            raise LfsrError(f"no settings were found for scene {scene.name!r}: press Find first")
         scene.lfsr.scale, scene.lfsr.samples = str(state.plan_scale), state.plan_samples
         scene.lfsr.method = state.plan_method
         return {"FINISHED"}
 
 
 def wanted(scene: bpy.types.Scene) -> PlanOptions:
-    """What to plan for: the scene's target and the methods of the panel."""
-    return PlanOptions(target=round(scene.lfsr.plan_target, 4), methods=methods())
-
-
-def methods() -> tuple[str, ...]:
-    """Methods to try: those of a plan that the panel's list has."""
+    """Options of a plan: the scene's target, and the methods that the panel can be set to."""
     listed = {item[0] for item in method_items()}
-    return tuple(name for name in candidates.default_methods() if name in listed)
+    return PlanOptions(target=round(scene.lfsr.plan_target, 4),
+                       methods=tuple(name for name in candidates.default_methods() if name in listed))
 
 
 def find(job: Job, options: PlanOptions) -> Steps:
@@ -79,7 +74,7 @@ def find(job: Job, options: PlanOptions) -> Steps:
 
 
 def show(scene_name: str, found: Found) -> None:
-    """Keep the result for the panel."""
+    """Store the result for the panel."""
     state, chosen = bpy.context.window_manager.lfsr, found.chosen
     state.plan_scene, state.plan_text = scene_name, found.sentence
     if chosen is not None:
@@ -89,7 +84,7 @@ def show(scene_name: str, found: Found) -> None:
 
 
 def clear(state: bpy.types.PropertyGroup) -> None:
-    """Forget the last result: it must not seem to belong to what runs now."""
+    """Forget the last result, which must not seem to be that of the plan that starts now."""
     state.plan_scene = state.plan_text = state.plan_method = ""
 
 

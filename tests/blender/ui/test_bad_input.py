@@ -169,7 +169,7 @@ def test_profile_file_deleted(scene, tmp_path):
 
 def test_profile_file_wrong_or_not_chosen(scene, tmp_path):
     scene.lfsr.display = "FILE"
-    refuse(scene, "no display profile is chosen")
+    refuse(scene, "No display profile is chosen")
     path = tmp_path / "own.toml"
     path.write_text("name = 3")
     scene.lfsr.profile_file = str(path)
@@ -178,7 +178,7 @@ def test_profile_file_wrong_or_not_chosen(scene, tmp_path):
 
 def test_scale_that_does_not_divide_the_views(scene):
     scene.lfsr.scale = "5"
-    refuse(scene, "scale is 5, .* choose a scale that divides both")
+    refuse(scene, "Scale is 5, .* choose a scale that divides both")
 
 
 def test_network_that_was_not_trained_for_the_scale(scene, monkeypatch):
@@ -231,7 +231,7 @@ def test_cycles_disabled(scene):
 
 def test_nothing_to_see(scene):
     bpy.data.objects["Box"].hide_render = True
-    refuse(scene, "nothing of the subject")
+    refuse(scene, "Nothing of the subject")
 
 
 def test_a_scene_that_is_not_in_the_file(scene):

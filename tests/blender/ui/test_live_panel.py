@@ -35,7 +35,7 @@ def test_on(scene, monkeypatch):
     assert "5×5" in labels(drawn) and "full screen" in labels(drawn) and "exact" not in labels(drawn)
     session._on[EYE] = session._Shown(bpy.context.scene.session_uid, message="make the window larger")
     drawn = draw(live_panel.LFSR_PT_live)
-    assert "make the window larger" in labels(drawn)
+    assert "Make the window larger" in labels(drawn)
     assert operators(drawn) == {"lfsr.live_stop", "lfsr.live_eye_stop"}
 
 

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-import blender_addon
 from blender_addon.background import session
 from blender_addon.render import devices
 from blender_addon.settings import scene_settings
@@ -16,8 +15,6 @@ from blender_addon.ui import panels
 from blender_addon.ui.operators import check
 from tests.support import panel
 from tests.support.recording_layout import RecordingLayout
-
-CLASSES = [cls for module in blender_addon._modules() for cls in getattr(module, "CLASSES", ())]
 
 
 @pytest.fixture
@@ -97,7 +94,7 @@ def test_with_a_missing_profile(scene):
     assert "gone.tomlcannotberead" in labels(drawn["Display"]).replace(" ", "")
 
 
-def test_straight_to_subpixels_only_for_a_lens_sheet(scene):
+def test_direct_rendering_is_offered_for_a_lens_sheet_only(scene):
     scene.lfsr.straight = True
     drawn = draw_all()
     assert "straight" not in properties(drawn["Display"]) and "64 × 48 px" in labels(drawn["Display"])
@@ -113,7 +110,7 @@ def test_straight_to_subpixels_only_for_a_lens_sheet(scene):
     assert all_greyed(drawn) == {"eye_right", "scale", "method", "linear_exr", "share_frames"}
 
 
-def test_straight_to_subpixels_says_why_it_cannot(scene, monkeypatch):
+def test_direct_rendering_says_why_it_cannot(scene, monkeypatch):
     scene.lfsr.display = "looking-glass-16"
     for spoil, reason in (((scene_settings, "device_of", lambda _: "CUDA"), "CPU or OPTIX, not on CUDA"),
                           ((devices, "has_osl", lambda: False), "needs a Blender with Open Shading Language")):
@@ -174,18 +171,3 @@ def test_the_layout_refuses_misspellings(scene):
         layout.scale_yy = 2
     with pytest.raises(AssertionError):
         layout.operator("lfsr.check_fix").codee = "x"
-
-
-@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
-def test_everything_says_what_it_is(cls):
-    with panel.registered():
-        rna = cls.bl_rna
-        if issubclass(cls, bpy.types.Operator):
-            rna = getattr(bpy.ops.lfsr, cls.bl_idname.removeprefix("lfsr.")).get_rna_type()
-            assert rna.description and not rna.description.endswith(".")
-            assert cls.bl_idname.startswith("lfsr.") and cls.bl_label
-        inherited = {item.identifier for base in cls.__bases__ if hasattr(base, "bl_rna")
-                     for item in base.bl_rna.properties}
-        for item in rna.properties:
-            if item.identifier not in inherited and item.identifier in cls.__annotations__:
-                assert item.name and item.description, f"{cls.__name__}.{item.identifier}"

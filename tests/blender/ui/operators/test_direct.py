@@ -76,8 +76,8 @@ def test_an_animation_keeps_the_frame_that_is_there(opened, rendered, capfd):
 @pytest.mark.parametrize(("button", "arguments", "sentence"), [
     ("preview_view", {}, "no views to preview"), ("open_viewer", {}, "no views to show or export"),
     ("export", {"format": "quilt"}, "no views to show or export"),
-    ("render_reference", {}, "a reference needs a light field"), ("plan", {}, "a plan needs a light field"),
-    ("submit", {"farm": "openjd", "directory": "//job"}, "a farm's job needs a light field")])
+    ("render_reference", {}, "A reference needs a light field"), ("plan", {}, "A plan needs a light field"),
+    ("submit", {"farm": "openjd", "directory": "//job"}, "A farm's job needs a light field")])
 def test_what_needs_a_light_field_says_so(opened, rendered, button, arguments, sentence):
     with pytest.raises(RuntimeError, match=f"{sentence}.* switch .*off under Display"):
         getattr(bpy.ops.lfsr, button)(**arguments)

@@ -90,7 +90,7 @@ def test_a_profile_of_ones_own_goes_along(scene, tmp_path):
 
 
 @pytest.mark.parametrize(("options", "sentence"), [
-    ({"directory": ""}, "no folder is chosen"), ({"parts": 13}, "parts are 13, but they must be 1 to 12"),
+    ({"directory": ""}, "No folder is chosen"), ({"parts": 13}, "Parts are 13, but they must be 1 to 12"),
     ({"directory": "//scene.blend/job"}, "scene.blend")])
 def test_what_cannot_be_is_said(scene, tmp_path, options, sentence):
     with pytest.raises(RuntimeError, match=sentence):

@@ -1,0 +1,13 @@
+"""Texts as Blender shows them."""
+
+from __future__ import annotations
+
+
+def capitalized(text: str) -> str:
+    """Return ``text`` with a capital, unless it begins with a name such as that of a file."""
+    return text[:1].upper() + text[1:] if text.split(" ", maxsplit=1)[0].isalpha() else text
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a number with its noun, as in "1 problem" or "2 problems"."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
