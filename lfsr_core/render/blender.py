@@ -1,4 +1,4 @@
-"""Finding Blender, and the command lines that start it."""
+"""Find Blender, and build the command lines that start it."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from typing import Protocol
 from lfsr_core.errors import LfsrError
 from lfsr_core.render.child import output_of
 
-OLDEST_BLENDER = (4, 5)
+OLDEST_BLENDER, SECONDS_TO_ANSWER = (4, 5), 60
 
 
 class Starts(Protocol):
-    """Whatever says how to start Blender."""
+    """Anything that knows how to start Blender."""
 
     def command(self, *job_files: Path) -> list[str]:
-        """Command line that runs the render jobs in ``job_files`` one after the other."""
+        """Return the command line that runs the render jobs in ``job_files`` one after the other."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,33 +31,19 @@ class Blender:
     executable: str | None = None  # path of Blender, None for the bpy wheel of this Python
 
     def command(self, *job_files: Path) -> list[str]:
-        """Command line that runs the render jobs in ``job_files`` one after the other."""
-        return self.script_command(entry_script(), os.pathsep.join(_package_folders()), *map(str, job_files))
+        """Return the command line that runs the render jobs in ``job_files`` one after the other."""
+        return self.script_command(_entry_script(), os.pathsep.join(_package_folders()), *map(str, job_files))
 
     def script_command(self, script: Path, *arguments: str) -> list[str]:
-        """Command line that runs a Python ``script`` inside Blender."""
+        """Return the command line that runs a Python ``script`` inside Blender."""
         if self.executable is None:
             return [sys.executable, str(script), "--", *arguments]
         return [self.executable, "--background", "--factory-startup", "--python-exit-code", "1",
                 "--python", str(script), "--", *arguments]
 
 
-def _package_folders() -> list[str]:
-    """Where lfsr_core lies, and the pure Python packages that it needs inside Blender."""
-    found = (importlib.util.find_spec(name) for name in ("lfsr_core", "cattrs"))
-    return list(dict.fromkeys(str(Path(spec.origin).parents[1]) for spec in found if spec and spec.origin))
-
-
-def entry_script() -> Path:
-    """The add-on's script that runs a render job inside Blender; the add-on itself is not imported here."""
-    spec = importlib.util.find_spec("blender_addon")
-    if spec is None or not spec.submodule_search_locations:
-        raise LfsrError("the package blender_addon is not installed beside lfsr_core: install LFSR again")
-    return Path(next(iter(spec.submodule_search_locations)), "headless", "entry.py")
-
-
 def find_blender(executable: str | None = None) -> Blender:
-    """The Blender asked for, else the bpy wheel, else ``blender`` on PATH; LfsrError if none will do."""
+    """Return the Blender asked for, else the bpy wheel, else ``blender`` on PATH; LfsrError if there is none."""
     if executable is None and importlib.util.find_spec("bpy") is not None:
         return Blender()
     path = shutil.which(executable or "blender")
@@ -73,9 +59,23 @@ def find_blender(executable: str | None = None) -> Blender:
     return Blender(path)
 
 
+def _package_folders() -> list[str]:
+    """Return the folders of lfsr_core and of the pure Python packages that it needs inside Blender."""
+    found = (importlib.util.find_spec(name) for name in ("lfsr_core", "cattrs"))
+    return list(dict.fromkeys(str(Path(spec.origin).parents[1]) for spec in found if spec and spec.origin))
+
+
+def _entry_script() -> Path:
+    """Return the add-on's script that runs a render job inside Blender, without importing the add-on here."""
+    spec = importlib.util.find_spec("blender_addon")
+    if spec is None or not spec.submodule_search_locations:
+        raise LfsrError("the package blender_addon is not installed beside lfsr_core: install LFSR again")
+    return Path(next(iter(spec.submodule_search_locations)), "headless", "entry.py")
+
+
 def _version(path: str) -> tuple[int, ...]:
     try:
-        _, answer = output_of([path, "--version"], seconds=60)
+        _, answer = output_of([path, "--version"], seconds=SECONDS_TO_ANSWER)
     except OSError as error:
         raise LfsrError(f"{path} cannot be started ({error}): give another with --blender PATH") from None
     found = re.search(r"Blender (\d+)\.(\d+)", answer)

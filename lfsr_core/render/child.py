@@ -23,11 +23,10 @@ class CrashError(LfsrError):
 
 
 class Child:
-    """A process that works for this one, in a process group of its own.
+    """A process that works for this one; as a context manager it is stopped at the end of the block.
 
-    Its standard input is a pipe that closes when this process ends, however it ends; a child that finds
-    ``protocol.ENDS_WITH_INPUT`` in its environment ends then too. Use it as a context manager to have it stopped at
-    the end of the block.
+    Its standard input is a pipe that closes when this process ends, however that happens; a child that finds
+    ``protocol.ENDS_WITH_INPUT`` in its environment then ends too.
     """
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None,

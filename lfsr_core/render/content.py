@@ -1,8 +1,8 @@
-"""What is in a scene's file, as one short text: equal for the same scene, also where Blender saved it anew.
+"""Digest of the scene in a file, which stays the same where Blender saves the same scene anew.
 
-A .blend is a list of blocks, each with the address that it had in memory, and pointers in blocks are such addresses.
-With every address replaced by its block's number, and without the blocks of windows, brushes and the like, two
-copies of one scene are the same bytes, whenever and wherever they were saved.
+A .blend file is a list of blocks. Each has the address that it had in memory, and pointers in blocks are such
+addresses. With every address replaced by the number of its block, and without the blocks of windows, brushes and other
+tools, two copies of one scene have the same bytes.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from lfsr_core.files import system_errors
 BLEND_MAGIC = b"BLENDER"
 OLD_HEADER, OLD_BLOCK = 12, struct.Struct("<4siQii")  # code, size, address, kind, count
 NEW_BLOCK = struct.Struct("<4siQqq")  # since 5.0: code, kind, address, size, count
-# The file's own, and what only windows and tools look at: no pixel depends on it.
+# Blocks of the file itself, of windows and of tools: no pixel depends on them.
 NOT_SCENE = (b"GLOB", b"REND", b"TEST", b"USER", b"DNA1", b"WM", b"SN", b"SR", b"WS", b"BR", b"PL", b"PC")
 DATA, END = b"DATA", b"ENDB"
-# Bytes of a data-block with its tags, users and number in this session, before and since 5.0 (DNA_ID.h).
+# Bytes of a data-block's tags, users and number in the session, before and since 5.0 (DNA_ID.h).
 OLD_SESSION, NEW_SESSION = slice(108, 136), slice(300, 328)
-# How the names of those begin that lie inside another: node trees and a scene's collection.
+# First letters of the names of data-blocks inside others: node trees and a scene's collection.
 NAME, EMBEDDED = slice(40, 42), (b"NT", b"GR")
 COMPANIONS = (".bin", ".mtl")  # beside .gltf and .obj
 CHUNK = 1 << 20
@@ -38,11 +38,11 @@ class _Block(NamedTuple):
     address: int
     start: int
     size: int
-    session: slice  # bytes that are of the session, not of the scene
+    session: slice  # bytes that belong to the session, not to the scene
 
 
 def scene_content(path: str | Path) -> str:
-    """Digest of a scene's file and of the files beside it that such a scene is made of; LfsrError if unreadable."""
+    """Return the digest of a scene's file and of the files beside it that belong to it; LfsrError if unreadable."""
     path = Path(path)
     with system_errors(path):
         if path.suffix.lower() == ".blend":
@@ -52,7 +52,7 @@ def scene_content(path: str | Path) -> str:
 
 
 def stamp(path: Path) -> str:
-    """Size and time of change of a file: as good as its content, and cheap."""
+    """Return size and time of change of a file: as good as its content, and cheap."""
     try:
         found = path.stat()
     except OSError:
@@ -61,7 +61,7 @@ def stamp(path: Path) -> str:
 
 
 def file_content(path: Path) -> str:
-    """Digest of a file's bytes."""
+    """Return the digest of a file's bytes."""
     hashed = hashlib.blake2b(digest_size=16)
     with path.open("rb") as file:
         while chunk := file.read(CHUNK):
@@ -70,7 +70,7 @@ def file_content(path: Path) -> str:
 
 
 def _blend_content(path: Path) -> str:
-    """Digest of the scene in a .blend; of its bytes where it is compressed or not as expected."""
+    """Return the digest of the scene in a .blend, or of its bytes where it is compressed or of an unknown layout."""
     if not path.stat().st_size:
         return file_content(path)
     data = np.memmap(path, np.uint8, "r")
@@ -78,17 +78,19 @@ def _blend_content(path: Path) -> str:
         blocks = list(_scene_blocks(data))
     except (struct.error, ValueError):
         return file_content(path)
-    hashed, addresses = hashlib.blake2b(digest_size=16), _Addresses([block.address for block in blocks])
+    known = np.array([block.address for block in blocks], np.uint64)
+    order = np.argsort(known, kind="stable").astype(np.uint64)
+    hashed, addresses = hashlib.blake2b(digest_size=16), (known[order], order)
     for block in blocks:
         hashed.update(struct.pack("<4sqq", block.code, block.kind, block.size))
         content = data[block.start:block.start + block.size].copy()
         content[block.session] = 0
-        hashed.update(addresses.numbered(content))
+        hashed.update(_numbered(content, *addresses))
     return hashed.hexdigest()
 
 
 def _scene_blocks(data: Array) -> Iterator[_Block]:
-    """Blocks of the scene; those called DATA belong to the one before."""
+    """Yield the blocks of the scene; a DATA block belongs to the block before it."""
     wanted = False
     for block in _blocks(data):
         if block.code != DATA:
@@ -98,7 +100,7 @@ def _scene_blocks(data: Array) -> Iterator[_Block]:
 
 
 def _blocks(data: Array) -> Iterator[_Block]:
-    """Every block up to the last; ValueError or struct.error where the file is no uncompressed .blend."""
+    """Yield every block; ValueError or struct.error where the file is no uncompressed .blend."""
     head = data[:OLD_HEADER].tobytes()
     if head[:7] != BLEND_MAGIC:
         raise ValueError("no uncompressed .blend")
@@ -117,21 +119,13 @@ def _blocks(data: Array) -> Iterator[_Block]:
         at += size
 
 
-class _Addresses:
-    """Numbers in place of the addresses of blocks."""
-
-    def __init__(self, addresses: list[int]) -> None:
-        known = np.array(addresses, np.uint64)
-        self._order = np.argsort(known, kind="stable").astype(np.uint64)
-        self._sorted = known[self._order]
-
-    def numbered(self, content: Array) -> bytes:
-        """Bytes of a block with every address in it replaced by the number of its block."""
-        whole = len(content) // 8 * 8
-        words = content[:whole].view(np.uint64)
-        if len(self._sorted):
-            places = np.flatnonzero((words >= max(self._sorted[0], 1)) & (words <= self._sorted[-1]))
-            found = np.searchsorted(self._sorted, words[places])
-            known = self._sorted[found] == words[places]
-            words[places[known]] = self._order[found[known]]
-        return words.tobytes() + content[whole:].tobytes()
+def _numbered(content: Array, addresses: Array, numbers: Array) -> bytes:
+    """Return a block's bytes with each of the sorted ``addresses`` in it replaced by the number of its block."""
+    whole = len(content) // 8 * 8
+    words = content[:whole].view(np.uint64)
+    if len(addresses):
+        places = np.flatnonzero((words >= max(addresses[0], 1)) & (words <= addresses[-1]))
+        found = np.searchsorted(addresses, words[places])
+        known = addresses[found] == words[places]
+        words[places[known]] = numbers[found[known]]
+    return words.tobytes() + content[whole:].tobytes()

@@ -1,4 +1,4 @@
-"""How high the bands of a long render are: small enough to lose little of one, large enough to cost nothing."""
+"""Heights of the bands of a long render: small enough to lose little of one, large enough to cost nothing."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import os
 
 from lfsr_core.render.parts import Part
 
-SECONDS = 60.0  # a band should take
+SECONDS = 60.0  # that a band should take
 LEAST, MOST = 0.01, 86_400.0
-SECONDS_VARIABLE = "LFSR_SECONDS_PER_PART"  # environment variable in place of it
+SECONDS_VARIABLE = "LFSR_SECONDS_PER_PART"  # environment variable that replaces it
 MOST_PIXELS = 2048 * 2048  # of a band, as of a tile of Cycles
 SLOW = 150_000  # path samples per second of a slow scene on two cores
-TRIAL_SHARE, TRIAL_SAMPLES = 64, 2_000_000  # rows of the trial: so small a share, and so few path samples
-AT_ONCE = 1.7  # × SECONDS: an image that takes no longer stays one
+TRIAL_ROWS, TRIAL_SAMPLES = 64, 2_000_000  # the trial is at most 1/64 of the rows, and so many path samples
+AT_ONCE = 1.7  # × SECONDS: an image that takes no longer is rendered at once
 TIMEOUT = 2.3  # × SECONDS: a render that takes longer is given up for a smaller one
 GROWTH, SHRINK = 8, 16
-WORTH = 0.1  # × SECONDS: what took less is sooner rendered again
+WORTH = 0.1  # × SECONDS: a part that took less is not stored
 
 
 def seconds_per_part() -> float:
-    """How long a part of a render should take."""
+    """Return how many seconds a part of a render should take."""
     try:
         return min(max(LEAST, float(os.environ.get(SECONDS_VARIABLE, SECONDS))), MOST)
     except ValueError:
@@ -28,7 +28,7 @@ def seconds_per_part() -> float:
 
 
 def is_worth_keeping(seconds: float) -> bool:
-    """True for what took so long that nobody wants to wait for it twice."""
+    """True for a part that took long enough to be stored."""
     return seconds >= WORTH * seconds_per_part()
 
 
@@ -39,7 +39,7 @@ class Pace:
     width: int  # of the image, pixels
     rows: int  # of the image
     samples: int  # per pixel
-    seconds: float = dataclasses.field(default_factory=seconds_per_part)  # a band should take
+    seconds: float = dataclasses.field(default_factory=seconds_per_part)  # that a band should take
 
     @property
     def most(self) -> int:
@@ -53,18 +53,18 @@ class Pace:
 
     @property
     def is_short(self) -> bool:
-        """True where even a slow scene is done in time as one render."""
+        """True where even a slow scene can be rendered at once."""
         return self.rows <= self.most and self.rows * self._row_samples <= SLOW * self.seconds
 
     @property
     def trial(self) -> Part:
-        """A few rows in the middle, where pictures tend to be costliest: hardly any work, and it tells the rest."""
-        size = max(1, min(self.rows // TRIAL_SHARE, TRIAL_SAMPLES // self._row_samples))
+        """A few rows in the middle, where images tend to be slowest: little work that tells the cost of the rest."""
+        size = max(1, min(self.rows // TRIAL_ROWS, TRIAL_SAMPLES // self._row_samples))
         first = (self.rows - size) // 2
         return Part(first, first + size)
 
     def takes_one(self, trial: Part) -> bool:
-        """True where the whole image is soon done, going by the seconds of the ``trial``."""
+        """True where the whole image can be rendered at once, going by the seconds of the ``trial``."""
         return self.rows <= self.most and trial.seconds * self.rows / trial.size <= AT_ONCE * self.seconds
 
     def after(self, done: Part) -> int:

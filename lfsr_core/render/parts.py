@@ -1,7 +1,7 @@
-"""Parts of long renders: what is whole is kept in a hidden folder beside the output until all of it is published.
+"""Parts of long renders, stored in a hidden folder beside the output until all of it is published.
 
-A part is a range of an image's rows, or of its views where they are rendered one by one. The name of its file says
-which range of which image of which inputs, so that parts of different renders never meet, whoever writes when.
+A part is a range of an image's rows, or of its views where they are rendered one by one. The name of its file holds
+the range, the image and a digest of what decides the pixels, so that parts of different renders are never mixed.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ class Part:
 
     first: int
     last: int
-    seconds: float = 0.0  # it took
+    seconds: float = 0.0  # that it took to render
 
     @property
     def size(self) -> int:
-        """How many."""
+        """Number of rows or views."""
         return self.last - self.first
 
 
 def gaps(count: int, parts: Iterable[Part]) -> list[Part]:
-    """What of an image of ``count`` rows no part holds, from the top."""
+    """Return the rows of an image of ``count`` rows that are in none of the ``parts``, from the top."""
     found, at = [], 0
     for part in [*sorted(parts), Part(count, count)]:
         if at < part.first:
@@ -47,27 +47,26 @@ def gaps(count: int, parts: Iterable[Part]) -> list[Part]:
 
 @dataclasses.dataclass(frozen=True)
 class ImageParts:
-    """Parts of one image of one render."""
+    """Stored parts of one image of one render."""
 
-    folder: Path  # where they lie, made with the first of them
+    folder: Path  # made with the first part
     name: str  # of the image
-    # what decides the pixels: a digest each, by a name for people
-    inputs: Mapping[str, str]
-    another_follows: bool = False  # the whole image is worth keeping too, until the next one is done
+    inputs: Mapping[str, str]  # what decides the pixels: a digest each, by a name for people
+    another_follows: bool = False  # store the finished image too, until the next image is done
 
     def kept(self, count: int) -> list[tuple[Part, Path]]:
-        """Parts of an image of ``count`` rows that are there whole, from the top; damaged ones are removed."""
+        """Return the stored parts of an image of ``count`` rows, from the top, and remove damaged ones."""
         found: list[tuple[Part, Path]] = []
         for path in sorted(self.folder.glob(f"{self._start}*.exr")):
             part = _part_of(path.stem.removeprefix(self._start))
             if part is None or part.last > count or part.first >= part.last:
                 continue
-            if (not found or found[-1][0].last <= part.first) and _is_whole(path):
+            if (not found or found[-1][0].last <= part.first) and _is_complete(path):
                 found.append((part, path))
         return found
 
     def keep(self, written: Path, part: Part) -> Path:
-        """Take the file ``written``, beside the output, away as ``part``; where it is now."""
+        """Move the file ``written``, which is on the same disk, to where ``part`` is stored, and return its path."""
         write_json(self.folder / INPUTS_FILE, dict(self.inputs))
         name = f"{self._start}{part.first:06}-{part.last:06}-{round(part.seconds * 1000)}.exr"
         os.replace(written, self.folder / name)
@@ -79,7 +78,7 @@ class ImageParts:
 
 
 def remove_others(folder: Path, inputs: Mapping[str, str]) -> str:
-    """Remove the parts in ``folder`` unless they are of the same ``inputs``; a sentence if any were removed."""
+    """Remove the parts in ``folder`` unless they have the same ``inputs``; return a sentence if any were removed."""
     if not folder.is_dir():
         return ""
     try:
@@ -100,7 +99,7 @@ def _part_of(text: str) -> Part | None:
     return Part(int(numbers[1]), int(numbers[2]), int(numbers[3]) / 1000) if numbers else None
 
 
-def _is_whole(path: Path) -> bool:
+def _is_complete(path: Path) -> bool:
     try:
         check_complete(path)
     except LfsrError:

@@ -1,4 +1,4 @@
-"""Folders in which renders are made before they are published: locked while their maker lives, else swept."""
+"""Hidden folders in which renders are made before they are published, locked while their process lives."""
 
 from __future__ import annotations
 
@@ -18,34 +18,28 @@ LOCK_FILE = "in-use"
 
 @contextlib.contextmanager
 def staging_folder(target: Path) -> Iterator[Path]:
-    """A hidden folder beside ``target``, removed after the block; what dead runs left for the same target goes first.
+    """Make a hidden folder beside ``target`` and remove it after the block; folders of dead processes go first.
 
     LfsrError where the folder cannot be made, or another render into ``target`` is under way.
     """
-    prefix = f".{target.name}-"
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        _in_use(target.parent, prefix)
-        name = tempfile.mkdtemp(prefix=prefix, dir=target.parent)
+        remove_dead(target)
+        name = tempfile.mkdtemp(prefix=_prefix(target), dir=target.parent)
     except OSError as error:
         raise LfsrError(f"{target} cannot be made ({error.strerror}): choose another folder") from None
     folder = Path(name)
     try:
         with (folder / LOCK_FILE).open("wb") as lock:
-            if not locks(lock) or any(found != folder for found in _in_use(target.parent, prefix)):
+            if not locks(lock) or any(found != folder for found in remove_dead(target)):
                 raise LfsrError(f"another render into {target} is under way: wait for it, or choose another folder")
             yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def remove_dead(target: Path) -> None:
-    """Remove what a dead run left beside a ``target`` that it had just published."""
-    _in_use(target.parent, f".{target.name}-")
-
-
 def publish(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
-    """Move finished files into ``folder``; ``stale`` ones of an earlier run go, and parts that were kept for this."""
+    """Move finished files into ``folder``, and remove the ``stale`` files of an earlier run and the stored parts."""
     folder.mkdir(exist_ok=True)
     for name in stale:
         (folder / name).unlink(missing_ok=True)
@@ -54,13 +48,17 @@ def publish(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
     shutil.rmtree(parts_folder(folder), ignore_errors=True)
 
 
-def _in_use(parent: Path, prefix: str) -> list[Path]:
-    """Staging folders of ``prefix`` whose lock somebody holds; the others are removed."""
+def remove_dead(target: Path) -> list[Path]:
+    """Remove the staging folders that dead processes left for ``target``, and return those that are in use."""
     held = []
-    for lock_file in parent.glob(f"{prefix}*/{LOCK_FILE}") if CAN_LOCK else ():
+    for lock_file in target.parent.glob(f"{_prefix(target)}*/{LOCK_FILE}") if CAN_LOCK else ():
         with contextlib.suppress(OSError), lock_file.open("rb") as lock:
             if locks(lock):
                 shutil.rmtree(lock_file.parent, ignore_errors=True)
             else:
                 held.append(lock_file.parent)
     return held
+
+
+def _prefix(target: Path) -> str:
+    return f".{target.name}-"

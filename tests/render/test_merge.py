@@ -78,7 +78,7 @@ def other_size(folder: Path) -> None:
     (lambda part: change_frame(part, samples=2), "with 2 samples per pixel, but"),
     (lambda part: change_frame(part, frame=7), "with frame number 7, but"),
     (lambda part: change_frame(part, array=CameraArray.for_display(MINI, 9)), "with array distance"),
-    (lambda part: change_frame(part, content="b"), "with another content than"),
+    (lambda part: change_frame(part, content="b"), "from another version of"),
     (lambda part: change_frame(part, rows=None), "part1 is a whole frame"),
     (lambda part: change_frame(part, rows=(1, 7)), "rows 7 are in more than one part"),
     (lambda part: change_frame(part, rows=(2, 6)), "rows 1 are in none of the parts"),

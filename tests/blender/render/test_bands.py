@@ -97,7 +97,7 @@ def test_parts_of_another_job_are_removed_with_a_sentence(noisy, tmp_path, monke
     _, warnings = rendered(noisy, tmp_path / "first", parts=kept)
     assert not warnings
     images, warnings = rendered(noisy, tmp_path / "second", parts=kept, **change)
-    assert len(warnings) == 1 and "other settings: it is removed" in warnings[0]
+    assert len(warnings) == 1 and "other settings: they are removed" in warnings[0]
     assert_same(images, rendered(noisy, tmp_path / "alone", **change)[0])
 
 
