@@ -27,7 +27,7 @@ from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution, is_ava
 from lfsr_core.reconstruct.methods.epipolar import Recovering
 from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.second_stage import FILL_METHOD, finished_lenses, upscale_frame
-from lfsr_core.reconstruct.world import BeforeWorld, prepared
+from lfsr_core.reconstruct.world import finish_lenses, prepared
 
 CORRECTED = 0.5  # share of the reference's remaining noise that is taken out of the metric
 LENSES_TIMED = 1024
@@ -165,9 +165,8 @@ def stage_time(folder: Path, name: str, mosaic: Mosaic, one: Mosaic) -> StageTim
         # It works on lenses with foreground, not on pixels.
         chosen = dataclasses.replace(chosen, prefilters=chosen.prefilters[:-1])
     (large, mask), (small, _) = (_sampled(folder, part) for part in (mosaic, one))
-    upscaler = BeforeWorld(chosen.upscaler)
     low = prepared(small, chosen)  # what is loaded once is loaded now
-    upscaler(recovering.prepare(low) if recovering else low, one.centres)
+    finish_lenses(chosen.upscaler, recovering.prepare(low) if recovering else low, one.centres)
     few, many = _seconds(lambda: prepared(small, chosen)), _seconds(lambda: prepared(large, chosen))
     ready, per_lens = prepared(large, chosen), 0.0
     if recovering:
@@ -176,8 +175,8 @@ def stage_time(folder: Path, name: str, mosaic: Mosaic, one: Mosaic) -> StageTim
     pixels = [low.alpha.size for low in (small, large)]
     per_pixel = max(many - few, 0.0) / max(pixels[1] - pixels[0], 1)
     lenses = mosaic.centres[mask] if mask.any() else mosaic.centres
-    upscaling = _seconds(lambda: upscaler(ready, lenses)) / len(lenses)
-    threads = _threads() if upscaler.thread_safe else 1
+    upscaling = _seconds(lambda: finish_lenses(chosen.upscaler, ready, lenses)) / len(lenses)
+    threads = _threads() if chosen.upscaler.thread_safe else 1
     return StageTime(max(few - per_pixel * pixels[0], 0.0), per_pixel, per_lens + upscaling / threads)
 
 

@@ -1,11 +1,12 @@
-"""The finished EIA, lens by lens into a pre-filled buffer, on every core.
+"""Assemble the finished EIA in a pre-filled buffer, lens by lens and on every core.
 
-Only a few elemental images at a time exist in linear light: an 8K image of
-floats would take 400 MB and more time to move than to make.
+Only a few elemental images at a time exist in linear light: an 8K image of floats would take 400 MB, and longer to
+move than to make.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import os
 import threading
@@ -22,6 +23,7 @@ from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.progress import Progress
 from lfsr_core.reconstruct.clock import StageClock
 from lfsr_core.reconstruct.contract import Upscaler
+from lfsr_core.reconstruct.world import finish_lenses
 
 MAX_WORKERS = 8
 STEP_IN_CACHE = 24
@@ -30,12 +32,12 @@ Finish = Callable[[Array, Array], None]
 
 @dataclasses.dataclass(frozen=True)
 class Assembly:
-    """Which lenses of a frame are finished by what."""
+    """The lenses of a frame and what finishes them."""
 
     low: LowResEIA  # the low-resolution EIA after every prefilter
     mask: Array  # (sy, sx) bool, lenses for the upscaler
     fill: Array  # (sy, sx) bool, lenses for the filler
-    upscaler: Upscaler  # the method's
+    upscaler: Upscaler  # of the method
     filler: Upscaler  # a cheap one
 
     @property
@@ -45,10 +47,10 @@ class Assembly:
         return sy * py, sx * px
 
     def parts(self, step: int | None) -> list[tuple[Upscaler, Array]]:
-        """Upscaler and lenses (n, 2) of every call, n <= ``step``, in reading order.
+        """Upscaler and lenses (n, 2), n <= ``step``, of every call, in reading order.
 
-        By default as many lenses as stay in a core's cache, or for an upscaler that
-        uses every core itself one row of the display. LfsrError for a step < 1.
+        By default as many lenses as stay in a core's cache, or one row of the display for an upscaler that uses
+        every core itself. LfsrError for a step < 1.
         """
         if step is not None and step < 1:
             raise LfsrError(f"step is {step}, but it must be 1 or more elemental images per call")
@@ -67,8 +69,8 @@ def upscale_all(assembly: Assembly, step: int | None, finish: Finish, clock: Sta
 
     Parameters
     ----------
-    assembly : which lenses get what
-    step : elemental images per call, None for as many as suit the upscaler
+    assembly : lenses and what finishes them
+    step : elemental images per call; None: as many as suit the upscaler
     finish : called with lenses (n, 2) and their elemental images (n, py, px, 3), scene-linear
     clock : times the stage "upscale"
     progress : called after every part
@@ -79,15 +81,11 @@ def upscale_all(assembly: Assembly, step: int | None, finish: Finish, clock: Sta
 
     def work(part: tuple[Upscaler, Array]) -> None:
         upscaler, lenses = part
-        if upscaler.thread_safe:
-            with clock("upscale"):
-                images = upscaler(assembly.low, lenses)
-        else:
-            with one_at_a_time, clock("upscale"):
-                images = upscaler(assembly.low, lenses)
+        with contextlib.nullcontext() if upscaler.thread_safe else one_at_a_time, clock("upscale"):
+            images = finish_lenses(upscaler, assembly.low, lenses)
         finish(lenses, images)
 
-    # Workers that each start BLAS threads of their own wait for one another.
+    # Workers that each started BLAS threads of their own would wait for one another.
     blas_threads = 1 if assembly.upscaler.thread_safe else None
     with threadpool_limits(blas_threads, "blas"), ThreadPoolExecutor(workers) as pool, clock.shared_by(workers):
         for done, _ in enumerate(pool.map(work, parts), start=1):
@@ -95,23 +93,23 @@ def upscale_all(assembly: Assembly, step: int | None, finish: Finish, clock: Sta
 
 
 def filled(size: tuple[int, int], color: Array) -> Array:
-    """Buffer (H, W, C) of one ``color`` (C,) and its type."""
+    """Buffer (H, W, C) filled with one ``color`` (C,), of its type."""
     buffer = np.empty((*size, len(color)), color.dtype)
-    # Whole rows at once; broadcasting one pixel would copy byte by byte.
+    # Row by row, as broadcasting one pixel would copy byte by byte.
     buffer[:] = np.tile(color, (size[1], 1))
     return buffer
 
 
 def place(buffer: Array, grid: tuple[int, int], lenses: Array, images: Array, flipped: bool) -> None:
-    """Put elemental images where they belong.
+    """Copy elemental images into an EIA.
 
     Parameters
     ----------
     buffer : the EIA (H, W, C), changed
     grid : its lenses (sx, sy)
     lenses : (n, 2) rows and columns
-    images : of those lenses, (n, py, px, C)
-    flipped : reverses the pixels inside each in both axes, the order of a panel behind lenses
+    images : elemental images of those lenses, (n, py, px, C)
+    flipped : reverse the pixels of each image in both axes, the order of a panel behind lenses
     """
     slots = to_elemental_images(buffer, grid)
     for (row, column), image in zip(lenses, _reversed(images) if flipped else images, strict=True):
@@ -119,8 +117,8 @@ def place(buffer: Array, grid: tuple[int, int], lenses: Array, images: Array, fl
 
 
 def _reversed(images: Array) -> Array:
-    """EIs (n, py, px, C) with their pixels in reverse order, in both axes."""
+    """EIs (n, py, px, C) with their pixels in reverse order in both axes."""
     count, *_, channels = images.shape
-    # As one item per pixel, which NumPy moves three times as fast as three channels.
+    # One item per pixel, which NumPy moves three times as fast as three channels.
     pixels = np.ascontiguousarray(images).reshape(count, -1, channels).view(f"V{channels * images.itemsize}")
     return np.ascontiguousarray(pixels[:, ::-1]).view(images.dtype).reshape(images.shape)

@@ -5,26 +5,31 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-try:
+if sys.platform != "win32":
     import resource
-except ImportError:  # Windows
-    resource = None
+
 STAGES = ("render", "load", "mask", "upscale", "assemble", "color", "write")
 
 
 class StageClock:
-    """``with clock("load"): ...`` adds the block's wall time to ``seconds["load"]``; a stage beyond STAGES joins them.
+    """``with clock("load"): ...`` adds the wall time of the block to ``seconds["load"]``.
 
-    Inside ``shared_by(n)`` blocks run in n threads at once and each counts for
-    1/n, so that the stages still add up to the time that passed.
+    Inside ``shared_by(n)`` n threads run at once and each block counts for 1/n, so that the stages add up to the time
+    that passed. ``rendered``: seconds per step of the render, from its frame.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, rendered: Mapping[str, float] | None = None) -> None:
         self.seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
+        self.seconds["render"] = float(sum((rendered or {}).get(step, 0.0) for step in ("open", "render")))
         self._threads, self._lock = 1, threading.Lock()
+
+    @property
+    def rounded(self) -> dict[str, float]:
+        """Seconds per stage, for a report."""
+        return {stage: round(seconds, 4) for stage, seconds in self.seconds.items()}
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
@@ -38,7 +43,7 @@ class StageClock:
 
     @contextmanager
     def shared_by(self, threads: int) -> Iterator[None]:
-        """Blocks timed inside run in so many threads at once."""
+        """Divide the times of blocks by ``threads``, which run at once."""
         self._threads = threads
         try:
             yield
@@ -47,8 +52,8 @@ class StageClock:
 
 
 def peak_bytes() -> int | None:
-    """Most memory this process has held so far, in bytes; None where the system does not report it (Windows)."""
-    if resource is None:
+    """Most memory that this process has held so far, in bytes; None on Windows, which does not report it."""
+    if sys.platform == "win32":
         return None
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else peak * 1024

@@ -1,40 +1,43 @@
-"""The one contract that every upscaling method obeys.
+"""The contract of an upscaling method.
 
-Low view k' covers high views s·k' … s·k' + s - 1, so pixels are sampled at
-half-pixel centres.
+Low view k' covers high views s·k' … s·k' + s - 1, so pixels are sampled at half-pixel centres.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from lfsr_core.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
 
 
 class Upscaler(Protocol):
-    """``low`` and lenses (N, 2) int (row, column) -> EIs (N, h·s, w·s, 3) float32.
+    """Makes finished elemental images of a low-resolution EIA; pads them itself where it needs to."""
 
-    The result is scene-linear RGB >= 0 (float16 allowed). Whatever padding a
-    method needs it makes itself. ``thread_safe``: may run on several lens rows at
-    once. ``notes``: sentences for the report on the run so far.
-    """
+    @property
+    def name(self) -> str:
+        """Its part of the method's name."""
 
-    name: str
-    thread_safe: bool
-    notes: Sequence[str]
+    @property
+    def thread_safe(self) -> bool:
+        """Whether several threads may call it at once."""
 
-    def __call__(self, low: LowResEIA, lenses: Array) -> Array: ...
+    @property
+    def notes(self) -> Sequence[str]:
+        """Sentences for the report, about the calls so far."""
+
+    def __call__(self, low: LowResEIA, lenses: Array) -> Array:
+        """EIs (N, h·s, w·s, 3), scene-linear RGB >= 0, of ``lenses`` (N, 2) as int (row, column)."""
 
 
-class Cleaner(Protocol):
-    """An upscaler that makes low-resolution EIs (N, h, w, 3), encoded, and then interpolates them by ``kernel``."""
+@runtime_checkable
+class Cleaner(Upscaler, Protocol):
+    """An upscaler that interpolates EIs by a ``kernel`` after it has cleaned them."""
 
-    name: str
-    kernel: str
-    thread_safe: bool
-    notes: Sequence[str]
+    @property
+    def kernel(self) -> str:
+        """One of ``interpolation.KERNELS``."""
 
     def clean(self, low: LowResEIA, lenses: Array) -> Array:
-        """EIs (N, h, w, 3) of the (N, 2) ``lenses`` before interpolation, encoded."""
+        """EIs (N, h, w, 3) of ``lenses`` (N, 2) before interpolation, encoded as by ``encoding.encode``."""

@@ -1,4 +1,4 @@
-"""The working domain of methods: scene-linear light encoded near the eye's response, and back."""
+"""The domain in which methods work: scene-linear light encoded near the eye's response."""
 
 from __future__ import annotations
 
@@ -10,22 +10,20 @@ MAX_EXPONENT = 80  # keeps overshoot beside the brightest floats finite
 
 
 def encode(linear: Array) -> Array:
-    """Scene-linear >= 0 to the domain of interpolation: √x up to 1, 1 + ½·ln x above.
+    """Encode scene-linear values >= 0: √x up to 1, 1 + ½·ln x above.
 
-    Near the eye's response, so that a highlight does not ring over dark
-    neighbours, and cheap to undo on every pixel of an 8K image.
+    Interpolation of encoded highlights does not ring over dark neighbours, and decoding is fast on an 8K image.
     """
     encoded, bright = np.asarray(np.sqrt(np.minimum(linear, 1))), np.greater(linear, 1)
     if bright.any():
-        # Highlights are few: only they pay for a logarithm.
+        # Highlights are few, so the logarithm is taken of them alone.
         encoded[bright] += np.log(linear[bright]) * np.float32(0.5)
     return encoded
 
 
 def decode(encoded: Array, out: Array | None = None) -> Array:
-    """Inverse of ``encode``, into ``out`` if given; negative overshoot becomes 0."""
+    """Decode encoded values, into ``out`` if given; negative overshoot becomes 0."""
     bright = encoded > 1 if encoded.size and encoded.max() > 1 else None
-    # Highlights are few: only they pay for an exponential.
     highlights = np.exp(np.minimum(2 * (encoded[bright] - 1), MAX_EXPONENT)) if bright is not None else None
     linear = np.maximum(encoded, 0, out=out)
     np.multiply(linear, linear, out=linear)

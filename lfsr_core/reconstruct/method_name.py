@@ -1,7 +1,7 @@
-"""Names of methods, parsed once into a value that everything carries.
+"""Names of methods, and what follows from a name.
 
-A name is prefilters and one upscaler joined by "+", as ``oidn+bicubic``; "epi" after
-them brings back detail that they lost, as in ``oidn+bicubic+epi``.
+A name joins prefilters and one upscaler by "+", as ``oidn+bicubic``; "epi" after them adds detail that they lost, as
+in ``oidn+bicubic+epi``. Text is parsed where it enters the program; everything else passes a ``MethodName``.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.reconstruct.methods import denoise, epipolar
 from lfsr_core.reconstruct.methods.guides import GUIDES
 from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.networks.spec import NetworkSpec
 
 CLASSICAL = {
     "nearest": "each view repeated",
@@ -29,19 +30,19 @@ PREFILTERS = {
     "oidn": "Open Image Denoise on the whole array",
     "oidn-fast": "the same in half the time, a little less accurate",
     "oidn-guided": "Open Image Denoise with albedo and normal",
-    "oidn-half": "the same at half the resolution of views where that shows the same",
+    "oidn-half": "the same at half the view resolution, except where that loses detail",
     BOTH: "oidn-half and oidn-guided: for a network that mixes them, else their mean",
-    "oidn-render": "Open Image Denoise by Cycles, on the device that renders: for GPUs",
+    "oidn-render": "Open Image Denoise in Cycles, on the device that renders: for GPUs",
 }
 AS_RENDERED, RECOVERY = "none", "epi"
-PANEL_METHODS = ("oidn", "oidn-fast", AS_RENDERED)  # of a render of a panel's subpixels, the default first
+PANEL_METHODS = ("oidn", "oidn-fast", AS_RENDERED)  # for direct subpixel rendering, the default first
 GUIDED = ("oidn-guided", "oidn-half", BOTH)
 DENOISED = "oidn-render"
-DENOISERS = ("oidn", "oidn-fast", "oidn-guided", "oidn-half")  # prefilters that make one picture
+DENOISERS = ("oidn", "oidn-fast", "oidn-guided", "oidn-half")  # prefilters that make one image
 UPSCALERS = {**CLASSICAL, **catalogue.NAMES}
-METHODS = {**UPSCALERS, **PREFILTERS, RECOVERY: "last: detail that was taken for noise comes back along epipolar lines"}
+METHODS = {**UPSCALERS, **PREFILTERS, RECOVERY: "last: restores detail taken for noise, along epipolar lines"}
 PLAIN_METHOD = "bilinear"  # after OIDN more accurate than bicubic, see docs/results/measurements.md
-# What our networks must beat.
+# Methods that our networks must beat.
 PLAIN_CHAINS = (*(f"{name}+{PLAIN_METHOD}" for name in DENOISERS),
                 *(f"{name}+{PLAIN_METHOD}+{RECOVERY}" for name in (DENOISERS[0], BOTH)))
 DEFAULT_METHOD = "oidn-both+refine+epi"  # see docs/results/networks.md
@@ -51,18 +52,18 @@ STEPS_OF_A_NETWORK = 3
 
 @dataclasses.dataclass(frozen=True, order=True)
 class MethodName:
-    """The name of a method and what follows from it; ``MethodName.parse`` makes one."""
+    """The name of a method; make it with ``MethodName.parse``."""
 
-    text: str  # the name as written, as in "oidn+bicubic+epi"
-    prefilters: tuple[str, ...]  # what is done to the whole low-resolution EIA first, in order
-    upscaler: str  # name of the one upscaler; "none" where every view was rendered
-    recovers: bool  # whether "epi" brings back lost detail
+    text: str  # the name as written, such as "oidn+bicubic+epi"
+    prefilters: tuple[str, ...]  # applied to the whole low-resolution EIA, in this order
+    upscaler: str  # "none" where every view is rendered
+    recovers: bool  # whether "epi" restores lost detail
 
     @classmethod
     def parse(cls, text: str | MethodName) -> MethodName:
-        """Name of a text such as "bicubic" or "oidn+bicubic"; "oidn" alone upscales nothing.
+        """Parse a name such as "bicubic" or "oidn+bicubic"; "oidn" alone upscales nothing.
 
-        LfsrError for an unknown part, with the nearest name, or a wrong order.
+        LfsrError for an unknown part, with the nearest known one, or a wrong order.
         """
         if isinstance(text, MethodName):
             return text
@@ -78,37 +79,37 @@ class MethodName:
         return self.text
 
     @property
-    def network(self) -> catalogue.NetworkSpec | None:
-        """The catalogue's entry of the upscaler, None where it is no network."""
+    def network(self) -> NetworkSpec | None:
+        """The upscaler's entry in the catalogue; None where it is no network."""
         return catalogue.NETWORKS.get(self.upscaler)
 
     @property
     def networks(self) -> tuple[str, ...]:
-        """Parts that are networks."""
+        """The upscaler where it is a network, else empty."""
         return (self.upscaler,) if self.network else ()
 
     @property
     def layers(self) -> tuple[str, ...]:
-        """Auxiliary layers that some part looks at, sorted."""
+        """Auxiliary layers that it uses, sorted."""
         guides = GUIDES if set(GUIDED) & set(self.prefilters) else ()
         denoised = ("denoised",) if DENOISED in self.prefilters else ()
         return tuple(sorted({*guides, *denoised, *(self.network.layers if self.network else ())}))
 
     @property
     def versions(self) -> dict[str, int]:
-        """Versions of what it is made of, weights aside: figures measured with others are out of date."""
+        """Versions of its parts besides weights: figures measured with others are out of date."""
         return {**({"denoiser": denoise.VERSION} if self.prefilters else {}),
                 **({RECOVERY: epipolar.VERSION} if self.recovers else {})}
 
     @property
     def steps(self) -> int:
-        """How many steps it has, the measure of its simplicity; a network counts for three."""
+        """Number of steps, a measure of simplicity; a network counts as three."""
         upscaling = 0 if self.upscaler == AS_RENDERED else STEPS_OF_A_NETWORK if self.network else 1
         return len(self.prefilters) + upscaling + self.recovers
 
     @property
     def weights_digest(self) -> str:
-        """SHA-256 over the shipped weights that it may use, at any scale; empty where it has none."""
+        """SHA-256 of the shipped weights of its network, for all scales; empty without a network."""
         stem = self.network and (self.network.weights or self.upscaler)
         files = sorted(self.network.folder.glob(f"{stem}-x*.safetensors")) if self.network else []
         return hashlib.sha256(b"".join(map(Path.read_bytes, files))).hexdigest() if files else ""
@@ -118,52 +119,52 @@ class MethodName:
         return tuple(name for name in self.networks if scale not in catalogue.trained_scales(name))
 
     def works_at(self, scale: int) -> bool:
-        """Whether it upscales by ``scale``, with networks trained for that."""
+        """Whether it can upscale by ``scale``."""
         return self.upscaler != AS_RENDERED and not self.untrained(scale)
 
     def works_with(self, parallax: tuple[bool, bool]) -> bool:
-        """Whether it works on a display whose views differ along those axes: networks want both."""
+        """Whether it works on a display whose views differ along those axes; networks need both."""
         return not self.network or all(parallax)
 
     def check_parallax(self, parallax: tuple[bool, bool]) -> None:
-        """LfsrError where it does not work on a display whose views differ along those axes."""
+        """LfsrError unless it works on a display whose views differ along those axes."""
         if not self.works_with(parallax):
             raise LfsrError(f"method {self.text!r} needs views in two directions, but this display has one: "
-                            f"choose a method without a network, as {HORIZONTAL_METHOD!r}")
+                            f"choose a method without a network, such as {HORIZONTAL_METHOD!r}")
 
     def check_scale(self, scale: int) -> None:
-        """LfsrError where it upscales nothing, but the render's ``scale`` asks for that."""
+        """LfsrError where it upscales nothing, but ``scale`` is above 1."""
         if scale > 1 and self.upscaler == AS_RENDERED:
             other = "+".join((*self.prefilters, PLAIN_METHOD, *((RECOVERY,) if self.recovers else ())))
-            raise LfsrError(f"method {self.text!r} upscales nothing, but what is rendered at scale {scale} needs that: "
-                            f"add an upscaler, as in {other!r}, or render at scale 1")
+            raise LfsrError(f"method {self.text!r} upscales nothing, but scale {scale} needs an upscaler: add one, as "
+                            f"in {other!r}, or render at scale 1")
 
     def mixes(self, prefilter: str) -> bool:
-        """Whether ``prefilter`` makes two pictures of which its network makes one."""
+        """Whether ``prefilter`` makes two images that its network mixes."""
         return prefilter == BOTH and self.network is not None and self.network.mixes
 
     def without_upscaler(self) -> MethodName:
-        """What is left of it for a render of every view: its denoisers."""
+        """The method for a render of every view: its denoisers alone."""
         kept = [part if part in DENOISERS else DENOISERS[0] for part in self.prefilters]
         return MethodName.parse("+".join(kept) or AS_RENDERED)
 
     def guide_notes(self, layers: Collection[str]) -> list[str]:
-        """For the report: a sentence if it would be guided by layers beside ``layers``, those that a frame has."""
+        """A sentence for the report if a denoiser lacks guides; ``layers``: those of the frame."""
         missing = [layer for layer in GUIDES if layer not in layers]
         guided = next((part for part in self.prefilters if part in GUIDED and not self.mixes(part)), None)
         if not guided or not missing:
             return []
-        return [f"{guided} is guided by the layers {', '.join(missing)}, which this frame lacks: it was denoised "
-                "without them; render it again with --layers albedo,normal"]
+        return [f"{guided} denoised without the layers {', '.join(missing)}, which this frame lacks: render it again "
+                "with --layers albedo,normal"]
 
 
 def default_method(parallax: tuple[bool, bool]) -> str:
-    """The best method there is for a display whose views differ along those axes."""
+    """The best method for a display whose views differ along those axes."""
     return DEFAULT_METHOD if all(parallax) else HORIZONTAL_METHOD
 
 
 def layers_of(names: Collection[str]) -> tuple[str, ...]:
-    """Auxiliary layers to render for several methods, sorted."""
+    """Auxiliary layers that several methods use, sorted."""
     return tuple(sorted({layer for name in names for layer in MethodName.parse(name).layers}))
 
 
@@ -179,7 +180,7 @@ def _check_order(text: str, prefilters: Sequence[str], upscaler: str) -> None:
             raise LfsrError(f"method {text!r} has {part!r} before its last part, but only {', '.join(PREFILTERS)} can "
                             f"stand there: put one upscaler last, and {RECOVERY!r} after it")
     if upscaler == RECOVERY:
-        raise LfsrError(f"method {text!r} has nothing before {RECOVERY!r}: use '{PLAIN_METHOD}+{RECOVERY}'")
+        raise LfsrError(f"method {text!r} has no upscaler before {RECOVERY!r}: use '{PLAIN_METHOD}+{RECOVERY}'")
     before = catalogue.NETWORKS[upscaler].after if upscaler in catalogue.NETWORKS else ()
     if before and not {*before} & {*prefilters}:
         raise LfsrError(f"method {text!r} needs {before[0]!r} before {upscaler!r}: use '{before[0]}+{upscaler}'")

@@ -1,4 +1,4 @@
-"""The frames beside a frame of an animation, as far as they are rendered."""
+"""Rendered frames of an animation that neighbour a frame, for temporal averaging."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from lfsr_core.frames.identity import first_difference
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.images.exr import clean, read_layers
 
-NUMBERED = re.compile(r"-?\d{3,}$")  # names as of ``frame_folder``
-# What two frames must have in common for their pixels to be samples of the same rays.
+NUMBERED = re.compile(r"-?\d{3,}$")  # names made by ``frame_folder``
+# Fields that two frames must have in common for their pixels to be samples of the same rays.
 COMMON = ("display", "scale", "array", "matrix_world", "samples", "convention", "view_aperture", "lens_list", "clip",
           "world_visible", "world_apart")
 
 
 @dataclasses.dataclass(frozen=True)
 class Neighbour:
-    """A frame near another."""
+    """A frame near another one."""
 
     folder: Path
     number: int
-    same_rays: bool  # False where the camera array has moved, or it was rendered otherwise
-    same_seed: bool  # True where its noise is the same, so that a mean over both has no less
+    same_rays: bool  # False where the camera array has moved, or render settings differ
+    same_seed: bool  # True where both have the same noise, which a mean over both would keep
 
     @property
     def usable(self) -> bool:
-        """True if it can be averaged with."""
+        """Whether averaging with it removes noise."""
         return self.same_rays and not self.same_seed
 
 
 def neighbours_of(folder: Path, frame: Frame, count: int) -> list[Neighbour]:
-    """Rendered frames ``near`` the one in ``folder``, which lie beside it."""
+    """Rendered frames ``near`` the one in ``folder``, from the folders beside it."""
     return [_neighbour(beside, frame) for beside in numbered_beside(folder, count)]
 
 
 def numbered_beside(folder: Path, count: int, planned: Iterable[int] = ()) -> list[Path]:
-    """Folders of the frames that are ``near`` one, of those that are rendered or ``planned``."""
+    """Folders of frames ``near`` the one in ``folder``, of those rendered or ``planned``."""
     if not NUMBERED.match(folder.name):
         return []
     numbers = {int(path.name): path for path in folder.parent.iterdir()
@@ -49,25 +49,26 @@ def numbered_beside(folder: Path, count: int, planned: Iterable[int] = ()) -> li
 
 
 def near(number: int, numbers: Collection[int], count: int) -> list[int]:
-    """``count`` of ``numbers`` below one and as many above; at the ends more from the other side make up for them."""
+    """The ``count`` of ``numbers`` below ``number`` and above it; at the ends more from the other side."""
     every = sorted({*numbers, number})
     first = max(0, min(every.index(number) - count, len(every) - 2 * count - 1))
     return [other for other in every[first:first + 2 * count + 1] if other != number]
 
 
 def read_low(folder: Path) -> LowResEIA:
-    """What the second stage sees of a frame folder, but for a world apart; LfsrError where it cannot be read."""
+    """Low-resolution EIA of a frame folder, without its world; LfsrError where it cannot be read."""
     return low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], read_frame(folder))
 
 
 def averaging_notes(neighbours: Sequence[Neighbour]) -> list[str]:
-    """A sentence where neighbours have the same noise, and one where they show other rays."""
-    same = ", ".join(str(each.number) for each in neighbours if each.same_seed)
-    other = ", ".join(str(each.number) for each in neighbours if not each.same_rays)
-    return [f"frames {same} have the same seed, so that nothing was shared with them: render the animation with "
-            "--temporal-averaging"] * bool(same) + [
-            f"nothing was shared with frames {other}, which were seen from elsewhere or rendered with other settings: "
-            "while the camera array moves, leave out --temporal-averaging"] * bool(other)
+    """Sentences on neighbours that were not averaged: those with the same noise, and those that show other rays."""
+    reasons = {
+        "they have the same seed: render the animation with --temporal-averaging":
+            [str(each.number) for each in neighbours if each.same_seed],
+        "their camera array or render settings differ: leave out --temporal-averaging while the camera array moves":
+            [str(each.number) for each in neighbours if not each.same_rays]}
+    return [f"frames {', '.join(frames)} were not averaged, because {reason}" for reason, frames in reasons.items()
+            if frames]
 
 
 def _neighbour(folder: Path, frame: Frame) -> Neighbour:

@@ -1,7 +1,7 @@
-"""From the traced subpixels of a panel to its picture: the second stage where no light field was rendered.
+"""The second stage after direct subpixel rendering, which renders no light field.
 
-What is denoised is the render, in which every subpixel has a pixel with three colours, not the panel's picture, in
-which it has one: that costs three times the pixels and gains 1.6 to 3.2 dB (docs/results/displays.md).
+The render is denoised, in which every subpixel has a pixel with three colours, rather than the panel image, in which
+it has one: three times the pixels, but 1.6 to 3.2 dB more accurate (docs/results/displays.md).
 """
 
 from __future__ import annotations
@@ -27,60 +27,61 @@ from lfsr_core.optics.panel.panel_rays import panel_image
 from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.clock import StageClock, peak_bytes
 from lfsr_core.reconstruct.method_name import AS_RENDERED, PANEL_METHODS, MethodName
-from lfsr_core.reconstruct.methods import denoise
+from lfsr_core.reconstruct.methods.denoise import denoise_eia
+from lfsr_core.reconstruct.methods.rectangles import span
 from lfsr_core.reconstruct.options import UpscaleOptions
 
-OF_LENSES = ("dilate", "weights", "step", "linear_exr", "temporal_averaging")
+NEED_LENSES = ("dilate", "weights", "step", "linear_exr", "temporal_averaging")
 ROWS_AT_ONCE, MOST_WORKERS = 64, 8
 
 
 def check_panel_method(method: MethodName) -> None:
-    """LfsrError for a method that works on elemental images."""
+    """LfsrError for a method that needs elemental images."""
     if method.text not in PANEL_METHODS:
-        raise LfsrError(f"method {method.text!r} works on elemental images, which the layout {SUBPIXELS} goes without: "
+        raise LfsrError(f"method {method.text!r} needs elemental images, which the layout {SUBPIXELS} does not have: "
                         f"choose one of {', '.join(PANEL_METHODS)}")
 
 
 def check_panel_finish(method: MethodName, options: UpscaleOptions) -> None:
     """LfsrError where ``method`` or one of the ``options`` needs elemental images."""
     check_panel_method(method)
-    for name in (name for name in OF_LENSES if getattr(options, name)):
-        raise LfsrError(f"--{name.replace('_', '-')} is for elemental images, which the layout {SUBPIXELS} goes "
-                        "without: leave it out")
+    for name in (name for name in NEED_LENSES if getattr(options, name)):
+        raise LfsrError(f"--{name.replace('_', '-')} is for elemental images, which the layout {SUBPIXELS} does not "
+                        "have: leave it out")
 
 
 def finish_panel(folder: Path, frame: Frame, method: MethodName, progress: Progress = silent) -> Report:
-    """Write panel.png and report.json of a folder whose render is of the panel's subpixels; return the report."""
+    """Finish a frame folder after direct subpixel rendering: write panel.png and report.json."""
     check_panel_method(method)
-    clock = StageClock()
-    clock.seconds["render"] = float(sum(frame.seconds.get(step, 0.0) for step in ("open", "render")))
+    clock = StageClock(frame.seconds)
     progress("load", 0.0, LOW_RES_FILE)
     with clock("load"):
         layers, replaced = clean(read_layers(folder / LOW_RES_FILE))
     progress("upscale", 0.0, method.text)
     with clock("upscale"):
-        picture = panel_picture(layers, frame, method)
+        image = linear_panel_image(layers, frame, method)
     progress("color", 0.0, PANEL_FILE)
     with clock("color"):
-        show = ViewTransform(frame.color, picture.shape[0] * picture.shape[1])
-        pixels = _shown(show, picture)
+        show = ViewTransform(frame.color, image.shape[0] * image.shape[1])
+        pixels = _shown(show, image)
     with clock("write"):
         write_png(folder / PANEL_FILE, pixels)
     background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]
     report = Report(
         method=method.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
-        seconds={stage: round(seconds, 4) for stage, seconds in clock.seconds.items()}, peak_bytes=peak_bytes(),
+        seconds=clock.rounded, peak_bytes=peak_bytes(),
         foreground_fraction=float(foreground_pixels(layers).mean()), notes=tuple(exposure_notes(pixels, background)),
         replaced_pixels=replaced, layout=frame.layout, device=frame.device)
     write_report(folder, report)
     return report
 
 
-def panel_picture(layers: Mapping[str, Array], frame: Frame, method: MethodName) -> Array:
-    """The panel's picture (H, W, 3), scene-linear, of the layers of a render of its subpixels.
+def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: MethodName) -> Array:
+    """Panel image (H, W, 3), scene-linear, from the layers of a direct subpixel rendering.
 
-    LfsrError where they have another size than the frame says.
+    LfsrError where the layers and the frame differ in size.
     """
+    assert frame.panel_rays is not None, "a frame of direct subpixel rendering has them"
     (width, height), shape = frame.panel_rays.size, layers["color"].shape
     if shape[:2] != (height, width):
         raise LfsrError(f"{LOW_RES_FILE} has {shape[1]}×{shape[0]} pixels, but frame.json says {width}×{height}: "
@@ -92,22 +93,22 @@ def panel_picture(layers: Mapping[str, Array], frame: Frame, method: MethodName)
 
 
 def _denoised(traced: Array, background: Array, fast: bool) -> Array:
-    """The rectangle that shows more than the background, denoised."""
+    """Denoise the rectangle that shows more than the background."""
     seen = (traced != background).any(-1)
-    part = denoise.span(seen.any(1), 1), denoise.span(seen.any(0), 1)
+    part = span(seen.any(1), 1), span(seen.any(0), 1)
     if traced[part].size:
         traced = traced.copy()
-        traced[part] = denoise.denoise_eia(traced[part], fast=fast)
+        traced[part] = denoise_eia(traced[part], fast=fast)
     return traced
 
 
-def _shown(show: ViewTransform, picture: Array) -> Array:
-    result = np.empty(picture.shape, np.uint8)
+def _shown(show: ViewTransform, image: Array) -> Array:
+    result = np.empty(image.shape, np.uint8)
 
     def work(start: int) -> None:
         rows = slice(start, start + ROWS_AT_ONCE)
-        result[rows] = show.to_uint8(picture[rows])
+        result[rows] = show.to_uint8(image[rows])
 
     with ThreadPoolExecutor(min(os.cpu_count() or 1, MOST_WORKERS)) as pool:
-        list(pool.map(work, range(0, len(picture), ROWS_AT_ONCE)))
+        list(pool.map(work, range(0, len(image), ROWS_AT_ONCE)))
     return result

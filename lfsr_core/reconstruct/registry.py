@@ -1,4 +1,4 @@
-"""From a method's name to what runs: every prefilter and upscaler by its name."""
+"""The functions behind a method's name: every prefilter and upscaler."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ PREFILTERS: dict[str, Callable[[LowResEIA], LowResEIA]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Method:
-    """One way to finish a frame."""
+    """A way to finish frames, ready to run."""
 
-    name: MethodName  # what it is called
-    prefilters: tuple[Callable[[LowResEIA], LowResEIA], ...]  # what is done to the whole low-resolution EIA, in order
-    upscaler: Upscaler  # what makes each elemental image of the result
+    name: MethodName
+    prefilters: tuple[Callable[[LowResEIA], LowResEIA], ...]  # change the whole low-resolution EIA, in this order
+    upscaler: Upscaler  # makes each elemental image of the result
 
     def prepare(self, low: LowResEIA) -> LowResEIA:
-        """The low-resolution EIA after every prefilter; LfsrError for a network where views differ along one axis."""
+        """Apply every prefilter; LfsrError for a network where views differ along one axis."""
         self.name.check_parallax(low.parallax)
         for prefilter in self.prefilters:
             low = prefilter(low)
@@ -58,18 +58,14 @@ class Method:
 
 def method(name: str | MethodName, weights: str | Path | None = None, *, upscaler: Upscaler | None = None,
            block: int | None = None) -> Method:
-    """Method of a name such as "bicubic" or "oidn+bicubic"; "oidn" alone upscales nothing.
+    """Load a method.
 
     Parameters
     ----------
-    name : as of ``MethodName.parse``
+    name : such as "oidn+bicubic", see ``MethodName.parse``
     weights : file for its network instead of the shipped one
-    upscaler : in place of the one that the name says
-    block : side of the squares of lenses that are strangers to their neighbours, None where there are none
-
-    Returns
-    -------
-    The method, ready to run
+    upscaler : used instead of the one in the name
+    block : as of ``epipolar.Recovering``
 
     Raises
     ------
@@ -80,17 +76,13 @@ def method(name: str | MethodName, weights: str | Path | None = None, *, upscale
     if BOTH in name.prefilters and not name.mixes(BOTH):
         prefilters += (mean_of_both,)
     upscaler = upscaler or _load(name, weights)
-    if name.recovers:
-        upscaler = Recovering(_cleaner(upscaler), block)
-        prefilters += (upscaler.prepare,)
-    return Method(name, prefilters, upscaler)
-
-
-def _cleaner(upscaler: Upscaler) -> Cleaner:
-    if not hasattr(upscaler, "clean") or getattr(upscaler, "crosstalk", False):
+    if not name.recovers:
+        return Method(name, prefilters, upscaler)
+    if not isinstance(upscaler, Cleaner) or getattr(upscaler, "crosstalk", False):
         raise LfsrError(f"{RECOVERY!r} cannot follow {upscaler.name!r}, which does more than interpolate each "
                         f"elemental image: leave {RECOVERY!r} out")
-    return upscaler
+    recovering = Recovering(upscaler, block)
+    return Method(name, (*prefilters, recovering.prepare), recovering)
 
 
 def _load(name: MethodName, weights: str | Path | None) -> Upscaler:
@@ -98,5 +90,5 @@ def _load(name: MethodName, weights: str | Path | None) -> Upscaler:
         return catalogue.upscaler(name.upscaler, **({"weights": weights} if weights else {}))
     if weights:
         raise LfsrError(f"weights {weights} were given, but {name.upscaler!r} is no network: choose one of "
-                        f"{', '.join(catalogue.NETWORKS)} or leave them out")
+                        f"{', '.join(catalogue.NETWORKS)}, or leave the weights out")
     return CLASSICAL[name.upscaler]

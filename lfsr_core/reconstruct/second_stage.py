@@ -1,4 +1,4 @@
-"""From a low-resolution frame to the finished EIA: the second stage, step by step."""
+"""The second stage: from a rendered frame folder to the finished EIA."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from lfsr_core.images.exposure import exposure_notes
 from lfsr_core.images.exr import HALF_MAX, clean, read_layers, write_layers
 from lfsr_core.images.png import write_mask, write_png
 from lfsr_core.images.view_transform import ViewTransform
-from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.optics.eia import flip_order, to_elemental_images
 from lfsr_core.optics.panel.gather_cache import cached_gather_map
 from lfsr_core.optics.panel.weave import weave
 from lfsr_core.reconstruct import registry
@@ -41,26 +41,24 @@ from lfsr_core.reconstruct.neighbours import Neighbour, averaging_notes, neighbo
 from lfsr_core.reconstruct.options import DEFAULT, UpscaleOptions
 from lfsr_core.reconstruct.panel_stage import check_panel_finish, finish_panel
 from lfsr_core.reconstruct.registry import Method
-from lfsr_core.reconstruct.world import BeforeWorld, prepared
+from lfsr_core.reconstruct.world import finish_lenses, prepared
 
 FILL_METHOD = PLAIN_METHOD
-MOST_JUDGED = 200  # elemental images that say whether the picture is black
+MOST_JUDGED = 200  # elemental images that decide whether the image is nearly black or white
 
 
 def upscale_frame(folder: str | Path, method: str | MethodName, options: UpscaleOptions = DEFAULT) -> Report:
-    """Write eia.png, mask.png and report.json of a rendered frame folder; return the report.
+    """Finish a rendered frame folder: write eia.png, mask.png and report.json.
 
-    And eia.exr where asked for, panel.png where the display has a lens sheet to weave for. Of a render of the panel's
-    subpixels panel.png and report.json alone.
-
-    LfsrError for bad input; then nothing in the folder is half-written.
+    Also writes eia.exr where the options ask for it, and panel.png for a display with a lens sheet. After direct
+    subpixel rendering it writes panel.png and report.json alone. LfsrError for bad input; no file is half-written.
     """
     rendered, name = read_rendered(folder), MethodName.parse(method)
     if rendered.panel_rays:
         check_panel_finish(name, options)
         return finish_panel(Path(folder), rendered, name, options.progress)
     run = _begin(folder, registry.method(name, options.weights), options)
-    show = _shown_by(run)
+    show = _view_transform(run)
     assembly, replaced = _prepare(run)
     pixels, linear = _panel_images(run, show, assembly)
     panel = _woven(run, pixels)
@@ -73,22 +71,21 @@ def upscale_frame(folder: str | Path, method: str | MethodName, options: Upscale
 
 
 def panel_image(folder: str | Path, method: Method, options: UpscaleOptions = DEFAULT) -> Array:
-    """The pixels of eia.png, (H, W, 3) uint8 in panel order. Writes nothing."""
+    """Pixels of eia.png, (H, W, 3) uint8 in panel order; writes nothing."""
     run = _begin(folder, method, options)
-    show = _shown_by(run)
+    show = _view_transform(run)
     return _panel_images(run, show, _prepare(run)[0])[0]
 
 
 def finished_linear(folder: str | Path, method: str | MethodName, options: UpscaleOptions = DEFAULT) -> Array:
-    """The finished EIA, (H, W, 3) float32, scene-linear, in view order: what metrics compare. Writes nothing."""
+    """Finished EIA, (H, W, 3) float32, scene-linear, in view order; writes nothing."""
     return linear_and_mask(folder, registry.method(method, options.weights), options)[0]
 
 
 def read_finished_linear(folder: str | Path) -> Array | None:
-    """The finished EIA as ``finished_linear`` makes it, from the folder's eia.exr; None where there is none.
+    """Read the EIA of ``finished_linear`` from eia.exr, to half precision; None where there is no such file.
 
-    To half precision. A second stage that writes no eia.exr removes that of an earlier one.
-    LfsrError where it is damaged or of another size than the folder's eia.png has to be.
+    LfsrError where the file is damaged or has another size than the frame.
     """
     path, frame = Path(folder) / EIA_LINEAR_FILE, read_frame(folder)
     if not path.exists():
@@ -98,19 +95,14 @@ def read_finished_linear(folder: str | Path) -> Array | None:
     if pixels.shape[:2] != size:
         raise LfsrError(f"{path} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but its frame {size[1]}×{size[0]}: "
                         "finish the frame again with --linear-exr")
-    if frame.display.ei_order != "flipped":
-        return pixels
-    result, images = np.empty_like(pixels), to_elemental_images(pixels, tiles)
-    lenses = np.argwhere(np.ones(tiles[::-1], bool))
-    place(result, tiles, lenses, images[lenses[:, 0], lenses[:, 1]], flipped=True)
-    return result
+    return flip_order(pixels, tiles) if frame.display.ei_order == "flipped" else pixels
 
 
 def linear_and_mask(folder: str | Path, method: Method, options: UpscaleOptions = DEFAULT) -> tuple[Array, Array]:
-    """``finished_linear`` and the foreground mask (sy, sx) that it was made with. Writes nothing."""
+    """EIA as of ``finished_linear``, and the foreground mask (sy, sx) used for it; writes nothing."""
     run = _begin(folder, method, options)
     assembly, _ = _prepare(run)
-    result = filled(assembly.size, np.asarray(run.frame.display.background, np.float32))
+    result = filled(assembly.size, run.background)
 
     def finish(lenses: Array, images: Array) -> None:
         place(result, run.frame.rays.tiles, lenses, images, flipped=False)
@@ -120,13 +112,13 @@ def linear_and_mask(folder: str | Path, method: Method, options: UpscaleOptions 
 
 
 def finished_lenses(low: LowResEIA, mask: Array, method: Method, lenses: Array) -> Array:
-    """Elemental images of a few lenses, made as those of a whole frame are.
+    """Finish a few lenses, as in a whole frame.
 
     Parameters
     ----------
-    low : what was rendered, before any prefilter
-    mask : (n,) bool, which of ``lenses`` are foreground; the others are filled in
-    method : what finishes them
+    low : the rendered EIA, before any prefilter
+    mask : (n,) bool, foreground ``lenses``; the others are filled in
+    method : finishes the foreground
     lenses : (n, 2) rows and columns
 
     Returns
@@ -137,7 +129,7 @@ def finished_lenses(low: LowResEIA, mask: Array, method: Method, lenses: Array) 
     images = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
     for wanted, upscaler in ((mask, method.upscaler), (~mask, _filler(method, low.scale))):
         if wanted.any():
-            images[wanted] = BeforeWorld(upscaler)(ready, lenses[wanted])
+            images[wanted] = finish_lenses(upscaler, ready, lenses[wanted])
     return images
 
 
@@ -150,36 +142,39 @@ class _Run:
     method: Method
     options: UpscaleOptions
     clock: StageClock
-    neighbours: list[Neighbour]  # frames that it may share with
+    neighbours: list[Neighbour]  # for temporal averaging
+
+    @property
+    def background(self) -> Array:
+        """Colour (3,) float32 of the display's background, scene-linear."""
+        return np.asarray(self.frame.display.background, np.float32)
 
 
 def _begin(folder: str | Path, method: Method, options: UpscaleOptions) -> _Run:
-    frame = read_frame(folder)
+    folder, frame = Path(folder), read_frame(folder)
     method.name.check_scale(frame.scale)
-    beside = neighbours_of(Path(folder), frame, options.temporal_averaging) if options.temporal_averaging else []
-    return _Run(Path(folder), frame, method, options, StageClock(), beside)
+    beside = neighbours_of(folder, frame, options.temporal_averaging) if options.temporal_averaging else []
+    return _Run(folder, frame, method, options, StageClock(frame.seconds), beside)
 
 
-def _shown_by(run: _Run) -> ViewTransform:
-    tiles, views = run.frame.rays.tiles, run.frame.display.views
+def _view_transform(run: _Run) -> ViewTransform:
     with run.clock("color"):
-        return ViewTransform(run.frame.color, math.prod((*tiles, *views)))
+        return ViewTransform(run.frame.color, math.prod((*run.frame.rays.tiles, *run.frame.display.views)))
 
 
 def _filler(method: Method, scale: int) -> Upscaler:
-    """What finishes the lenses beside the foreground."""
+    """Upscaler of the lenses beside the foreground."""
     return method.upscaler if scale == 1 else registry.CLASSICAL[FILL_METHOD]
 
 
 def _prepare(run: _Run) -> tuple[Assembly, int]:
-    """Everything before the first lens, and how many pixels were not finite."""
+    """Everything before the first lens is finished, and the number of pixels that were not finite."""
     frame, clock, progress = run.frame, run.clock, run.options.progress
-    clock.seconds["render"] = float(sum(frame.seconds.get(step, 0.0) for step in ("open", "render")))
     progress("load", 0.0, LOW_RES_FILE)
     with clock("load"):
         layers, replaced = clean(read_layers(run.folder / LOW_RES_FILE))
         low = low_resolution(layers, frame, read_world(run.folder, frame))
-    low = _with_neighbours(run, low)
+    low = _average_frames(run, low)
     with clock("mask"):
         mask = foreground_mask(layers, frame.rays.tiles, run.options.dilate)
         mask = mask if run.options.selection else np.ones_like(mask)
@@ -187,24 +182,23 @@ def _prepare(run: _Run) -> tuple[Assembly, int]:
     progress("upscale", 0.0, "+".join(run.method.name.prefilters))
     with clock("upscale"):
         low = prepared(low, run.method)
-    upscalers = (BeforeWorld(upscaler) for upscaler in (run.method.upscaler, _filler(run.method, frame.scale)))
-    return Assembly(low, mask, fill, *upscalers), replaced
+    return Assembly(low, mask, fill, run.method.upscaler, _filler(run.method, frame.scale)), replaced
 
 
-def _with_neighbours(run: _Run, low: LowResEIA) -> LowResEIA:
+def _average_frames(run: _Run, low: LowResEIA) -> LowResEIA:
     if not run.options.temporal_averaging:
         return low
-    run.options.progress("share", 0.0, "neighbouring frames")
+    run.options.progress("average", 0.0, "neighbouring frames")
     with run.clock("share"):
         return average_frames(low, (read_low(each.folder) for each in run.neighbours if each.usable))
 
 
 def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[Array, Array | None]:
-    """The finished EIA in panel order: uint8 as Blender shows it and, where asked for, scene-linear float16."""
-    clock, background = run.clock, np.asarray(run.frame.display.background, np.float32)
+    """Finished EIA in panel order: uint8 as Blender shows it and, where asked for, scene-linear float16."""
+    clock = run.clock
     with clock("assemble"):
-        pixels = filled(assembly.size, show.to_uint8(background[None])[0])
-        linear = filled(assembly.size, background.astype(np.float16)) if run.options.linear_exr else None
+        pixels = filled(assembly.size, show.to_uint8(run.background[None])[0])
+        linear = filled(assembly.size, run.background.astype(np.float16)) if run.options.linear_exr else None
     grid, flipped = run.frame.rays.tiles, run.frame.display.ei_order == "flipped"
 
     def finish(lenses: Array, images: Array) -> None:
@@ -220,7 +214,7 @@ def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[A
 
 
 def _woven(run: _Run, pixels: Array) -> Array | None:
-    """The image of a panel with a lens sheet; None where the EIA is the panel's image."""
+    """Image of a panel with a lens sheet; None where the EIA is the panel's image."""
     display = run.frame.display
     if not display.is_woven:
         return None
@@ -243,7 +237,7 @@ def _write(run: _Run, pixels: Array, linear: Array | None, mask: Array) -> None:
     write_png(run.folder / EIA_FILE, pixels)
     write_mask(run.folder / MASK_FILE, mask)
     if linear is None:
-        # One of an earlier run would show another method than eia.png.
+        # An earlier one could be of another method than eia.png.
         (run.folder / EIA_LINEAR_FILE).unlink(missing_ok=True)
     else:
         write_layers(run.folder / EIA_LINEAR_FILE, {"color": linear}, half=True)
@@ -251,20 +245,18 @@ def _write(run: _Run, pixels: Array, linear: Array | None, mask: Array) -> None:
 
 
 def _exposure_notes(run: _Run, show: ViewTransform, assembly: Assembly, pixels: Array) -> list[str]:
-    """A sentence if what the finished ``pixels`` show is almost black or almost white."""
+    """A sentence if the finished ``pixels`` are almost black or almost white."""
     images = to_elemental_images(pixels, run.frame.rays.tiles)
     lenses = np.argwhere(assembly.mask | assembly.fill)
     rows, columns = lenses[::len(lenses) // MOST_JUDGED + 1].T
-    background = show.to_uint8(np.asarray(run.frame.display.background, np.float32)[None])[0]
-    return exposure_notes(images[rows, columns], background)
+    return exposure_notes(images[rows, columns], show.to_uint8(run.background[None])[0])
 
 
 def _report(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> Report:
     frame, name, options = run.frame, run.method.name, run.options
     return Report(
         method=name.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
-        seconds={stage: round(seconds, 4) for stage, seconds in run.clock.seconds.items()},
-        peak_bytes=peak_bytes(), foreground_fraction=float(assembly.mask.mean()),
+        seconds=run.clock.rounded, peak_bytes=peak_bytes(), foreground_fraction=float(assembly.mask.mean()),
         notes=(*filter(None, [frame.scale_reason]), *notes, *name.guide_notes(assembly.low.layers),
                *assembly.upscaler.notes, *averaging_notes(run.neighbours)),
         replaced_pixels=replaced, dilate=options.dilate, layout=frame.layout, device=frame.device,

@@ -54,7 +54,7 @@ def test_frames_of_an_animation_are_finished_once(command, capsys):
     (["--rows", "1/2"], "rows is (1, 40), but the layout subpixels"),
     (["--convention", "paper"], "convention is paper, but the layout subpixels"),
     (["--view-aperture", "0.5"], "view aperture is 0.5, but the layout subpixels"),
-    (["--method", "oidn+bilinear"], "works on elemental images"),
+    (["--method", "oidn+bilinear"], "needs elemental images"),
     (["--linear-exr"], "--linear-exr is for elemental images"),
     (["--dilate", "1"], "--dilate is for elemental images"),
 ])

@@ -27,7 +27,7 @@ def test_blanks_do_not_count():
 
 @pytest.mark.parametrize(("text", "message"), [
     ("oidn+bicubik", "unknown method 'bicubik': did you mean 'bicubic'"), ("oidn+", "unknown method ''"),
-    ("bicubic+oidn", "put one upscaler last"), ("epi", "has nothing before 'epi': use 'bilinear"),
+    ("bicubic+oidn", "put one upscaler last"), ("epi", "has no upscaler before 'epi': use 'bilinear"),
     ("refine", "needs 'oidn-both' before 'refine'"), ("oidn+epi+bicubic", "has 'epi' before its last part")])
 def test_names_that_are_refused(text, message):
     with pytest.raises(LfsrError, match=message):
@@ -82,7 +82,7 @@ def test_what_is_left_at_scale_1_and_how_many_steps_there_are(text, left, steps)
 def test_a_missing_guide_is_noted():
     assert MethodName.parse("oidn-guided+bilinear").guide_notes({"albedo", "normal"}) == []
     for part in ("oidn-guided", "oidn-half", "oidn-both"):
-        assert f"{part} is guided by the layers normal, which" in MethodName.parse(f"{part}+bilinear").guide_notes(
+        assert f"{part} denoised without the layers normal, which" in MethodName.parse(f"{part}+bilinear").guide_notes(
             {"albedo"})[0]
     for text in ("oidn+bilinear", "oidn-both+refine"):
         assert MethodName.parse(text).guide_notes(()) == []

@@ -60,7 +60,7 @@ def test_noise_goes_from_what_was_traced(tmp_path):
 
 
 @pytest.mark.parametrize(("method", "options", "message"), [
-    ("oidn+bicubic", {}, "'oidn.bicubic' works on elemental images.*choose one of oidn, oidn-fast, none"),
+    ("oidn+bicubic", {}, "'oidn.bicubic' needs elemental images.*choose one of oidn, oidn-fast, none"),
     ("none", {"linear_exr": True}, "--linear-exr is for elemental images"),
     ("none", {"dilate": 1}, "--dilate is for"),
     ("none", {"temporal_averaging": 2}, "--temporal-averaging is for"),

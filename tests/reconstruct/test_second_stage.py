@@ -48,9 +48,8 @@ def test_views_along_one_axis_are_upscaled_along_it(tmp_path):
              for name in ("nearest", "bilinear", "bicubic", "lanczos", "bicubic+epi", "oidn+bilinear+epi")}
     assert error["bicubic"] < 0.06 and error["bicubic"] < error["nearest"]
     assert error["bicubic+epi"] <= error["bicubic"] * 1.05
-    report = second_stage.upscale_frame(tmp_path, "oidn+bilinear+epi")
+    second_stage.upscale_frame(tmp_path, "oidn+bilinear+epi")
     assert read_png(tmp_path / "eia.png").shape == (48, 128, 3)
-    assert "epi" in report.notes[-1]
 
 
 def test_a_network_says_that_it_wants_views_along_both_axes(tmp_path):
@@ -125,7 +124,7 @@ def test_progress_rises_to_the_end(tmp_path):
 
 @pytest.mark.parametrize(("scale", "name", "message"), [
     (2, "bicubik", "did you mean 'bicubic'"),
-    (2, "none", "rendered at scale 2"),
+    (2, "none", "scale 2 needs an upscaler"),
 ])
 def test_bad_method_leaves_the_folder_as_it_was(tmp_path, scale, name, message):
     write_render(tmp_path, scale)

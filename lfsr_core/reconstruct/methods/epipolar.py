@@ -1,12 +1,10 @@
-"""Detail that a method took for noise, found and brought back along epipolar lines.
+"""Detail that a method took for noise, found and added again along epipolar lines ("epi").
 
-What was rendered minus what a method made of it should be noise, and no two pixels
-share theirs. A point of the scene that was smeared away is in that residual in
-every view that sees it: some views on it lies some lenses on, a line in the
-epipolar-plane image whose slope is its depth (Bolles, Baker and Marimont, IJCV
-1987). So the residual's covariance along such lines is lost detail, and its mean
-along them is that detail with little noise. Adding it is one step of iterative
-back-projection (Irani and Peleg, CVGIP 1991).
+The residual, the render minus what a method made of it, should be noise, which no two pixels have in common. Detail
+that was smoothed away is in the residual of every view that sees it: along a line of the epipolar-plane image whose
+slope is the depth of the point (Bolles, Baker and Marimont, IJCV 1987). So the covariance of the residual along such
+lines measures lost detail, and its mean along them is that detail with little noise. Adding it is one step of
+iterative back-projection (Irani and Peleg, CVGIP 1991).
 """
 
 from __future__ import annotations
@@ -24,81 +22,82 @@ from lfsr_core.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Cleaner
 from lfsr_core.reconstruct.encoding import decode, encode
-from lfsr_core.reconstruct.methods.interpolation import EIS_IN_CACHE
-from lfsr_core.reconstruct.methods.shear import averaged, interpolated, sheared
+from lfsr_core.reconstruct.methods.interpolation import (
+    EIS_IN_CACHE,
+    apply_matrices,
+    finish_in_steps,
+    interpolated,
+    kernel_matrix,
+    per_channel,
+)
+from lfsr_core.reconstruct.methods.rectangles import Box
+from lfsr_core.reconstruct.methods.shear import sheared
 
-# (lenses, views) of a step: up to three usable depths off the display plane, on both sides. On the plane denoisers lose
-# little, and what looks like it is what they leave behind (docs/results/networks.md).
+# (lenses, views) per step along a line: three usable depths on each side of the display plane. On the plane itself
+# denoisers lose little, and their own traces would be taken for detail (docs/results/networks.md).
 OFF_PLANE = ((1, 3), (1, 2), (2, 3), (1, 1), (3, 2), (2, 1), (5, 2), (3, 1))
 LINES = (*OFF_PLANE, *((-lenses, views) for lenses, views in OFF_PLANE))
 STEEPNESS = np.array([lenses / views for lenses, views in LINES])  # lenses per view
-REACH = 2  # steps to each side of a pixel that its mean along a line takes in, in rows and in columns
+REACH = 2  # steps to each side of a pixel in its mean along a line, in rows and in columns
 AVERAGED = 2 * REACH + 1
-NEIGHBOURS = 2  # lenses to each side whose covariances count together
+NEIGHBOURS = 2  # lenses to each side whose covariances are added
 CERTAIN = 4.0  # standard deviations by which a covariance must exceed noise
 LIMIT = 1.0  # of a residual, in encoded values: a firefly is no detail
 DARK = 1e-3  # scene-linear value below which √x is taken for a line
-STEEPEST = 1.0  # lenses per view up to which detail is interpolated inside an EI: a point steps over lenses beyond it
+STEEPEST = 1.0  # lenses per view up to which detail is interpolated inside an EI: on steeper lines a point skips lenses
 KERNEL = "lanczos"  # for detail, which has no edges to ring at: see docs/results/networks.md
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 STEP, MAX_WORKERS = 24, 8
-VERSION = 3  # of what comes out: figures measured with another one are out of date
+VERSION = 3  # of the result: figures measured with another version are out of date
 
 
 @dataclasses.dataclass(frozen=True)
 class LostDetail:
-    """What a method lacks of a low-resolution EIA; nothing of it is known where the foreground does not show."""
+    """What a method loses of a low-resolution EIA; only valid in ``covered`` lenses."""
 
     cleaned: Array  # what the method interpolates, (sy, sx, h, w, 3) encoded
-    lost: Array  # what that lacks, (sy, sx, h, w, 3) encoded
-    line: Array  # along which of LINES a lens lost most, (sy, sx) int
+    lost: Array  # detail missing in it, (sy, sx, h, w, 3) encoded
+    line: Array  # index into LINES along which a lens lost most, (sy, sx) int
     covered: Array  # lenses where the foreground shows, (sy, sx) bool
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class RecoverableEIA(LowResEIA):
     """A low-resolution EIA with the ``detail`` that a method would lose."""
 
-    detail: LostDetail | None = None
+    detail: LostDetail
 
 
 class Recovering:
-    """An upscaler plus the detail that it and the denoiser before it lost; see ``contract.Upscaler``.
+    """An upscaler (see ``contract.Upscaler``) that adds the detail which another one and its denoiser lose.
 
-    Its ``prepare`` comes after the prefilters. Lenses that showed no foreground there are only upscaled.
-    ``block``: side of the squares of lenses that lie beside each other by chance, as
-    a plan's samples do; None where all are of one display.
+    ``prepare`` is the last prefilter. Lenses without foreground are only upscaled. ``block``: side of the square
+    blocks of lenses that are not neighbours on the display, as the samples of a plan; None where all lenses are.
     """
 
     def __init__(self, upscaler: Cleaner, block: int | None = None) -> None:
         self.name, self.thread_safe = upscaler.name, upscaler.thread_safe
-        self._upscaler, self._block, self._share = upscaler, block, 0.0
+        self._upscaler, self._block = upscaler, block
 
     @property
-    def notes(self) -> list[str]:
-        """For the report: how many elemental images got any detail back."""
-        return [*self._upscaler.notes, f"epi brought detail back in {100 * self._share:.0f} % of the foreground"]
+    def notes(self) -> Sequence[str]:
+        """Those of the upscaler."""
+        return self._upscaler.notes
 
     def prepare(self, low: LowResEIA) -> RecoverableEIA:
-        """``low`` with the detail that the upscaler lacks."""
+        """Add the detail that the upscaler would lose to ``low``."""
         covered = low.alpha.max((2, 3, 4)) > 0
         cleaned = self._clean_all(low, covered)
         lost, line = np.zeros_like(cleaned), np.zeros(covered.shape, int)
-        rendered, share = low.rendered, np.zeros(covered.shape)
         for part in self._parts(covered):
-            lost[part], share[part], line[part] = lost_detail(rendered[part], cleaned[part], covered[part],
-                                                              self._upscaler.kernel, low.factors)
-        self._share = float((share[covered] > 0).mean()) if covered.any() else 0.0
+            lost[part], line[part] = _lost_detail(low.rendered[part], cleaned[part], covered[part],
+                                                  self._upscaler.kernel, low.factors)
         return RecoverableEIA(**vars(low) | {"detail": LostDetail(cleaned, lost, line, covered)})
 
-    def __call__(self, low: RecoverableEIA, lenses: Array) -> Array:
-        """EIs of ``lenses`` (N, 2), (N, h·s, w·s, 3) float32 scene-linear."""
-        lenses = np.asarray(lenses)
-        result = np.empty((len(lenses), *low.finished_views, 3), np.float32)
-        for start in range(0, len(lenses), EIS_IN_CACHE):
-            part = slice(start, start + EIS_IN_CACHE)
-            decode(self._encoded(low, lenses[part]), out=result[part])
-        return result
+    def __call__(self, low: LowResEIA, lenses: Array) -> Array:
+        """Finished EIs of ``lenses``; ``low`` as of ``prepare``."""
+        assert isinstance(low, RecoverableEIA), "prepare comes first"
+        return finish_in_steps(low, np.asarray(lenses), EIS_IN_CACHE, lambda part, _: self._encoded(low, part))
 
     def _encoded(self, low: RecoverableEIA, lenses: Array) -> Array:
         (rows, columns), detail = lenses.T, low.detail
@@ -116,8 +115,8 @@ class Recovering:
             finished[chosen] += sheared(detail.lost, detail.covered, lenses[chosen], low.factors, float(slope))
         return finished
 
-    def _parts(self, covered: Array) -> list[tuple[slice, slice]]:
-        """Rectangles of lenses with foreground that see nothing of each other."""
+    def _parts(self, covered: Array) -> list[Box]:
+        """Rectangles of lenses with foreground that are not neighbours."""
         if self._block is None:
             return [_around(covered, 0)] if covered.any() else []
         starts = (range(0, size, self._block) for size in covered.shape)
@@ -136,49 +135,47 @@ class Recovering:
         return cleaned
 
 
-def lost_detail(rendered: Array, cleaned: Array, covered: Array, kernel: str,
-                factors: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """What interpolating ``cleaned`` will lack.
+def averaged(images: Array, kernel: str, factors: tuple[int, int]) -> Array:
+    """Low-resolution EIs (sy, sx, h, w, 3) after interpolation and averaging back to their own pixels."""
+    down, across = (_blur(kernel, *axis) for axis in zip(images.shape[2:4], factors[::-1], strict=True))
+    flat = images.reshape(-1, *images.shape[2:])
+    return apply_matrices(flat, down, per_channel(across, images.shape[-1])).reshape(images.shape)
 
-    Parameters
-    ----------
-    rendered : (sy, sx, h, w, 3), scene-linear
-    cleaned : the same without noise, encoded
-    covered : (sy, sx) bool, lenses that count
-    kernel : of interpolation.KERNELS
-    factors : high-resolution views per low-resolution view, (horizontal, vertical)
 
-    Returns
-    -------
-    The lost detail (sy, sx, h, w, 3), encoded, and ``lost_share`` of it
-    """
+def _blur(kernel: str, size: int, scale: int) -> Array:
+    return np.asarray(kernel_matrix(kernel, size, scale).reshape(size, scale, size).mean(1))
+
+
+def _lost_detail(rendered: Array, cleaned: Array, covered: Array, kernel: str,
+                 factors: tuple[int, int]) -> tuple[Array, Array]:
+    """Encoded detail (sy, sx, h, w, 3) of ``rendered`` that interpolating ``cleaned`` loses, and its lines (sy, sx)."""
     shown = averaged(cleaned, kernel, factors)
-    # Linear for the test, which must not take the mean of noisy roots, too low as it is, for detail.
-    share, line = lost_share(residual(rendered, decode(shown)) @ LUMINANCE * covered[:, :, None, None], covered)
+    # Test the residual in linear light: the mean of noisy roots is too low, which would look like detail.
+    fraction, line = lost_fraction(residual(rendered, decode(shown)) @ LUMINANCE * covered[:, :, None, None], covered)
     lost = np.zeros_like(cleaned)
     found = np.clip(encode(rendered) - shown, -LIMIT, LIMIT) * covered[:, :, None, None, None]
-    for index in np.unique(line[share > 0]):
-        chosen = (line == index) & (share > 0)
+    for index in np.unique(line[fraction > 0]):
+        chosen = (line == index) & (fraction > 0)
         part = _around(chosen, REACH * abs(LINES[index][0]))
         mean = _mean_along(found[part], covered[part], LINES[index])
         lost[part][chosen[part]] = mean[chosen[part]]
-    # Wiener's weight: detail against what the mean has left of the noise; it went along axes with several views only.
-    averaged_pixels = AVERAGED ** sum(size > 1 for size in rendered.shape[2:4])
-    weight = np.divide(share, share + (1 - share) / averaged_pixels, out=np.zeros_like(share), where=share > 0)
-    return lost * weight.astype(np.float32)[:, :, None, None, None], share, line
+    # Wiener's weight: detail against the noise left in the mean, which was taken along axes with several views only.
+    pixels = AVERAGED ** sum(size > 1 for size in rendered.shape[2:4])
+    weight = np.divide(fraction, fraction + (1 - fraction) / pixels, out=np.zeros_like(fraction), where=fraction > 0)
+    return lost * weight.astype(np.float32)[:, :, None, None, None], line
 
 
 def residual(rendered: Array, shown: Array) -> Array:
-    """Their difference, both (…, 3) scene-linear, times the slope of ``encoding.encode``; at most LIMIT."""
+    """Difference of two scene-linear images (…, 3), times the slope of ``encoding.encode``; at most LIMIT."""
     dark = np.maximum(shown, DARK)
     slope = np.float32(0.5) / np.where(dark < 1, np.sqrt(dark), dark)
-    return np.clip((rendered - shown) * slope, -LIMIT, LIMIT)
+    return np.asarray(np.clip((rendered - shown) * slope, -LIMIT, LIMIT))
 
 
-def lost_share(found: Array, covered: Array) -> tuple[Array, Array]:
-    """Share of a residual's variance that is detail, in [0, 1], and the index into LINES along which; (sy, sx).
+def lost_fraction(found: Array, covered: Array) -> tuple[Array, Array]:
+    """Fraction in [0, 1] of a residual's variance that is detail, and the index into LINES of its line; (sy, sx).
 
-    ``found`` (sy, sx, h, w): its luminance, 0 where ``covered`` (sy, sx) is False.
+    ``found`` (sy, sx, h, w): luminance of the residual, 0 where ``covered`` (sy, sx) is False.
     """
     squares = found * found
     variance = _pooled(squares.sum((2, 3), dtype=float)) / np.maximum(_pooled(covered * float(found[0, 0].size)), 1)
@@ -186,20 +183,19 @@ def lost_share(found: Array, covered: Array) -> tuple[Array, Array]:
     for index, step in enumerate(LINES):
         pairs = np.maximum(_pooled(_pairs(found.shape[2:], covered, step)), 1)
         products, spread = (_pooled(_products(values, step)) for values in (found, squares))
-        # Their own spread, for noise has heavy tails; a pair counts at both of its ends: half as many are independent.
+        # The products' own spread, as noise has heavy tails; a pair counts at both ends, so half are independent.
         detail = (products - CERTAIN * np.sqrt(2 * spread)) / pairs
         line[detail > most] = index
         most = np.maximum(most, detail)
-    share = np.divide(most, variance, out=np.zeros_like(most), where=covered & (variance > 0))
-    return np.clip(share, 0, 1), line
+    fraction = np.divide(most, variance, out=np.zeros_like(most), where=covered & (variance > 0))
+    return np.clip(fraction, 0, 1), line
 
 
 def _products(values: Array, step: tuple[int, int]) -> Array:
-    """Per lens, the sum of its pixels' products with those one ``step`` on and back; (sy, sx)."""
+    """Sum over the pixels of each lens of their products with the pixels one ``step`` on and back; (sy, sx)."""
     sums = np.zeros(values.shape[:2])
     for axis in (0, 1):
-        lenses, views = _ends(values.shape, axis, step[0]), _ends(values.shape, axis + 2, step[1])
-        (here, there), (across, on) = ([part[:2] for part in lenses], views)
+        (here, there), (across, on) = _step(values.shape, axis, step)
         product = np.einsum("yxuv,yxuv->yx", values[here][across], values[there][on])
         sums[here] += product
         sums[there] += product
@@ -207,10 +203,10 @@ def _products(values: Array, step: tuple[int, int]) -> Array:
 
 
 def _pairs(views: tuple[int, ...], covered: Array, step: tuple[int, int]) -> Array:
-    """Per lens, how many products ``_products`` adds up where both lenses are ``covered``; (sy, sx)."""
+    """Number of products that ``_products`` adds per lens where both lenses are ``covered``; (sy, sx)."""
     pairs = np.zeros(covered.shape)
     for axis in (0, 1):
-        here, there = (part[:2] for part in _ends((*covered.shape, *views), axis, step[0]))
+        (here, there), _ = _step((*covered.shape, *views), axis, step)
         both = (covered[here] & covered[there]) * float(max(views[axis] - step[1], 0) * views[1 - axis])
         pairs[here] += both
         pairs[there] += both
@@ -222,26 +218,32 @@ def _mean_along(found: Array, covered: Array, step: tuple[int, int]) -> Array:
     count = np.broadcast_to(covered[:, :, None, None, None], (*found.shape[:4], 1)).astype(np.float32)
     for axis in (0, 1):
         found, count = (_sum_along(values, axis, step) for values in (found, count))
-    return found / np.maximum(count, 1)
+    return np.asarray(found / np.maximum(count, 1))
 
 
 def _sum_along(values: Array, axis: int, step: tuple[int, int]) -> Array:
     total = values.copy()
     for steps in range(1, REACH + 1):
-        lenses = _ends(values.shape, axis, steps * step[0])
-        views = _ends(values.shape, axis + 2, steps * step[1])
-        (here, there), (across, on) = ([part[:2] for part in lenses], views)
+        (here, there), (across, on) = _step(values.shape, axis, (steps * step[0], steps * step[1]))
         total[here][across] += values[there][on]
         total[there][on] += values[here][across]
     return total
 
 
-def _ends(shape: Sequence[int], axis: int, shift: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+Pair = tuple[tuple[slice, ...], tuple[slice, ...]]
+
+
+def _step(shape: Sequence[int], axis: int, step: tuple[int, int]) -> tuple[Pair, Pair]:
+    """Indices of lenses (sy, sx), and of pixels (…, …, h, w), that pair an array with itself one ``step`` on."""
+    (here, there), views = _ends(shape, axis, step[0]), _ends(shape, axis + 2, step[1])
+    return (here[:2], there[:2]), views
+
+
+def _ends(shape: Sequence[int], axis: int, shift: int) -> Pair:
     """Indices of the first four axes that pair an array with itself ``shift`` on along one of them."""
     length = shape[axis]
     shift = max(-length, min(shift, length))
-    whole = [slice(None)] * 4
-    first, second = list(whole), list(whole)
+    first, second = [slice(None)] * 4, [slice(None)] * 4
     first[axis] = slice(max(0, -shift), length - max(0, shift))
     second[axis] = slice(max(0, shift), length - max(0, -shift))
     return tuple(first), tuple(second)
@@ -251,12 +253,12 @@ def _pooled(values: Array) -> Array:
     """Sums over each lens and its NEIGHBOURS."""
     for axis in (0, 1):
         padded = np.pad(values, [(NEIGHBOURS, NEIGHBOURS) if axis == n else (0, 0) for n in (0, 1)])
-        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1, axis)
-        values = windows.sum(-1)
+        values = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1, axis).sum(-1)
     return values
 
 
-def _around(chosen: Array, margin: int) -> tuple[slice, slice]:
+def _around(chosen: Array, margin: int) -> Box:
     """Rectangle of the chosen lenses with ``margin`` around."""
-    places = (np.flatnonzero(chosen.any(1)), np.flatnonzero(chosen.any(0)))
-    return tuple(slice(max(0, where[0] - margin), where[-1] + 1 + margin) for where in places)
+    rows, columns = (np.flatnonzero(chosen.any(axis)) for axis in (1, 0))
+    return (slice(max(0, rows[0] - margin), rows[-1] + 1 + margin),
+            slice(max(0, columns[0] - margin), columns[-1] + 1 + margin))

@@ -1,6 +1,6 @@
-"""Classical upscalers: interpolation inside each elemental image, as matrices that act on one axis.
+"""Classical upscalers: interpolation inside each elemental image, by one matrix per axis.
 
-The kernels are those of OpenCV's ``resize``, which the tests compare with.
+The kernels are those of OpenCV's ``resize``, with which the tests compare.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ CUBIC_SHARPNESS = -0.75  # OpenCV's and Blender's choice of Keys' a (1981)
 
 
 def nearest(distance: Array) -> Array:
-    """1 for the sample in whose pixel the point lies; the tie goes to the right one, as ``floor`` says."""
+    """Box, one sample wide; a tie goes to the sample on the right."""
     return ((distance > -0.5) & (distance <= 0.5)).astype(np.float64)
 
 
 def linear(distance: Array) -> Array:
     """Tent, two samples wide."""
-    return np.maximum(1 - np.abs(distance), 0)
+    return np.asarray(np.maximum(1 - np.abs(distance), 0))
 
 
 def cubic(distance: Array) -> Array:
@@ -45,19 +45,19 @@ def lanczos(distance: Array) -> Array:
 KERNELS: dict[str, tuple[int, Callable[[Array], Array]]] = {
     "nearest": (1, nearest), "linear": (1, linear), "cubic": (2, cubic), "lanczos": (4, lanczos),
 }
-"""Reach in samples to either side, and the weight at a distance from a sample."""
+"""By name: samples to either side, and the weight at a distance in samples."""
 
 
 @functools.lru_cache(maxsize=64)
 def kernel_matrix(kernel: str, size: int, scale: int, margin: int = 0) -> Array:
-    """Matrix that upscales a row of samples at half-pixel centres; beyond the last one it repeats.
+    """Matrix that upscales a row of samples at half-pixel centres and repeats its ends.
 
     Parameters
     ----------
     kernel : of KERNELS
     size : samples to upscale
     scale : values per sample
-    margin : more samples on either side
+    margin : further samples at either end, which are only looked at
 
     Returns
     -------
@@ -73,67 +73,105 @@ def kernel_matrix(kernel: str, size: int, scale: int, margin: int = 0) -> Array:
     return matrix.astype(np.float32)
 
 
-EIS_IN_CACHE = 8  # per step of an interpolation: their result stays in a core's cache
+@functools.lru_cache(maxsize=16)
+def _column_matrix(kernel: str, columns: int, scale: int, margin: int, channels: int) -> Array:
+    return per_channel(kernel_matrix(kernel, columns, scale, margin), channels)
+
+
+def per_channel(weights: Array, channels: int) -> Array:
+    """Matrix (n·channels, m·channels) that applies ``weights`` (m, n) to rows of interleaved channels."""
+    return np.kron(weights.T, np.eye(channels, dtype=np.float32))
+
+
+def apply_matrices(images: Array, down: Array, across: Array, out: Array | None = None) -> Array:
+    """Apply one matrix along each axis of every image.
+
+    Parameters
+    ----------
+    images : (N, h, w, C)
+    down : (H, h), for columns of pixels
+    across : (w·C, W·C), for rows of pixels, as of ``per_channel``
+    out : (N, H, W, C), contiguous, for the result
+
+    Returns
+    -------
+    (N, H, W, C)
+    """
+    count, rows, columns, channels = images.shape
+    tall = (down @ images.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
+    wide = np.matmul(tall, across, out=None if out is None else out.reshape(len(tall), -1))
+    return np.asarray(wide).reshape(count, len(down), across.shape[1] // channels, channels)
+
+
+def interpolated(images: Array, kernel: str, factors: tuple[int, int], margin: int = 0,
+                 out: Array | None = None) -> Array:
+    """Upscale elemental images, in whatever domain they are.
+
+    Parameters
+    ----------
+    images : (N, h + 2·margin, w + 2·margin, C)
+    kernel : of KERNELS
+    factors : values per sample, (horizontal, vertical)
+    margin : pixels around each image that are only looked at
+    out : (N, h·vertical, w·horizontal, C), contiguous, for the result
+
+    Returns
+    -------
+    (N, h·vertical, w·horizontal, C)
+    """
+    _, rows, columns, channels = images.shape
+    down = kernel_matrix(kernel, rows - 2 * margin, factors[1], margin)
+    return apply_matrices(images, down, _column_matrix(kernel, columns - 2 * margin, factors[0], margin, channels), out)
+
+
+def finish_in_steps(low: LowResEIA, lenses: Array, step: int, upscale: Callable[[Array, Array], Array]) -> Array:
+    """Finish ``step`` EIs at a time, so that they stay in a core's cache.
+
+    Parameters
+    ----------
+    low : the low-resolution EIA
+    lenses : (N, 2) rows and columns
+    step : EIs per call of ``upscale``
+    upscale : of a few lenses and an array for the result, returns encoded EIs
+
+    Returns
+    -------
+    EIs (N, h·s, w·s, C) float32, scene-linear
+    """
+    result = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
+    for start in range(0, len(lenses), step):
+        part = slice(start, start + step)
+        decode(upscale(lenses[part], result[part]), out=result[part])
+    return result
+
+
+EIS_IN_CACHE = 8  # per step of an interpolation
 CROSSTALK_REACH = 4  # half the widest kernel
 
 
 @dataclasses.dataclass(frozen=True)
 class Interpolation:
-    """A classical upscaler: one kernel in both directions of each EI. The other fields are those of ``Upscaler``."""
+    """One kernel in both directions of each EI; the fields without a comment are those of ``Upscaler``."""
 
     name: str
     kernel: str  # of KERNELS
-    # samples beyond an EI are the CROSSTALK_REACH nearest pixels of its neighbours, as if the EIA were one photograph,
-    # and do not repeat its border
-    crosstalk: bool = False
+    crosstalk: bool = False  # interpolate across the borders of EIs, as if the EIA were one photograph
     thread_safe: bool = True
     notes: tuple[str, ...] = ()
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
-        lenses, margin = np.asarray(lenses), CROSSTALK_REACH if self.crosstalk else 0
-        result = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
-        for start in range(0, len(lenses), EIS_IN_CACHE):
-            part = slice(start, start + EIS_IN_CACHE)
-            encoded = encode(_gather(low.color, lenses[part], margin))
-            interpolate(encoded, self.kernel, low.factors, result[part], margin)
-        return result
+        margin = CROSSTALK_REACH if self.crosstalk else 0
+        return finish_in_steps(low, np.asarray(lenses), EIS_IN_CACHE, lambda part, out: interpolated(
+            encode(_gather(low.color, part, margin)), self.kernel, low.factors, margin, out))
 
     def clean(self, low: LowResEIA, lenses: Array) -> Array:
-        """What is interpolated: EIs of ``lenses``, (N, h, w, 3) in the domain of ``encode``."""
+        """EIs (N, h, w, 3) of ``lenses`` (N, 2), encoded."""
         return encode(low.color[lenses[:, 0], lenses[:, 1]])
-
-
-def interpolate(encoded: Array, kernel: str, factors: tuple[int, int], out: Array, margin: int = 0) -> None:
-    """Upscale elemental images.
-
-    Parameters
-    ----------
-    encoded : (n, h + 2·margin, w + 2·margin, C)
-    kernel : of KERNELS
-    factors : values per sample, (horizontal, vertical)
-    out : (n, h·vertical, w·horizontal, C), filled with scene-linear values
-    margin : pixels around each that are only looked at
-    """
-    count, rows, columns, channels = encoded.shape
-    down = kernel_matrix(kernel, rows - 2 * margin, factors[1], margin)
-    across = interleaved(kernel, columns - 2 * margin, factors[0], margin, channels)
-    tall = (down @ encoded.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
-    finished = out.reshape(len(tall), -1)
-    decode(np.matmul(tall, across, out=finished), out=finished)
-
-
-@functools.lru_cache(maxsize=16)
-def interleaved(kernel: str, columns: int, scale: int, margin: int, channels: int) -> Array:
-    """Matrix (columns·channels + margins, columns·scale·channels) that upscales rows of interleaved channels.
-
-    The same weights for each, zero between them. Other parameters as of ``kernel_matrix``.
-    """
-    return np.kron(kernel_matrix(kernel, columns, scale, margin).T, np.eye(channels, dtype=np.float32))
 
 
 @dataclasses.dataclass(frozen=True)
 class NoUpscaling:
-    """Scale 1: the render is already at full resolution."""
+    """The EIs as they are, for renders at scale 1."""
 
     name: str = "none"
     kernel: str = "nearest"
@@ -144,19 +182,19 @@ class NoUpscaling:
         if low.scale != 1:
             raise LfsrError(f"method {self.name!r} does not upscale, but the frame was rendered at scale {low.scale}: "
                             "choose an upscaling method, or render at scale 1")
-        return low.color[lenses[:, 0], lenses[:, 1]]
+        return np.asarray(low.color[lenses[:, 0], lenses[:, 1]])
 
     def clean(self, low: LowResEIA, lenses: Array) -> Array:
-        """EIs of ``lenses``, (N, h, w, 3) in the domain of ``encode``."""
+        """EIs (N, h, w, 3) of ``lenses`` (N, 2), encoded."""
         return encode(self(low, lenses))
 
 
 def _gather(images: Array, lenses: Array, margin: int) -> Array:
     """EIs of ``lenses`` with ``margin`` pixels of their neighbours around, (N, h + 2·margin, w + 2·margin, C)."""
     if margin == 0:
-        return images[lenses[:, 0], lenses[:, 1]]
+        return np.asarray(images[lenses[:, 0], lenses[:, 1]])
     sy, sx, height, width, _ = images.shape
     rows = np.clip(lenses[:, :1] * height + np.arange(-margin, height + margin), 0, sy * height - 1)
     columns = np.clip(lenses[:, 1:] * width + np.arange(-margin, width + margin), 0, sx * width - 1)
     row, y, column, x = rows // height, rows % height, columns // width, columns % width
-    return images[row[:, :, None], column[:, None, :], y[:, :, None], x[:, None, :]]
+    return np.asarray(images[row[:, :, None], column[:, None, :], y[:, :, None], x[:, None, :]])

@@ -1,7 +1,7 @@
 """Open Image Denoise through Blender's own library, for a Python without the package pyoidn.
 
-Blender keeps the library beside its Python, so that the extension need not bring
-its 50 to 90 MB again. Only what ``denoise.py`` calls is bound (OpenImageDenoise/oidn.h, version 2).
+Blender ships the library beside its Python, so the extension need not bring another 50 to 90 MB. Only the functions
+that ``denoise.py`` needs are bound (OpenImageDenoise/oidn.h, version 2).
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 
-# Seen from a folder above Blender's Python; by platform: Linux, macOS, Windows, the bpy wheel on Windows.
+# Relative to a folder above Blender's Python: Linux, macOS, Windows, the bpy wheel on Windows.
 PLACES = ("lib/libOpenImageDenoise.so.2", "lib/libOpenImageDenoise.dylib", "blender.shared/OpenImageDenoise.dll",
           "OpenImageDenoise.dll")
 CPU_DEVICE, FLOAT3 = 1, 3  # OIDNDeviceType, OIDNFormat
-QUALITIES = {"fast": 4, "balanced": 5, "high": 6}  # OIDNQuality; "fast" is that from library 2.3 on
-LEVELS_UP = 6  # from site-packages to the folder that Blender is installed in
+QUALITIES = {"fast": 4, "balanced": 5, "high": 6}  # OIDNQuality; "fast" exists since library 2.3
+LEVELS_UP = 6  # from site-packages to the folder of the Blender installation
 
 _HANDLE, _SIZE, _NAME = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
 SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
@@ -42,13 +42,13 @@ SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
 
 def denoise(color: Array, albedo: Array | None = None, normal: Array | None = None, *,
             hdr: bool = False, clean_aux: bool = False, quality: str = "high") -> Array:
-    """The function of the same name in the package pyoidn, with its parameters, on the CPU.
+    """Denoise an image on the CPU, with the parameters of ``pyoidn.denoise``.
 
     Parameters
     ----------
     color, albedo, normal : (H, W, 3)
-    hdr : whether colour may exceed 1
-    clean_aux : whether albedo and normal have no noise
+    hdr : colour may exceed 1
+    clean_aux : albedo and normal have no noise
     quality : one of QUALITIES
 
     Returns
@@ -57,12 +57,12 @@ def denoise(color: Array, albedo: Array | None = None, normal: Array | None = No
 
     Raises
     ------
-    ImportError : where Blender's library is not there or does not load
+    ImportError : where Blender's library is missing or does not load
     RuntimeError : where it fails
     """
     library = _load()
-    images = {"color": color, "albedo": albedo, "normal": normal, "output": np.empty(color.shape, np.float32)}
-    images = {name: np.ascontiguousarray(image, np.float32) for name, image in images.items() if image is not None}
+    given = {"color": color, "albedo": albedo, "normal": normal, "output": np.empty(color.shape, np.float32)}
+    images = {name: np.ascontiguousarray(image, np.float32) for name, image in given.items() if image is not None}
     device = library.oidnNewDevice(CPU_DEVICE)
     try:
         library.oidnCommitDevice(device)
@@ -74,7 +74,7 @@ def denoise(color: Array, albedo: Array | None = None, normal: Array | None = No
 
 
 def find_library() -> Path | None:
-    """Blender's library: near a folder on the path, which Blender's Python has, or in the bpy wheel (not imported)."""
+    """Path of Blender's library: above Blender's Python, or in the bpy wheel, which is not imported."""
     return next((path for folder in _folders() for path in map(folder.joinpath, PLACES) if path.is_file()), None)
 
 
@@ -82,7 +82,7 @@ def _folders() -> Iterator[Path]:
     spec = importlib.util.find_spec("bpy")
     yield from map(Path, spec.submodule_search_locations or () if spec else ())
     for entry in map(Path, sys.path):
-        # .../5.0/python/lib/python3.11/site-packages, as every Blender has it
+        # .../5.0/python/lib/python3.11/site-packages in every Blender
         if entry.name == "site-packages" and "python" in (parent.name for parent in entry.parents):
             yield from list(entry.parents)[:LEVELS_UP]
 
@@ -102,16 +102,15 @@ def _load() -> ctypes.CDLL:
     return library
 
 
-def _run(library: ctypes.CDLL, device: int, images: dict[str, Array], flags: dict[bytes, bool],
-         quality: int) -> None:
+def _run(library: ctypes.CDLL, device: int, images: dict[str, Array], flags: dict[bytes, bool], quality: int) -> None:
     height, width, _ = images["color"].shape
     work = library.oidnNewFilter(device, b"RT")
     _check(library, device)
     try:
         for name, image in images.items():
             library.oidnSetSharedFilterImage(work, name.encode(), image.ctypes.data, FLOAT3, width, height, 0, 0, 0)
-        for name, value in flags.items():
-            library.oidnSetFilterBool(work, name, value)
+        for flag, value in flags.items():
+            library.oidnSetFilterBool(work, flag, value)
         library.oidnSetFilterInt(work, b"quality", quality)
         library.oidnCommitFilter(work)
         library.oidnExecuteFilter(work)

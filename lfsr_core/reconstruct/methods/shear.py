@@ -1,4 +1,4 @@
-"""Elemental images between the rendered views: inside each of them, or along epipolar lines through its neighbours."""
+"""Interpolation along epipolar lines: a point stands in other lenses between two rendered views."""
 
 from __future__ import annotations
 
@@ -8,42 +8,21 @@ import math
 import numpy as np
 
 from lfsr_core.arrays import Array
-from lfsr_core.reconstruct.methods.interpolation import KERNELS, interleaved, kernel_matrix
+from lfsr_core.reconstruct.methods.interpolation import KERNELS, kernel_matrix
 
 LENS_KERNEL = "cubic"  # across lenses, along a line
 
 
-def interpolated(images: Array, kernel: str, factors: tuple[int, int]) -> Array:
-    """EIs (N, h, w, 3) -> (N, h·vertical, w·horizontal, 3), in whatever domain; ``factors``: (horizontal, vertical)."""
-    count, rows, columns, channels = images.shape
-    down, across = kernel_matrix(kernel, rows, factors[1]), interleaved(kernel, columns, factors[0], 0, channels)
-    tall = (down @ images.reshape(count, rows, -1)).reshape(-1, columns * channels)
-    return (tall @ across).reshape(count, rows * factors[1], columns * factors[0], channels)
-
-
-def averaged(images: Array, kernel: str, factors: tuple[int, int]) -> Array:
-    """What low-resolution pixels of (sy, sx, h, w, 3) become when they are interpolated and averaged again."""
-    down, across = (_blur(kernel, *axis) for axis in zip(images.shape[2:4], factors[::-1], strict=True))
-    rows, columns, channels = images.shape[2:]
-    tall = (down @ images.reshape(-1, rows, columns * channels)).reshape(-1, columns * channels)
-    return (tall @ np.kron(across.T, np.eye(channels, dtype=np.float32))).reshape(images.shape)
-
-
-def _blur(kernel: str, size: int, scale: int) -> Array:
-    return kernel_matrix(kernel, size, scale).reshape(size, scale, size).mean(1)
-
-
-def sheared(images: Array, covered: Array, lenses: Array, factors: tuple[int, int],
-            steep: float) -> Array:
-    """Elemental images at every view, along epipolar lines: between two rendered views a point stands in other lenses.
+def sheared(images: Array, covered: Array, lenses: Array, factors: tuple[int, int], steep: float) -> Array:
+    """Interpolate elemental images along epipolar lines of one slope.
 
     Parameters
     ----------
     images : (sy, sx, h, w, 3), in whatever domain they are
-    covered : (sy, sx) bool, lenses that may be asked
-    lenses : (N, 2), those that are wanted
+    covered : (sy, sx) bool, lenses to interpolate from
+    lenses : (N, 2), lenses to make
     factors : views per rendered view, (horizontal, vertical)
-    steep : lenses per view of the line
+    steep : lenses per view of the lines
 
     Returns
     -------
@@ -58,7 +37,7 @@ def sheared(images: Array, covered: Array, lenses: Array, factors: tuple[int, in
     # (N, lens row, lens column, view row, view column, C): rows of lenses and views first, then columns.
     tall = np.einsum("aov,noqvuc->nqauc", down, images[rows, columns], optimize=True)
     detail = np.einsum("bqu,nqauc->nabc", across, tall, optimize=True)
-    return detail / np.maximum(weight, 0.5)[..., None]
+    return np.asarray(detail / np.maximum(weight, 0.5)[..., None])
 
 
 def _lens_reach(steep: float) -> int:
@@ -67,7 +46,7 @@ def _lens_reach(steep: float) -> int:
 
 @functools.lru_cache(maxsize=64)
 def _shear(size: int, scale: int, steep: float) -> Array:
-    """Weights (size·scale, lenses around, size) of both nearest rendered views, where these show the same point."""
+    """Weights (size·scale, lenses around, size) of the two nearest rendered views, in the lenses on the line."""
     reach, weight = _lens_reach(steep), KERNELS[LENS_KERNEL][1]
     places = (np.arange(size * scale) + 0.5) / scale - 0.5
     matrix = np.zeros((size * scale, 2 * reach + 1, size))

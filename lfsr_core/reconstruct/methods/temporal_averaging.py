@@ -1,8 +1,8 @@
-"""What neighbouring frames of an animation share with a frame: the mean over them, where nothing has changed.
+"""Temporal averaging: the mean of neighbouring frames where nothing has changed.
 
-Where frames differ by their noise alone, differences of neighbouring pixels have nothing in common; a change of shape,
-light or reflection reaches over neighbours. So the products of differences of neighbours, which noise leaves at 0,
-say how much has changed, whatever it was that moved.
+Two frames that show the same differ by noise, which neighbouring pixels do not have in common; a change of shape,
+light or reflection extends over neighbouring pixels. So the products of the differences of neighbouring pixels, whose
+mean is 0 for noise, measure the change, whatever moved.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from lfsr_core.reconstruct.encoding import encode
 
 AVERAGED = ("color", "alpha", "opacity", "albedo", "normal")
 TESTED = ("opacity", "albedo", "normal")  # besides colour
-NEAR, WIDE = 30.0, 100.0  # how much a change counts that neighbours share, and one of whole elemental images
-SIGMAS = 2.5  # of its own spread by which a change must stand out from noise
-NEAR_SPREAD, WIDE_SPREAD = 1.25, 2**0.5  # of what white noise pretends to be change, over √pixels and pixels
+NEAR, WIDE = 30.0, 100.0  # weights of a change of neighbouring pixels, and of one of whole elemental images
+SIGMAS = 2.5  # standard deviations by which a change must exceed noise
+NEAR_SPREAD, WIDE_SPREAD = 1.25, 2**0.5  # of the change that white noise seems to be, over √pixels and over pixels
 REACH = 1  # pixels or lenses to each side that are looked at together
 TINY = 1e-12
-VERSION = 1  # of what comes out: figures measured with another one are out of date
+VERSION = 1  # of the result: figures measured with another version are out of date
 
 
 def average_frames(low: LowResEIA, others: Iterable[LowResEIA]) -> LowResEIA:
-    """The frame averaged with others, pixel by pixel as far as they show the same.
+    """Average a frame with others, each pixel by how similar they are there.
 
-    ``others``: neighbouring frames of the same animation with random numbers of their own; one is held at a time.
+    ``others``: neighbouring frames of the animation, rendered with other seeds; only one is in memory at a time.
     """
     count = np.ones(low.color.shape[:-1], np.float32)
     total = {name: layer.copy() for name in AVERAGED if (layer := getattr(low, name)) is not None}
@@ -43,7 +43,7 @@ def average_frames(low: LowResEIA, others: Iterable[LowResEIA]) -> LowResEIA:
 
 
 def similarity(low: LowResEIA, other: LowResEIA) -> Array:
-    """In [0, 1] for each pixel (sy, sx, h, w): 1 where two frames differ by their noise alone."""
+    """Similarity of two frames in [0, 1] for each pixel (sy, sx, h, w): 1 where they differ by noise alone."""
     result = unchanged(encode(low.color) - encode(other.color))
     for name in TESTED:
         ours, theirs = getattr(low, name), getattr(other, name)
@@ -53,14 +53,14 @@ def similarity(low: LowResEIA, other: LowResEIA) -> Array:
 
 
 def unchanged(difference: Array) -> Array:
-    """In [0, 1] for each pixel (sy, sx, h, w) of a difference of two images (sy, sx, h, w, C): 1 where it is noise."""
+    """Certainty (sy, sx, h, w) in [0, 1] that a difference of two images (sy, sx, h, w, C) is noise alone."""
     energy = np.einsum("...c,...c->...", difference, difference)
     excess = NEAR * _near(difference, energy) + WIDE * _wide(difference, energy)[..., None, None]
-    return 1 / (1 + excess)
+    return np.asarray(1 / (1 + excess))
 
 
 def _near(difference: Array, energy: Array) -> Array:
-    """Change over noise (sy, sx, h, w), as neighbours along all four axes have it in common."""
+    """Change over noise (sy, sx, h, w) that a pixel has in common with its neighbours along all four axes."""
     product, pairs = np.zeros_like(energy), np.zeros_like(energy)
     for axis in range(4):
         lower, upper = _at(axis, slice(None, -1)), _at(axis, slice(1, None))
@@ -69,34 +69,34 @@ def _near(difference: Array, energy: Array) -> Array:
             product[side] += both
             pairs[side] += 1
     product /= np.maximum(pairs, 1)
-    # By the products themselves: path-traced noise has heavy tails, and differs from pixel to pixel.
+    # The spread of the products themselves, as path-traced noise has heavy tails and varies from pixel to pixel.
     spread = NEAR_SPREAD * np.sqrt(_pooled(product * product) / _counts(energy.shape))
     return _excess(_pooled(product), _pooled(energy), spread)
 
 
 def _wide(difference: Array, energy: Array) -> Array:
-    """Change over noise (sy, sx), as all pixels of a few lenses have it in common."""
+    """Change over noise (sy, sx) that all pixels of a few lenses have in common."""
     mean, own = _pooled(difference.mean((2, 3)), 2), _pooled(energy.mean((2, 3)), 2)
     count = energy.shape[2] * energy.shape[3] * _counts(energy.shape[:2])
-    # The squared mean less what noise adds to it: the mean product of two different pixels.
+    # The squared mean without the part of noise: the mean product of two different pixels.
     change = (np.einsum("...c,...c->...", mean, mean) * count - own) / np.maximum(count - 1, 1)
     return _excess(change, own, WIDE_SPREAD / count * own)
 
 
 def _excess(change: Array, energy: Array, spread: Array) -> Array:
-    """Change over noise, where it exceeds the ``spread`` of what noise pretends to be."""
-    return np.maximum(change - SIGMAS * spread, 0) / np.maximum(energy - change, 0.01 * energy + TINY)
+    """Change over noise where it exceeds the ``spread`` of the change that noise seems to be, else 0."""
+    return np.asarray(np.maximum(change - SIGMAS * spread, 0) / np.maximum(energy - change, 0.01 * energy + TINY))
 
 
 def _counts(shape: tuple[int, ...]) -> Array:
-    """How many pixels ``_pooled`` takes the mean of."""
+    """Number of pixels in each mean of ``_pooled``."""
     return _summed(np.ones(shape, np.float32), len(shape))
 
 
 def _pooled(values: Array, axes: int = 4) -> Array:
-    """Mean of each pixel and the neighbours that it has, REACH to each side along the first ``axes``."""
+    """Mean of each pixel and its neighbours, REACH to each side along the first ``axes``."""
     count = _counts(values.shape[:axes])
-    return _summed(values, axes) / count.reshape(count.shape + (1,) * (values.ndim - axes))
+    return np.asarray(_summed(values, axes) / count.reshape(count.shape + (1,) * (values.ndim - axes)))
 
 
 def _summed(values: Array, axes: int) -> Array:

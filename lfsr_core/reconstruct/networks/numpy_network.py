@@ -1,13 +1,14 @@
-"""The arithmetic of our networks in NumPy: the same as that of ``pytorch.lightfield.LightFieldNet``.
+"""Our networks in NumPy, with the arithmetic of ``lfsr_lab.networks.lightfield.LightFieldNet``.
 
-Every step is one matrix product over a few elemental images that stay in a core's
-cache. ONNX Runtime would cost the extension 15 to 24 MB per platform and Python.
+Every step is one matrix product over a few elemental images that stay in a core's cache. ONNX Runtime would add 15 to
+24 MB to the extension per platform and Python.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,18 +25,19 @@ from lfsr_core.records import from_data
 
 MAX_LOG2_SAMPLES = 12.0
 LEAST_LIGHT, MAX_GAIN = 1e-4, 2.0
-# What makes a firefly, measured on three scenes (docs/results/networks.md): times the brightest neighbour, times this
-# quantile of an EI's deviations, and by how much of the mean, and of light, it moves the mean at least.
+# A firefly, measured on three scenes (docs/results/networks.md), exceeds this multiple of its brightest neighbour plus
+# this multiple of a quantile of the EI's deviations,
 FIREFLY, MOST_NOISE, NOISE_QUANTILE = 4.0, 5.0, 0.9
-LEAST_SHARE, LEAST_MOVE = 0.05, 0.002
+# and moves the mean by more than this fraction of it plus this value.
+LEAST_FRACTION, LEAST_MOVE = 0.05, 0.002
 MOST_BLOCKS = 64
 ENCODED = ("oidn", "guided", "color")
 
 
 def conserve(encoded: Array, light: Array) -> Array:
-    """EIs (N, h, w, 3), encoded, scaled to the mean scene-linear ``light`` (N, 1, 1, 3) they were rendered with.
+    """Scale encoded EIs (N, h, w, 3) to the mean scene-linear ``light`` (N, 1, 1, 3) of the render.
 
-    The render's mean over an EI is unbiased and has little noise; a network's is neither.
+    The mean of a rendered EI is unbiased and has little noise; that of a network's result is biased.
     """
     linear = decode(encoded)
     gain = (light + LEAST_LIGHT) / (mean_light(linear) + LEAST_LIGHT)
@@ -45,16 +47,16 @@ def conserve(encoded: Array, light: Array) -> Array:
 def steady_light(rendered: Array, encoded: Array) -> Array:
     """Mean scene-linear light (N, 1, 1, 3) of ``rendered`` EIs (N, h, w, 3), without their fireflies.
 
-    One path that met a lamp by chance would brighten its whole EI. A value is such a firefly where it alone moves
-    that mean and exceeds by far what a network's result, ``encoded``, has around it, and the EI's own noise: light
-    that many pixels carry in turn, as leaves before a sky do at few samples, is kept. It counts as the result there.
+    A single path that meets a lamp by chance would brighten its whole EI. A value is taken for such a firefly, and
+    replaced by the network's result (``encoded``), where it alone moves the mean and far exceeds both the result
+    around it and the noise of the EI. Light that many pixels carry, such as leaves before a sky, stays.
     """
     clean = decode(encoded)
     excess, count = rendered - clean, rendered.shape[1] * rendered.shape[2]
-    moves = excess > (LEAST_SHARE * mean_light(clean) + LEAST_MOVE) * count
+    moves = excess > (LEAST_FRACTION * mean_light(clean) + LEAST_MOVE) * count
     light, some = mean_light(rendered), moves.any((1, 2, 3))
     if some.any():
-        # Few have a value that could be one: only they pay for a quantile.
+        # Few EIs have such a value, so the slow quantile is taken of them alone.
         noise = np.quantile(np.abs(excess[some]), NOISE_QUANTILE, axis=(1, 2), keepdims=True)
         alone = excess[some] > FIREFLY * _brightest_around(clean[some]) + MOST_NOISE * noise
         light[some] = mean_light(np.where(alone & moves[some], clean[some], rendered[some]))
@@ -63,26 +65,20 @@ def steady_light(rendered: Array, encoded: Array) -> Array:
 
 def _brightest_around(images: Array) -> Array:
     """Largest value among a pixel and its eight neighbours, (N, h, w, 3)."""
-    for axis in (1, 2):
-        padding = [(0, 0)] * 4
-        padding[axis] = (1, 1)
-        padded = np.pad(images, padding, mode="edge")
-        count = images.shape[axis]
-        images = functools.reduce(np.maximum, (np.take(padded, range(start, start + count), axis)
-                                               for start in range(3)))
-    return images
+    (_, h, w, _), padded = images.shape, _bordered(images)
+    around = (padded[:, row:row + h, column:column + w] for row, column in itertools.product(range(3), repeat=2))
+    return functools.reduce(np.maximum, around)
 
 
 def mean_light(images: Array) -> Array:
-    """(N, h, w, 3) -> (N, 1, 1, 3)."""
-    return images.mean(1, keepdims=True).mean(2, keepdims=True)
+    """Mean (N, 1, 1, 3) of EIs (N, h, w, 3)."""
+    return np.asarray(images.mean(1, keepdims=True).mean(2, keepdims=True))
 
 
 def network_inputs(network: ElementalNetwork, low: LowResEIA, lenses: Array) -> tuple[Array, Array]:
     """Features (N, h, w, C) and base (N, h, w, 3) of ``lenses``, as in training."""
-    after_oidn = "oidn" in network.inputs
     layers = {"guided": low.color, **low.layers, "alpha": low.alpha, "oidn": low.color,
-              "color": low.noisy if after_oidn else low.color}
+              "color": low.rendered if "oidn" in network.inputs else low.color}
     rows, columns = lenses[:, 0], lenses[:, 1]
     shape = (len(lenses), *low.color.shape[2:4])
     features = np.empty((*shape, network.input_channels), np.float32)
@@ -104,59 +100,57 @@ def network_inputs(network: ElementalNetwork, low: LowResEIA, lenses: Array) -> 
 
 @dataclasses.dataclass(frozen=True)
 class Options:
-    """Hyper-parameters of a network of ours, as ``lightfield.LightFieldNet`` takes them."""
+    """Hyper-parameters of a network of ours, those of ``LightFieldNet``."""
 
-    inputs: tuple[str, ...]  # layers that the features are made of, in their order
-    # base, second_base: layers that the correction is added to; no second where empty
-    base: str
-    # width, body_width: channels at full and at half resolution
-    width: int
-    body_width: int
+    inputs: tuple[str, ...]  # layers in the features, in this order
+    base: str  # layer to which the correction is added
+    width: int  # channels at full resolution
+    body_width: int  # channels at half resolution
     blocks: int  # of the body
-    second_base: str = ""
-    plain: float = 0.0  # share of both bases' mean in the result
-    spatial: bool = False  # blocks across lenses, which only training knows
+    second_base: str = ""  # layer that is mixed with the base, or empty
+    plain: float = 0.0  # fraction of the mean of both bases in the result
+    spatial: bool = False  # blocks across lenses, for experiments in training alone
 
     def __post_init__(self) -> None:
         if not {self.base, self.second_base or self.base} <= {*self.inputs} or not 0 <= self.blocks <= MOST_BLOCKS:
             raise LfsrError(f"bases must be among the inputs, and blocks, {self.blocks}, at most {MOST_BLOCKS}")
         if not 0 <= self.plain <= 1:
-            raise LfsrError(f"the plain share is {self.plain}, expected 0 to 1")
+            raise LfsrError(f"the fraction 'plain' is {self.plain}, expected 0 to 1")
 
 
 class ElementalNetwork:
-    """The arithmetic of ``lightfield.LightFieldNet`` on channels-last arrays, from its tensors and options."""
+    """``LightFieldNet`` on channels-last arrays, made of its tensors and options; ``origin`` names them in errors."""
 
     def __init__(self, tensors: Mapping[str, Array], options: Mapping[str, Any], origin: object) -> None:
         if options.get("spatial"):
-            raise LfsrError(f"{origin} holds a network with convolutions across lenses, which nothing runs: "
-                            "train it again")
+            raise LfsrError(f"{origin} holds a network with convolutions across lenses, which only training "
+                            "supports: train it without them")
         known = from_data(Options, dict(options), "options")
         self.inputs, self.base, self._blocks, self._plain = known.inputs, known.base, known.blocks, known.plain
         self._second = channels(self.inputs[:self.inputs.index(known.second_base)]) if known.second_base else None
         _check(self, tensors, known, origin)
-        # Convolutions as (rows of a patch, outputs) matrices.
+        # Convolutions as (values of a patch, outputs) matrices.
         self._matrix = {name: _matrix(value) for name, value in tensors.items() if value.ndim == 4}
         self._bias = {name: value for name, value in tensors.items() if name.endswith("bias")}
 
     @property
     def input_channels(self) -> int:
-        """Channels of the features, the sample count included."""
+        """Channels of the features, including the sample count."""
         return channels(self.inputs) + 1
 
     @property
     def outputs(self) -> int:
-        """Channels of the last convolution: correction, share of the base to drop, share of the second base."""
+        """Channels of the last convolution: correction, fraction of the base to drop, fraction of the second base."""
         return 4 if self._second is None else 5
 
     @property
     def layers(self) -> tuple[str, ...]:
-        """Layers that a frame must have beside colour and alpha."""
+        """Layers that a frame must have besides colour and alpha."""
         extra = tuple(name for name in self.inputs if name not in (*ENCODED, "alpha"))
         return (*extra, "noisy") if "oidn" in self.inputs else extra
 
     def __call__(self, features: Array, base: Array) -> Array:
-        """(N, h, w, C) and (N, h, w, 3) -> (N, h, w, 3), in the encoded domain."""
+        """Restored EIs (N, h, w, 3) of features (N, h, w, C) and base (N, h, w, 3), encoded."""
         h, w = features.shape[1:3]
         x = _even(_relu(self._conv(features, "stem")))
         d = _relu(self._dense(_fold(x), "down"))
@@ -167,10 +161,10 @@ class ElementalNetwork:
         correction = self._conv(_relu(x)[:, :h, :w], "out")
         keep = 1 - np.clip(correction[..., 3:4], 0, 1)
         if self._second is None:
-            return base * keep + correction[..., :3]
+            return np.asarray(base * keep + correction[..., :3])
         second = features[..., self._second:self._second + 3]
         mixed = (base + (second - base) * np.clip(correction[..., 4:], 0, 1)) * keep + correction[..., :3]
-        return mixed + ((base + second) / 2 - mixed) * np.float32(self._plain)
+        return np.asarray(mixed + ((base + second) / 2 - mixed) * np.float32(self._plain))
 
     def _conv(self, x: Array, name: str) -> Array:
         return self._dense(_patches(x), name)
@@ -182,7 +176,7 @@ class ElementalNetwork:
 
 
 def load(path: Path) -> ElementalNetwork:
-    """Network of a weights file; LfsrError where it is missing, damaged or another network."""
+    """Network of a weights file; LfsrError where the file is missing, damaged or of another network."""
     return _load(path, path.stat().st_mtime_ns if path.exists() else 0)
 
 
@@ -199,9 +193,8 @@ def _load(path: Path, _written: int) -> ElementalNetwork:
         raise LfsrError(f"{path} holds no network ({error}): get it again or train it again") from None
 
 
-def _check(network: ElementalNetwork, tensors: Mapping[str, Array], options: Options,
-           origin: object) -> None:
-    """LfsrError unless every tensor has the shape that the options ask for."""
+def _check(network: ElementalNetwork, tensors: Mapping[str, Array], options: Options, origin: object) -> None:
+    """LfsrError unless every tensor has the shape that follows from the options."""
     width, body = options.width, options.body_width
     shapes = {"stem": (width, network.input_channels, 3, 3), "down": (body, width, 2, 2), "up": (width * 4, body, 1, 1),
               "out": (network.outputs, width, 3, 3)}
@@ -215,7 +208,7 @@ def _check(network: ElementalNetwork, tensors: Mapping[str, Array], options: Opt
 
 
 def channels(layers: Sequence[str]) -> int:
-    """Channels of some input layers: one of alpha, three of every other."""
+    """Channels of input layers: one for alpha, three for every other."""
     return sum(1 if name == "alpha" else 3 for name in layers)
 
 
@@ -229,16 +222,13 @@ def _patches(x: Array) -> Array:
     n, h, w, c = x.shape
     padded = _bordered(x)
     image, row, pixel, value = padded.strides
-    # Three neighbours in a row lie side by side: one run of memory.
+    # Three neighbours in a row are one run of memory.
     runs = np.lib.stride_tricks.as_strided(padded, (n, h, w, 3, 3 * c), (image, row, pixel, row, value))
     return runs.reshape(n, h, w, 9 * c)
 
 
 def _bordered(x: Array) -> Array:
-    """(N, h, w, C) -> (N, h + 2, w + 2, C), the border repeated.
-
-    What np.pad does, whose own bookkeeping takes longer than the network's arithmetic.
-    """
+    """(N, h, w, C) -> (N, h + 2, w + 2, C), the border repeated; np.pad takes longer than the network itself."""
     n, h, w, c = x.shape
     padded = np.empty((n, h + 2, w + 2, c), x.dtype)
     padded[:, 1:-1, 1:-1] = x
@@ -248,7 +238,7 @@ def _bordered(x: Array) -> Array:
 
 
 def _even(x: Array) -> Array:
-    """The last row and column repeated where their number is odd."""
+    """Repeat the last row and column where their number is odd."""
     h, w = x.shape[1:3]
     return np.pad(x, ((0, 0), (0, h % 2), (0, w % 2), (0, 0)), mode="edge") if h % 2 or w % 2 else x
 
@@ -266,4 +256,4 @@ def _unfold(x: Array) -> Array:
 
 
 def _relu(x: Array) -> Array:
-    return np.maximum(x, 0, out=x)
+    return np.asarray(np.maximum(x, 0, out=x))

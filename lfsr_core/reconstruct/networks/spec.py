@@ -1,4 +1,4 @@
-"""What a network is: the record behind a name on the command line."""
+"""Description of a network that can be named as a method's upscaler."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ LIGHT_FIELD_UPSCALER = "lfsr_core.reconstruct.networks.elemental:ElementalUpscal
 
 @dataclass(frozen=True)
 class NetworkSpec:
-    """One network that can be named on the command line."""
+    """A network: its architecture, its weights and how to run it."""
 
     description: str  # one line for menus
-    architecture: str  # its class, by name of ``lfsr_lab.networks.networks.ARCHITECTURES``
-    options: Mapping[str, Any] = field(default_factory=dict)  # what that class takes beside the scale
-    scales: tuple[int, ...] = (2, 3, 4, 8)  # those it comes in
+    architecture: str  # its class, a name of ``lfsr_lab.networks.networks.ARCHITECTURES``
+    options: Mapping[str, Any] = field(default_factory=dict)  # arguments of that class besides the scale
+    scales: tuple[int, ...] = (2, 3, 4, 8)  # scales that it exists for
     layers: tuple[str, ...] = ()  # auxiliary layers that it needs
-    upscaler: str = LIGHT_FIELD_UPSCALER  # "module:class" that takes (name, **settings) and obeys ``contract.Upscaler``
-    weights: str | None = None  # stem of its files, if that is not its name
-    trained_at: int | None = None  # the one scale it was trained at, if its weights serve all
-    after: tuple[str, ...] = ()  # prefilters of which one must come before it, the best first
-    folder: Path = WEIGHTS_FOLDER  # where its weights are
+    upscaler: str = LIGHT_FIELD_UPSCALER  # "module:class" of a ``contract.Upscaler``, called as (name, **settings)
+    weights: str | None = None  # stem of the weights' files, if it is not the name
+    trained_at: int | None = None  # the scale it was trained at, if its weights serve all scales
+    after: tuple[str, ...] = ()  # prefilters, the best first, of which one must come before it
+    folder: Path = WEIGHTS_FOLDER  # of the weights' files
 
     @property
     def light_field(self) -> bool:
-        """True for our networks, trained on rendered light fields; the others saw photographs."""
+        """True for our networks, trained on rendered light fields; the others were trained on photographs."""
         return self.upscaler == LIGHT_FIELD_UPSCALER
 
     @property
     def mixes(self) -> bool:
-        """True for a network that takes two denoised pictures."""
+        """True for a network that takes two denoised images."""
         return "second_base" in self.options
 
     def chain(self, name: str) -> str:
-        """The method that it is meant for, of this network's ``name``: with what should come before it."""
+        """Method of this network, by its ``name``, and the best prefilter before it."""
         return "+".join((*self.after[:1], name))

@@ -1,8 +1,7 @@
-"""Reading weights with NumPy alone: Blender's Python has neither PyTorch nor the safetensors package.
+"""Read weights with NumPy alone, as Blender's Python has neither PyTorch nor the safetensors package.
 
-The file format: eight bytes with the length of the JSON header, the header, then
-the tensors one after another (https://github.com/huggingface/safetensors). That
-package is compiled for each platform, which would make the extension one zip each.
+A file holds eight bytes with the length of the JSON header, the header, and the tensors one after another
+(https://github.com/huggingface/safetensors). That package is compiled, so the extension would need a zip per platform.
 """
 
 from __future__ import annotations
@@ -23,30 +22,30 @@ from lfsr_core.records import from_data
 
 FORMAT, VERSION = "lfsr-weights", 1
 MAX_BYTES, MOST_AXES = 1_000_000, 8
-TYPES = {"F32": np.dtype("<f4"), "F16": np.dtype("<f2"), "I64": np.dtype("<i8")}
+TYPES: dict[str, np.dtype[Any]] = {"F32": np.dtype("<f4"), "F16": np.dtype("<f2"), "I64": np.dtype("<i8")}
 
 
 def read(path: str | Path) -> tuple[dict[str, str], dict[str, Array]]:
-    """Header and tensors; LfsrError for a damaged file, another format or version, or a wrong hash."""
+    """Header and tensors of a file; LfsrError where it is damaged, of another format or version, or changed."""
     path = Path(path)
     content = read_bytes(path, "weights, as 'lfsr train' makes", 2 * MAX_BYTES)
     try:
         header, tensors = _parse(content)
     except ValueError as error:
         raise LfsrError(f"{path} cannot be read as safetensors weights ({error}): "
-                        f"get it again or train it again") from None
+                        "get it again or train it again") from None
     if header.get("format") != FORMAT:
         raise LfsrError(f"{path} is a safetensors file but not LFSR weights: choose a file written by 'lfsr train'")
     if header.get("version") != str(VERSION):
         raise LfsrError(f"{path} has weights format version {header.get('version')!r}, expected {VERSION}: "
-                        f"train it again or use the matching LFSR")
+                        "train it again or use the matching LFSR")
     if digest(tensors) != header.get("sha256"):
         raise LfsrError(f"{path} does not match the SHA-256 in its header: it was changed or damaged, get it again")
     return header, tensors
 
 
 def digest(tensors: Mapping[str, Array]) -> str:
-    """SHA-256 over names, types, shapes and bytes, in the order of the names."""
+    """SHA-256 of the names, types, shapes and bytes of tensors, sorted by name."""
     state = hashlib.sha256()
     for name in sorted(tensors):
         value = np.ascontiguousarray(tensors[name])
@@ -57,7 +56,7 @@ def digest(tensors: Mapping[str, Array]) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class _Entry:
-    """A tensor in the header: ``data_offsets`` are where its bytes begin and end in the body."""
+    """A tensor in the header; ``data_offsets``: begin and end of its bytes in the body."""
 
     dtype: Literal["F32", "F16", "I64"]
     shape: tuple[int, ...]

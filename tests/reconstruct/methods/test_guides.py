@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 
 from lfsr_core.reconstruct.methods import guides
-from lfsr_core.reconstruct.methods.guides import Cleaner
+from lfsr_core.reconstruct.methods.guides import Denoiser
 
 RANDOM = np.random.default_rng(0)
 LENSES, VIEWS = (3, 4), (10, 12)
 
 
 def guides_of(layers, samples, clean=lambda images: images):
-    return guides.guides_of(layers, samples, Cleaner(clean, VIEWS))
+    return guides.guides_of(layers, samples, Denoiser(clean, VIEWS))
 
 
 def blind(images):

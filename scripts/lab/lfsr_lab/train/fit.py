@@ -25,7 +25,7 @@ from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.networks import catalogue, numpy_network
 from lfsr_core.reconstruct.registry import method
-from lfsr_core.reconstruct.world import BeforeWorld, prepared
+from lfsr_core.reconstruct.world import prepared, world_behind
 from lfsr_lab.networks import checkpoint
 from lfsr_lab.networks.lightfield import LightFieldNet, conserve, display_values, encode, upscale
 from lfsr_lab.networks.networks import load
@@ -142,7 +142,7 @@ def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
     rendered = low.rendered[tuple(chosen.T)]
     halves = tuple(display_values(encode(_planes(half[known.foreground]))) for half in known.linear_images())
     behind = np.zeros((len(chosen), 1, 1, 3), np.float32) if low.world is None else (
-        BeforeWorld(chain.upscaler).behind(low, chosen))
+        world_behind(chain.upscaler, low, chosen))
     return Lenses(_planes(features), _planes(base), _planes(rendered).mean((2, 3), keepdim=True), halves,
                   _planes(behind), frame.scale)
 

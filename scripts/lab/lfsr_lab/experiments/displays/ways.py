@@ -21,7 +21,7 @@ from lfsr_core.optics.panel.weave import weave
 from lfsr_core.reconstruct.method_name import MethodName, default_method
 from lfsr_core.reconstruct.methods.denoise import denoise_eia
 from lfsr_core.reconstruct.methods.guides import GUIDES, from_unit, in_unit
-from lfsr_core.reconstruct.panel_stage import panel_picture
+from lfsr_core.reconstruct.panel_stage import linear_panel_image
 from lfsr_core.reconstruct.second_stage import finished_linear
 
 OURS, OTHER, DIRECT, STRAIGHT, USUAL = "ours", "ours, other scale", "every view", "straight", "usual"
@@ -75,7 +75,7 @@ def panel_image(folder: Path, way: Way) -> Array:
 def traced(folder: Path, name: str, method: str = "none") -> Array:
     """What the panel shows of the file ``name`` of a render of its subpixels, (H, W, 3) uint8 sRGB."""
     layers, frame = clean(read_layers(folder / name))[0], read_rendered(folder)
-    return _encoded(panel_picture(layers, frame, MethodName.parse(method)))
+    return _encoded(linear_panel_image(layers, frame, MethodName.parse(method)))
 
 
 def shown(linear: Array, display: DisplayProfile, sampling: str | None = None) -> Array:
