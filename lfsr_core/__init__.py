@@ -48,7 +48,7 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.plan.planner import Planned as Planned
     from lfsr_core.plan.planner import make_plan as make_plan
     from lfsr_core.reconstruct.method_name import MethodName as MethodName
-    from lfsr_core.reconstruct.second_stage import UpscaleOptions as UpscaleOptions
+    from lfsr_core.reconstruct.options import UpscaleOptions as UpscaleOptions
     from lfsr_core.reconstruct.second_stage import upscale_frame as upscale_frame
     from lfsr_core.render.blender import Blender as Blender
     from lfsr_core.render.blender import find_blender as find_blender
@@ -77,7 +77,8 @@ _MODULES = {
     "plan.options": "PlanOptions",
     "plan.planner": "Planned make_plan",
     "reconstruct.method_name": "MethodName",
-    "reconstruct.second_stage": "UpscaleOptions upscale_frame",
+    "reconstruct.options": "UpscaleOptions",
+    "reconstruct.second_stage": "upscale_frame",
     "render.blender": "Blender find_blender",
     "render.process": "run_job",
 }
