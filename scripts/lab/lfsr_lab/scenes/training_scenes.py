@@ -2,10 +2,17 @@
 
     python scripts/lab/lfsr_lab/scenes/training_scenes.py --prepare-textures PHOTOS SMALL
     python scripts/lab/lfsr_lab/scenes/training_scenes.py --output DIR --count 100 --textures SMALL
+    python scripts/lab/lfsr_lab/scenes/training_scenes.py --prepare-models /usr/share/sweethome3d/furniture MODELS
+    python scripts/lab/lfsr_lab/scenes/training_scenes.py --low-only --output DIR --count 400 --textures SMALL \\
+        --models MODELS
     blender --background --python scripts/lab/lfsr_lab/scenes/training_scenes.py -- --output DIR ...
 
 Needs bpy, numpy, pyoidn and OpenImageIO; nothing has to be installed. Scene I of
 seed S is the same whichever others are made; a folder is completed, not redone.
+MODELS is any folder of OBJ and glTF models under free licenses, named in its licenses.json; --prepare-models
+makes one of the 800 models of Debian's package sweethome3d-furniture (apt-get install sweethome3d-furniture).
+--low-only: many displays, scales, lights and layouts, the low-resolution EIA alone, several times with few samples
+and once clean; the default: the low-resolution EIA, denoised, and two halves of the full-resolution reference.
 The file format is described in training/produce.py.
 """
 
@@ -25,8 +32,8 @@ sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4)
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, emit
-from lfsr_lab.scenes.training import crew
-from lfsr_lab.scenes.training.displays import check_display
+from lfsr_lab.scenes.training import pool
+from lfsr_lab.scenes.training.displays import TRAIN, check_display
 from lfsr_lab.scenes.training.textures import find_textures, prepare_textures
 
 if TYPE_CHECKING:
@@ -44,14 +51,19 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=0, help="seed of the whole set")
     parser.add_argument("--display", default="train", help="train (varies), a built-in display or a .toml file")
     parser.add_argument("--scale", type=int, default=4, help="scale factor of the low-resolution renders")
-    parser.add_argument("--spps", default="1,4,16,64", help="samples per pixel of the low-resolution renders")
-    parser.add_argument("--reference-spp", type=int, default=512, help="samples of both reference halves together")
+    parser.add_argument("--low-only", action="store_true", help="low-resolution renders and their clean target only")
+    parser.add_argument("--spps", help="samples per pixel of the low-resolution renders (1,4,16,64; 1,4,16 low only)")
+    parser.add_argument("--reference-spp", type=int,
+                        help="samples of both reference halves together (512), or of the clean target (256)")
+    parser.add_argument("--models", type=Path, help="folder of OBJ and glTF models, for --low-only")
     parser.add_argument("--textures", type=Path, help="folder of small photographs")
     parser.add_argument("--device", default="CPU", choices=("CPU", "OPTIX"))
     parser.add_argument("--threads", type=int, help="CPU threads per worker")
     parser.add_argument("--workers", type=int, default=1, help="processes side by side")
     parser.add_argument("--compress", action="store_true", help="smaller files, slower to write and read")
     parser.add_argument("--prepare-textures", nargs=2, metavar=("PHOTOS", "SMALL"), help="only shrink photographs")
+    parser.add_argument("--prepare-models", nargs=2, metavar=("ARCHIVES", "MODELS"),
+                        help="only unpack the models of Sweet Home 3D's .sh3f files")
     parser.add_argument("--size", type=int, default=1024, help="longest side of a shrunk photograph in pixels")
     parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     return parser.parse_args(arguments)
@@ -59,16 +71,22 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
 
 def recipe_of(options: argparse.Namespace) -> Recipe:
     """Validated recipe of the command line."""
+    from lfsr_lab.scenes.training.models import find_models
     from lfsr_lab.scenes.training.produce import Recipe
 
     if options.output is None:
         raise LfsrError("--output is missing: name the folder of the scene files")
-    if options.reference_spp < 2 or options.reference_spp % 2:
-        raise LfsrError(f"--reference-spp is {options.reference_spp}, but two equal halves need an even number")
-    check_display(options.display, options.scale)
-    return Recipe(options.output, options.seed, options.display, options.scale, _samples(options.spps),
-                  options.reference_spp, find_textures(options.textures), options.device,
-                  options.threads, options.compress)
+    reference = options.reference_spp or (256 if options.low_only else 512)
+    if reference < 2 or reference % 2:
+        raise LfsrError(f"--reference-spp is {reference}, but two equal halves need an even number")
+    if options.models and not options.low_only:
+        raise LfsrError("--models needs --low-only: the scenes of full-resolution pairs have no models")
+    if not (options.low_only and options.display == TRAIN):
+        check_display(options.display, options.scale)
+    samples = _samples(options.spps or ("1,4,16" if options.low_only else "1,4,16,64"))
+    return Recipe(options.output, options.seed, options.display, options.scale, samples, reference,
+                  find_textures(options.textures), options.device, options.threads, options.compress,
+                  options.low_only, find_models(options.models))
 
 
 def _samples(text: str) -> tuple[int, ...]:
@@ -101,19 +119,24 @@ def run(options: argparse.Namespace) -> int:
     if options.prepare_textures:
         emit(stage="textures", count=prepare_textures(*options.prepare_textures, options.size))
         return 0
+    if options.prepare_models:
+        from lfsr_lab.scenes.training.models import prepare_models
+
+        emit(stage="models", count=prepare_models(*options.prepare_models))
+        return 0
     from lfsr_lab.scenes.training.produce import produce
 
     recipe = recipe_of(options)
     if options.serve:
-        crew.serve(lambda index: produce(recipe, index))
+        pool.serve(lambda index: produce(recipe, index))
         return 0
     claim_folder(recipe)
     missing = missing_scenes(recipe, options.first, options.count)
     emit(stage="start", scenes=len(missing), complete=options.count - len(missing))
     if options.workers > 1:
-        failed = crew.share_out(worker_command(options), min(options.workers, len(missing)), missing)
+        failed = pool.run_pool(worker_command(options), min(options.workers, len(missing)), missing)
     else:
-        failed = [index for index in missing if not crew.attempt(lambda index: produce(recipe, index), index)]
+        failed = [index for index in missing if not pool.attempt(lambda index: produce(recipe, index), index)]
     emit(stage="done", made=len(missing) - len(failed), failed=failed)
     return len(failed)
 

@@ -11,31 +11,13 @@ from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.objects import add_surface
 from lfsr_lab.scenes.training import plants
 from lfsr_lab.scenes.training.cutouts import leaf_material, paper_material, turn
-from lfsr_lab.scenes.training.lights import light_open_scene, light_room
+from lfsr_lab.scenes.training.lights import light_room
 from lfsr_lab.scenes.training.materials import random_material
-from lfsr_lab.scenes.training.shapes import CLOSED, SHAPES, copy_of, put, random_shape, readable, upright
+from lfsr_lab.scenes.training.shapes import CLOSED, SMALL, copy_of, kinds, put, random_shape, readable, upright
 from lfsr_lab.scenes.training.stage import Stage
 
-FROM_ABOVE = ("hero", "assembly", "pile", "woods", "bouquet", "meadow")
-SMALL = {name: share for name, share in SHAPES.items() if name not in ("fur", "text")}
 
-
-def build(stage: Stage) -> str:
-    """Fill the stage with one random arrangement and its light; returns its name."""
-    name = stage.pick({name: share for name, (share, _) in LAYOUTS.items()})
-    stage.note("layout", name=name, front=stage.front, behind=stage.behind)
-    LAYOUTS[name][1](stage)
-    if name != "room":
-        light_open_scene(stage)
-        if name not in ("wall", "street") and stage.chance(0.15):
-            _backdrop(stage)
-        elif name in FROM_ABOVE and stage.chance(0.6):
-            stage.pitch = stage.rng.uniform(0, math.radians(35))
-            stage.note("pitch", angle=stage.pitch)
-    return name
-
-
-def _around_plane(stage: Stage, size: float) -> Array:
+def around_plane(stage: Stage, size: float) -> Array:
     """A place near the middle whose body of this half-size stays within the depth limits."""
     low, high = min(size * 0.8 - stage.front, 0), max(stage.behind - size * 0.8, 0)
     return np.array([stage.rng.normal(0, 0.2), stage.rng.uniform(low, high) * 0.7, stage.rng.normal(0, 0.12)])
@@ -45,7 +27,7 @@ def hero(stage: Stage) -> None:
     """One body, as in most of the test renders, sometimes on a plinth or with companions."""
     alone = stage.chance(0.55)
     size = stage.rng.uniform(0.2, 0.95)
-    at = _around_plane(stage, size)
+    at = around_plane(stage, size)
     thing = random_shape(stage)
     put(stage, thing, at, size, readable(stage) if thing.type == "FONT" else upright(stage, 0.4))
     if not alone and stage.chance(0.6):
@@ -58,7 +40,7 @@ def hero(stage: Stage) -> None:
 def assembly(stage: Stage) -> None:
     """Parts grown onto each other in a few materials, as a figure, a helmet or a machine."""
     size = stage.rng.uniform(0.12, 0.4)
-    grown = [(_around_plane(stage, 2 * size), size)]
+    grown = [(around_plane(stage, 2 * size), size)]
     materials = [random_material(stage) for _ in range(stage.rng.integers(1, 5))]
     for _ in range(stage.rng.integers(3, 16)):
         at, parent = grown[stage.rng.integers(len(grown))]
@@ -71,26 +53,26 @@ def assembly(stage: Stage) -> None:
 
 def pile(stage: Stage) -> None:
     """Clutter of many bodies of few kinds, on a floor or floating."""
-    kinds = [random_shape(stage, stage.pick(SMALL)) for _ in range(stage.rng.integers(3, 7))]
+    bodies = [random_shape(stage, stage.pick(kinds(stage, small=True))) for _ in range(stage.rng.integers(3, 7))]
     floor, largest = -stage.array.half_height * stage.rng.uniform(0.5, 0.9), stage.rng.uniform(0.12, 0.35)
     spread = stage.rng.uniform(0.25, 0.9)
     for index in range(stage.rng.integers(15, 90)):
-        thing = kinds[index] if index < len(kinds) else copy_of(kinds[stage.rng.integers(len(kinds))])
+        thing = bodies[index] if index < len(bodies) else copy_of(bodies[stage.rng.integers(len(bodies))])
         size = largest * stage.rng.uniform(0.3, 1)
         at = stage.place(spread)
         at[2] = floor + size * stage.rng.uniform(0.6, 1) + abs(stage.rng.normal(0, 0.3))
         put(stage, thing, at, size)
     if stage.chance(0.7):
-        _floor(stage, floor)
+        floor_at(stage, floor)
 
 
 def cloud(stage: Stage) -> None:
     """Particles of one or two kinds all through the depth range."""
-    kinds = [random_shape(stage, stage.pick({"ball": 4, "box": 2, "rock": 2, "knot": 1, "blob": 2}))
+    bodies = [random_shape(stage, stage.pick({"ball": 4, "box": 2, "rock": 2, "knot": 1, "blob": 2}))
              for _ in range(stage.rng.integers(1, 4))]
     size, spread = stage.log_uniform(0.015, 0.12), stage.rng.uniform(0.3, 1.1)
     for index in range(stage.rng.integers(60, 400)):
-        thing = kinds[index] if index < len(kinds) else copy_of(kinds[stage.rng.integers(len(kinds))])
+        thing = bodies[index] if index < len(bodies) else copy_of(bodies[stage.rng.integers(len(bodies))])
         thing.location, thing.rotation_euler = stage.place(spread), turn(stage)
         thing.scale = (size * stage.rng.uniform(0.4, 1.5),) * 3
     stage.note("cloud", size=size)
@@ -114,9 +96,9 @@ def woods(stage: Stage) -> None:
     for _ in range(stage.rng.integers(1, 4)):
         plant = plants.tree(stage.rng)
         size = stage.rng.uniform(0.5, 1.0)
-        _plant(stage, plant, (_around_plane(stage, size * 0.6), size, upright(stage, 0.1)))
+        _plant(stage, plant, (around_plane(stage, size * 0.6), size, upright(stage, 0.1)))
     if stage.chance(0.3):
-        _floor(stage, -stage.array.half_height * 0.9)
+        floor_at(stage, -stage.array.half_height * 0.9)
 
 
 def _plant(stage: Stage, plant: plants.Plant, where: tuple[Array, float, Array],
@@ -131,7 +113,7 @@ def _plant(stage: Stage, plant: plants.Plant, where: tuple[Array, float, Array],
 def bouquet(stage: Stage) -> None:
     """Flowers in a vessel, mostly of glass, sometimes with water or marbles."""
     size = stage.rng.uniform(0.3, 0.5)
-    base = _around_plane(stage, size) - [0, 0, 0.35]
+    base = around_plane(stage, size) - [0, 0, 0.35]
     kind = stage.pick({"glass": 7, "any": 3})
     vase = random_shape(stage, "lathe", random_material(stage, kind="glass") if kind == "glass" else None)
     put(stage, vase, base, size, np.array([0, 0, 0.0]))
@@ -141,7 +123,7 @@ def bouquet(stage: Stage) -> None:
         _plant(stage, plants.flower(stage.rng), (base + np.array([0, 0, height - size]), height, lean),
                cut_out=stage.chance(0.2))
     if stage.chance(0.5):
-        _floor(stage, base[2] - size)
+        floor_at(stage, base[2] - size)
 
 
 def meadow(stage: Stage) -> None:
@@ -153,7 +135,7 @@ def meadow(stage: Stage) -> None:
     for _ in range(stage.rng.integers(0, 5)):
         put(stage, random_shape(stage), stage.place(0.7), stage.rng.uniform(0.1, 0.4))
     if stage.chance(0.8):
-        _floor(stage, floor)
+        floor_at(stage, floor)
 
 
 def sheets(stage: Stage) -> None:
@@ -169,7 +151,7 @@ def sheets(stage: Stage) -> None:
 
 def wall(stage: Stage) -> None:
     """A textured wall, relief or landscape behind everything, and bodies before it: every lens sees something."""
-    _backdrop(stage)
+    backdrop(stage)
     for _ in range(stage.rng.integers(1, 7)):
         put(stage, random_shape(stage), stage.place(0.8), stage.rng.uniform(0.12, 0.5))
 
@@ -186,9 +168,9 @@ def street(stage: Stage) -> None:
         at[2] = floor + height
         put(stage, add_surface(body, materials[stage.rng.integers(4)], "house"), at, 1.0,
             np.array([0, 0, stage.rng.choice([0, 0.3, 0.8])]))
-    _floor(stage, floor)
+    floor_at(stage, floor)
     if stage.chance(0.4):
-        _backdrop(stage)
+        backdrop(stage)
 
 
 def room(stage: Stage) -> None:
@@ -200,17 +182,18 @@ def room(stage: Stage) -> None:
     middle = np.array([0, (behind - front) / 2, 0])
     for axis, side in ((0, -1), (0, 1), (1, 1), (1, -1), (2, -1), (2, 1)):
         if (axis, side) != (1, -1) or front > 1:
-            _room_side(stage, middle, half, axis, side)
+            room_side(stage, middle, half, axis, side)
     for _ in range(stage.rng.integers(2, 9)):
         size = stage.rng.uniform(0.12, 0.45)
         at = middle + half * stage.rng.uniform(-0.75, 0.75, 3)
         at[1] = np.clip(at[1], -stage.front, behind - size)
         at[2] = middle[2] - half[2] + size * 0.8 if stage.chance(0.7) else at[2]
-        put(stage, random_shape(stage, stage.pick(SMALL | {"box": 25})), at, size, upright(stage, 0.05))
+        kind = stage.pick(kinds(stage, small=True) | {"box": 25})
+        put(stage, random_shape(stage, kind), at, size, upright(stage, 0.05))
     light_room(stage, middle, half)
 
 
-def _room_side(stage: Stage, middle: Array, half: Array, axis: int, side: int) -> None:
+def room_side(stage: Stage, middle: Array, half: Array, axis: int, side: int) -> None:
     extent = half.copy()
     extent[axis] = 0.02
     at = middle.copy()
@@ -219,7 +202,7 @@ def _room_side(stage: Stage, middle: Array, half: Array, axis: int, side: int) -
     put(stage, add_surface(surfaces.box(*extent), random_material(stage, kind=kind), "side"), at, 1.0, np.zeros(3))
 
 
-def _floor(stage: Stage, height: float) -> None:
+def floor_at(stage: Stage, height: float) -> None:
     """Ground between the depth limits: flat or rolling."""
     middle = np.array([0, (stage.behind - stage.front) / 2, height])
     half = np.array([stage.rng.uniform(0.9, 2.5), (stage.front + stage.behind) / 2, 1.0])
@@ -227,7 +210,7 @@ def _floor(stage: Stage, height: float) -> None:
     put(stage, add_surface(ground, random_material(stage, closed=False), "floor"), middle, half, np.zeros(3))
 
 
-def _backdrop(stage: Stage) -> None:
+def backdrop(stage: Stage) -> None:
     """A wall across the whole view at the far limit: photograph, material or relief."""
     depth = max(stage.behind * stage.rng.uniform(0.5, 1), 0.1)
     width, height = stage.window(depth, 1.0)

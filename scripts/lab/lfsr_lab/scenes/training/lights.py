@@ -18,12 +18,16 @@ from lfsr_lab.scenes.training.materials import random_color
 from lfsr_lab.scenes.training.stage import Dimmer, Stage
 
 SETUPS = {"picture": 40, "picture+lamps": 16, "lamps": 16, "sun": 14, "sparks": 7, "sky": 7}
+DARK = {"dark": 22}
 
 
 def light_open_scene(stage: Stage) -> None:
     """Light for a scene without walls."""
-    setup = stage.pick(SETUPS)
+    setup = stage.pick(SETUPS | (DARK if stage.is_varied else {}))
     stage.note("light", setup=setup)
+    if setup == "dark":
+        light_dark(stage, int(stage.rng.integers(1, 3)))
+        return
     if setup.startswith("picture"):
         _world_picture(stage, 1.0)
     else:
@@ -90,9 +94,9 @@ def _lamp_color(stage: Stage) -> tuple[float, float, float]:
     return (1.0, 1 - 0.35 * max(warm, 0) - 0.1 * max(-warm, 0), 1 - 0.8 * max(warm, 0))
 
 
-def lamp(stage: Stage, at: Array, brightness: float) -> None:
+def lamp(stage: Stage, at: Array, brightness: float, small: bool = False) -> None:
     """Area, point or spot lamp at a place, aimed at the middle; brightness is about what a white body shows."""
-    kind = stage.pick({"AREA": 60, "POINT": 25, "SPOT": 15})
+    kind = stage.pick({"POINT": 3, "SPOT": 1} if small else {"AREA": 60, "POINT": 25, "SPOT": 15})
     light = bpy.data.lights.new("lamp", kind)
     light.color = _lamp_color(stage)
     # A Lambertian body at distance d shows P / (4 π² d²) under a point lamp of P watts, four times that
@@ -101,7 +105,7 @@ def lamp(stage: Stage, at: Array, brightness: float) -> None:
     if kind == "AREA":
         light.size = stage.log_uniform(0.1, 2.5)
     else:
-        light.shadow_soft_size = stage.log_uniform(0.01, 0.3)
+        light.shadow_soft_size = stage.log_uniform(0.01, 0.06 if small else 0.3)
     thing = add_object(light, None, "lamp")
     thing.location = at
     thing.rotation_euler = Vector(-at).to_track_quat("-Z", "Y").to_euler()
@@ -118,13 +122,22 @@ def _sun(stage: Stage, strength: float) -> None:
     stage.note("sun", angle=light.angle)
 
 
-def glowing_ball(stage: Stage) -> None:
+def light_dark(stage: Stage, lamps: int, reach: float | None = None) -> None:
+    """Next to no light from around, and small lamps: within ``reach`` of the middle, or around the scene."""
+    _world_color(stage, stage.log_uniform(0.0005, 0.02))
+    stage.bright_lens = 0.9
+    for _ in range(lamps):
+        at = stage.rng.uniform(-1, 1, 3) * reach if reach else _above(stage) * stage.rng.uniform(0.4, 1)
+        lamp(stage, at, stage.log_uniform(0.5, 5), small=True)
+
+
+def glowing_ball(stage: Stage, size: float | None = None) -> None:
     """A small, very bright body somewhere in view."""
     material, _, shader = principled("spark")
     shader.inputs["Emission Color"].default_value = (*_lamp_color(stage), 1.0)
     shader.inputs["Emission Strength"].default_value = stage.log_uniform(20, 200)
     stage.dimmers.append(Dimmer(shader.inputs["Emission Strength"], "default_value"))
-    settle(add_surface(surfaces.sphere(16, 9), material, "spark"), stage.place(), stage.log_uniform(0.02, 0.09),
+    settle(add_surface(surfaces.sphere(16, 9), material, "spark"), stage.place(), size or stage.log_uniform(0.02, 0.09),
            np.zeros(3))
 
 

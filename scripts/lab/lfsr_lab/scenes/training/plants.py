@@ -98,9 +98,13 @@ def _rotation(rng: Random, amount: float) -> Array:
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
 
 
-def fur(rng: Random, body: Surface) -> Surface:
-    """Hair on a body: thin, tapered, drooping tubes along its rough outward direction."""
-    count, length, thickness = int(rng.integers(300, 1200)), rng.uniform(0.1, 0.6), rng.uniform(0.003, 0.012)
+def fur(rng: Random, body: Surface, more: int = 1, thinner: float = 1.0) -> Surface:
+    """Hair on a body: thin, tapered, drooping tubes along its rough outward direction.
+
+    ``more``, ``thinner``: factors of the number of hairs and of their thickness.
+    """
+    count, length = int(rng.integers(300, 1200)) * more, rng.uniform(0.1, 0.6)
+    thickness = rng.uniform(0.003, 0.012) * thinner
     roots = body.vertices[rng.integers(len(body.vertices), size=count)]
     share = np.linspace(0, 1, 5)
     wind = rng.normal(0, 0.4, 3) - [0, 0, rng.uniform(0, 0.8)]

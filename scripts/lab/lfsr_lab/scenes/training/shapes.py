@@ -17,10 +17,13 @@ from lfsr_lab.scenes.shared.surfaces import Random, Surface
 from lfsr_lab.scenes.training import plants
 from lfsr_lab.scenes.training.cutouts import turn
 from lfsr_lab.scenes.training.materials import random_material
+from lfsr_lab.scenes.training.models import glaze, load_model
 from lfsr_lab.scenes.training.stage import Stage
 
 SHAPES = {"blob": 22, "ball": 8, "box": 8, "superquadric": 9, "knot": 10, "lathe": 10, "gear": 6, "spring": 4,
           "wire": 5, "rock": 6, "monkey": 7, "text": 5, "lattice": 4, "fur": 2}
+SMALL = {name: weight for name, weight in SHAPES.items() if name not in ("fur", "text")}
+MODEL_WEIGHT = 75
 CLOSED = {"blob", "ball", "box", "superquadric", "knot", "lathe", "gear", "rock"}
 SURFACES: dict[str, Callable[[Random], Surface]] = {
     "blob": surfaces.blob, "superquadric": surfaces.superquadric, "knot": surfaces.torus_knot,
@@ -31,12 +34,33 @@ SURFACES: dict[str, Callable[[Random], Surface]] = {
 
 def random_shape(stage: Stage, kind: str | None = None, material: bpy.types.Material | None = None) -> bpy.types.Object:
     """Object of a random or given kind with a random or given material, at the origin."""
-    kind = kind or stage.pick(SHAPES)
+    kind = kind or stage.pick(kinds(stage))
+    if kind == "model":
+        return _model(stage, material)
     stage.note("shape", kind=kind)
     material = material or random_material(stage, closed=kind in CLOSED, uv=kind in SURFACES)
     if kind in SURFACES:
         return add_surface(surfaces.unit_sized(SURFACES[kind](stage.rng)), material, kind)
     return {"monkey": _monkey, "text": _text, "rock": _rock, "lattice": _lattice}[kind](stage, material)
+
+
+def kinds(stage: Stage, small: bool = False) -> dict[str, float]:
+    """Kinds of shapes by weight, with models where there are any; ``small``: those that do in numbers."""
+    return (SMALL if small else SHAPES) | ({"model": MODEL_WEIGHT} if stage.models else {})
+
+
+def _model(stage: Stage, material: bpy.types.Material | None) -> bpy.types.Object:
+    """A real model, mostly in its own materials."""
+    path = list(stage.models)[stage.rng.integers(len(stage.models))]
+    thing = load_model(path)
+    if material or stage.chance(0.15):
+        material = material or random_material(stage, closed=False, uv=False)
+        for slot in range(len(thing.data.materials)):
+            thing.data.materials[slot] = material
+    elif stage.chance(0.6):
+        glaze(thing)
+    stage.note("model", **stage.models[path])
+    return thing
 
 
 def put(stage: Stage, thing: bpy.types.Object, at: Array, size: float | Array,

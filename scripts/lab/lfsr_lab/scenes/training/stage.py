@@ -37,6 +37,9 @@ class Dimmer:
 class Stage:
     """``front`` and ``behind``: how far objects may stand from the display plane, in scene units.
 
+    ``is_varied``: also with the layouts and lights of low-resolution sets. ``is_direct``: the
+    panel's subpixels are rendered, not elemental images. ``bright_lens``: the exposure makes
+    this quantile of the foreground lenses' brightness sensible.
     ``pitch``: how far the camera array has climbed about the display's middle, radians.
     """
 
@@ -46,6 +49,10 @@ class Stage:
     front: float
     behind: float
     textures: tuple[Path, ...]
+    models: dict[Path, dict[str, str]] = dataclasses.field(default_factory=dict)
+    is_varied: bool = False
+    is_direct: bool = False
+    bright_lens: float = 0.5
     layout: str = ""
     pitch: float = 0.0
     notes: list[dict[str, Any]] = dataclasses.field(default_factory=list)
@@ -53,14 +60,14 @@ class Stage:
 
     @classmethod
     def for_display(cls, rng: np.random.Generator, profile: DisplayProfile, scale: int,
-                    textures: tuple[Path, ...]) -> Stage:
+                    textures: tuple[Path, ...], **options: Any) -> Stage:
         """Stage whose depth is a random share, up to 1.5, of the low-resolution array's usable range."""
         array = CameraArray.for_display(profile, 2.0)
         unit = 2.0 / profile.panel_mm[0]
         front, behind = (unit * depth for depth in profile.depth_range_mm(scale))
         share = DEPTH_EXCESS * rng.uniform(0.25, 1)
         return cls(rng, profile, array, min(front * share, NEAREST * array.distance),
-                   min(behind * share, DEEPEST), textures)
+                   min(behind * share, DEEPEST), textures, **options)
 
     @property
     def matrix_world(self) -> tuple[tuple[float, ...], ...]:

@@ -1,4 +1,4 @@
-"""Several Blender processes that take scene numbers from one list.
+"""A pool of Blender processes that take scene numbers from one list.
 
 A worker reads numbers from its standard input, one a line, and answers each with
 one record of ``lfsr_core.render.protocol``. A worker that dies costs the scene it was at, no more;
@@ -40,7 +40,7 @@ def serve(work: Work) -> None:
         attempt(work, int(line))
 
 
-def share_out(command: Sequence[str], workers: int, indices: Sequence[int]) -> list[int]:
+def run_pool(command: Sequence[str], workers: int, indices: Sequence[int]) -> list[int]:
     """Have ``workers`` processes of ``command`` do the scenes; the numbers that failed, sorted.
 
     LfsrError where a worker met one.

@@ -1,0 +1,31 @@
+"""A whole scene: one layout, its light and, now and then, a backdrop, fog or a view from above."""
+
+from __future__ import annotations
+
+import math
+
+from lfsr_lab.scenes.training import hard_layouts, layouts
+from lfsr_lab.scenes.training.lights import light_open_scene
+from lfsr_lab.scenes.training.stage import Stage
+
+FROM_ABOVE = ("hero", "assembly", "pile", "woods", "bouquet", "meadow", "crowd")
+OWN_BACKGROUND = ("wall", "street", "window")
+FOG = 0.07  # probability
+
+
+def compose(stage: Stage) -> str:
+    """Fill the stage with one random layout and its light; return the layout's name."""
+    choices = layouts.LAYOUTS | (hard_layouts.LAYOUTS if stage.is_varied else {})
+    name = stage.pick({name: weight for name, (weight, _) in choices.items()})
+    stage.note("layout", name=name, front=stage.front, behind=stage.behind)
+    choices[name][1](stage)
+    if name not in ("room", *hard_layouts.LIT):
+        light_open_scene(stage)
+        if name not in OWN_BACKGROUND and stage.chance(0.15):
+            layouts.backdrop(stage)
+        elif name in FROM_ABOVE and stage.chance(0.6):
+            stage.pitch = stage.rng.uniform(0, math.radians(35))
+            stage.note("pitch", angle=stage.pitch)
+    if stage.is_varied and stage.chance(FOG):
+        hard_layouts.fog(stage)
+    return name
