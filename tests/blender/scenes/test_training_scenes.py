@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -196,3 +197,91 @@ def test_photographs_are_made_small(parts, tmp_path):
     small = oiio.ImageBuf(str(tmp_path / "small" / "photo.jpg"))
     assert (small.spec().width, small.spec().height) == (40, 20)
     assert small.get_pixels(oiio.FLOAT).mean((0, 1)) == pytest.approx([0.2, 0.5, 0.8], abs=0.02)
+
+
+CUBE = "mtllib cube.mtl\n" + "".join(f"v {x} {y} {z}\n" for x in (0, 40) for y in (0, 20) for z in (0, 20)) + \
+    "usemtl paint\nf 1 2 4 3\nf 5 6 8 7\nf 1 2 6 5\nf 3 4 8 7\nf 1 3 7 5\nf 2 4 8 6\n"
+LOW_ONLY = ("--low-only", "--spps", "1,16", "--reference-spp", 96)
+
+
+@pytest.fixture(scope="module")
+def low_set(inputs, tmp_path_factory):
+    """Folder with the low-resolution scenes 8 and 9, and the options that made it."""
+    models = tmp_path_factory.mktemp("models")
+    models.joinpath("cube.obj").write_text(CUBE, encoding="utf-8")
+    models.joinpath("cube.mtl").write_text("newmtl paint\nKd 0.8 0.5 0.2\n", encoding="utf-8")
+    models.joinpath("licenses.json").write_text('{"cube.obj": {"license": "CC0", "author": "nobody"}}', "utf-8")
+    folder, options = tmp_path_factory.mktemp("low"), (*LOW_ONLY, "--models", models)
+    code, messages = run(inputs, folder, *options, "--first", 8, "--count", 2)
+    assert code == 0, messages
+    return folder, options
+
+
+def test_a_low_resolution_set_has_independent_renders_and_a_clean_target(low_set):
+    arrays, meta = load(low_set[0], 8)
+    width, height = (lens * view // SCALE for lens, view in zip(LENSES, VIEWS, strict=True))
+    names = ["1_0", "1_1", "1_2", "1_3", "16_0", "16_1", "target"]
+    shapes = {"color": (height, width, 4), "guides": (height, width, 6)}
+    assert {name: array.shape for name, array in arrays.items()} == {
+        f"{kind}_{name}": shape for kind, shape in shapes.items() for name in names}
+    assert all(array.dtype == np.float16 and np.isfinite(array).all() for array in arrays.values())
+    assert len(set(meta["seeds"].values())) == len(names) and meta["index"] == 8 and meta["scale"] == SCALE
+    color = {name: np.clip(arrays[f"color_{name}"].astype(np.float64), 0, 2) for name in names}
+    assert not np.array_equal(color["16_0"], color["16_1"])
+    errors = [((color[name] - color["target"]) ** 2).mean() for name in ("1_0", "16_0")]
+    assert errors[1] < errors[0] and errors[1] < 0.02
+
+
+def test_every_tenth_scene_validates(low_set):
+    assert [load(low_set[0], index)[1]["validates"] for index in (8, 9)] == [False, True]
+
+
+def test_a_low_resolution_scene_is_repeated_and_its_folder_completed(inputs, low_set, tmp_path):
+    folder, options = low_set
+    lost, (arrays, meta) = folder / "scene_000009.npz", load(folder, 9)
+    lost.unlink()
+    code, messages = run(inputs, folder, *options, "--first", 8, "--count", 2)
+    assert code == 0 and messages[0] == {"stage": "start", "scenes": 1, "complete": 1}
+    again, meta_again = load(folder, 9)
+    assert meta_again["scene"] == meta["scene"] and meta_again["exposure"] == meta["exposure"]
+    close = np.isclose(arrays["color_1_0"].astype(np.float32), again["color_1_0"].astype(np.float32), 0.02, 0.02)
+    assert close.mean() > 0.98
+
+
+def test_random_displays_fit_their_scale_and_stay_small():
+    from lfsr_core.optics.panel.panel_rays import rendered_size
+    from lfsr_lab.scenes.training.displays import low_display
+
+    chosen = [low_display(np.random.default_rng(seed)) for seed in range(200)]
+    pixels = [np.prod(rendered_size(profile) if scale == 1 else np.multiply(profile.lenses, profile.low_views(scale)))
+              for profile, scale in chosen]
+    assert min(pixels) > 20_000 and max(pixels) < 80_000
+    assert {scale for _, scale in chosen} == {1, 2, 3, 4, 5}
+    assert {profile.parallax for profile, _ in chosen} == {(True, True), (True, False)}
+
+
+def test_models_are_centred_and_named_with_their_license(low_set):
+    import bpy
+
+    from lfsr_lab.scenes.training.models import find_models, load_model
+
+    (path, fact), = find_models(low_set[1][-1]).items()
+    assert fact == {"file": "cube.obj", "license": "CC0", "author": "nobody"}
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    corners = np.array([vertex.co for vertex in load_model(path).data.vertices])
+    assert corners.min(0) == pytest.approx([-1, -0.5, -0.5]) and corners.max(0) == pytest.approx([1, 0.5, 0.5])
+
+
+def test_models_without_their_textures_and_those_of_the_tests_are_left_out(tmp_path):
+    from lfsr_lab.scenes.training.models import find_models, prepare_models
+
+    catalog = "license=Public domain\n"
+    with zipfile.ZipFile(tmp_path / "some.sh3f", "w") as archive:
+        for number, (name, texture) in enumerate({"stool": "", "torn": "map_Kd lost.jpg", "japaneseMaple": ""}.items()):
+            archive.writestr(f"some/{name}/{name}.obj", CUBE)
+            archive.writestr(f"some/{name}/{name}.mtl", f"newmtl paint\n{texture}\n")
+            catalog += f"model#{number}=/some/{name}/{name}.obj\ncreator#{number}=Ann\n"
+        archive.writestr("PluginFurnitureCatalog.properties", catalog)
+    assert prepare_models(tmp_path, tmp_path / "models") == 1
+    assert list(find_models(tmp_path / "models").values()) == [
+        {"file": "some/some/stool/stool.obj", "license": "Public domain", "author": "Ann"}]
