@@ -32,15 +32,15 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import check_name, system_errors
 from lfsr_core.progress import is_openjd, tell_openjd
 
-# A verb is a module with NAME, HELP, add_arguments(parser) and run(args); it imports what is slow inside run.
-VERBS = (displays, render, merge, upscale, view, export, import_views, views, farm, plan, reference, compare)
+VERBS: tuple[laboratory.Verb, ...] = (
+    displays, render, merge, upscale, view, export, import_views, views, farm, plan, reference, compare)
 
 EXIT_BAD_INPUT, EXIT_INTERRUPTED = 2, 130
-ENDINGS = ("SIGTERM", "SIGHUP", "SIGQUIT")  # as Ctrl-C: a closed terminal too
+ENDINGS = ("SIGTERM", "SIGHUP", "SIGQUIT")  # signals that interrupt like Ctrl-C
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one verb; returns the exit code: 0, 2 after bad input, 130 after Ctrl-C."""
+    """Run one verb; return the exit code: 0, 2 after bad input, 130 after Ctrl-C."""
     sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115, to the end
     arguments = build_parser().parse_args(argv)
     try:
@@ -58,13 +58,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         _drop_output()
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
-        print(f"\nlfsr {arguments.verb}: interrupted, nothing half-written is left", file=sys.stderr)
+        print(f"\nlfsr {arguments.verb}: interrupted; no file is left half-written", file=sys.stderr)
         return EXIT_INTERRUPTED
     return 0
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Parser of every verb in VERBS and of the laboratory's."""
+    """Parser of all verbs, those of the laboratory included."""
     parser = argparse.ArgumentParser(prog="lfsr", description="Light-field images for integral-imaging displays.")
     parser.add_argument("--version", action="version", version=f"lfsr {__version__}")
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
@@ -76,30 +76,30 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def _check_output() -> None:
-    """LfsrError or OSError where nothing could be printed, as far as that shows without printing."""
+    """LfsrError or OSError if standard output cannot be written, as far as that is known before printing."""
     if sys.stdout is None:
         raise LfsrError("standard output is closed: send it to a file or a terminal")
     try:
         output = sys.stdout.fileno()
-    except io.UnsupportedOperation:  # a program that calls this one listens
+    except io.UnsupportedOperation:  # another Python program reads it
         return
     os.write(output, b"")
     if hasattr(select, "poll"):
         poll = select.poll()
         poll.register(output, 0)
         if any(event & select.POLLERR for _, event in poll.poll(0)):
-            raise LfsrError("whoever read standard output has ended: send it to a file or a terminal")
+            raise LfsrError("the reader of standard output has ended: send it to a file or a terminal")
 
 
 def _tell_farm(sentence: str) -> None:
-    """Show why a task failed where a farm runs it."""
+    """Tell a render farm why its task failed."""
     if is_openjd():
         with contextlib.suppress(OSError):
             tell_openjd(fail=sentence)
 
 
 def _drop_output() -> None:
-    """What cannot be printed is not tried again when Python ends."""
+    """Discard what cannot be printed, or Python tries again when it ends."""
     try:
         if sys.stdout:
             sys.stdout.flush()
@@ -108,7 +108,7 @@ def _drop_output() -> None:
 
 
 def _check_paths(arguments: argparse.Namespace) -> None:
-    """LfsrError for a path that cannot be, before any time is spent on it."""
+    """LfsrError for an impossible path, before any work is done."""
     for value in vars(arguments).values():
         for path in value if isinstance(value, list) else [value]:
             if isinstance(path, Path):

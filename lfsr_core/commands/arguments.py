@@ -1,22 +1,28 @@
-"""Arguments and steps that ``render`` and ``reference`` share."""
+"""Arguments that several verbs have, and the values that they become."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from lfsr_core.frames.job import AUTO, DEVICES, LAYOUTS, Job, check_scene
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import LAYOUTS
+from lfsr_core.frames.job import AUTO, DEVICES, Job, check_scene
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lens_rows import parse_rows
 from lfsr_core.optics.rays import CONVENTIONS
 from lfsr_core.render.store import with_blender
 
+if TYPE_CHECKING:
+    from lfsr_core.sequence.cluster import Cluster
+
 FARTHEST_MM = 1e6
+MOST_WORKERS = 256
 
 
 def add_scene_arguments(parser: argparse.ArgumentParser, samples: int) -> None:
-    """The scene, where to write, how many samples, and everything that decides the geometry."""
+    """Scene, output, samples, and everything that decides the geometry."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="frame folder to write")
     parser.add_argument("--spp", type=int, default=samples, metavar="N", help="samples per pixel, default: %(default)s")
@@ -24,44 +30,41 @@ def add_scene_arguments(parser: argparse.ArgumentParser, samples: int) -> None:
 
 
 def add_rows_argument(parser: argparse.ArgumentParser) -> None:
-    """Which rows of lenses, where it is not all of them."""
+    """Rows of lenses to render."""
     parser.add_argument("--rows", metavar="A-B|K/N", help="render only these rows of lenses, counted from 1, or the "
-                                                          "Kth of N equal shares, for `lfsr merge`; default: all")
+                                                          "Kth of N equal parts, for `lfsr merge`; default: all")
 
 
 def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
-    """Display, views, subject and the Blender that renders them."""
+    """Display, views, subject, and the Blender that renders them."""
     parser.add_argument("--display", default="bupt-32in-8k", metavar="NAME|FILE.toml", help="default: %(default)s")
     parser.add_argument("--layout", choices=LAYOUTS, default=LAYOUTS[0],
-                        help="what sends the rays, default: %(default)s; subpixels: of `lfsr render` for displays with "
-                             "a lens sheet, no light field but the panel's own image, a pixel for each subpixel")
+                        help="how rays are sent, default: %(default)s; subpixels: direct subpixel rendering with "
+                             "`lfsr render`, for displays with a lens sheet: the panel's image, no light field")
     parser.add_argument("--convention", choices=CONVENTIONS, default=CONVENTIONS[0],
                         help="where views lie; `paper` only to reproduce the paper")
     parser.add_argument("--view-aperture", type=float, default=1.0, metavar="0..1",
-                        help="share of a view's cell its rays cover, default: %(default)s")
-    parser.add_argument("--seed", type=int, default=0, metavar="N")
+                        help="fraction of a view's cell that its rays cover, default: %(default)s")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the noise, default: %(default)s")
     parser.add_argument("--frame", type=int, metavar="N", help="default: the scene's current frame")
     parser.add_argument("--camera", metavar="NAME",
-                        help="stand at this camera; `fit`: before the subject; default: the scene's active camera, "
-                             "of a glTF file its first")
+                        help="camera to render from; `fit`: in front of the subject; default: the scene's active "
+                             "camera, the first one of a glTF file")
     parser.add_argument("--subject", metavar="COLLECTION",
                         help="the foreground; default: everything but the world and a collection called Background")
     parser.add_argument("--world-visible", action=argparse.BooleanOptionalAction,
-                        help="show the world behind the subject; default: what the scene says")
-    parser.add_argument("--device", type=_device, default=AUTO, metavar="auto|NAME",
-                        help=f"what Cycles renders on, {', '.join(DEVICES)}; default: the best that this machine has")
+                        help="show the world behind the subject; default: as set in the scene")
+    parser.add_argument("--device", type=lambda text: text if text == AUTO else text.upper(), default=AUTO,
+                        metavar="auto|NAME",
+                        help=f"Cycles device, {', '.join(DEVICES)}; default: the best of this machine")
     parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")
-
-
-def _device(text: str) -> str:
-    return text if text == AUTO else text.upper()
 
 
 def make_job(arguments: argparse.Namespace, **values: Any) -> Job:
     """Validated job of the parsed arguments; ``values`` add to them or replace them."""
-    shared = ("output", "spp", "layout", "convention", "view_aperture", "seed", "frame", "subject", "device",
-              "world_visible", "camera")
-    given = {name: getattr(arguments, name) for name in shared if name not in values}
+    same = ("output", "spp", "layout", "convention", "view_aperture", "seed", "frame", "subject", "device",
+            "world_visible", "camera")
+    given = {name: getattr(arguments, name) for name in same if name not in values}
     display = load_display(arguments.display)
     if getattr(arguments, "rows", None) is not None:
         given["rows"] = parse_rows(arguments.rows, display.lenses[1])
@@ -74,14 +77,46 @@ def render(arguments: argparse.Namespace, job: Job) -> None:
     with_blender(arguments.blender, announce=False)(job)
 
 
+def add_cluster_arguments(parser: argparse.ArgumentParser, when: str = "") -> None:
+    """Workers that do the work; ``when``: words of help before each."""
+    parser.add_argument("--workers", type=int, metavar="N", help=f"{when}on N workers of this machine")
+    parser.add_argument("--cluster", metavar="ADDRESS",
+                        help=f"{when}on the workers of this Dask scheduler, such as tcp://host:8786")
+
+
+def chosen_cluster(arguments: argparse.Namespace) -> Cluster | None:
+    """The cluster asked for, None for this process alone; LfsrError where both kinds were."""
+    from lfsr_core.sequence.cluster import Cluster
+
+    if arguments.workers is not None and arguments.cluster is not None:
+        raise LfsrError(f"--workers {arguments.workers} and --cluster were both given: leave out one of them")
+    if arguments.workers is not None and not 1 <= arguments.workers <= MOST_WORKERS:
+        raise LfsrError(f"workers are {arguments.workers}, but they must be 1 to {MOST_WORKERS}")
+    if arguments.cluster is not None:
+        return Cluster(arguments.cluster)
+    return Cluster(workers=arguments.workers) if arguments.workers else None
+
+
 def position(text: str) -> tuple[float, float, float]:
     """Three numbers X,Y,Z in millimetres, for argparse."""
-    parts = text.split(",")
     try:
-        x, y, z = (float(part) for part in parts)
+        x, y, z = (float(part) for part in text.split(","))
         if not all(abs(value) <= FARTHEST_MM for value in (x, y, z)):
             raise ValueError
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not three numbers X,Y,Z in millimetres, "
                                          f"each below {FARTHEST_MM:g}") from None
     return x, y, z
+
+
+def numbers(text: str) -> tuple[int, ...]:
+    """Whole numbers such as 1,4,16, for argparse."""
+    try:
+        return tuple(int(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a list of whole numbers such as 1,4,16") from None
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Names such as oidn,light, for argparse: each once, empty ones left out."""
+    return tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))

@@ -1,4 +1,4 @@
-"""``lfsr displays [NAME]``."""
+"""``lfsr displays [NAME]``: list, show, import and calibrate display profiles."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from lfsr_core.commands.arguments import position
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.optics.proposal import PanelShape, proposed_light_field
+from lfsr_core.optics.sheet import Lenslet, Lenticular
 
 NAME = "displays"
 HELP = "list the display profiles, show one with its derived numbers, import or calibrate one"
@@ -19,19 +20,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
     parser.add_argument("display", nargs="?", metavar="NAME|FILE.toml", help="profile to show")
     parser.add_argument("--import", dest="calibration", type=Path, metavar="VISUAL.json",
-                        help="make a profile of a Looking Glass calibration; needs -o FILE.toml")
+                        help="make a profile from a Looking Glass calibration; needs -o FILE.toml")
     parser.add_argument("--pattern", metavar="phase|lens|band|rgb|grid",
-                        help="write a test image for the panel, to judge by eye or to photograph; needs -o FILE.png")
+                        help="write a test image for the panel, for judging by eye or for a photograph; needs -o "
+                             "FILE.png")
     parser.add_argument("--fit", nargs="+", type=Path, metavar="PHOTO",
-                        help="photographs of the phase pattern: find pitch, rotation and shift of the lens sheet")
+                        help="find pitch, rotation and shift of the lens sheet from photographs of the phase pattern")
     parser.add_argument("--from", dest="places", action="append", type=position, metavar="X,Y,Z",
-                        help="where each photograph was taken, in their order, in millimetres from the middle of the "
+                        help="camera position of each photograph, in order, in millimetres from the centre of the "
                              "lenses: rightwards, upwards, towards the viewer; default: 0,0 and the viewing distance")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="file to write")
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Print one line per profile, or every number of one; or make a file."""
+    """List the profiles, show one, or make a profile or a pattern."""
     if arguments.calibration:
         profile = _imported(arguments)
     elif arguments.pattern:
@@ -52,16 +54,16 @@ def _line(name: str) -> str:
 
 
 def _imported(arguments: argparse.Namespace) -> DisplayProfile:
-    """The profile of a calibration, written to the output file and named after it."""
+    """Profile of a calibration, written to the output file and named after it."""
     from lfsr_core.optics.panel.visual_json import profile_from_calibration, read_calibration
     from lfsr_core.optics.profile_file import write_profile
 
-    output = _output(arguments, "a calibration becomes a profile", "-o FILE.toml")
+    output = _output(arguments, "--import writes a profile", "-o FILE.toml")
     calibration = read_calibration(arguments.calibration)
     profile = profile_from_calibration(calibration, output.stem)
     write_profile(output, profile)
     if calibration.numbers["fringe"]:
-        print(f"the calibration's fringe of {calibration.numbers['fringe']:g} is not used")
+        print(f"note: the calibration's fringe of {calibration.numbers['fringe']:g} is ignored")
     return profile
 
 
@@ -69,13 +71,13 @@ def _write_pattern(arguments: argparse.Namespace) -> None:
     from lfsr_core.images.png import write_png
     from lfsr_core.optics.panel.patterns import pattern
 
-    output = _output(arguments, "a pattern becomes an image", "-o FILE.png")
+    output = _output(arguments, "--pattern writes an image", "-o FILE.png")
     write_png(output, pattern(_given(arguments), arguments.pattern))
     print(output)
 
 
 def _fitted(arguments: argparse.Namespace) -> DisplayProfile:
-    """The profile with the sheet that photographs show; written where an output file is given."""
+    """Profile with the lens sheet of the photographs, written if an output file is given."""
     from lfsr_core.images.png import read_png
     from lfsr_core.optics.panel.fit import Photograph, fit_profile
     from lfsr_core.optics.profile_file import write_profile
@@ -83,8 +85,8 @@ def _fitted(arguments: argparse.Namespace) -> DisplayProfile:
     profile, photos = _given(arguments), arguments.fit
     places = arguments.places or [(0.0, 0.0, profile.viewing_distance_mm)] * len(photos)
     if len(places) != len(photos):
-        raise LfsrError(f"{len(photos)} photographs were given and {len(places)} places, but each photograph needs its "
-                        "own: give --from X,Y,Z once for each")
+        raise LfsrError(f"{len(photos)} photographs and {len(places)} positions were given: give --from X,Y,Z once for "
+                        "each photograph")
     found = fit_profile(profile, [Photograph(read_png(photo) / 255, place)
                                      for photo, place in zip(photos, places, strict=True)])
     if arguments.output:
@@ -94,18 +96,18 @@ def _fitted(arguments: argparse.Namespace) -> DisplayProfile:
 
 def _given(arguments: argparse.Namespace) -> DisplayProfile:
     if not arguments.display:
-        raise LfsrError("no display was named, but a pattern or a fit needs one: give its name or FILE.toml first")
+        raise LfsrError("--pattern and --fit need a display: give its name or FILE.toml")
     return load_display(arguments.display)
 
 
 def _output(arguments: argparse.Namespace, what: str, wanted: str) -> Path:
     if arguments.output is None:
-        raise LfsrError(f"there is no file to write, but {what}: give {wanted}")
-    return arguments.output
+        raise LfsrError(f"{what}, but no file was given: add {wanted}")
+    return Path(arguments.output)
 
 
 def describe(profile: DisplayProfile) -> list[str]:
-    """Lines that show a profile: what it states, then what follows from it."""
+    """Lines that describe a profile: its own numbers, then those derived from them."""
     rows = [*_stated(profile), *(_sheet(profile) if profile.is_woven else ()), *_derived(profile)]
     rows += [(f"depth at scale {scale}", _depth(profile, scale)) for scale in (1, *profile.scales())]
     return [profile.name, f"  {profile.description}", *(f"  {label:22} {value}" for label, value in rows)]
@@ -124,35 +126,35 @@ def _stated(profile: DisplayProfile) -> list[tuple[str, str]]:
 
 
 def _sheet(profile: DisplayProfile) -> list[tuple[str, str]]:
-    """What a lens sheet is, what it makes of the panel, and what an eye then sees."""
+    """Lens sheet, subpixels and weave of the panel, and how much of each view an eye sees."""
     from lfsr_core.optics.panel.crosstalk import view_spread
     from lfsr_core.optics.panel.subpixel_rays import Geometry
 
     spread, geometry = view_spread(profile), Geometry.of(profile)
     shape = PanelShape(profile.panel_pixels, profile.panel_mm)
     lenses, views = proposed_light_field(shape, profile.sheet)
-    return [*(_lenslet(profile) if profile.lenslet else _lenticular(profile)), _subpixels(profile),
+    return [*(_lenslet(profile, profile.lenslet) if profile.lenslet else ()),
+            *(_lenticular(profile, profile.lenticular) if profile.lenticular else ()), _subpixels(profile),
             ("panel to lenses", f"{geometry.gap:.3f} mm"),
-            ("loses nothing", f"{_pair(lenses)} lenses of {_pair(views)} views"),
+            ("full resolution", f"{_pair(lenses)} lenses of {_pair(views)} views"),
             ("weave", f"interpolates {profile.weave}" if profile.weave != "nearest" else "takes the nearest view"),
-            ("an eye at a view sees", f"{spread.own:.0%} of that view, {spread.neighbours:.0%} of those beside it"),
-            ("crosstalk", f"{spread.others:.1%} from views further off")]
+            ("an eye at a view sees", f"{spread.own:.0%} of that view, {spread.neighbours:.0%} of its neighbours"),
+            ("crosstalk", f"{spread.others:.1%} of other views")]
 
 
-def _lenticular(profile: DisplayProfile) -> list[tuple[str, str]]:
-    sheet, (width, height) = profile.lenticular, profile.panel_mm
+def _lenticular(profile: DisplayProfile, sheet: Lenticular) -> list[tuple[str, str]]:
+    width, height = profile.panel_mm
     across = sheet.lenses_across(width)
     return [("cylinders", f"{across:.3f} across (P), {sheet.pitch_mm:.6g} mm apart, "
                           f"leaning {math.degrees(math.atan(sheet.slant)):.4g}°"),
             ("tilt", f"{sheet.slant * height / width:.7f} panel heights per width"),
-            ("subpixels behind one", f"{3 * profile.panel_pixels[0] / across:.3f} in a row")]
+            ("subpixels per cylinder", f"{3 * profile.panel_pixels[0] / across:.3f} in a row")]
 
 
-def _lenslet(profile: DisplayProfile) -> list[tuple[str, str]]:
+def _lenslet(profile: DisplayProfile, sheet: Lenslet) -> list[tuple[str, str]]:
     from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice
 
-    sheet, pixel = profile.lenslet, profile.panel_mm[0] / profile.panel_pixels[0]
-    images = elemental_lattice(sheet, Geometry.of(profile))
+    pixel, images = profile.panel_mm[0] / profile.panel_pixels[0], elemental_lattice(sheet, Geometry.of(profile))
     return [("lens sheet", f"{sheet.packing}, {_mm(sheet.lenses.pitch_mm)} apart, turned by "
                            f"{sheet.lenses.rotation_deg:g}°, shifted by {_mm(sheet.lenses.shift_mm)}"),
             ("pixels behind a lens", " × ".join(f"{pitch / pixel:.3f}" for pitch in images.pitch_mm))]
@@ -167,20 +169,19 @@ def _subpixels(profile: DisplayProfile) -> tuple[str, str]:
 
 def _derived(profile: DisplayProfile) -> list[tuple[str, str]]:
     pitch_x, pitch_y = profile.lens_pitch_mm
-    spacing = profile.camera_spacing_mm
-    per_view = math.degrees(2 * math.atan(spacing / 2 / profile.viewing_distance_mm))
+    spacing, vertical = profile.camera_spacing_mm, f"{_seen_angle(profile, profile.views[1]):.1f}°"
     return [
         ("lens pitch", f"{pitch_x:.3f} × {pitch_y:.3f} mm"),
         ("pixel pitch", f"{profile.panel_mm[0] / profile.panel_pixels[0]:.4f} mm"),
-        ("view spacing", f"{spacing:.3f} mm at the viewing distance, {per_view:.3f}°"),
-        ("vertical angle", f"{_vertical_angle(profile):.1f}°" if profile.parallax[1] else "none: one view vertically"),
-        ("scale factors", ", ".join(map(str, profile.scales())) or "none: views share no factor from 2 to 10"),
+        ("view spacing", f"{spacing:.3f} mm at the viewing distance, {_seen_angle(profile, 1):.3f}°"),
+        ("vertical angle", vertical if profile.parallax[1] else "none: one view vertically"),
+        ("scale factors", ", ".join(map(str, profile.scales())) or "none: no factor from 2 to 10 divides the views"),
     ]
 
 
-def _vertical_angle(profile: DisplayProfile) -> float:
-    """Viewing angle in degrees that the vertical views fill at the same spacing."""
-    return math.degrees(2 * math.atan(profile.views[1] * profile.camera_spacing_mm / 2 / profile.viewing_distance_mm))
+def _seen_angle(profile: DisplayProfile, views: int) -> float:
+    """Angle in degrees of so many neighbouring views at the viewing distance."""
+    return math.degrees(2 * math.atan(views * profile.camera_spacing_mm / 2 / profile.viewing_distance_mm))
 
 
 def _depth(profile: DisplayProfile, scale: int) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from contextlib import closing
 from pathlib import Path
 
 from lfsr_core.exports.format_names import DESCRIPTIONS, FILM_TYPES, VIEW_TYPES
@@ -20,9 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="; ".join(f"{name}: {text}" for name, text in DESCRIPTIONS.items()))
     parser.add_argument("-o", "--output", type=Path, metavar="FOLDER", help="default: DIR/export/FORMAT")
     parser.add_argument("--views", type=_pair, metavar="N|NxM",
-                        help="cameras across and down, evenly over the viewing zone; default: all there are")
+                        help="cameras across and down, evenly over the viewing zone; default: all")
     parser.add_argument("--grid", type=_pair, metavar="CxR", help="tiles across and down of a quilt")
-    parser.add_argument("--width", type=int, metavar="PX", help="of a picture, or of a quilt's tile")
+    parser.add_argument("--width", type=int, metavar="PX", help="of an image, or of a quilt's tile")
     parser.add_argument("--eyes-mm", type=float, metavar="MM", help="between the eyes of a stereo pair, default: 63")
     parser.add_argument("--type", choices=sorted({*VIEW_TYPES, *FILM_TYPES}),
                         help="views: png or exr; sway: mp4, gif, webp or png")
@@ -31,27 +32,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Write the export and say where it is."""
+    """Write the export and print its path."""
     from lfsr_core.exports.formats import export
     from lfsr_core.exports.frame_folders import is_sequence
     from lfsr_core.exports.options import ExportOptions
     from lfsr_core.exports.sequences import export_sequence
 
-    progress = ProgressBar()
-    views = arguments.views
+    views, grid = arguments.views, arguments.grid
     if views and len(views) == 1:
         views = (views[0], 1 if arguments.format == "quilt" else views[0])
-    if arguments.grid and len(arguments.grid) == 1:
-        arguments.grid = (arguments.grid[0], 1)
-    options = ExportOptions(views, arguments.grid, arguments.eyes_mm, arguments.width, arguments.type,
-                            arguments.seconds, arguments.fps, progress)
-    try:
-        write = export_sequence if is_sequence(arguments.folder) else export
+    if grid and len(grid) == 1:
+        grid = (grid[0], 1)
+    write = export_sequence if is_sequence(arguments.folder) else export
+    with closing(ProgressBar()) as bar:
+        options = ExportOptions(views, grid, arguments.eyes_mm, arguments.width, arguments.type, arguments.seconds,
+                                arguments.fps, bar)
         files, notes = write(arguments.folder, arguments.format, arguments.output, options)
         for note in notes:
-            progress.note(note)
-    finally:
-        progress.close()
+            bar.note(note)
     print(files[0] if len(files) == 1 else f"{os.path.commonpath([file.parent for file in files])}: {len(files)} files")
 
 

@@ -1,4 +1,4 @@
-"""``lfsr farm NAME -o FILE``: what a render farm needs to know of our jobs."""
+"""``lfsr farm NAME -o FILE``: job templates for render farms."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Write the template and say where it is."""
+    """Write the template and print its path."""
     name = TEMPLATES[arguments.farm]
     output = arguments.output or Path(f"lfsr-{name}")
     if output.is_dir():
-        raise LfsrError(f"{output} is a folder, but the template is a file: name one in it, as {output / name}")
+        raise LfsrError(f"{output} is a folder, but the template is a file: give a file in it, as {output / name}")
     write_template(arguments.farm, output)
     print(f"{output}: see docs/guide/farms.md")

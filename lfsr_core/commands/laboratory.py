@@ -6,12 +6,28 @@ import argparse
 import dataclasses
 import importlib.metadata
 from collections.abc import Iterator
+from typing import Protocol
 
-from lfsr_core.commands.verb import Verb
 from lfsr_core.errors import LfsrError
 
 GROUP = "lfsr.verbs"
 NAMES = ("chart", "stress", "train", "fit")
+
+
+class Verb(Protocol):
+    """A verb of ``lfsr``: a module with these four names. It imports slow packages in ``run``."""
+
+    @property
+    def NAME(self) -> str: ...
+
+    @property
+    def HELP(self) -> str: ...
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Add the verb's arguments to its parser."""
+
+    def run(self, arguments: argparse.Namespace) -> None:
+        """Run the verb; LfsrError for bad input."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,17 +38,18 @@ class MissingVerb:
     HELP: str = "needs the laboratory (lfsr-lab), which is not installed"
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Accept anything: ``run`` says what is missing."""
-        parser.add_argument("rest", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
+        """Accept anything, options too: without prefix characters they are ordinary words."""
+        parser.prefix_chars = "\0"
+        parser.add_argument("rest", nargs="*", help=argparse.SUPPRESS)
 
     def run(self, _arguments: argparse.Namespace) -> None:
-        """LfsrError that says how to install the laboratory."""
+        """Raise an LfsrError that says how to install the laboratory."""
         raise LfsrError(f"the verb {self.NAME!r} belongs to the laboratory, which is not installed: "
                         "run 'pip install ./scripts/lab' in a clone of LFSR")
 
 
 def verbs() -> Iterator[Verb]:
-    """Every verb of the laboratory, in the order of NAMES."""
+    """Verbs of the laboratory, in the order of NAMES."""
     found = {point.name: point for point in importlib.metadata.entry_points(group=GROUP)}
     for name in NAMES:
         yield found[name].load() if name in found else MissingVerb(name)

@@ -1,8 +1,9 @@
-"""``lfsr merge PARTS… -o DIR``: parts of a frame, rendered on several machines, become one."""
+"""``lfsr merge PARTS… -o DIR``: join parts of a frame that were rendered on several machines."""
 
 from __future__ import annotations
 
 import argparse
+from contextlib import closing
 from pathlib import Path
 
 from lfsr_core.progress import ProgressBar
@@ -17,20 +18,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="folder of a part, in any order, or a folder of such folders")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="frame folder to write")
     parser.add_argument("--numbered", action="store_true",
-                        help="write to a folder of DIR with the frame's number, such as 0001")
+                        help="write into a folder of DIR named by the frame's number, such as 0001")
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Join them and say what to do next."""
+    """Join the parts and print the result."""
     from lfsr_core.frames.frame import frame_folder, read_part
     from lfsr_core.render.merge import merge, part_folders
 
-    parts, output, progress = part_folders(arguments.parts), arguments.output, ProgressBar()
+    parts, output = part_folders(arguments.parts), arguments.output
     if arguments.numbered:
         output = frame_folder(output, read_part(parts[0]).frame)
-    try:
-        frame = merge(parts, output, progress)
-    finally:
-        progress.close()
+    with closing(ProgressBar()) as bar:
+        frame = merge(parts, output, bar)
     print(f"{output}: {len(parts)} parts, {frame.samples} samples, rendered in "
           f"{frame.seconds.get('render', 0.0):.1f} s in all")

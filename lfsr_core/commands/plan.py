@@ -1,43 +1,46 @@
-"""``lfsr plan SCENE --target 0.95``: the least that will do."""
+"""``lfsr plan SCENE --target 0.95``: find the cheapest settings."""
 
 from __future__ import annotations
 
 import argparse
 import shlex
+from contextlib import closing
 from pathlib import Path
 
-from lfsr_core.commands.arguments import add_geometry_arguments, make_job
+from lfsr_core.commands.arguments import add_geometry_arguments, make_job, names, numbers
 from lfsr_core.progress import ProgressBar
 
 NAME = "plan"
 HELP = "find the cheapest scale, samples and method that reach an accuracy, from a small sample of lenses"
+OPTIONS = ("target", "metric", "scales", "spps", "between", "methods", "most_seconds", "budget", "lenses",
+           "reference_spp")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this verb; their defaults are those of plan.options.PlanOptions."""
+    """Arguments of this verb; their defaults are those of ``PlanOptions``."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     parser.add_argument("--target", type=float, metavar="0..1", help="accuracy to reach, default: 0.95")
     parser.add_argument("--metric", metavar="NAME",
                         help="ssim_lens_fg (default) or ssim_lens, see docs/reference/metrics.md")
-    parser.add_argument("--scales", type=_numbers, metavar="N,N", help="default: those of 1,2,4,8 the display has")
-    parser.add_argument("--spps", type=_numbers, metavar="N,N", help="samples per pixel, default: 4,16,64,256")
+    parser.add_argument("--scales", type=numbers, metavar="N,N", help="default: those of 1,2,4,8 that the display has")
+    parser.add_argument("--spps", type=numbers, metavar="N,N", help="samples per pixel, default: 4,16,64,256")
     parser.add_argument("--between", type=int, metavar="N",
-                        help="sample counts judged between each two of --spps, default: 3")
-    parser.add_argument("--methods", type=_names, metavar="NAME,NAME", help="default: the default method and its parts")
+                        help="sample counts to estimate between each two of --spps, default: 3")
+    parser.add_argument("--methods", type=names, metavar="NAME,NAME", help="default: the default method and its parts")
     parser.add_argument("--seconds", dest="most_seconds", type=float, metavar="N", help="longest time of a frame")
-    parser.add_argument("--budget", dest="share", type=float, metavar="0..1",
-                        help="what the sample may cost, as a share of the costliest candidate's frame, default: 0.05")
-    parser.add_argument("--lenses", type=int, metavar="N", help="sample just so many, whatever the budget")
+    parser.add_argument("--budget", type=float, metavar="0..1",
+                        help="cost of the sample, as a fraction of the costliest candidate's frame, default: 0.05")
+    parser.add_argument("--lenses", type=int, metavar="N", help="number of lenses to sample, whatever the budget")
     parser.add_argument("--reference-spp", type=int, metavar="N", help="of the sampled lenses, default: 256")
-    parser.add_argument("--details", action="store_true", help="show every measured candidate, not ten lines")
+    parser.add_argument("--details", action="store_true", help="show every measured candidate, not at most ten lines")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
-    parser.add_argument("--work", type=Path, metavar="DIR", help="keep the sample's renders and go on from them; "
-                        "default: they are kept until the plan is made")
+    parser.add_argument("--work", type=Path, metavar="DIR", help="folder for the sample's renders, which a second plan "
+                        "reuses; default: a cache that is removed when the plan is made")
     add_geometry_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Plan, print the table, and the command that renders the choice."""
+    """Plan; print the table and the command that renders the choice."""
     from lfsr_core.plan.candidates import default_methods
     from lfsr_core.plan.moving import Moving
     from lfsr_core.plan.options import PlanOptions
@@ -49,18 +52,14 @@ def run(arguments: argparse.Namespace) -> None:
     from lfsr_core.records import write_record
     from lfsr_core.render.blender import find_blender
 
-    names = ("target", "metric", "scales", "spps", "between", "methods", "most_seconds", "share", "lenses",
-             "reference_spp")
-    options = PlanOptions(**{name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None})
+    given = {name: value for name in OPTIONS if (value := getattr(arguments, name)) is not None}
+    options = PlanOptions(**given)
     layers = layers_of(options.methods or default_methods())
     job = make_job(arguments, output=".", spp=1, layers=layers, scale=1)
-    progress, blender = ProgressBar(), find_blender(arguments.blender)
-    try:
-        with work_folder(arguments.work, job, options, progress.note) as folder:
-            moving = Moving(progress)
-            planned = make_plan(job, options, rendering(blender, progress.note, moving), folder, moving)
-    finally:
-        progress.close()
+    blender = find_blender(arguments.blender)
+    with closing(ProgressBar()) as bar, work_folder(arguments.work, job, options, bar.note) as folder:
+        moving = Moving(bar)
+        planned = make_plan(job, options, rendering(blender, bar.note, moving), folder, moving)
     print(table(planned, options, arguments.details))
     if arguments.json:
         write_record(arguments.json, plan_report(planned, options, job))
@@ -71,22 +70,14 @@ def run(arguments: argparse.Namespace) -> None:
 def render_command(arguments: argparse.Namespace, options: tuple[str, ...]) -> str:
     """The `lfsr render` command line of a candidate's ``options`` for the scene that was planned."""
     words = ["lfsr", "render", str(arguments.scene), "-o", arguments.scene.stem, *options]
-    usual = argparse.ArgumentParser()
+    usual = argparse.ArgumentParser(add_help=False)
     add_geometry_arguments(usual)
     for action in usual._actions:
-        value = getattr(arguments, action.dest, action.default)
-        if value == action.default or action.dest == "help":
+        value = getattr(arguments, action.dest)
+        if value == action.default:
             continue
         if isinstance(action, argparse.BooleanOptionalAction):
             words.append(action.option_strings[0 if value else 1])
         else:
             words += [action.option_strings[0], str(value)]
     return shlex.join(words)
-
-
-def _numbers(text: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in text.split(","))
-
-
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(part.strip() for part in text.split(",") if part.strip())

@@ -1,4 +1,4 @@
-"""``lfsr reference SCENE -o DIR``: the full-resolution reference, as two independent halves."""
+"""``lfsr reference SCENE -o DIR``: every view path-traced, as two independent halves."""
 
 from __future__ import annotations
 
@@ -8,12 +8,19 @@ import math
 import os
 import sys
 import tempfile
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lfsr_core.arrays import Array
-from lfsr_core.commands.arguments import add_rows_argument, add_scene_arguments, make_job, render
-from lfsr_core.commands.cluster_arguments import add_cluster_arguments, chosen_cluster
+from lfsr_core.commands.arguments import (
+    add_cluster_arguments,
+    add_rows_argument,
+    add_scene_arguments,
+    chosen_cluster,
+    make_job,
+    render,
+)
 from lfsr_core.commands.renamed import add_old_option
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
@@ -25,7 +32,7 @@ if TYPE_CHECKING:
     from lfsr_core.sequence.cluster import Cluster
 
 NAME = "reference"
-HELP = "render the high-resolution reference as two independent halves"
+HELP = "render the full-resolution reference as two independent halves"
 DEFAULT_SAMPLES = 1024
 SCALE_FOR_MASK, SAMPLES_FOR_MASK = 4, 4
 
@@ -44,9 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Choose lenses if asked to, then render them at full resolution, unclamped."""
+    """Choose lenses if asked to; render them at full resolution, unclamped."""
     if arguments.layout == SUBPIXELS:
-        raise LfsrError(f"a reference is a light field, which the layout {SUBPIXELS} goes without: choose another")
+        raise LfsrError(f"a reference is a light field, but the layout {SUBPIXELS} renders none: choose another layout")
     job = make_job(arguments, kind="reference", scale=1, clamp_indirect=0.0)
     cluster = chosen_cluster(arguments)
     _check_split(arguments, cluster)
@@ -64,7 +71,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _check_split(arguments: argparse.Namespace, cluster: Cluster | None) -> None:
-    """LfsrError where options were given that do not go together."""
+    """LfsrError for options that exclude each other."""
     if cluster is None:
         for name in ("split", "parts"):
             if getattr(arguments, name) is not None:
@@ -77,14 +84,11 @@ def _check_split(arguments: argparse.Namespace, cluster: Cluster | None) -> None
 def _render_on(cluster: Cluster, arguments: argparse.Namespace, job: Job) -> None:
     from lfsr_core.sequence.cluster_reference import ROWS, SAMPLES, Split, reference_on
 
-    # Workers have folders of their own to start from.
+    # Workers start in folders of their own.
     job = dataclasses.replace(job, output=os.path.abspath(job.output))
     split = Split(arguments.split or (SAMPLES if job.lens_list else ROWS), arguments.parts)
-    bar = ProgressBar()
-    try:
+    with closing(ProgressBar()) as bar:
         reference_on(cluster, job, split, arguments.blender, bar)
-    finally:
-        bar.close()
 
 
 def _count(job: Job) -> int:
@@ -94,7 +98,7 @@ def _count(job: Job) -> int:
 
 
 def _quick_mask(arguments: argparse.Namespace, reference: Job) -> Array:
-    """Foreground mask (sy, sx) from a few samples of every lens, in a folder that is thrown away."""
+    """Foreground mask (sy, sx) from a few samples of every lens."""
     from lfsr_core.frames.foreground import foreground_mask
     from lfsr_core.images.exr import read_layers
 

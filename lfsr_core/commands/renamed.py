@@ -13,14 +13,15 @@ def add_old_option(parser: argparse.ArgumentParser, old: str, new: argparse.Acti
 
     ``new`` is what ``parser.add_argument`` returned:
 
-        add_old_option(parser, "--temporal-averaging", parser.add_argument("--temporal-averaging", type=int))
+        add_old_option(parser, "--share-frames", parser.add_argument("--temporal-averaging", type=int))
     """
     parser.add_argument(old, action=_OldOption, new=new)
 
 
 class _OldOption(argparse.Action):
     def __init__(self, option_strings: Sequence[str], dest: str, new: argparse.Action) -> None:
-        super().__init__(option_strings, new.dest, new.nargs, default=argparse.SUPPRESS, type=new.type,
+        kind = None if isinstance(new.type, str) else new.type
+        super().__init__(option_strings, new.dest, new.nargs, default=argparse.SUPPRESS, type=kind,
                          choices=new.choices, help=argparse.SUPPRESS)
         self.new = new
 

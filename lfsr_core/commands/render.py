@@ -6,11 +6,19 @@ import argparse
 import dataclasses
 import os
 import time
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 from lfsr_core.commands import upscale
-from lfsr_core.commands.arguments import add_rows_argument, add_scene_arguments, make_job, render
-from lfsr_core.commands.cluster_arguments import add_cluster_arguments, chosen_cluster
+from lfsr_core.commands.arguments import (
+    add_cluster_arguments,
+    add_rows_argument,
+    add_scene_arguments,
+    chosen_cluster,
+    make_job,
+    names,
+    render,
+)
 from lfsr_core.commands.renamed import add_old_option
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.averaging import check_shared, seed_in_turn
@@ -35,16 +43,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
     add_scene_arguments(parser, DEFAULT_SAMPLES)
     parser.add_argument("--scale", type=_scale, default=AUTO_SCALE, metavar="auto|2|3|4|5|8",
-                        help="views are divided by it for the render; auto, the default: by 4, or by less where the "
-                             "scene is too deep for that; 1 renders every view (with --method oidn or none)")
+                        help="factor by which the views are divided for the render; auto, the default: 4, or less if "
+                             "the scene is too deep for 4; 1 renders every view (with --method oidn or none)")
     parser.add_argument("--layers", type=_layers, metavar="NAME,NAME",
                         help=f"auxiliary layers from the same render, of {', '.join(LAYERS)}, "
-                             "or `none`; default: those that the method looks at")
+                             "or `none`; default: those that the method needs")
     add_rows_argument(parser)
     parser.add_argument("--frames", metavar="A-B|A-BxN|A,B,C",
                         help="an animation: frames A to B, every Nth, or a list, each in a folder of DIR such as 0001; "
-                             "those that are done are kept")
-    parser.add_argument("--overwrite", action="store_true", help="with --frames, make frames that are done again too")
+                             "finished frames are not rendered again")
+    parser.add_argument("--overwrite", action="store_true", help="with --frames, render finished frames again")
     add_cluster_arguments(parser, "with --frames, ")
     averaging = parser.add_argument(
         "--temporal-averaging", type=int, metavar="N",
@@ -55,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Render, then upscale; a bad method is refused before any time is spent on rendering."""
+    """Check the method, render, then upscale."""
     check_dilate(arguments.dilate)
     _check_frames(arguments)
     scale = _largest_scale(arguments)
@@ -68,7 +76,8 @@ def run(arguments: argparse.Namespace) -> None:
         _render_frames(arguments, job, method)
         return
     if arguments.temporal_averaging is not None:
-        job = _in_turn(job, arguments.temporal_averaging)
+        check_shared(arguments.temporal_averaging)
+        job = dataclasses.replace(job, seed=seed_in_turn(job.seed, arguments.frame, arguments.temporal_averaging))
     render(arguments, job)
     if job.rows is not None:
         print(f"{arguments.output}: rows {rows_text(job.rows)} of {job.display.lenses[1]}; join the parts with "
@@ -79,23 +88,17 @@ def run(arguments: argparse.Namespace) -> None:
     upscale.upscale(arguments.output, method, arguments)
 
 
-def _in_turn(job: Job, temporal_averaging: int) -> Job:
-    """The job of one frame of an animation whose frames share, with the seed that it has there."""
-    check_shared(temporal_averaging)
-    return dataclasses.replace(job, seed=seed_in_turn(job.seed, job.frame, temporal_averaging))
-
-
 def _largest_scale(arguments: argparse.Namespace) -> int:
     """The scale asked for, or the largest that may be chosen."""
     if arguments.scale != AUTO_SCALE:
-        return arguments.scale
+        return int(arguments.scale)
     if arguments.layout == SUBPIXELS:
         return 1
     return scales_up_to(load_display(arguments.display))[0]
 
 
 def _scales(arguments: argparse.Namespace, job: Job, method: MethodName) -> tuple[int, ...]:
-    """Scales that Blender may choose from: an animation keeps one."""
+    """Scales that Blender may choose from; an animation has one for all frames."""
     if arguments.scale != AUTO_SCALE or arguments.frames is not None or arguments.layout == SUBPIXELS:
         return ()
     return tuple(scale for scale in scales_up_to(job.display) if scale == 1 or method.works_at(scale))
@@ -109,33 +112,31 @@ def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) 
     from lfsr_core.sequence.summary import summary
 
     cluster = chosen_cluster(arguments)
-    # Workers have folders of their own to start from.
+    # Workers start in folders of their own.
     job = dataclasses.replace(job, output=os.path.abspath(job.output))
     weights = os.path.abspath(arguments.weights) if arguments.weights else None
     second = SecondStage(str(method), arguments.dilate, weights, arguments.step, arguments.linear_exr,
                          arguments.temporal_averaging or 0)
     shot = shot_of(job, parse_frames(arguments.frames), second)
-    started, bar = time.monotonic(), ProgressBar()
-    tools = Tools(arguments.blender, bar, bar.note, overwrite=arguments.overwrite)
-    try:
+    started = time.monotonic()
+    with closing(ProgressBar()) as bar:
+        tools = Tools(arguments.blender, bar, bar.note, overwrite=arguments.overwrite)
         results = render_on(cluster, shot, tools) if cluster else render_shot(shot, tools)
-    finally:
-        bar.close()
     print(summary(results, time.monotonic() - started))
     failed = [result for result in results if result.state == FAILED]
     if failed:
         raise LfsrError(f"{len(failed)} of {len(results)} frames failed, first frame {failed[0].frame} "
-                        f"({failed[0].error}): the same command makes what is missing")
+                        f"({failed[0].error}): run the same command again to render them")
 
 
 def _check_frames(arguments: argparse.Namespace) -> None:
-    """LfsrError where options were given that do not go together."""
+    """LfsrError for options that exclude each other, or that need --frames."""
     others = {"--frame": arguments.frame, "--rows": arguments.rows}
     alone = {"--overwrite": arguments.overwrite or None, "--workers": arguments.workers, "--cluster": arguments.cluster,
              "--temporal-averaging": arguments.temporal_averaging if arguments.frame is None else None}
     for name, value in (alone if arguments.frames is None else others).items():
         if value is not None:
-            raise LfsrError(f"{name} was given without --frames: say which frames, as in --frames 1-48"
+            raise LfsrError(f"{name} was given without --frames: give the frames, as in --frames 1-48"
                             if arguments.frames is None else
                             f"--frames {arguments.frames} and {name} were both given: leave out one of them")
 
@@ -148,5 +149,4 @@ def _scale(text: str) -> int | str:
 
 
 def _layers(text: str) -> tuple[str, ...]:
-    names = tuple(name.strip() for name in text.split(",") if name.strip())
-    return () if names == ("none",) else names
+    return () if text.strip() == "none" else names(text)

@@ -1,8 +1,9 @@
-"""``lfsr upscale DIR --method NAME``: the second stage alone."""
+"""``lfsr upscale DIR --method NAME``: the second stage only."""
 
 from __future__ import annotations
 
 import argparse
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,19 +13,19 @@ from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, frame_folder, read_rend
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.progress import Progress, ProgressBar, silent
 
-if TYPE_CHECKING:  # its modules are slow to import, and `lfsr --help` is to be quick
+if TYPE_CHECKING:  # slow to import, and `lfsr --help` has to be quick
     from lfsr_core.reconstruct.method_name import MethodName
     from lfsr_core.reconstruct.options import UpscaleOptions
 
 NAME = "upscale"
-HELP = "redo only the second stage of a rendered frame folder"
+HELP = "repeat the second stage of a rendered frame folder"
 METHOD_WITHOUT_DENOISER, METHOD_AT_FULL_RESOLUTION = "light", "oidn"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="frame folder of `lfsr render`")
-    parser.add_argument("--frame", type=int, metavar="N", help="DIR holds an animation: only its frame N")
+    parser.add_argument("--frame", type=int, metavar="N", help="frame N of the animation in DIR")
     averaging = parser.add_argument(
         "--temporal-averaging", type=int, default=0, metavar="N",
         help="average with the N frames before and after it where nothing has changed; for an animation rendered with "
@@ -34,10 +35,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_method_arguments(parser: argparse.ArgumentParser) -> None:
-    """How to get from the low-resolution EIA to the finished one."""
-    parser.add_argument("--method", metavar="NAME", help="joined by +, as in oidn+bicubic; default: the best there is")
+    """Method and options of the second stage."""
+    parser.add_argument("--method", metavar="NAME",
+                        help="steps joined by +, as in oidn+bicubic; default: the most accurate")
     parser.add_argument("--dilate", type=int, default=0, metavar="N",
-                        help="grow the foreground mask by N lenses, for parts too thin for sparse views")
+                        help="grow the foreground mask by N lenses, for details too thin for sparse views")
     parser.add_argument("--weights", type=Path, metavar="FILE", help="weights of `lfsr fit` or `lfsr train` "
                                                                     "for the method's network")
     parser.add_argument("--step", type=int, metavar="N", help="elemental images per call of the method")
@@ -46,7 +48,7 @@ def add_method_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Upscale the folder and print where the picture is."""
+    """Upscale the folder and print the path of the image."""
     folder = arguments.folder if arguments.frame is None else frame_folder(arguments.folder, arguments.frame)
     check_shared(arguments.temporal_averaging)
     frame = read_rendered(folder)
@@ -56,7 +58,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def panel_method(arguments: argparse.Namespace) -> MethodName:
-    """The method asked for, else the default, of a render of a panel's subpixels; LfsrError if it cannot finish one."""
+    """The given or default method for a direct subpixel render; LfsrError for a method that needs a light field."""
     from lfsr_core.reconstruct.method_name import PANEL_METHODS, MethodName
     from lfsr_core.reconstruct.methods import denoise
     from lfsr_core.reconstruct.panel_stage import check_panel_finish
@@ -68,7 +70,7 @@ def panel_method(arguments: argparse.Namespace) -> MethodName:
 
 
 def chosen_method(name: str | None, scale: int, display: DisplayProfile) -> MethodName:
-    """The method of this name, else the default; LfsrError if there is none, or it upscales nothing at this scale."""
+    """The method ``name``, or the default for None; LfsrError if it is unknown or does not work at this scale."""
     from lfsr_core.reconstruct.method_name import PLAIN_METHOD, default_method
     from lfsr_core.reconstruct.methods import denoise
     from lfsr_core.reconstruct.registry import method as load_method
@@ -83,7 +85,7 @@ def chosen_method(name: str | None, scale: int, display: DisplayProfile) -> Meth
 
 
 def options_of(arguments: argparse.Namespace, progress: Progress = silent) -> UpscaleOptions:
-    """How the frame is finished, besides the method."""
+    """Options of the second stage."""
     from lfsr_core.reconstruct.options import UpscaleOptions
 
     return UpscaleOptions(arguments.step, arguments.dilate, weights=arguments.weights, linear_exr=arguments.linear_exr,
@@ -94,14 +96,11 @@ def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> 
     """Run the second stage with a progress bar and print its times."""
     from lfsr_core.reconstruct.second_stage import upscale_frame
 
-    progress = ProgressBar()
-    try:
-        report = upscale_frame(folder, method, options_of(arguments, progress))
-    finally:
-        progress.close()
+    with closing(ProgressBar()) as bar:
+        report = upscale_frame(folder, method, options_of(arguments, bar))
+        for note in report.notes:
+            bar.note(note)
     times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report.seconds.items())
-    for note in report.notes:
-        progress.note(note)
     frame = read_rendered(folder)
     if frame.panel_rays:
         print(f"{folder / PANEL_FILE}: the panel's image, traced for its subpixels; {method} ({times})")

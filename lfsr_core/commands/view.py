@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import webbrowser
+from contextlib import closing
 from pathlib import Path
 
 from lfsr_core.progress import ProgressBar
@@ -18,21 +19,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="finished frame folder; several, or a folder of them, are an animation")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE.html", help="default: view.html in the first DIR")
     parser.add_argument("--quality", type=int, metavar="1..100",
-                        help="of the picture in the page; 100 loses nothing; default: 95, or 100 where that would show")
+                        help="of the image in the page; 100 is lossless; default: 95, or 100 where 95 would be visible")
     parser.add_argument("--open", action="store_true", help="open it in the browser")
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Write the page and say where it is."""
+    """Write the page and print its path."""
     from lfsr_core.exports.page import write_page
 
-    progress = ProgressBar()
-    try:
-        page = write_page(arguments.folders, arguments.output, arguments.quality, progress)
+    with closing(ProgressBar()) as bar:
+        page = write_page(arguments.folders, arguments.output, arguments.quality, bar)
         for note in page.notes:
-            progress.note(note)
-    finally:
-        progress.close()
+            bar.note(note)
     print(f"{page.path}: {page.bytes / 1e6:.1f} MB, opens in a browser")
     if arguments.open:
         webbrowser.open(page.path.resolve().as_uri())

@@ -1,4 +1,4 @@
-"""``lfsr views DIR``."""
+"""``lfsr views DIR``: images for judging a finished frame."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from lfsr_core.commands.arguments import position
 from lfsr_core.frames.contact_sheet import write_views
 
 NAME = "views"
-HELP = "write a contact sheet of decoded views, an EPI pair and what an eye would see"
+HELP = "write a contact sheet of decoded views, a pair of EPIs, and what an eye would see"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,6 +21,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Write the pictures and name them."""
+    """Write the images and print their paths."""
     for path in write_views(arguments.folder, arguments.eye):
         print(path)

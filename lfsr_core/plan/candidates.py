@@ -1,7 +1,7 @@
-"""Which candidate is the least that will do: candidates, their times, and the choice. Pure functions.
+"""Candidates of a plan and the choice of the cheapest that reaches the target, as pure functions.
 
-``sample`` says which lenses to look at, ``measurements`` measures candidates on them,
-``times`` predicts times; ``docs/guide/plan.md`` explains the rules.
+``sample`` chooses lenses to look at, ``measurements`` measures candidates on them, ``times`` predicts their times;
+``docs/guide/plan.md`` explains the rules.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from lfsr_core.reconstruct.registry import method
 METRICS = ("ssim_lens_fg", "ssim_lens")
 SCALES, SAMPLES = (1, 2, 4, 8), (4, 16, 64, 256)
 BETWEEN = "between two that were measured"
-AS_GOOD = 1.05  # times of candidates that count as equal: then the simpler method is taken
-MOST_KEPT = 0.8  # of a gain may come again with the next step of samples, when the end of the steps is guessed
+AS_GOOD = 1.05  # ratio of times within which candidates count as equally cheap: the simpler method is taken
+MOST_REPEATED = 0.8  # most of a gain that the next step of samples is assumed to gain again
 
 
 @dataclasses.dataclass(frozen=True, order=True)
@@ -33,7 +33,7 @@ class Candidate:
     # scale, spp: of the render, spp being samples per pixel
     scale: int
     spp: int
-    method: str  # name of the second stage's method
+    method: str  # of the second stage
 
     @property
     def name(self) -> str:
@@ -42,32 +42,37 @@ class Candidate:
 
     @property
     def options(self) -> tuple[str, ...]:
-        """Words of `lfsr render` that make it."""
+        """Options of `lfsr render` that make it."""
         return "--scale", str(self.scale), "--spp", str(self.spp), "--method", self.method
 
     @property
-    def parts(self) -> int:
-        """How many steps the method has, the measure of its simplicity; a network counts for three."""
+    def steps(self) -> int:
+        """Number of steps of the method: fewer are simpler."""
         return MethodName.parse(self.method).steps
 
 
 @dataclasses.dataclass(frozen=True)
 class Rated:
-    """What is known of a candidate."""
+    """A candidate with its predicted time and its accuracy."""
 
-    candidate: Candidate  # the candidate
+    candidate: Candidate
     seconds: float  # predicted for a whole frame
-    estimate: Estimate | None = None  # its accuracy, None where it was not measured
-    note: str = ""  # why it was not; BETWEEN for one that lies between two measured ones
+    estimate: Estimate | None = None  # accuracy, None where it was not measured
+    note: str = ""  # why it was not measured, or BETWEEN
+
+    @property
+    def low(self) -> float:
+        """Lower bound of the accuracy, -inf where it was not measured."""
+        return -math.inf if self.estimate is None else self.estimate.low
 
 
 @dataclasses.dataclass(frozen=True)
 class Choice:
     """The outcome of a plan."""
 
-    chosen: Rated | None  # the cheapest that meets the target with 95 % confidence, None if nothing does
-    best: Rated | None  # the measured candidate with the highest lower bound, None without any
-    limit: str = ""  # why nothing meets the target
+    chosen: Rated | None  # the cheapest that reaches the target with 95 % confidence, None if there is none
+    best: Rated | None  # the measured candidate with the highest lower bound, None if none was measured
+    limit: str = ""  # why no candidate reaches the target
 
 
 def low_pixels(display: DisplayProfile, scale: int) -> int:
@@ -76,13 +81,13 @@ def low_pixels(display: DisplayProfile, scale: int) -> int:
 
 
 def samples_of(candidate: Candidate, display: DisplayProfile) -> int:
-    """Path samples of a whole frame, the measure of what a render costs."""
+    """Path samples of a whole frame: the measure of a render's cost."""
     return low_pixels(display, candidate.scale) * candidate.spp
 
 
 def candidates(display: DisplayProfile, scales: Sequence[int] | None = None, spps: Sequence[int] = SAMPLES,
                methods: Sequence[str] | None = None) -> list[Candidate]:
-    """Every combination that can be made on a display, cheapest render first.
+    """Every possible combination for a display, cheapest render first.
 
     Parameters
     ----------
@@ -93,7 +98,7 @@ def candidates(display: DisplayProfile, scales: Sequence[int] | None = None, spp
 
     Raises
     ------
-    LfsrError : for a scale that does not divide the views, samples below 1, or a method that does not exist
+    LfsrError : for a scale that does not divide the views, samples below 1, or an unknown method
     """
     for name in methods or ():
         method(name)
@@ -104,16 +109,17 @@ def candidates(display: DisplayProfile, scales: Sequence[int] | None = None, spp
         scales = [scale for scale in SCALES if scale in (1, *display.scales())]
     for scale in scales:
         display.low_views(scale)
+    methods = methods or default_methods()
     found = {Candidate(scale, spp, name) for scale in scales for spp in spps
-             for name in methods_at(scale, methods or default_methods(), display.parallax)}
+             for name in methods_at(scale, methods, display.parallax)}
     if not found:
-        raise LfsrError(f"no method of {', '.join(methods or ())} works at scale {', '.join(map(str, scales))}: "
+        raise LfsrError(f"no method of {', '.join(methods)} works at scale {', '.join(map(str, scales))}: "
                         "choose others")
     return sorted(found, key=lambda candidate: (samples_of(candidate, display), candidate))
 
 
 def default_methods() -> tuple[str, ...]:
-    """Simple upscaling and our networks, each where it belongs, without and with the denoiser if it is there."""
+    """Simple upscaling and our networks, without a denoiser and, where it is installed, with one."""
     ours = [name for name, entry in catalogue.NETWORKS.items() if entry.light_field and not entry.after]
     names = [PLAIN_METHOD, *ours, *PLAIN_CHAINS, DEFAULT_METHOD]
     usable = [name for name in names if denoise.is_available() or not MethodName.parse(name).prefilters]
@@ -123,8 +129,8 @@ def default_methods() -> tuple[str, ...]:
 def between(spps: Sequence[int], steps: int) -> list[tuple[int, int, int, float]]:
     """(samples, fewer, more, weight of more): ``steps`` counts between each two of ``spps``, in equal ratios.
 
-    Accuracy grows with the logarithm of the samples, and ever more slowly: the
-    weighted mean of both neighbours is near it and rather too low.
+    Accuracy grows with the logarithm of the samples, ever more slowly: the weighted mean of both neighbours is near
+    it, and rather too low.
     """
     found = []
     for fewer, more in itertools.pairwise(sorted(spps)):
@@ -135,31 +141,31 @@ def between(spps: Sequence[int], steps: int) -> list[tuple[int, int, int, float]
 
 
 def methods_at(scale: int, names: Iterable[str], parallax: tuple[bool, bool] = (True, True)) -> tuple[str, ...]:
-    """What ``names`` become at ``scale``: no upscaler at 1, no network that was not trained for it or the display."""
-    methods = [method for method in map(MethodName.parse, names) if method.works_with(parallax) or scale == 1]
+    """Those of the methods ``names`` that work at ``scale`` and on the display; at scale 1 without their upscalers."""
+    parsed = [name for name in map(MethodName.parse, names) if name.works_with(parallax) or scale == 1]
     if scale == 1:
-        return tuple(dict.fromkeys(method.without_upscaler().text for method in methods))
-    return tuple(dict.fromkeys(method.text for method in methods if method.works_at(scale)))
+        return tuple(dict.fromkeys(name.without_upscaler().text for name in parsed))
+    return tuple(dict.fromkeys(name.text for name in parsed if name.works_at(scale)))
 
 
 def choose(rated: Sequence[Rated], target: float, most_seconds: float = math.inf) -> Choice:
-    """The cheapest candidate whose lower bound reaches ``target`` in at most ``most_seconds``.
+    """Choose the cheapest candidate whose lower bound reaches ``target`` in at most ``most_seconds``.
 
-    Along one scale and method, more samples cannot be worse: candidates are tried
-    from the most samples down, and a failure ends the way, so that a lucky draw
-    at few samples is not believed. Of candidates as cheap within AS_GOOD the
-    simplest is taken.
+    More samples of the same scale and method cannot be worse. So a candidate counts only if all measured ones with
+    more samples reach the target too: a lucky result at few samples is not believed. Of candidates that are equally
+    cheap (AS_GOOD) the simplest is taken.
     """
     measured = [row for row in rated if row.estimate is not None and row.seconds <= most_seconds]
     if not measured:
         return Choice(None, None, "no candidate could be measured: allow more seconds, scales or methods")
-    best = max(measured, key=lambda row: row.estimate.low)
-    passing = [row for row in _confirmed(rated, target) if row.seconds <= most_seconds]
+    best = max(measured, key=lambda row: row.low)
+    passing = [row for row in measured if all(other.low >= target for other in chain(row, rated)
+                                              if other.candidate.spp >= row.candidate.spp)]
     if not passing:
         return Choice(None, best, _limit(best, rated, target, most_seconds))
     least = min(row.seconds for row in passing)
     near = [row for row in passing if row.seconds <= AS_GOOD * least]
-    return Choice(min(near, key=lambda row: (row.candidate.parts, row.seconds)), best)
+    return Choice(min(near, key=lambda row: (row.candidate.steps, row.seconds)), best)
 
 
 def chain(row: Rated, rated: Iterable[Rated]) -> list[Rated]:
@@ -169,39 +175,30 @@ def chain(row: Rated, rated: Iterable[Rated]) -> list[Rated]:
     return sorted((other for other in same if other.estimate is not None), key=lambda other: other.candidate.spp)
 
 
-def _confirmed(rated: Sequence[Rated], target: float) -> list[Rated]:
-    passing = []
-    for row in rated:
-        rest = [other for other in chain(row, rated) if other.candidate.spp >= row.candidate.spp]
-        if row.estimate is not None and all(other.estimate.low >= target for other in rest):
-            passing.append(row)
-    return passing
-
-
 def _limit(best: Rated, rated: Sequence[Rated], target: float, most_seconds: float) -> str:
-    """What keeps the best candidate from the target, and what would help."""
-    if any(row.estimate is not None and row.estimate.low >= target and row.seconds > most_seconds for row in rated):
+    """Why the best candidate misses the target, and what to change."""
+    if any(row.low >= target and row.seconds > most_seconds for row in rated):
         return f"time: the target is reached, but not within {most_seconds:g} s"
-    if best.estimate.mean >= target:
+    if best.estimate is not None and best.estimate.mean >= target:
         return ("certainty: the best candidate's mean reaches the target, its lower bound does not; "
                 "look at more lenses (--lenses)")
-    means = [row.estimate.mean for row in chain(best, rated) if row.note != BETWEEN]
+    means = [row.estimate.mean for row in chain(best, rated) if row.estimate is not None and row.note != BETWEEN]
     if asymptote(means) >= target:
         return f"noise: accuracy still grows with the samples; try more than {best.candidate.spp}"
     if best.candidate.scale == 1:
-        return "noise: more samples hardly help any more at full resolution; try another method"
+        return "noise: more samples hardly help at full resolution; try another method"
     return (f"upscaling: at scale {best.candidate.scale} even many more samples would stay below the target; "
             "choose a smaller scale or another method")
 
 
 def asymptote(means: Sequence[float]) -> float:
-    """Where accuracies at ever more samples (equal ratios) end, if gains keep shrinking as they did.
+    """Limit of accuracies at ever more samples (equal ratios), if gains go on shrinking as they did.
 
-    With fewer than three, each gain is taken for half of the one before; with one, nothing is gained.
+    With two accuracies the next gain is assumed to be half of theirs; with one there is none.
     """
     if len(means) < 2:
         return means[-1]
     gain = max(means[-1] - means[-2], 0.0)
     before = means[-2] - means[-3] if len(means) > 2 else 2 * gain
-    kept = min(max(gain / before, 0.0), MOST_KEPT) if before > 0 else 0.5
-    return means[-1] + gain * kept / (1 - kept)
+    repeated = min(max(gain / before, 0.0), MOST_REPEATED) if before > 0 else 0.5
+    return means[-1] + gain * repeated / (1 - repeated)

@@ -1,4 +1,4 @@
-"""The mean over all lenses, with bounds, from a stratified random sample of them."""
+"""Mean accuracy of all lenses, with bounds, from a stratified random sample of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.metrics.intervals import NORMAL_ONE_SIDED, student
 
-LEAST_FOR_REGRESSION = 12  # lenses per stratum and beyond its covariates
+LEAST_FOR_REGRESSION = 12  # lenses of a stratum, beyond the number of its covariates
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,11 +20,11 @@ class Estimate:
     """Accuracy of a whole frame, from a sample of its lenses."""
 
     mean: float  # over all lenses that count
-    # low, high: one-sided 95 % bounds of it
+    # one-sided 95 % bounds of the mean
     low: float
     high: float
-    error: float  # its standard error
-    lenses: int  # how many were looked at
+    error: float  # standard error of the mean
+    lenses: int  # number of sampled lenses
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,19 +32,18 @@ class Stratum:
     """Random lenses of one part of the display."""
 
     population: int  # lenses of the part
-    values: Array  # (n,) accuracy of the sampled ones
-    inside: Array  # (n,) bool, which of them count for the metric at all
-    covariates: Array | None = None  # (n, k), what is known of every lens of the part and may explain the values
-    population_means: Array | None = None  # (k,) means of the covariates over the part
+    values: Array  # (n,) accuracy of the sampled lenses
+    inside: Array  # (n,) bool: the sampled lenses that count for the metric
+    covariates: Array | None = None  # (n, k): known of every lens of the part, and may explain the values
+    population_means: Array | None = None  # (k,): means of the covariates over the part
 
 
 def estimate(strata: Sequence[Stratum], z: float = NORMAL_ONE_SIDED) -> Estimate:
-    """Mean of ``values`` over all lenses that are ``inside``, from every stratum's sample.
+    """Estimate the mean of ``values`` over all lenses that are ``inside``, from the samples of all strata.
 
-    A ratio estimator over strata, with linear regression on the covariates where
-    there are enough lenses, correction for finite populations, Student's t and
-    Hall's correction for skewness: a few bad lenses among many good ones are the
-    rule. LfsrError if no sampled lens is inside, or one lens stands for many.
+    A ratio estimator over strata, with linear regression on the covariates where there are enough lenses, a correction
+    for finite populations, Student's t, and Hall's correction for skewness, since a few bad lenses among many good
+    ones are the rule. LfsrError if no sampled lens is inside, or a single lens represents a larger stratum.
     """
     strata = [stratum for stratum in strata if stratum.population]
     _check(strata)
@@ -69,21 +68,21 @@ def _check(strata: Sequence[Stratum]) -> None:
         raise LfsrError("no sampled lens shows any foreground: choose another subject, or --metric ssim_lens")
     for stratum in strata:
         if len(stratum.values) < min(2, stratum.population):
-            raise LfsrError(f"{len(stratum.values)} lens stands for {stratum.population}, but at least 2 must: "
-                            "sample more lenses")
+            raise LfsrError(f"{len(stratum.values)} sampled lens represents {stratum.population}, but at least 2 are "
+                            "needed: sample more lenses")
 
 
 @dataclasses.dataclass(frozen=True)
 class _Part:
-    """What a stratum's sample says."""
+    """Estimate of one stratum."""
 
-    mean: float  # over inside and outside lenses, which count as 0
-    deviations: Array  # (n,) of each lens from it
-    covariates: int  # how many were of use
+    mean: float  # over all its lenses; those that are not inside count as 0
+    deviations: Array  # (n,): of each lens from the mean
+    covariates: int  # number of covariates used
 
 
 def _part(stratum: Stratum) -> _Part:
-    """By regression where covariates are of use, else plainly; deviations then as a jackknife sees them."""
+    """Estimate by regression where covariates are usable (with jackknife deviations), else by the plain mean."""
     counted = np.where(stratum.inside, stratum.values, 0.0)
     x = _useful(stratum)
     if x is None:
@@ -98,17 +97,17 @@ def _part(stratum: Stratum) -> _Part:
 
 
 def _useful(stratum: Stratum) -> Array | None:
-    """Covariates (n, k) less their population means, those that vary; None where lenses are too few for them."""
-    x = stratum.covariates
-    if x is None or len(x) < LEAST_FOR_REGRESSION + x.shape[1] or not stratum.inside.all():
+    """Covariates (n, k) that vary, minus their population means; None if there are too few lenses for them."""
+    x, means = stratum.covariates, stratum.population_means
+    if x is None or means is None or len(x) < LEAST_FOR_REGRESSION + x.shape[1] or not stratum.inside.all():
         return None
-    # One that hardly varies here explains nothing and would be extrapolated from.
+    # A covariate that hardly varies in the sample would be extrapolated from.
     varies = x.std(0) > 1e-6
-    return (x - stratum.population_means)[:, varies] if varies.any() else None
+    return (x - means)[:, varies] if varies.any() else None
 
 
 def _spread(stratum: Stratum, part: _Part, residuals: Array) -> tuple[float, float]:
-    """Variance of the stratum's share of the total, and its degrees of freedom."""
+    """Variance of the stratum's contribution to the total, and its degrees of freedom."""
     count, population = len(residuals), stratum.population
     squares = float(((residuals - residuals.mean()) ** 2).sum())
     variance = squares / max(count - 1, 1)

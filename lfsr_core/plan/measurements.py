@@ -1,4 +1,4 @@
-"""What is known of every candidate while a plan is made, and which are worth a render of their own."""
+"""Scores and times of candidates while a plan is made, and the decision which to render."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from lfsr_core.plan.times import StageTime, TimeModel
 
 @dataclasses.dataclass(frozen=True)
 class Question:
-    """What is to be planned."""
+    """What to plan for."""
 
-    job: Job  # scene, display and frame; its scale, samples and output do not matter
-    options: PlanOptions  # target, metric and what the sample may cost
+    job: Job  # scene, display and frame; its scale, samples and output are ignored
+    options: PlanOptions
     wanted: tuple[Candidate, ...]  # the candidates, cheapest render first
 
     @property
@@ -38,42 +38,42 @@ class Question:
         return self.job.display
 
     @property
-    def whole(self) -> bool:
-        """True where every lens counts, not only those of the foreground."""
+    def every_lens(self) -> bool:
+        """Whether the metric counts every lens, not only those of the foreground."""
         return self.options.metric == "ssim_lens"
 
     @property
     def costliest(self) -> Candidate:
-        """The candidate whose frame takes most path samples."""
+        """The candidate whose frame takes the most path samples."""
         return max(self.wanted, key=lambda candidate: samples_of(candidate, self.display))
 
 
 @dataclasses.dataclass(frozen=True)
 class LensSample:
-    """The lenses that stand for the display."""
+    """The sampled lenses."""
 
-    look: QuickLook  # what the quick look knows of every lens
-    frame: Frame  # how the quick look was rendered
+    look: QuickLook
+    frame: Frame  # of the quick look's render
     strata: dict[str, list[Lens]]  # sampled lenses by name of STRATA
-    budget: Budget  # what the sample costs
-    limit: float  # path samples that it may cost, infinite where the number of lenses was asked for
+    budget: Budget
+    limit: float  # most path samples, infinite where the number of lenses was given
 
     @property
     def lenses(self) -> list[Lens]:
-        """All of them, in the order of STRATA."""
+        """All sampled lenses, in the order of STRATA."""
         return [lens for name in STRATA for lens in self.strata[name]]
 
     @property
     def looked(self) -> float:
-        """Share of the whole sample's cost that the quick look took."""
-        return self.budget.quick.samples / self._cost(self.budget.renders)
+        """Fraction of the whole sample's cost that the quick look took."""
+        return self.budget.quick / self._cost(self.budget.renders)
 
     def done(self, renders: list[tuple[int, int]]) -> float:
-        """Share of the whole sample's cost that is spent with these renders, by scale and samples."""
+        """Fraction of the whole sample's cost that is spent after these renders, by (scale, spp)."""
         return self._cost(renders) / self._cost(self.budget.renders)
 
     def affords(self, renders: list[tuple[int, int]]) -> bool:
-        """True if these renders are within the limit."""
+        """Whether these renders are within the limit."""
         return self._cost(renders) <= self.limit
 
     def _cost(self, renders: Iterable[tuple[int, int]]) -> float:
@@ -81,7 +81,7 @@ class LensSample:
 
 
 class Measurements:
-    """Scores and times of candidates; ``measure`` adds those of one scale and number of samples."""
+    """Scores and times of candidates; ``measure`` adds those of one scale and sample count."""
 
     def __init__(self, question: Question, sample: LensSample, reference: SampledReference, renders: SampleRenders,
                  model: TimeModel) -> None:
@@ -93,7 +93,7 @@ class Measurements:
         self._measured: list[tuple[int, int]] = []
 
     def measure(self, scale: int, spp: int, report: Moving) -> None:
-        """Render and measure the candidates of one scale and number of samples, unless there is a reason against."""
+        """Render and measure the candidates of one scale and sample count, or note why not."""
         here = [c for c in self.question.wanted if (c.scale, c.spp) == (scale, spp)]
         why = self._why_not(scale, spp, here)
         if why:
@@ -114,7 +114,7 @@ class Measurements:
         self.seconds += time.perf_counter() - started
 
     def rated(self) -> list[Rated]:
-        """What is known by now, cheapest first."""
+        """All candidates as known so far, cheapest first."""
         times, display = self.times(), self.question.display
         rows = [Rated(candidate, times.seconds(candidate, display),
                       self._estimate(self.scores[candidate].values) if candidate in self.scores else None,
@@ -124,13 +124,13 @@ class Measurements:
         return sorted(rows, key=lambda row: row.seconds)
 
     def times(self) -> TimeModel:
-        """The costs as all renders so far show them."""
+        """Time model of all renders so far."""
         model = dataclasses.replace(self._model, stages=self._stages)
-        share = float(self.sample.look.masks["foreground"].mean())
-        return model.refined(self.sample.frame, self.renders.of_lenses, share)
+        fraction = float(self.sample.look.masks["foreground"].mean())
+        return model.refined(self.sample.frame, self.renders.of_lenses, fraction)
 
     def _why_not(self, scale: int, spp: int, here: list[Candidate]) -> str:
-        """Reason to leave the candidates of one scale and sample count out, empty if there is none."""
+        """Reason not to measure the candidates of one scale and sample count, empty if there is none."""
         options, times = self.question.options, self.times()
         least = min(times.seconds(candidate, self.question.display) for candidate in here)
         if least > options.limit:
@@ -155,7 +155,7 @@ class Measurements:
         self._stages[candidate.scale, candidate.method] = stage
 
     def _between(self) -> Iterator[tuple[Candidate, Array]]:
-        """Candidates between measured ones, and the accuracy (n,) of each lens there."""
+        """Candidates between measured ones, with the accuracy (n,) of each sampled lens."""
         for scale, method in sorted({(candidate.scale, candidate.method) for candidate in self.scores}):
             known = {candidate.spp: scores.values for candidate, scores in self.scores.items()
                      if (candidate.scale, candidate.method) == (scale, method)}
@@ -163,15 +163,15 @@ class Measurements:
                 yield Candidate(scale, spp, method), (1 - weight) * known[fewer] + weight * known[more]
 
     def _estimate(self, of_lenses: Array) -> Estimate:
-        """Mean over the display from the accuracy (n,) of every sampled lens."""
-        look, whole, strata, start = self.sample.look, self.question.whole, [], 0
+        """Estimate over the display from the accuracy (n,) of every sampled lens."""
+        look, every, strata, start = self.sample.look, self.question.every_lens, [], 0
         for name in STRATA:
             lenses = self.sample.strata[name]
             rows = slice(start, start + len(lenses))
             start = rows.stop
-            if name == "rest" and not whole:
+            if name == "rest" and not every:
                 continue
             values = of_lenses[rows]
-            inside = np.ones(len(values), bool) if whole or name == "foreground" else self.reference.hits[rows]
+            inside = np.ones(len(values), bool) if every or name == "foreground" else self.reference.hits[rows]
             strata.append(Stratum(int(look.masks[name].sum()), values, inside, *look.covariates(name, lenses)))
         return estimate(strata)

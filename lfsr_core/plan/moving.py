@@ -1,4 +1,4 @@
-"""How far a plan is, also within its renders."""
+"""Progress of a plan, within its renders too."""
 
 from __future__ import annotations
 
@@ -8,27 +8,22 @@ STAGE = "plan"
 
 
 class Moving:
-    """Progress of a plan in steps; while a render runs, its own progress moves that of the plan."""
+    """Progress of a plan in steps; the progress of a render moves that of the plan."""
 
     def __init__(self, progress: Progress = silent) -> None:
         """``progress`` is called with (stage, fraction, message)."""
         self._progress, self._message = progress, ""
-        self._done, self._until, self._told = 0.0, 0.0, 0.0
-
-    @classmethod
-    def of(cls, progress: Progress | Moving) -> Moving:
-        """``progress`` itself where it is one already, which renders tell too."""
-        return progress if isinstance(progress, Moving) else cls(progress)
+        self._done, self._until, self._shown = 0.0, 0.0, 0.0
 
     def __call__(self, message: str, done: float, until: float | None = None) -> None:
-        """A step begins at the share ``done`` of the plan and ends at ``until``."""
+        """Begin a step at the fraction ``done`` of the plan, which ends at ``until``."""
         self._message, self._done, self._until = message, done, done if until is None else until
-        self._tell(done, message)
+        self._show(done, message)
 
     def rendering(self, _stage: str, fraction: float, message: str) -> None:
-        """A render of this step is at ``fraction``, as ``run_job`` tells it."""
-        self._tell(self._done + fraction * (self._until - self._done), f"{self._message}: {message}")
+        """Show that the render of this step is at ``fraction``: a progress for ``run_job``."""
+        self._show(self._done + fraction * (self._until - self._done), f"{self._message}: {message}")
 
-    def _tell(self, fraction: float, message: str) -> None:
-        self._told = max(self._told, min(fraction, 1.0))  # the first guesses at costs must not make it go back
-        self._progress(STAGE, self._told, message)
+    def _show(self, fraction: float, message: str) -> None:
+        self._shown = max(self._shown, min(fraction, 1.0))  # costs are guessed at first: never go back
+        self._progress(STAGE, self._shown, message)

@@ -1,4 +1,4 @@
-"""What to plan for."""
+"""Options of a plan."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lfsr_core.plan.candidates import METRICS, SAMPLES, Candidate, candidates
 
 @dataclasses.dataclass(frozen=True)
 class PlanOptions:
-    """Target, candidates, and what the sample may cost; LfsrError for what cannot be."""
+    """Target, candidates, and cost of the sample; LfsrError for impossible values."""
 
     target: float = 0.95  # accuracy to reach, in (0, 1)
     metric: str = METRICS[0]  # one of METRICS
@@ -20,12 +20,13 @@ class PlanOptions:
     scales: tuple[int, ...] | None = None
     spps: tuple[int, ...] = SAMPLES
     methods: tuple[str, ...] | None = None
-    # of those candidates only these pairs of scale and samples, None for all
+    # only these (scale, samples) of those candidates, None for all
     renders: tuple[tuple[int, int], ...] | None = None
-    between: int = 3  # sample counts judged between each two that are measured
+    between: int = 3  # sample counts to estimate between each two that are measured
     most_seconds: float | None = None  # longest time of a frame, None for any
-    share: float = 0.05  # of the costliest candidate's path samples that the sample may take
-    lenses: int | None = None  # sample just so many instead
+    # cost of the sample, as a fraction of the path samples of the costliest candidate's frame
+    budget: float = dataclasses.field(default=0.05, metadata={"key": "share"})
+    lenses: int | None = None  # number of lenses to sample, whatever the budget
     reference_spp: int = 256  # samples per pixel of the sampled lenses' reference
 
     def __post_init__(self) -> None:
@@ -34,10 +35,10 @@ class PlanOptions:
         if self.metric not in METRICS:
             raise LfsrError(f"metric is {self.metric!r}, but a plan looks at single lenses: choose "
                             f"{' or '.join(METRICS)}")
-        if not 0 < self.share <= 1:
-            raise LfsrError(f"budget is {self.share}, but it must be a share above 0 and at most 1")
+        if not 0 < self.budget <= 1:
+            raise LfsrError(f"budget is {self.budget}, but it must be a fraction above 0 and at most 1")
         if self.lenses is not None and self.lenses < 4:
-            raise LfsrError(f"number of lenses is {self.lenses}, but a plan needs at least 4 to know how sure it is")
+            raise LfsrError(f"number of lenses is {self.lenses}, but a plan needs at least 4 to estimate its certainty")
         if self.reference_spp < 4:
             raise LfsrError(f"reference samples are {self.reference_spp}, but its four quarters need at least 4")
         if self.between < 0:
@@ -51,7 +52,7 @@ class PlanOptions:
         return math.inf if self.most_seconds is None else self.most_seconds
 
     def candidates(self, display: DisplayProfile) -> list[Candidate]:
-        """What is wanted of ``display``; LfsrError as of ``candidates``, and where nothing is left."""
+        """Candidates for ``display``, cheapest render first; LfsrError as of ``candidates``, or if none is left."""
         found = candidates(display, self.scales, self.spps, self.methods)
         if self.renders is not None:
             found = [candidate for candidate in found if (candidate.scale, candidate.spp) in self.renders]

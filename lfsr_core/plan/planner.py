@@ -1,4 +1,4 @@
-"""Renders a sample of lenses and measures every candidate on it: the plan, step by step."""
+"""The plan, step by step: render a sample of lenses and measure every candidate on it."""
 
 from __future__ import annotations
 
@@ -27,24 +27,25 @@ from lfsr_core.progress import Progress, silent
 from lfsr_core.render.store import Render
 
 PILOT_LENSES = 64
-QUICK_SHARE = 0.05  # of the plan, a guess until costs are known
+QUICK_FRACTION = 0.05  # of the plan, a guess until costs are known
 SAMPLE_FILE = "sample.json"
 
 
 @dataclasses.dataclass(frozen=True)
 class SampleFacts:
-    """What was looked at for a plan, and what that cost."""
+    """The sample of a plan and its cost."""
 
-    lenses: dict[str, int]  # sampled, by the part of the display they stand for
+    lenses: dict[str, int]  # number of sampled lenses of each stratum
     foreground: int  # lenses that show foreground
-    costliest: str  # name of the candidate whose frame takes most path samples
+    costliest: str  # name of the candidate whose frame takes the most path samples
     costliest_seconds: float  # predicted for that frame
     seconds: float  # of all renders of the sample
     measuring_seconds: float  # of all second stages on it
-    share: float  # path samples of the sample, as a share of the costliest candidate's frame
-    share_of_seconds: float  # the same in seconds of rendering
-    cost_ratio: float  # of a sample in a foreground lens to one in the mean lens
-    within_budget: bool  # False where the number of lenses was asked for or is the least possible
+    # cost of the sample as a fraction of the costliest candidate's frame: in path samples, and in seconds of rendering
+    fraction: float = dataclasses.field(metadata={"key": "share"})
+    fraction_of_seconds: float = dataclasses.field(metadata={"key": "share_of_seconds"})
+    cost_ratio: float  # of a path sample in a foreground lens to one in the mean lens
+    within_budget: bool  # False where the number of lenses was given or is the least possible
     reference_noise: float  # standard deviation of a half of the reference, sRGB values
     largest_gain: float  # accuracy that a candidate gained with twice the reference's samples
 
@@ -53,35 +54,34 @@ class SampleFacts:
 class Planned:
     """A finished plan."""
 
-    rated: tuple[Rated, ...]  # what is known of every candidate, cheapest first
-    choice: Choice  # the cheapest that will do, or why there is none
-    sample: SampleFacts  # what was looked at
+    rated: tuple[Rated, ...]  # every candidate, cheapest first
+    choice: Choice
+    sample: SampleFacts
 
 
-def make_plan(job: Job, options: PlanOptions, render: Render, folder: Path,
+def make_plan(job: Job, options: PlanOptions, render: Render, folder: str | Path,
               progress: Progress | Moving = silent) -> Planned:
-    """Plan for the scene, display and frame of a job.
+    """Find the cheapest settings for the scene, display and frame of a job.
 
     Parameters
     ----------
-    job : its scale, samples and output do not matter
-    options : target, candidates, and what the sample may cost
+    job : its scale, samples and output are ignored
+    options : target, candidates, and cost of the sample
     render : renders one job into its folder, all or nothing
-    folder : keeps what was rendered: a second call goes on where one stopped
-    progress : called with (stage, fraction, message) at every step; a ``Moving`` that ``render`` tells too moves in
-        renders
+    folder : holds the renders: a second call continues where one stopped
+    progress : called with (stage, fraction, message) at every step; a ``Moving`` may follow the renders too
 
     Raises
     ------
-    LfsrError : for bad options, a scene without foreground, or what ``render`` raises
+    LfsrError : for bad options, a scene without foreground, or as of ``render``
     """
     question = Question(job, options, tuple(options.candidates(job.display)))
     if job.layout in ("view-by-view", SUBPIXELS):
         raise LfsrError(f"a plan renders single lenses, which the layout {job.layout} cannot: choose another layout")
-    _check_sample(folder, question)
+    _check_sample(Path(folder), question)
 
-    report = Moving.of(progress)
-    renders = SampleRenders(folder, job, render)
+    report = progress if isinstance(progress, Moving) else Moving(progress)
+    renders = SampleRenders(Path(folder), job, render)
     sample, model = _sample(question, renders, report)
     measured = Measurements(question, sample, _reference(question, sample, renders, report), renders, model)
     for scale in sorted({candidate.scale for candidate in question.wanted}, reverse=True):
@@ -92,43 +92,43 @@ def make_plan(job: Job, options: PlanOptions, render: Render, folder: Path,
 
 
 def _check_sample(folder: Path, question: Question) -> None:
-    """LfsrError if ``folder`` holds the sample of another scene or setting, else its description is there."""
-    same = sample_facts(question.job, question.options)
+    """Describe the sample in ``folder``; LfsrError if the folder holds the sample of another scene or setting."""
+    facts = sample_facts(question.job, question.options)
     path = folder / SAMPLE_FILE
-    if path.exists() and read_json(path, "the description of a sample") != same:
+    if path.exists() and read_json(path, "the description of a sample") != facts:
         raise LfsrError(f"{folder} holds the sample of another scene or of other options: choose another folder")
-    write_json(path, same)
+    write_json(path, facts)
 
 
 def _sample(question: Question, renders: SampleRenders, report: Moving) -> tuple[LensSample, TimeModel]:
-    """Which lenses to look at, and a first model of what a frame costs."""
-    report("looking at every lens", 0.0, QUICK_SHARE)
+    """Choose the lenses to look at, and make a first model of a frame's cost."""
+    report("looking at every lens", 0.0, QUICK_FRACTION)
     folder, frame = renders.quick()
     look = quick_look(folder)
     foreground, options = look.masks["foreground"], question.options
     if not foreground.any():
         raise LfsrError("no lens shows any foreground: check where the camera looks, and --subject")
-    whole = low_pixels(question.display, frame.scale)
     model = TimeModel(frame.seconds["open"], 0.0, render_seconds(frame) / path_samples(frame),
-                      look.finish["load"] / whole, sum(look.finish.values()) - look.finish["load"],
-                      int(foreground.sum()), look.shown, world=frame.seconds.get("world", 0.0) + look.world)
-    report("what the foreground costs", QUICK_SHARE)
-    quick = plan_sample.QuickCost(path_samples(frame), _cost_ratio(question, renders, look, model.per_sample))
-    budget = plan_sample.budget(question.display, question.wanted, options.reference_spp, quick, options.share)
+                      look.finish["load"] / low_pixels(question.display, frame.scale),
+                      sum(look.finish.values()) - look.finish["load"], int(foreground.sum()), look.shown,
+                      world=frame.seconds.get("world", 0.0) + look.world)
+    report("measuring the cost of the foreground", QUICK_FRACTION)
+    budget = plan_sample.budget(question.display, question.wanted, options.reference_spp, path_samples(frame),
+                                _cost_ratio(question, renders, look, model.per_sample), options.budget)
     count = options.lenses or budget.lenses
-    strata = plan_sample.sample(look.masks, count, question.job.seed, question.whole)
-    # Fewer lenses would be of no use, and a number that was asked for is taken: then there is no limit.
+    strata = plan_sample.sample(look.masks, count, question.job.seed, question.every_lens)
+    # A given number of lenses, and the least useful number, are taken whatever they cost.
     limit = math.inf if options.lenses or count <= plan_sample.LEAST_LENSES else budget.allowed
     return LensSample(look, frame, strata, budget, limit), model
 
 
 def _cost_ratio(question: Question, renders: SampleRenders, look: QuickLook, per_sample: float) -> float:
-    """How much more a sample costs in a foreground lens than in the mean lens, from a few of them."""
+    """Cost of a path sample in a foreground lens relative to one in the mean lens, from a few lenses."""
     mask = look.masks["foreground"]
     few = plan_sample.sample({**look.masks, "edge": np.zeros_like(mask)}, PILOT_LENSES, question.job.seed, False)
     pilot = renders.pilot(few["foreground"])
     ratio = render_seconds(pilot) / path_samples(pilot) / per_sample
-    # Where the others cost nothing it is the inverse of the foreground's share; set-up can only add to that.
+    # If the other lenses cost nothing, it is the inverse of the foreground's fraction; more would be set-up.
     return float(np.clip(ratio, 1, mask.size / mask.sum()))
 
 
@@ -147,7 +147,7 @@ def _reference(question: Question, sample: LensSample, renders: SampleRenders, r
 
 
 def _check_exposure(reference: SampledReference) -> None:
-    """LfsrError where the picture is almost black or white: then every candidate is perfect, and none of use."""
+    """LfsrError if the image is almost black or white: every candidate would be perfect."""
     tone = extreme_tone(srgb_encode(np.mean(reference.quarters, 0)[reference.hits]))
     if tone:
         change = "stronger" if tone == "black" else "weaker"
@@ -163,7 +163,7 @@ def _facts(measured: Measurements) -> SampleFacts:
         lenses={name: len(lenses) for name, lenses in sample.strata.items()},
         foreground=int(sample.look.masks["foreground"].sum()), costliest=costliest.name, costliest_seconds=seconds,
         seconds=renders.seconds, measuring_seconds=measured.seconds,
-        share=renders.samples / samples_of(costliest, question.display),
-        share_of_seconds=renders.seconds / seconds, cost_ratio=sample.budget.quick.cost_ratio,
+        fraction=renders.samples / samples_of(costliest, question.display),
+        fraction_of_seconds=renders.seconds / seconds, cost_ratio=sample.budget.cost_ratio,
         within_budget=math.isfinite(sample.limit), reference_noise=measured.reference.noise,
         largest_gain=max((scores.gain for scores in measured.scores.values()), default=0.0))

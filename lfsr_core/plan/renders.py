@@ -1,4 +1,4 @@
-"""The renders behind a plan: a quick look, a pilot, the reference of the sampled lenses, and their renders."""
+"""The renders of a plan: quick look, pilot, and reference and low-resolution renders of the sampled lenses."""
 
 from __future__ import annotations
 
@@ -12,59 +12,57 @@ from lfsr_core.frames.job import Job
 from lfsr_core.plan.moving import Moving
 from lfsr_core.plan.sample import Lens
 from lfsr_core.plan.times import path_samples
-from lfsr_core.render.blender import Blender
+from lfsr_core.render.blender import Starts
 from lfsr_core.render.process import Warn, run_job
 from lfsr_core.render.store import Render, cached
 
 QUICK, QUICK_SCALE, QUICK_SAMPLES = "quick", 4, 4
 PILOT_SAMPLES = 16
 REFERENCE_PARTS = 2  # jobs of two independent halves each: four quarters
-# Random numbers of one part of the sample are no other's and no reference half's (the add-on's HALF_SEED).
+# Every render of the sample has random numbers of its own, other than those of reference halves (HALF_SEED).
 SEED_STEP, REFERENCE_SEED, MOST_SAMPLES = 7919, 1 << 23, 4096
 
 
-def rendering(blender: Blender, warn: Warn | None = None, moving: Moving | None = None) -> Render:
-    """Renders with ``blender`` as its own process.
-
-    ``warn(sentence)`` of what the user should know; ``moving`` is told how far each render is.
-    """
-    return lambda job: run_job(job, blender, moving and moving.rendering, warn)
+def rendering(blender: Starts, warn: Warn | None = None, moving: Moving | None = None) -> Render:
+    """Render in ``blender``; ``warn`` is called with sentences for the user, ``moving`` follows each render."""
+    return lambda job: run_job(job, blender, moving.rendering if moving else None, warn)
 
 
 class SampleRenders:
-    """Frame folders of the sample inside ``folder``, rendered with ``render`` when first asked for."""
+    """Frame folders of the sample in ``folder``, each rendered with ``render`` when it is first needed."""
 
     def __init__(self, folder: Path, job: Job, render: Render) -> None:
         self._folder, self._job, self._render = folder, job, render
         self._frames: dict[str, Frame] = {}
 
     def quick(self) -> tuple[Path, Frame]:
-        """Every lens with few samples."""
-        return self._kept(QUICK, 1, scale=self._quick_scale, spp=QUICK_SAMPLES)
+        """Every lens, with few samples."""
+        return self._rendered(QUICK, 1, scale=self._quick_scale, spp=QUICK_SAMPLES)
 
     def pilot(self, lenses: Sequence[Lens]) -> Frame:
-        """A few lenses, as the quick look shows them, with enough samples to say what one costs."""
-        return self._kept("pilot", 2, scale=self._quick_scale, spp=PILOT_SAMPLES, lens_list=tuple(lenses))[1]
+        """A few lenses at the scale of the quick look, with enough samples to time one."""
+        return self._rendered("pilot", 2, scale=self._quick_scale, spp=PILOT_SAMPLES, lens_list=tuple(lenses))[1]
 
     def reference(self, part: int, spp: int, lenses: Sequence[Lens]) -> tuple[list[Path], Frame]:
-        """Files of two quarters of the sampled lenses' reference, ``spp`` samples in each part of REFERENCE_PARTS."""
-        folder, frame = self._kept(f"reference-{part}", part, kind="reference", scale=1, layers=(), clamp_indirect=0.0,
-                                   spp=max(2, spp // REFERENCE_PARTS), lens_list=tuple(lenses), seed=REFERENCE_SEED)
+        """Files of two quarters of the sampled lenses' reference; ``spp``: of all REFERENCE_PARTS together."""
+        folder, frame = self._rendered(f"reference-{part}", part, kind="reference", scale=1, layers=(),
+                                       clamp_indirect=0.0, spp=max(2, spp // REFERENCE_PARTS),
+                                       lens_list=tuple(lenses), seed=REFERENCE_SEED)
         return [folder / name for name in REFERENCE_FILES], frame
 
     def sampled(self, scale: int, spp: int, lenses: Sequence[Lens]) -> Path:
-        """The sampled lenses and their neighbours at one scale and number of samples."""
-        return self._kept(f"s{scale}-spp{spp}", scale * MOST_SAMPLES + spp, scale=scale, spp=spp,
+        """The sampled lenses and their neighbours at one scale and sample count."""
+        return self._rendered(f"s{scale}-spp{spp}", scale * MOST_SAMPLES + spp, scale=scale, spp=spp,
                           lens_list=tuple(lenses))[0]
 
     @property
     def of_lenses(self) -> list[Frame]:
-        """Frames of the low-resolution renders of some lenses, so far."""
+        """Frames of the low-resolution renders of sampled lenses so far."""
         return [frame for name, frame in self._frames.items() if name == "pilot" or name.startswith("s")]
 
     @property
     def seconds(self) -> float:
-        """Of all renders so far, loading the scene included."""
+        """Seconds of all renders so far, including loading the scene."""
         return sum(frame.seconds["open"] + frame.seconds["render"] for frame in self._frames.values())
 
     @property
@@ -76,8 +74,8 @@ class SampleRenders:
     def _quick_scale(self) -> int:
         return min(self._job.display.scales() or [1], key=lambda scale: abs(scale - QUICK_SCALE))
 
-    def _kept(self, name: str, number: int, seed: int = 0, **changes: Any) -> tuple[Path, Frame]:
-        """Folder of the job with ``changes``; ``number`` makes its random numbers its own."""
+    def _rendered(self, name: str, number: int, seed: int = 0, **changes: Any) -> tuple[Path, Frame]:
+        """Folder of the job with ``changes``, rendered unless it is there; ``number`` decides its random numbers."""
         seed = (self._job.seed + seed + SEED_STEP * number) % 2**31
         folder = cached(dataclasses.replace(self._job, output=str(self._folder / name), seed=seed, world=self._world,
                                             **changes), self._render)
@@ -86,6 +84,6 @@ class SampleRenders:
 
     @property
     def _world(self) -> str | None:
-        """The world behind everything, which neither lenses nor samples change; None until it is rendered."""
+        """File of the world, the same for all lenses and samples; None until it is rendered, or if it is not apart."""
         quick = self._frames.get(QUICK)
         return str(self._folder / QUICK / WORLD_FILE) if quick is not None and quick.world_apart else None

@@ -1,4 +1,4 @@
-"""How near a method comes on sampled lenses, and how long it takes there."""
+"""Accuracy and time of a method on sampled lenses."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.second_stage import FILL_METHOD, finished_lenses, upscale_frame
 from lfsr_core.reconstruct.world import finish_lenses, prepared
 
-CORRECTED = 0.5  # share of the reference's remaining noise that is taken out of the metric
+CORRECTED = 0.5  # fraction of the loss by the reference's remaining noise that is added to the metric
 LENSES_TIMED = 1024
 FINISHING = ("load", "mask", "assemble", "color", "write")
 
 
 @dataclasses.dataclass(frozen=True)
 class QuickLook:
-    """What a few samples of every lens show."""
+    """What a render of every lens with few samples shows."""
 
     masks: dict[str, Array]  # (sy, sx) bool by name of the stratum, see sample.strata_masks
     features: Array  # (sy, sx, k), see the function ``features``
-    finish: dict[str, float]  # seconds of the second stage's steps that no method changes
-    shown: float  # share of the frame that a denoiser looks at
-    world: float = 0.0  # seconds of the lenses that show nothing but a world that lies apart
+    finish: dict[str, float]  # seconds of the second stage's steps that are the same for every method
+    shown: float  # fraction of the frame that is denoised
+    world: float = 0.0  # seconds of the lenses that show only a world that was rendered apart
 
     def covariates(self, name: str, lenses: Sequence[Lens]) -> tuple[Array | None, Array | None]:
-        """Covariates (n, k) of sampled foreground lenses and their means over all of them; None for other strata."""
+        """Covariates (n, k) of sampled foreground lenses, and their means over the foreground; else (None, None)."""
         if name != "foreground" or not lenses:
             return None, None
         rows, columns = np.asarray(lenses).T
@@ -62,7 +62,7 @@ class SampledReference:
 
     @classmethod
     def read(cls, paths: Sequence[Path], frame: Frame, count: int) -> SampledReference:
-        """From the EXR files of the quarters; ``frame`` describes all of them."""
+        """Read the EXR files of the quarters; ``frame`` describes all of them."""
         images, hits = zip(*(read_half(path, frame) for path in paths), strict=True)
         quarters = tuple(listed_images(image, frame)[:count] for image in images)
         shown = [srgb_encode((quarters[i] + quarters[i + 1]) / 2) for i in (0, 2)]
@@ -70,20 +70,21 @@ class SampledReference:
         return cls(quarters, np.any(hits, 0).reshape(-1)[:count], noise)
 
     def pair(self, first: Sequence[int], second: Sequence[int]) -> tuple[Array, Array]:
-        """Two halves, each the mean of the named quarters, encoded after averaging as a longer render would be."""
-        return tuple(srgb_encode(np.mean([self.quarters[n] for n in names], 0)) for names in (first, second))
+        """Two halves in sRGB values, each of the mean of the numbered quarters."""
+        half_a, half_b = (srgb_encode(np.mean([self.quarters[n] for n in half], 0)) for half in (first, second))
+        return half_a, half_b
 
 
 @dataclasses.dataclass(frozen=True)
 class Scores:
-    """How near a method comes."""
+    """Accuracy of a method."""
 
     values: Array  # (n,) split SSIM of each sampled lens, corrected for the reference's noise
-    gain: float  # by which twice the reference's samples raised their mean
+    gain: float  # of their mean with twice the reference's samples
 
 
 def quick_look(folder: Path) -> QuickLook:
-    """From the folder of a quick render of every lens; finishes it once to see how long that takes."""
+    """Look at the folder of a quick render of every lens, and finish it once to time that."""
     frame = read_frame(folder)
     layers, _ = clean(read_layers(folder / LOW_RES_FILE))
     mask, wide = (foreground_mask(layers, frame.rays.tiles, reach) for reach in (0, 1))
@@ -95,19 +96,20 @@ def quick_look(folder: Path) -> QuickLook:
 
 
 def _world_seconds(low: LowResEIA, mask: Array) -> float:
-    """Seconds of a whole frame's lenses beside ``mask``, which see the world alone; 0 where none lies apart."""
-    if low.world is None or mask.all():
+    """Seconds of a whole frame's lenses outside ``mask``, which see only the world; 0 if it was not rendered apart."""
+    world = low.world
+    if world is None or low.places is None or mask.all():
         return 0.0
     rest = low.places[~mask]
     few = rest[:LENSES_TIMED]
-    return _seconds(lambda: low.world.elemental_images(few)) * len(rest) / len(few) / _threads()
+    return _seconds(lambda: world.elemental_images(few)) * len(rest) / len(few) / _threads()
 
 
 def features(low: LowResEIA) -> Array:
-    """What may explain a lens's accuracy, (sy, sx, 3): its coverage, how noisy it is, how much detail it shows.
+    """Features of each lens that may explain its accuracy, (sy, sx, 3): coverage, noise and detail.
 
-    Noise: split SSIM of the quick look against itself denoised; detail: mean step
-    between pixels of the denoised one. Where no denoiser is, contrast stands for both.
+    Noise is the split SSIM of the quick look against itself denoised; detail is the mean step between pixels of the
+    denoised one. Without a denoiser, contrast takes the place of both, (sy, sx, 2).
     """
     shown, coverage = srgb_encode(low.color), low.alpha.mean((2, 3, 4))
     if not is_available():
@@ -121,14 +123,9 @@ def features(low: LowResEIA) -> Array:
 
 
 def score(folder: Path, name: str, mosaic: Mosaic, reference: SampledReference) -> Scores:
-    """Accuracy of a method on sampled lenses.
+    """Accuracy of the method ``name`` on a render of the sample.
 
-    Parameters
-    ----------
-    folder : a render of the sample
-    name : the method
-    mosaic : of the sampled lenses, its centres, and their neighbours
-    reference : of the sampled lenses
+    ``mosaic``: the sampled lenses (its centres) and their neighbours.
     """
     low, mask = _sampled(folder, mosaic)
     images = srgb_encode(finished_lenses(low, mask, method(name, block=mosaic.side), mosaic.centres))
@@ -138,34 +135,29 @@ def score(folder: Path, name: str, mosaic: Mosaic, reference: SampledReference) 
 def split_scores(images: Array, reference: SampledReference) -> Scores:
     """Split SSIM of images (n, py, px, 3) in [0, 1], corrected for the reference's noise.
 
-    The metric falls short by what is left of that noise, about in proportion to
-    its variance: what it gains from halves of one quarter to halves of two is
-    missing once more. CORRECTED of that is added, less than all of it because too
-    much would promise what the frame does not keep (docs/guide/plan.md).
+    The reference's remaining noise lowers the metric about in proportion to its variance. So what the metric gains
+    from halves of one quarter to halves of two is missing once more. CORRECTED of that gain is added: adding all of it
+    would sometimes promise too much (docs/guide/plan.md).
     """
     full = _mean_ssim(images, *reference.pair((0, 1), (2, 3)))
     less = (_mean_ssim(images, *reference.pair((0,), (2,))) + _mean_ssim(images, *reference.pair((1,), (3,)))) / 2
     gain = float(np.mean(full - less))
-    # Noise so strong that variances are cut off at 0 raises the metric: that is no gain to go on from.
+    # Strong noise, whose variances are cut off at 0, raises the metric: then there is no gain to extrapolate.
     return Scores(full + CORRECTED * (full - less) if gain > 0 else full, gain)
 
 
 def stage_time(folder: Path, name: str, mosaic: Mosaic, one: Mosaic) -> StageTime:
-    """How long a method takes.
+    """Time the method ``name`` on a render of the sample.
 
-    Parameters
-    ----------
-    folder : a render of the sample
-    name : the method
-    mosaic, one : all blocks of the sample and one of them: prefilters are timed on both, the rest per lens
+    ``mosaic`` and ``one``: all blocks of the sample, and one of them. Prefilters are timed on both, the rest per lens.
     """
     chosen = method(name)
     recovering = chosen.upscaler if isinstance(chosen.upscaler, Recovering) else None
     if recovering:
-        # It works on lenses with foreground, not on pixels.
+        # Its cost grows with the foreground's lenses, not with pixels: it is timed apart.
         chosen = dataclasses.replace(chosen, prefilters=chosen.prefilters[:-1])
     (large, mask), (small, _) = (_sampled(folder, part) for part in (mosaic, one))
-    low = prepared(small, chosen)  # what is loaded once is loaded now
+    low = prepared(small, chosen)  # load once before timing
     finish_lenses(chosen.upscaler, recovering.prepare(low) if recovering else low, one.centres)
     few, many = _seconds(lambda: prepared(small, chosen)), _seconds(lambda: prepared(large, chosen))
     ready, per_lens = prepared(large, chosen), 0.0
@@ -181,7 +173,7 @@ def stage_time(folder: Path, name: str, mosaic: Mosaic, one: Mosaic) -> StageTim
 
 
 def _sampled(folder: Path, mosaic: Mosaic) -> tuple[LowResEIA, Array]:
-    """The mosaic of a rendered list of lenses and which of its centres are foreground there."""
+    """The mosaic of a rendered list of lenses, and (n,) bool: which of its centres are foreground."""
     frame = read_frame(folder)
     layers, _ = clean(read_layers(folder / LOW_RES_FILE))
     low = low_resolution(layers, frame, read_world(folder, frame))
@@ -193,7 +185,8 @@ def _threads() -> int:
 
 
 def _mean_ssim(images: Array, half_a: Array, half_b: Array) -> Array:
-    return stacked_ssim(images, half_a, half_b).mean((1, 2))
+    means: Array = stacked_ssim(images, half_a, half_b).mean((1, 2))
+    return means
 
 
 def _seconds(work: Callable[[], Any]) -> float:

@@ -1,4 +1,4 @@
-"""How long a whole frame will take, from what a sample of it took."""
+"""Prediction of a whole frame's time from the times of a sample."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from lfsr_core.plan.candidates import Candidate, low_pixels
 
 @dataclasses.dataclass(frozen=True)
 class StageTime:
-    """Seconds of a second stage."""
+    """Seconds of a method in the second stage."""
 
-    fixed: float  # whatever the frame
-    per_pixel: float  # of each low-resolution pixel that is denoised
-    per_lens: float  # of each lens of the foreground
+    fixed: float = 0.0  # per frame
+    per_pixel: float = 0.0  # per low-resolution pixel that is denoised
+    per_lens: float = 0.0  # per lens of the foreground
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,27 +32,24 @@ class TimeModel:
     load: float  # reading one low-resolution pixel
     finish: float  # mask, assembly, colour and writing of a frame
     foreground: int  # number of lenses that the method works on
-    shown: float = 1.0  # share of the frame that a denoiser looks at (denoise.shown_part)
-    # second stages by scale and method
-    stages: Mapping[tuple[int, str], StageTime] = dataclasses.field(default_factory=dict)
-    world: float = 0.0  # of a visible world that lies apart, as behind every render but those of scale 1
+    shown: float = 1.0  # fraction of the frame that is denoised (denoise.shown_part)
+    stages: Mapping[tuple[int, str], StageTime] = dataclasses.field(default_factory=dict)  # by scale and method
+    world: float = 0.0  # of a visible world that is rendered apart, as for every scale but 1
 
     def seconds(self, candidate: Candidate, display: DisplayProfile) -> float:
-        """Predicted seconds of a whole frame; without a measured second stage those of the render alone."""
+        """Predicted seconds of a whole frame; those of the render alone where the second stage was not measured."""
         low = low_pixels(display, candidate.scale)
-        stage = self.stages.get((candidate.scale, candidate.method), StageTime(0.0, 0.0, 0.0))
+        stage = self.stages.get((candidate.scale, candidate.method), StageTime())
         world = self.world if candidate.scale > 1 else 0.0
         return (self.open + self.setup + self.per_sample * low * candidate.spp + world + self.load * low + self.finish
                 + stage.fixed + stage.per_pixel * low * self.shown + stage.per_lens * self.foreground)
 
-    def refined(self, quick: Frame, sampled: list[Frame], share: float) -> TimeModel:
-        """The model with the set-up of a render kept apart from its samples, by ``sampled`` renders of several sizes.
+    def refined(self, quick: Frame, sampled: list[Frame], fraction: float) -> TimeModel:
+        """Separate the set-up of a render from the cost of its samples, by ``sampled`` renders of several sizes.
 
-        Those show foreground, whose samples cost more than others; what the mean
-        sample costs, ``quick`` says, the render of every lens. Where that took
-        hardly more than its set-up, the bounds say it: between the foreground's
-        cost, and that of a frame whose other lenses cost nothing. ``share``: of
-        the lenses, the foreground's.
+        Those show foreground, whose samples cost more than others. The cost of a mean sample comes from ``quick``, the
+        render of every lens. If that took hardly longer than its set-up, bounds apply: the foreground's cost above,
+        below that of a frame whose other lenses cost nothing. ``fraction``: of the lenses, the foreground.
         """
         samples = np.array([path_samples(frame) for frame in sampled], float)
         if len(set(samples)) < 2:
@@ -61,7 +58,7 @@ class TimeModel:
         slope = max(float(np.polyfit(samples, seconds, 1)[0]), 0.0)
         setup = min(max(float(np.mean(seconds) - slope * np.mean(samples)), 0.0), float(seconds.min()))
         mean = (render_seconds(quick) - setup) / path_samples(quick)
-        return dataclasses.replace(self, setup=setup, per_sample=min(max(mean, share * slope), slope))
+        return dataclasses.replace(self, setup=setup, per_sample=min(max(mean, fraction * slope), slope))
 
 
 def path_samples(frame: Frame) -> int:
@@ -70,5 +67,5 @@ def path_samples(frame: Frame) -> int:
 
 
 def render_seconds(frame: Frame) -> float:
-    """Seconds of a render without those of a world apart from it."""
+    """Seconds of a render, without a world that was rendered apart."""
     return frame.seconds["render"] - frame.seconds.get("world", 0.0)

@@ -1,4 +1,4 @@
-"""Where a plan keeps its renders: a folder that was named, else one in the user's cache until the plan is made."""
+"""The folder of a plan's renders: a given one, else one in the user's cache until the plan is made."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ from lfsr_core.render.process import Warn
 from lfsr_core.render.staging import LOCK_FILE
 from lfsr_core.render.store import is_complete
 
-NO_MATTER = (*PLACES, "scale", "spp")  # fields of the job that is planned for
-SECONDS_KEPT = 24 * 3600  # textures and linked files are not looked at, so no plan goes on from an old one
+IGNORED = (*PLACES, "scale", "spp")  # fields of the job that is planned for
+SECONDS_CACHED = 24 * 3600  # changes of textures and linked files are not noticed, so old renders are not reused
 
 
 def sample_facts(job: Job, options: PlanOptions) -> dict[str, Any]:
-    """JSON-ready: what two plans must have in common to use the same renders."""
+    """JSON-ready facts that two plans must have in common to use the same renders."""
     wanted = {(candidate.scale, candidate.spp) for candidate in options.candidates(job.display)}
-    return job_facts(job, NO_MATTER) | {
-        "lenses": options.lenses, "share": options.share, "reference_spp": options.reference_spp,
+    return job_facts(job, IGNORED) | {
+        "lenses": options.lenses, "share": options.budget, "reference_spp": options.reference_spp,
         "metric": options.metric, "renders": [list(pair) for pair in sorted(wanted)]}
 
 
 @contextmanager
 def work_folder(folder: Path | None, job: Job, options: PlanOptions, warn: Warn) -> Iterator[Path]:
-    """``folder``, or one in the user's cache that is gone after the block.
+    """Yield ``folder``, or one in the user's cache that is removed after the block.
 
-    An error or an interrupt leaves that one, if anything in it is whole, to the next plan of the same question for the
-    same scene file, and ``warn`` is told. Two such plans at once: the second works in a temporary folder.
+    After an error or an interrupt the cached one stays, if it holds a finished render, for the next plan of the same
+    question and scene file; ``warn`` says so. Of two such plans at once the second works in a temporary folder.
     """
     if folder is not None:
         yield folder
@@ -64,7 +64,7 @@ def work_folder(folder: Path | None, job: Job, options: PlanOptions, warn: Warn)
 
 def _leave(folder: Path, warn: Warn) -> None:
     if _has_renders(folder):
-        warn(f"the renders of this plan are kept for a day in {folder}: the same plan goes on from them")
+        warn(f"the renders of this plan stay for a day in {folder}: run the same plan again to continue")
     else:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -75,14 +75,14 @@ def _has_renders(folder: Path) -> bool:
 
 
 def _sweep(folder: Path) -> None:
-    """Remove what interrupted plans left too long ago."""
+    """Remove the renders of interrupted plans that are too old."""
     for path in folder.iterdir() if folder.is_dir() else ():
-        if time.time() - path.stat().st_mtime > SECONDS_KEPT:
+        if time.time() - path.stat().st_mtime > SECONDS_CACHED:
             shutil.rmtree(path, ignore_errors=True)
 
 
 def _cache() -> Path:
-    """This program's folder for plans in the user's cache, wherever the system has that."""
+    """This program's folder for plans in the user's cache."""
     home = Path.home()
     places = {"win32": os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local",
               "darwin": home / "Library" / "Caches"}

@@ -35,9 +35,9 @@ def test_a_pattern_photographed_fits_the_profile(tmp_path, capsys):
 
 
 def test_what_is_missing_is_named(tmp_path, capsys):
-    assert "give -o FILE.toml" in fails(["displays", "--import", str(new_unit(tmp_path))], capsys)
-    assert "give -o FILE.png" in fails(["displays", "looking-glass-go", "--pattern", "rgb"], capsys)
-    assert "no display was named" in fails(["displays", "--fit", "photo.png"], capsys)
-    assert "1 photographs were given and 2 places" in fails(
+    assert "no file was given: add -o FILE.toml" in fails(["displays", "--import", str(new_unit(tmp_path))], capsys)
+    assert "add -o FILE.png" in fails(["displays", "looking-glass-go", "--pattern", "rgb"], capsys)
+    assert "--pattern and --fit need a display" in fails(["displays", "--fit", "photo.png"], capsys)
+    assert "1 photographs and 2 positions were given" in fails(
         ["displays", "looking-glass-go", "--fit", "a.png", "--from", "0,0,1", "--from", "0,0,2"], capsys)
     assert "'mini' has no lens sheet" in fails(["displays", "mini", "--pattern", "grid", "-o", "a.png"], capsys)

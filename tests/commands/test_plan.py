@@ -154,7 +154,7 @@ def test_a_changed_scene_is_planned_anew_and_an_old_plan_forgotten(scene, blende
         return found
     warnings = []
     assert [interrupted(job), interrupted(job)] == [False, True]
-    assert len(warnings) == 2 and "kept for a day in" in warnings[0]
+    assert len(warnings) == 2 and "stay for a day in" in warnings[0]
     Path(scene).write_bytes(b"changed")
     assert not interrupted(job)
     for path in cache.iterdir():

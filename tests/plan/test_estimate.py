@@ -85,5 +85,5 @@ def test_a_useless_covariate_is_left_out():
 def test_what_tells_nothing_is_refused():
     with pytest.raises(LfsrError, match="no sampled lens"):
         estimate([Stratum(10, np.ones(4), np.zeros(4, bool))])
-    with pytest.raises(LfsrError, match="1 lens stands for 10"):
+    with pytest.raises(LfsrError, match="1 sampled lens represents 10"):
         estimate([Stratum(10, np.ones(1), np.ones(1, bool))])

@@ -10,7 +10,6 @@ from lfsr_core.plan.moving import Moving
 def test_a_render_moves_its_step_to_its_end():
     seen = []
     moving = Moving(lambda *state: seen.append(state))
-    assert Moving.of(moving) is moving
     moving("24 lenses at scale 4, 16 samples", 0.2, 0.6)
     moving.rendering("render", 0.5, "Sample 8/16")
     moving.rendering("render", 1.0, "Finished")

@@ -14,7 +14,7 @@ def test_a_frame_may_take_any_time_unless_it_is_limited():
     assert PlanOptions().limit == math.inf and PlanOptions(most_seconds=3).limit == 3
 
 
-@pytest.mark.parametrize("wrong", [{"target": 1.0}, {"target": 0.0}, {"metric": "psnr"}, {"share": 0.0}, {"lenses": 3},
+@pytest.mark.parametrize("wrong", [{"target": 1.0}, {"target": 0.0}, {"metric": "psnr"}, {"budget": 0.0}, {"lenses": 3},
                                    {"reference_spp": 3}, {"between": -1}, {"most_seconds": 0.0}])
 def test_impossible_options_are_refused(wrong):
     with pytest.raises(LfsrError, match="but"):

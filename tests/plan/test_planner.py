@@ -141,11 +141,11 @@ def test_a_sample_of_other_settings_is_not_taken(tmp_path):
 
 def test_a_small_budget_leaves_costly_candidates_out(tmp_path, monkeypatch):
     monkeypatch.setattr(planner.plan_sample, "LEAST_LENSES", 4)
-    options = dataclasses.replace(OPTIONS, target=0.999, lenses=None, reference_spp=16, share=0.5)
+    options = dataclasses.replace(OPTIONS, target=0.999, lenses=None, reference_spp=16, budget=0.5)
     planned = make_plan(JOB, options, render, tmp_path / "sample")
     left_out = [row for row in planned.rated if "budget" in row.note]
     assert left_out and all(row.estimate is None for row in left_out)
-    assert planned.sample.within_budget and planned.sample.share <= 0.5 * 1.01 + 0.02
+    assert planned.sample.within_budget and planned.sample.fraction <= 0.5 * 1.01 + 0.02
 
 
 def test_accuracy_of_the_whole_array_counts_every_lens(tmp_path):
@@ -217,7 +217,7 @@ def test_recovery_is_judged_and_timed_like_any_method(tmp_path):
     planned = make_plan(JOB, options, render, tmp_path / "sample")
     rows = {row.candidate.method: row for row in planned.rated}
     assert all(row.estimate is not None and row.estimate.low < row.estimate.mean for row in rows.values())
-    assert rows["bilinear+epi"].candidate.parts > rows["bilinear"].candidate.parts
+    assert rows["bilinear+epi"].candidate.steps > rows["bilinear"].candidate.steps
     assert all(0 < row.seconds < 60 for row in rows.values())
 
 

@@ -16,7 +16,6 @@ from lfsr_core.plan.sample import (
     MOST_LENSES,
     REACH_IN_A_VIEW,
     Mosaic,
-    QuickCost,
     budget,
     reach,
     sample,
@@ -82,15 +81,15 @@ def test_neighbours_are_as_many_as_a_denoiser_needs():
 @given(st.floats(0.001, 1), st.floats(1, 8))
 def test_sample_stays_within_its_budget(share, ratio):
     display = load_display("bupt-32in-8k")
-    found = budget(display, candidates(display), 256, QuickCost(1e6, ratio), share)
+    found = budget(display, candidates(display), 256, 1e6, ratio, share)
     assert LEAST_LENSES <= found.lenses <= MOST_LENSES
     usual = [key for key, cost in found.renders.items() if cost < found.reference]
     if found.lenses > LEAST_LENSES:
         assert found.cost(found.lenses, usual) <= found.allowed
-    assert budget(display, candidates(display), 256, QuickCost(1e6, 2 * ratio), share).lenses <= found.lenses
+    assert budget(display, candidates(display), 256, 1e6, 2 * ratio, share).lenses <= found.lenses
 
 
 def test_cost_of_a_sample_counts_every_render_and_neighbour():
-    found = budget(MINI, candidates(MINI, (2,), (4,), ("bilinear",)), 16, QuickCost(1000.0, 3.0), 0.05)
+    found = budget(MINI, candidates(MINI, (2,), (4,), ("bilinear",)), 16, 1000.0, 3.0, 0.05)
     assert found.allowed == pytest.approx(0.05 * 64 * 48 * 4)
     assert found.cost(10, [(2, 4)]) == 1000 + 10 * 3 * (64 * 16 + 25 * 16 * 4)

@@ -136,7 +136,7 @@ def summary(rows: Sequence[Verdict]) -> Summary:
         mean_error=_mean(error for row in rows for error in row.errors),
         median_predicted_over_actual_seconds=_median(time for row in rows for time in row.times),
         mean_share_of_seconds=_mean(row.sample.share_of_seconds for row in rows),
-        mean_share_of_samples=_mean(row.sample.share for row in rows))
+        mean_share_of_samples=_mean(row.sample.fraction for row in rows))
 
 
 def markdown(rows: Sequence[Verdict]) -> str:
@@ -190,7 +190,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     folders = scenes(options.bench)
     files = {path.stem: str(path.resolve()) for path in options.scenes}
     wanted = PlanOptions(metric=options.metric, spps=options.spps, methods=options.methods, lenses=options.lenses,
-                     between=options.between, share=options.budget, reference_spp=options.reference_spp)
+                     between=options.between, budget=options.budget, reference_spp=options.reference_spp)
     rows: list[Verdict] = []
     try:
         for folder in folders:
@@ -235,7 +235,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--between", type=int, default=PlanOptions.between)
     parser.add_argument("--methods", type=lambda text: tuple(text.split(",")), default=None)
     parser.add_argument("--lenses", type=int, default=None)
-    parser.add_argument("--budget", type=float, default=PlanOptions.share)
+    parser.add_argument("--budget", type=float, default=PlanOptions.budget)
     parser.add_argument("--reference-spp", type=int, default=PlanOptions.reference_spp)
     parser.add_argument("--blender")
     return parser
