@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import io
 import json
 import os
 import subprocess
@@ -28,6 +29,9 @@ BLENDER_BRINGS = ("bpy", "numpy", "numpy.libs", "requests", "urllib3", "certifi"
                   "zstandard")
 ON = {"listed": True, "operators": True, "settings": True}
 OFF = dict.fromkeys(ON, False)
+DYNAMIC = {"import_module", "find_spec", "__import__"}
+# What the product must not need, by name of a package or a folder.
+FOREIGN = {"lfsr_lab", "lab", "tests", "scripts", "torch", "torchvision", "matplotlib", "jinja2"}
 
 
 def load_script():
@@ -52,6 +56,16 @@ def another(version: str) -> object:
 def archive(tmp_path_factory):
     """The one zip, for every platform and Python."""
     return builder.build(tmp_path_factory.mktemp("built"))
+
+
+@pytest.fixture(scope="module")
+def files(archive):
+    """Content of every file of the zip and of lfsr_core's wheel in it, by path."""
+    with zipfile.ZipFile(archive) as content:
+        found = {name: content.read(name) for name in content.namelist()}
+    core = next(name for name in found if name.startswith("wheels/lfsr-"))
+    with zipfile.ZipFile(io.BytesIO(found[core])) as wheel:
+        return found | {f"{core}/{name}": wheel.read(name) for name in wheel.namelist()}
 
 
 @pytest.fixture(scope="module", params=[pytest.param(sys.executable, id="own"), another("4.5"), another("5.2")])
@@ -88,13 +102,10 @@ def packages_of(python):
     return Path(subprocess.run(ask, check=True, capture_output=True, text=True).stdout.strip())
 
 
-def test_zip_is_complete(archive):
-    with zipfile.ZipFile(archive) as content:
-        names = content.namelist()
-        manifest = tomllib.loads(content.read("blender_manifest.toml").decode())
-        core = next(name for name in names if name.startswith("wheels/lfsr-"))
-        with content.open(core) as file, zipfile.ZipFile(file) as wheel:
-            inside = set(wheel.namelist())
+def test_zip_is_complete(files):
+    manifest = tomllib.loads(files["blender_manifest.toml"].decode())
+    inside = {name.split(".whl/")[1] for name in files if ".whl/" in name}
+    names = [name for name in files if ".whl/" not in name]
     wheels = [name for name in names if name.endswith(".whl")]
     assert {f"./{name}" for name in wheels} == set(manifest["wheels"])
     assert all(name.endswith("-py3-none-any.whl") for name in wheels), "bound to a platform or a Python"
@@ -104,11 +115,37 @@ def test_zip_is_complete(archive):
     assert {"__init__.py", "render/ray_layout.osl", "background/launch.py", "headless/entry.py",
             "LICENSE"} <= set(names)
     assert not [name for name in names if "__pycache__" in name or name.startswith(".")]
-    data = [path for pattern in ("optics/displays/*.toml", "reconstruct/networks/weights/*", "share/viewer/*",
-                                         "train/configs/*.toml")
-            for path in (ROOT / "lfsr_core").glob(pattern)]
-    assert {str(path.relative_to(ROOT)) for path in data} <= inside
+    for pattern in ("optics/displays/*.toml", "reconstruct/networks/weights/*", "sequence/templates/*",
+                    "exports/viewer/*"):
+        data = {str(path.relative_to(ROOT)) for path in (ROOT / "lfsr_core").glob(pattern)}
+        assert data and data <= inside, pattern
     assert not [name for name in inside if name.startswith("blender_addon")]
+
+
+def test_zip_has_nothing_of_the_laboratory_or_the_tests(files):
+    assert [name for name in files if FOREIGN & {*Path(name).parts}] == []
+    modules = {name: text.decode() for name, text in files.items() if name.endswith(".py")}
+    assert len(modules) > 150 and any("lfsr_core" in name for name in modules)
+    assert {name: found for name, text in modules.items() if (found := imported(text) & FOREIGN)} == {}
+
+
+def imported(source: str) -> set[str]:
+    """Top-level packages that a module imports anywhere, also by ``import_module("name")``."""
+    names = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            names.add(node.module)
+        elif isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in DYNAMIC:
+            names |= {argument.value for argument in node.args[:1] if isinstance(argument, ast.Constant)}
+    return {name.split(".")[0] for name in names}
+
+
+@pytest.mark.parametrize("line", ["import torch.nn", "from lfsr_lab.train import fit", "import_module('torch')",
+                                  "importlib.util.find_spec('lfsr_lab')", "def f():\n    import matplotlib"])
+def test_every_kind_of_import_is_seen(line):
+    assert imported(line) & FOREIGN
 
 
 def test_blender_of_each_version_finds_the_zip_valid(archive, blender):
@@ -186,12 +223,8 @@ def test_version_that_differs_is_an_error(tmp_path, monkeypatch):
         builder.write_manifest(tmp_path / "blender_manifest.toml", [])
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "blender_addon").rglob("*.py")),
-                         ids=lambda path: str(path.relative_to(ROOT)))
-def test_addon_does_not_import_itself_by_name(path):
+def test_addon_does_not_import_itself_by_name():
     """As an extension the package is called bl_ext.….lfsr, so an import of blender_addon would fail."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and not node.level:
-            assert (node.module or "").split(".")[0] != "blender_addon", node.lineno
-        if isinstance(node, ast.Import):
-            assert all(alias.name.split(".")[0] != "blender_addon" for alias in node.names), node.lineno
+    modules = {path: imported(path.read_text(encoding="utf-8")) for path in (ROOT / "blender_addon").rglob("*.py")}
+    # The entry point of a headless Blender loads the package under that name first.
+    assert [path.name for path, names in modules.items() if "blender_addon" in names] == ["entry.py"]
