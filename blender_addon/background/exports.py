@@ -11,7 +11,6 @@ from lfsr_core.render.staging import staging_folder
 
 from . import runtime
 from .steps import Step, Steps, second_stage_step
-from .worker import Worker
 
 FILM = "sway"
 ENCODE = "encode"  # the headless Blender's word for this job
@@ -44,7 +43,7 @@ def _film(folder: Path, target: Path, work: Path) -> Steps:
                                    target=str(frames), type="png")
     film = work / f"{Path(done['first']).stem.rpartition('_')[0]}.mp4"
     command = [*runtime.render_command(ENCODE), str(frames), str(film)]
-    yield Step("Encoding", 1 - FRAMES_FRACTION, lambda: Worker("The encoder", command, runtime.environment()))
+    yield Step("Encoding", 1 - FRAMES_FRACTION, "The encoder", command)
     target.mkdir(parents=True, exist_ok=True)
     with atomic_path(target / film.name) as temporary:
         shutil.copy(film, temporary)

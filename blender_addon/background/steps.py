@@ -11,7 +11,7 @@ import json
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from . import runtime
 from .worker import Worker
 
 PANEL_TASKS = "lfsr_core.tasks.runner"
-LEAST_FRACTION = 0.02   # below it, time left is a guess
+LEAST_FRACTION = 0.02  # below it, time left is a guess
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,7 +36,8 @@ class Step:
 
     stage: str  # what the panel shows meanwhile
     fraction: float  # of the whole task's time, 0 to 1
-    start: Callable[[], Worker]
+    worker: str  # the process in error messages, as "The render"
+    command: list[str]
     parts: Path | None = None  # folder in which it caches parts of a long render
 
 
@@ -126,29 +127,22 @@ class Task:
             return
         self._within, self.message, self.stage = 0.0, "", self._step.stage
         self._parts = self._step.parts or self._parts
-        self.worker = self._step.start()
+        self.worker = Worker(self._step.worker, self._step.command)
 
 
 def render_step(job: Job, folder: Path, fraction: float, stage: str) -> Step:
     """Render ``job`` in a background Blender; the job file goes into ``folder``. Else as of ``Step``."""
     path = _write(folder / "job.json", to_data(job))
-    return Step(stage, fraction, lambda: Worker("The render", _render_command(path), runtime.environment()),
-                Path(job.parts) if job.parts else None)
+    return Step(stage, fraction, "The render", _render_command(path), Path(job.parts) if job.parts else None)
 
 
 def second_stage_step(stage: str, fraction: float, work: Path, task: str, /, **arguments: Any) -> Step:
-    """Run one task of ``lfsr_core.tasks.runner``; its result is sent into the generator of steps.
+    """Run ``task`` of ``lfsr_core.tasks.runner``; its result is sent into the generator of steps.
 
-    Parameters
-    ----------
-    stage, fraction : as of ``Step``
-    work : folder for the task file
-    task : name of the task
-    arguments : its arguments, JSON-ready
+    The task's file goes into the folder ``work``; ``arguments`` are those of the task, JSON-ready.
     """
     path = _write(work / f"{task}.json", {"task": task, **arguments})
-    command = [*runtime.second_stage_command(PANEL_TASKS), str(path)]
-    return Step(stage, fraction, lambda: Worker("The second stage", command, runtime.environment()))
+    return Step(stage, fraction, "The second stage", [*runtime.second_stage_command(PANEL_TASKS), str(path)])
 
 
 def rendering_step(stage: str, fraction: float, work: Path, task: str, /, **arguments: Any) -> Step:

@@ -20,18 +20,10 @@ COPY_SUFFIX = ".farm.blend"  # never the name of a file that somebody works on
 
 
 def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> Submission:
-    """Write the job of the timeline's range into ``folder``.
+    """Write the job of the timeline's range for ``farm``, "openjd" or "flamenco", with ``parts`` parts per frame.
 
-    Parameters
-    ----------
-    scene : what to render, with its settings
-    farm : "openjd" or "flamenco"
-    folder : every machine of the farm must see it under the same path; created where it is missing
-    parts : number of parts of each frame
-
-    Raises
-    ------
-    LfsrError where the scene cannot be rendered or the folder cannot be written to.
+    ``folder`` is created where it is missing; every machine of the farm must see it under the same path. LfsrError
+    where the scene cannot be rendered or the folder cannot be written to.
     """
     scene_settings.resolve(scene).check_light_field("a farm's job")
     recipe = animation_recipe(scene)

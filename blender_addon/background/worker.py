@@ -17,18 +17,20 @@ from typing import Any
 from lfsr_core.errors import LfsrError
 from lfsr_core.render.child import Child
 
+from . import runtime
+
 SECONDS_TO_STOP = 1.0
 
 
 class Worker:
     """One child process, whose records a thread collects."""
 
-    def __init__(self, name: str, command: Sequence[str], environment: dict[str, str]) -> None:
+    def __init__(self, name: str, command: Sequence[str]) -> None:
         """Start it; LfsrError where the executable cannot be started."""
         self.name = name
         self._records: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         try:
-            self._child = Child(command, environment)
+            self._child = Child(command, runtime.environment())
         except OSError as error:
             raise LfsrError(f"{name} cannot start {command[0]!r} ({error.strerror}): check the add-on's "
                             "preferences") from None

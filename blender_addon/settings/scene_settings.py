@@ -57,7 +57,9 @@ class Resolved:
     def check(self) -> None:
         """LfsrError where the display, the scale, the method and the device do not go together."""
         if self.is_direct:
-            _check_direct(self.device)
+            reason = why_not_direct(self.device)
+            if reason:
+                raise LfsrError(f"{reason}: choose one, or switch it off under Display")
             return
         self.display.low_views(self.scale)
         if not self.method.works_with(self.display.parallax):
@@ -114,14 +116,9 @@ def resolve_for_render(scene: bpy.types.Scene) -> Resolved:
 
 
 def is_direct(scene: bpy.types.Scene) -> bool:
-    """True if the scene is rendered by subpixels; False also where its display cannot be read."""
-    return scene.lfsr.straight and has_sheet(scene)
-
-
-def has_sheet(scene: bpy.types.Scene) -> bool:
-    """True if the scene's display has a lens sheet; False also where its profile cannot be read."""
+    """True if the panel's subpixels are rendered; False also where the display cannot be read."""
     try:
-        return display_of(scene).is_woven
+        return resolve(scene).is_direct
     except LfsrError:
         return False  # the panel shows what is wrong with the display
 
@@ -133,12 +130,6 @@ def why_not_direct(device: str) -> str | None:
     if devices.has_osl_camera(device):
         return None
     return f"{DIRECT} renders on {' or '.join(devices.WITH_OSL_CAMERA)}, not on {device}"
-
-
-def _check_direct(device: str) -> None:
-    reason = why_not_direct(device)
-    if reason:
-        raise LfsrError(f"{reason}: choose one, or switch it off under Display")
 
 
 def device_of(scene: bpy.types.Scene) -> str:

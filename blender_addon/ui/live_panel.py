@@ -17,7 +17,6 @@ class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
     """The light field in a window of its own, as it renders"""
 
     bl_label = "Live"
-    bl_idname = "LFSR_PT_live"
     bl_order = 5
 
     def draw(self, context: bpy.types.Context) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import bpy
 import gpu
@@ -20,7 +21,7 @@ from ..settings import scene_settings
 DISPLAY_COLOR, FRUSTUM_COLOR = (0.36, 0.78, 1.0), (0.75, 0.85, 0.95)
 USABLE_COLOR, SPARSE_COLOR = (1.0, 0.62, 0.25), (0.55, 1.0, 0.55)
 BEYOND = 4.0  # display distances up to which an unlimited range is drawn
-LOOP = ((0, 1), (1, 2), (2, 3), (3, 0))
+CORNERS = np.array([(-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)])
 
 Lines = tuple[tuple[float, ...], float, float, Array]
 _handle: object | None = None
@@ -29,13 +30,13 @@ _handle: object | None = None
 def rectangle(array: CameraArray, distance: float) -> Array:
     """Corners (4, 3) in array space of what the display shows at ``distance``, from bottom left, in order."""
     x, y = array.half_width * distance / array.distance, array.half_height * distance / array.distance
-    return np.array([(-x, -y, distance), (x, -y, distance), (x, y, distance), (-x, y, distance)])
+    return CORNERS * (x, y, distance)
 
 
 def viewing_zone(array: CameraArray, display: DisplayProfile) -> Array:
     """Corners (4, 3) of the cameras' rectangle at the viewing position."""
     x, y = (count * array.spacing / 2 for count in display.views)
-    return np.array([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, y, 0)])
+    return CORNERS * (x, y, 0)
 
 
 def lines(array: CameraArray, display: DisplayProfile, scale: int) -> list[Lines]:
@@ -57,7 +58,7 @@ def lines(array: CameraArray, display: DisplayProfile, scale: int) -> list[Lines
 
 
 def _loop(corners: Array) -> Array:
-    return np.concatenate([corners[list(pair)] for pair in LOOP])
+    return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1).reshape(-1, 3)
 
 
 def draw() -> None:
@@ -85,9 +86,12 @@ def _draw(placed: rig.Placement, display: DisplayProfile, scale: int) -> None:
     gpu.state.depth_test_set("LESS_EQUAL")
     gpu.state.depth_mask_set(False)
     try:
-        _draw_plane(_in_world(rectangle(array, array.distance), to_world))
+        corners = _in_world(rectangle(array, array.distance), to_world)
+        _draw_batch("UNIFORM_COLOR", "TRIS", corners, {"color": (*DISPLAY_COLOR, 0.06)}, [(0, 1, 2), (0, 2, 3)])
         for color, opacity, width, points in lines(array, display, scale):
-            _draw_lines(_in_world(points, to_world), (*color, opacity), width)
+            _draw_batch("POLYLINE_UNIFORM_COLOR", "LINES", _in_world(points, to_world), {
+                "viewportSize": gpu.state.viewport_get()[2:], "color": (*color, opacity),
+                "lineWidth": width * bpy.context.preferences.system.ui_scale})
     finally:
         gpu.state.blend_set("NONE")
         gpu.state.depth_test_set("NONE")
@@ -97,21 +101,13 @@ def _in_world(points: Array, to_world: Array) -> list[tuple[float, ...]]:
     return [tuple(point) for point in points @ to_world[:3, :3].T + to_world[:3, 3]]
 
 
-def _draw_plane(corners: list[tuple[float, ...]]) -> None:
-    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
-    batch = batch_for_shader(shader, "TRIS", {"pos": corners}, indices=[(0, 1, 2), (0, 2, 3)])
+def _draw_batch(shader_name: str, kind: str, points: list[tuple[float, ...]], uniforms: dict[str, Any],
+                indices: list[tuple[int, ...]] | None = None) -> None:
+    shader = gpu.shader.from_builtin(shader_name)
+    batch = batch_for_shader(shader, kind, {"pos": points}, indices=indices)
     shader.bind()
-    shader.uniform_float("color", (*DISPLAY_COLOR, 0.06))
-    batch.draw(shader)
-
-
-def _draw_lines(points: list[tuple[float, ...]], color: tuple[float, ...], width: float) -> None:
-    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
-    batch = batch_for_shader(shader, "LINES", {"pos": points})
-    shader.bind()
-    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
-    shader.uniform_float("lineWidth", width * bpy.context.preferences.system.ui_scale)
-    shader.uniform_float("color", color)
+    for name, value in uniforms.items():
+        shader.uniform_float(name, value)
     batch.draw(shader)
 
 

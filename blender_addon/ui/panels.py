@@ -22,7 +22,6 @@ class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
     """The display that the image is for"""
 
     bl_label = "Display"
-    bl_idname = "LFSR_PT_display"
     bl_order = 0
 
     def draw_header_preset(self, _context: bpy.types.Context) -> None:
@@ -51,7 +50,6 @@ class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
     """The camera array in the scene"""
 
     bl_label = "Camera Array"
-    bl_idname = "LFSR_PT_array"
     bl_order = 1
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -87,7 +85,6 @@ class LFSR_PT_check(LightFieldPanel, bpy.types.Panel):
     """Problems that the render will have"""
 
     bl_label = "Scene Check"
-    bl_idname = "LFSR_PT_check"
     bl_order = 2
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -106,7 +103,6 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
     """How much time an image takes"""
 
     bl_label = "Quality"
-    bl_idname = "LFSR_PT_quality"
     bl_order = 3
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -131,7 +127,6 @@ class LFSR_PT_plan(LightFieldPanel, bpy.types.Panel):
     """The cheapest settings that are accurate enough"""
 
     bl_label = "Find Cheapest Settings"
-    bl_idname = "LFSR_PT_plan"
     bl_parent_id = "LFSR_PT_quality"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -139,9 +134,7 @@ class LFSR_PT_plan(LightFieldPanel, bpy.types.Panel):
         """Draw the target, the button and what it found last."""
         state = context.window_manager.lfsr
         columns(self.layout).prop(context.scene.lfsr, "plan_target")
-        row = self.layout.row()
-        row.enabled = session.current() is None
-        row.operator("lfsr.plan", text="Find", icon="VIEWZOOM")
+        row_if(session.current() is None, self.layout).operator("lfsr.plan", text="Find", icon="VIEWZOOM")
         if state.plan_scene != context.scene.name:
             return
         sentence(self.layout, state.plan_text, "CHECKMARK" if state.plan_method else "INFO", context)
@@ -153,7 +146,6 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
     """Render, compare, preview and export"""
 
     bl_label = "Render"
-    bl_idname = "LFSR_PT_render"
     bl_order = 4
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -179,7 +171,6 @@ class LFSR_PT_reference(LightFieldPanel, bpy.types.Panel):
     """How close the image is to its reference"""
 
     bl_label = "Reference"
-    bl_idname = "LFSR_PT_reference"
     bl_parent_id = "LFSR_PT_render"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -188,9 +179,7 @@ class LFSR_PT_reference(LightFieldPanel, bpy.types.Panel):
         layout, lfsr = columns(self.layout), context.scene.lfsr
         layout.prop(lfsr, "reference_samples")
         layout.prop(lfsr, "reference_lenses")
-        row = self.layout.row()
-        row.enabled = session.current() is None
-        row.operator("lfsr.render_reference", icon="RENDERLAYERS")
+        row_if(session.current() is None, self.layout).operator("lfsr.render_reference", icon="RENDERLAYERS")
         found = summary.metric_facts(context.scene)
         if found:
             facts(self.layout, found, 0.65)
@@ -200,14 +189,11 @@ class LFSR_PT_preview(LightFieldPanel, bpy.types.Panel):
     """What an eye sees"""
 
     bl_label = "Preview"
-    bl_idname = "LFSR_PT_preview"
     bl_parent_id = "LFSR_PT_render"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the button and the eye's position."""
-        row = self.layout.row()
-        row.enabled = session.current() is None
-        row.operator("lfsr.preview_view", icon="HIDE_OFF")
+        row_if(session.current() is None, self.layout).operator("lfsr.preview_view", icon="HIDE_OFF")
         column = columns(self.layout).column(align=True)
         column.enabled = preview.is_loaded(context.scene)
         column.prop(context.scene.lfsr, "eye_right", slider=True)
@@ -218,13 +204,11 @@ class LFSR_PT_exports(LightFieldPanel, bpy.types.Panel):
     """The image for those who have no display"""
 
     bl_label = "View and Export"
-    bl_idname = "LFSR_PT_exports"
     bl_parent_id = "LFSR_PT_render"
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the viewer's button and the menu of formats."""
-        row = self.layout.row()
-        row.enabled = session.current() is None
+        row = row_if(session.current() is None, self.layout)
         row.operator("lfsr.open_viewer", icon="URL")
         row.menu("LFSR_MT_export", icon="EXPORT")
 

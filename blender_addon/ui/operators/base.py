@@ -36,7 +36,11 @@ def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
 
 
 class TaskOperator:
-    """An operator that starts the task that its ``prepare`` returns."""
+    """An operator that starts the task that its ``prepare`` returns.
+
+    Pressed in a window it returns at once and a timer follows the task; called from a script or in background mode it
+    returns when the result is there.
+    """
 
     bl_label: str
     report: Callable[[set[str], str], None]
@@ -63,13 +67,12 @@ class TaskOperator:
         """Run the task to its end."""
         session.check_idle()
         prepared = self.prepare(context)
-        if prepared is None:
-            return {"FINISHED"}
-        steps, finish = prepared
-        task = session.run(self.bl_label, steps)
-        for warning in task.warnings:
-            self.report({"WARNING"}, capitalized(warning))
-        finish(task.result)
+        if prepared is not None:
+            steps, finish = prepared
+            task = session.run(self.bl_label, steps)
+            for warning in task.warnings:
+                self.report({"WARNING"}, capitalized(warning))
+            finish(task.result)
         return {"FINISHED"}
 
 

@@ -25,13 +25,12 @@ class LFSR_OT_check_scene(bpy.types.Operator):
         """Check the scene and report the number of problems."""
         problems = refresh(context.scene)
         serious = [problem for problem in problems if problem.severity != INFO]
-        if not problems:
-            self.report({"INFO"}, "No problems found")
-        elif serious:
+        if serious:
             self.report({"WARNING"}, f"{counted(len(serious), 'problem')} found, first {serious[0].target}: "
                         f"{serious[0].reason}")
         else:
-            self.report({"INFO"}, f"No problems found; renders ignore {counted(len(problems), 'setting')}")
+            ignored = f"; renders ignore {counted(len(problems), 'setting')}" if problems else ""
+            self.report({"INFO"}, f"No problems found{ignored}")
         return {"FINISHED"}
 
 

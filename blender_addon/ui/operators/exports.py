@@ -48,7 +48,6 @@ class LFSR_OT_export(TaskOperator, bpy.types.Operator):
 class LFSR_MT_export(bpy.types.Menu):
     """Formats to export the current frame's image in"""
 
-    bl_idname = "LFSR_MT_export"
     bl_label = "Export"
 
     def draw(self, _context: bpy.types.Context) -> None:

@@ -51,7 +51,6 @@ class LFSR_OT_submit(bpy.types.Operator):
 class LFSR_MT_submit(bpy.types.Menu):
     """Render farms that can render the timeline's range"""
 
-    bl_idname = "LFSR_MT_submit"
     bl_label = "Submit"
 
     def draw(self, _context: bpy.types.Context) -> None:

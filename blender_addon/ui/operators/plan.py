@@ -35,7 +35,8 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
         scene_settings.resolve(scene).check_light_field("a plan")
         options = wanted(scene)
         job = dataclasses.replace(recipes.frame_recipe(scene).job, layers=layers_of(options.methods or ()))
-        clear(context.window_manager.lfsr)
+        state = context.window_manager.lfsr
+        state.plan_scene = state.plan_text = state.plan_method = ""  # the last result must not seem to be this one's
         return find(job, options), functools.partial(show, scene.name)
 
 
@@ -81,11 +82,6 @@ def show(scene_name: str, found: Found) -> None:
         state.plan_scale, state.plan_samples, state.plan_method = chosen.scale, chosen.spp, chosen.method
     print(f"Light Field: {found.sentence}")
     session.redraw()
-
-
-def clear(state: bpy.types.PropertyGroup) -> None:
-    """Forget the last result, which must not seem to be that of the plan that starts now."""
-    state.plan_scene = state.plan_text = state.plan_method = ""
 
 
 CLASSES = (LFSR_OT_plan, LFSR_OT_plan_use)

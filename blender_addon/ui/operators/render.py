@@ -1,8 +1,4 @@
-"""Buttons that render, compare and preview: read the settings, start a task, show its result.
-
-Pressed in a window they return at once and a timer follows the task; called from
-a script or in background mode they return when the result is there.
-"""
+"""Buttons that render, compare and preview: read the settings, start a task, show its result."""
 
 from __future__ import annotations
 
