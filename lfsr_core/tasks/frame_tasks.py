@@ -1,7 +1,8 @@
-"""The tasks of the add-on that work on one frame folder."""
+"""Tasks of the add-on on one frame folder; each returns JSON-ready data."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -9,21 +10,17 @@ import numpy as np
 
 from lfsr_core.files import atomic_path
 from lfsr_core.frames.frame import MASK_FILE, read_frame
-from lfsr_core.render.protocol import emit_progress
+from lfsr_core.render.protocol import emit_progress, emit_warning
 
 
 def upscale(folder: str, method: str, linear_exr: bool = False, views: str | None = None) -> dict[str, Any]:
-    """Finish a rendered frame folder.
+    """Finish a rendered frame folder; return the "method" and the "seconds" of each stage.
 
     Parameters
     ----------
     folder, method : what to finish, and how
-    linear_exr : whether eia.exr is written too
+    linear_exr : whether to write eia.exr too
     views : file for ``decode``, None for none
-
-    Returns
-    -------
-    "method" and "seconds" per stage
     """
     from lfsr_core.reconstruct.options import UpscaleOptions
     from lfsr_core.reconstruct.second_stage import upscale_frame
@@ -35,10 +32,9 @@ def upscale(folder: str, method: str, linear_exr: bool = False, views: str | Non
 
 
 def decode(folder: str, views: str) -> dict[str, Any]:
-    """Write the decoded views of a finished folder as a .npy, uint8 (py, px, sy, sx, 3).
+    """Write the views of a finished folder as a .npy, uint8 (py, px, sy, sx, 3); return their "shape".
 
-    Row 0 is the topmost camera; one view is contiguous, so that a reader that maps
-    the file touches a few kB per view. Result: its shape.
+    Row 0 is the topmost camera. One view is contiguous: a reader that maps the file touches a few kB per view.
     """
     from lfsr_core.frames.views import read_views
 
@@ -50,27 +46,54 @@ def decode(folder: str, views: str) -> dict[str, Any]:
 
 
 def choose(folder: str, count: int, seed: int = 0) -> dict[str, Any]:
-    """Lenses of a finished folder to compare: (row, column) pairs, none for all if ``count`` is 0 or too large."""
+    """Choose lenses of a finished folder to compare: a "lens_list" of (row, column), None for all lenses.
+
+    ``count`` is their number; 0 and more than there are mean all.
+    """
     from lfsr_core.images.png import read_mask
     from lfsr_core.optics.lens_sampling import choose_lenses
 
     mask = read_mask(Path(folder, MASK_FILE), read_frame(folder).display.lenses)
-    whole = count < 1 or count >= mask.size
-    return {"lens_list": None if whole else [list(lens) for lens in choose_lenses(mask, count, seed)]}
+    every = count < 1 or count >= mask.size
+    return {"lens_list": None if every else [list(lens) for lens in choose_lenses(mask, count, seed)]}
 
 
 def check(method: str) -> dict[str, Any]:
-    """LfsrError if this Python cannot run ``method``, as a network without PyTorch: better known before the render."""
+    """Check before a render that ``method`` exists and runs in this Python; LfsrError if not."""
     from lfsr_core.reconstruct.registry import method as load
 
     return {"method": load(method).name.text}
 
 
 def compare(folder: str, reference: str) -> dict[str, Any]:
-    """Metrics of a finished folder against a reference folder, also written into its report."""
+    """Compare a finished folder with a reference folder; return the "metrics" of its report."""
     from lfsr_core.frames.report import read_report
     from lfsr_core.metrics.compare import compare_folders
 
     emit_progress("compare", 0.0, "comparing")
     compare_folders(folder, reference)
     return {"metrics": read_report(folder).metrics}
+
+
+def view(folder: str) -> dict[str, Any]:
+    """Write the viewer of a finished frame folder; return its "path"."""
+    from lfsr_core.exports.page import write_page
+
+    page = write_page([folder], progress=emit_progress)
+    _warn(page.notes)
+    return {"path": str(page.path)}
+
+
+def export(folder: str, name: str, target: str, type: str | None = None) -> dict[str, Any]:
+    """Write a finished frame folder in format ``name`` into ``target``; return the "first" file and their "count"."""
+    from lfsr_core.exports.formats import export as write
+    from lfsr_core.exports.options import ExportOptions
+
+    files, notes = write(folder, name, target, ExportOptions(type=type, progress=emit_progress))
+    _warn(notes)
+    return {"first": str(files[0]), "count": len(files)}
+
+
+def _warn(notes: Iterable[str]) -> None:
+    for note in notes:
+        emit_warning(note)

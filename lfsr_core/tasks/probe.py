@@ -1,4 +1,4 @@
-"""Can this Python run the second stage? ``python -m lfsr_core.tasks.probe`` says in one line what it found."""
+"""Can this Python run the second stage? ``python -m lfsr_core.tasks.probe`` answers in one line."""
 
 from __future__ import annotations
 
@@ -10,29 +10,19 @@ from lfsr_core import __version__
 from lfsr_core.reconstruct.methods import denoise
 
 OLDEST_PYTHON = (3, 11)
-NEEDED = ("numpy", "OpenImageIO", "PyOpenColorIO")
+NEEDED = ("numpy", "OpenImageIO", "PyOpenColorIO", "lfsr_core.reconstruct.second_stage")
 
 
 def report() -> str:
-    """Versions, engines and device in one line; ImportError or OSError where something needed is missing."""
+    """Versions and denoiser in one line; ImportError or OSError if something needed is missing."""
     for name in NEEDED:
         importlib.import_module(name)
-    importlib.import_module("lfsr_core.reconstruct.second_stage")
     found = [f"Python {platform.python_version()}", f"LFSR {__version__}"]
-    found += ["Open Image Denoise"] if denoise.is_available() else []
-    return ", ".join(found)
-
-
-def _imports(name: str) -> bool:
-    try:
-        importlib.import_module(name)
-    except (ImportError, OSError):
-        return False
-    return True
+    return ", ".join([*found, "Open Image Denoise"] if denoise.is_available() else found)
 
 
 def main() -> int:
-    """Print the report, or the one reason against; the exit code."""
+    """Print the report, or what is missing; return the exit code."""
     if sys.version_info < OLDEST_PYTHON:
         print(f"Python {platform.python_version()} is too old, {'.'.join(map(str, OLDEST_PYTHON))} or newer is needed")
         return 2

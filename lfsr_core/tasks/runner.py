@@ -1,10 +1,9 @@
-"""What the add-on asks for: one task in a process of its own.
+"""Run one task of the add-on in a process of its own.
 
     python -m lfsr_core.tasks.runner TASK.json
 
-Progress and the result are ``LFSR {json}`` lines on standard output, as the
-render stage writes them; the last one has the stage "done" or "error". The
-process ends when its standard input does, so that none outlives Blender.
+Progress and the result are ``LFSR {json}`` lines on standard output; the last one has the stage "done" or "error".
+The process ends when its standard input does, so that it does not outlive Blender.
 """
 
 from __future__ import annotations
@@ -13,27 +12,30 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Callable
+from typing import Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, system_errors
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit, repeated
-from lfsr_core.tasks import export_tasks, frame_tasks, plan_task, sequence_task
-from lfsr_core.tasks.task import Task
+from lfsr_core.tasks import blender_tasks, frame_tasks
 
-TASKS = {task.__name__: Task(task) for task in (
+# A task takes the entries of its file and returns JSON-ready data.
+Task = Callable[..., dict[str, Any]]
+STARTING: dict[str, Task] = {"plan": blender_tasks.plan, "animation": blender_tasks.animation}  # start processes
+TASKS: dict[str, Task] = STARTING | {task.__name__: task for task in (
     frame_tasks.upscale, frame_tasks.decode, frame_tasks.check, frame_tasks.choose, frame_tasks.compare,
-    export_tasks.view, export_tasks.export)}
-TASKS |= {task.__name__: Task(task, starts_processes=True) for task in (plan_task.plan, sequence_task.animation)}
+    frame_tasks.view, frame_tasks.export)}
 
 
 def main(arguments: list[str]) -> int:
-    """Run the task file named in ``arguments``; the process's exit code."""
+    """Run the task file named in ``arguments``; return the exit code."""
     try:
         data = read_json(arguments[0], "a task of the add-on")
-        task = TASKS[data.pop("task")]
-        _end_on_request(task)
+        name = data.pop("task")
+        _end_on_request(unwinds=name in STARTING)
         with system_errors(), repeated():
-            result = task.run(**data)
+            result = TASKS[name](**data)
     except LfsrError as error:
         emit(stage="error", message=str(error))
         return EXIT_BAD_INPUT
@@ -43,20 +45,22 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _end_on_request(task: Task) -> None:
-    """Let a signal end the task, and the end of standard input, which comes with the end of Blender."""
-    signal.signal(signal.SIGTERM, _unwind if task.starts_processes else _leave)
-    threading.Thread(target=_end_with_parent, args=(task,), daemon=True, name="lfsr-parent").start()
+def _end_on_request(unwinds: bool) -> None:
+    """End at a signal, and at the end of standard input, which comes with the end of Blender.
 
+    ``unwinds``: by an exception, so that processes of the task are stopped too; otherwise at once.
+    """
+    def end_with_parent() -> None:
+        # Not sys.stdin: a thread that holds its lock aborts Python at exit.
+        while os.read(0, 1):
+            pass
+        if unwinds:
+            os.kill(os.getpid(), signal.SIGTERM)
+        else:
+            _leave()
 
-def _end_with_parent(task: Task) -> None:
-    # Not sys.stdin: a thread that holds its lock aborts Python at exit.
-    while os.read(0, 1):
-        pass
-    if task.starts_processes:
-        os.kill(os.getpid(), signal.SIGTERM)
-    else:
-        _leave()
+    signal.signal(signal.SIGTERM, _unwind if unwinds else _leave)
+    threading.Thread(target=end_with_parent, daemon=True, name="lfsr-parent").start()
 
 
 def _unwind(*_: object) -> None:
@@ -64,7 +68,7 @@ def _unwind(*_: object) -> None:
 
 
 def _leave(*_: object) -> None:
-    # What is half-written lies in temporary files, which the add-on's staging folder takes with it.
+    # Temporary files lie in the add-on's staging folder, which is removed.
     os._exit(EXIT_CANCELLED)
 
 

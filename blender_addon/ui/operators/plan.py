@@ -14,7 +14,7 @@ from lfsr_core.plan import candidates
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.reconstruct.method_name import layers_of
 from lfsr_core.records import from_data, to_data
-from lfsr_core.tasks.plan_task import Found
+from lfsr_core.tasks.blender_tasks import Found
 
 from ...background import recipes, session, steps
 from ...background.steps import Steps

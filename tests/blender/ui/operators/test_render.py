@@ -100,7 +100,7 @@ def test_animation_makes_what_is_missing(opened, rendered, capfd):
     said = capfd.readouterr().out
     assert "3 frames: 2 made, 1 kept, 0 failed" in said and "      1  kept " in said
     # The button sets the range in the copy that it renders, which is not the file of frame 1.
-    assert "kept 1, beginning with frame 1, were rendered before this file was changed" in said
+    assert "1 frame is older than this file" in said
     assert [read_frame(film / name).frame for name in ("0001", "0002", "0003")] == [1, 2, 3]
     assert recipes.is_decoded(film / "0003") and preview.is_loaded(opened)
 

@@ -10,7 +10,7 @@ import pytest
 from lfsr_core.frames.frame import read_frame, write_frame
 from lfsr_core.records import to_data
 from lfsr_core.render.protocol import parse_progress
-from lfsr_core.tasks.sequence_task import animation
+from lfsr_core.tasks.blender_tasks import animation
 from tests.support.noisy_renders import JOB
 from tests.support.played_blender import played_blender
 
@@ -45,7 +45,7 @@ def test_frames_of_another_device_or_an_older_scene_are_kept(film, capsys):
     for name, changes in (("0001", {"content": "of yesterday"}), ("0002", {"device": "OPTIX"})):
         write_frame(film / name, dataclasses.replace(read_frame(film / name), **changes))
     assert press(film, [1, 2], blender="/must/not/run", device="CPU")["sentence"].startswith("2 frames: 0 made, 2 kept")
-    assert "kept 1, beginning with frame 1, were rendered before this file was changed" in capsys.readouterr().out
+    assert "1 frame is older than this file" in capsys.readouterr().out
 
 
 def test_a_frame_that_fails_is_said(film):

@@ -1,0 +1,104 @@
+"""Tasks of the add-on that start renders in Blender; each returns JSON-ready data."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lfsr_core.frames.job import Job
+from lfsr_core.plan.candidates import Candidate
+from lfsr_core.records import from_data, to_data
+from lfsr_core.render.protocol import emit_progress, emit_warning
+
+if TYPE_CHECKING:
+    from lfsr_core.sequence.engine import Result
+    from lfsr_core.sequence.shot import Shot
+
+
+@dataclasses.dataclass(frozen=True)
+class RenderCommand:
+    """Command of the add-on that starts Blender; a ``render.blender.Starts``."""
+
+    words: tuple[str, ...]
+
+    def command(self, *job_files: Path) -> list[str]:
+        """Command line that runs ``job_files``."""
+        return [*self.words, *map(str, job_files)]
+
+
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """Result of a plan, for the panel."""
+
+    sentence: str
+    chosen: Candidate | None  # the cheapest that reaches the target, None if there is none
+
+
+def plan(job: dict[str, Any], options: dict[str, Any], command: list[str], work: str) -> dict[str, Any]:
+    """Plan for the scene of a job; return data of a ``Found``.
+
+    Parameters
+    ----------
+    job, options : data of a ``Job`` and of ``PlanOptions``
+    command : words that start a render, before the job file
+    work : folder for the sample
+    """
+    from lfsr_core.plan.moving import Moving
+    from lfsr_core.plan.options import PlanOptions
+    from lfsr_core.plan.planner import make_plan
+    from lfsr_core.plan.renders import rendering
+    from lfsr_core.plan.report import sentence
+
+    wanted, moving = from_data(PlanOptions, options, "options of the plan"), Moving(emit_progress)
+    render = rendering(RenderCommand(tuple(command)), emit_warning, moving)
+    choice = make_plan(from_data(Job, job, "job of the plan"), wanted, render, work, moving).choice
+    found: dict[str, Any] = to_data(Found(sentence(choice, wanted), choice.chosen.candidate if choice.chosen else None))
+    return found
+
+
+def animation(job: dict[str, Any], frames: list[int], second: dict[str, Any], command: list[str],
+              overwrite: bool = False) -> dict[str, Any]:
+    """Render and finish the frames of an animation that are not finished yet.
+
+    Frames of other settings are rendered again, since the panel shows what is wanted. Frames of a scene that has
+    changed stay, with a warning, since a file changes with every click.
+
+    Parameters
+    ----------
+    job : data of a ``Job`` whose output is the folder of the frames' folders
+    frames : their numbers
+    second : data of a ``sequence.shot.SecondStage``
+    command : words that start a render, before the job files
+    overwrite : whether to render finished frames again
+
+    Returns
+    -------
+    "table", a line per frame; "sentence", the outcome; "failed", the first failed frame's sentence or None
+    """
+    from lfsr_core.sequence.engine import FAILED, Tools, render_shot
+    from lfsr_core.sequence.shot import SecondStage, shot_of
+    from lfsr_core.sequence.summary import counts, table
+
+    started = time.monotonic()
+    shot = shot_of(from_data(Job, job, "job of the animation"), frames,
+                   from_data(SecondStage, second, "second stage of the animation"), lenient=True)
+    blender = RenderCommand(tuple(command))
+    results = render_shot(shot, Tools(blender, emit_progress, emit_warning, overwrite=overwrite))
+    _warn_of_older(shot, results)
+    failed = [f"frame {result.frame}: {result.error}" for result in results if result.state == FAILED]
+    return {"table": table(results), "sentence": counts(results, time.monotonic() - started),
+            "failed": failed[0] if failed else None}
+
+
+def _warn_of_older(shot: Shot, results: Sequence[Result]) -> None:
+    from lfsr_core.sequence.engine import KEPT
+    from lfsr_core.sequence.shot import is_older
+
+    older = [job.frame for job, result in zip(shot.jobs, results, strict=True)
+             if result.state == KEPT and is_older(shot, job)]
+    if older:
+        count = "1 frame is" if len(older) == 1 else f"{len(older)} frames (from {older[0]}) are"
+        emit_warning(f"{count} older than this file. Turn on Overwrite to render again")
