@@ -1,4 +1,4 @@
-"""What differs between Blender 4.5, 5.0 and 5.2; nothing else asks for the version."""
+"""Differences between Blender 4.5, 5.0 and 5.2; no other module asks for the version."""
 
 from __future__ import annotations
 
@@ -7,36 +7,43 @@ from typing import Any
 import bpy
 
 
+def _has(owner: Any, name: str) -> bool:
+    """True if this Blender's type ``owner`` has the property ``name``."""
+    return name in owner.bl_rna.properties
+
+
+def _media(kind: str) -> dict[str, Any]:
+    """Kind of media that must be set before a file format, since 5.0."""
+    return {"media_type": kind} if _has(bpy.types.ImageFormatSettings, "media_type") else {}
+
+
 def multilayer_exr(half: bool = False) -> dict[str, Any]:
-    """Image settings for a multi-layer EXR of 32-bit (or 16-bit) floats, in the order they must be set."""
-    common = {"file_format": "OPEN_EXR_MULTILAYER", "color_mode": "RGBA", "color_depth": "16" if half else "32",
-              "exr_codec": "ZIP", "color_management": "FOLLOW_SCENE"}
-    if "media_type" in bpy.types.ImageFormatSettings.bl_rna.properties:
-        return {"media_type": "MULTI_LAYER_IMAGE"} | common
-    return common
+    """Return image settings for a multi-layer EXR of 32-bit (or 16-bit) floats, in the order they must be set."""
+    return _media("MULTI_LAYER_IMAGE") | {
+        "file_format": "OPEN_EXR_MULTILAYER", "color_mode": "RGBA", "color_depth": "16" if half else "32",
+        "exr_codec": "ZIP", "color_management": "FOLLOW_SCENE"}
 
 
 def one_part_exr() -> dict[str, Any]:
-    """Image settings for all passes in one part of the file, as before 5.0, whose several parts end in an error where
-    pixels are not square."""
-    has_parts = "use_exr_interleave" in bpy.types.ImageFormatSettings.bl_rna.properties
-    return {"use_exr_interleave": True} if has_parts else {}
+    """Return image settings that write all passes into one part of the file, as before 5.0.
+
+    Several parts end in an error where pixels are not square.
+    """
+    return {"use_exr_interleave": True} if _has(bpy.types.ImageFormatSettings, "use_exr_interleave") else {}
 
 
 def video_output() -> dict[str, Any]:
-    """Image settings for a film, in the order they must be set."""
-    video = {"file_format": "FFMPEG", "color_mode": "RGB"}
-    has_media = "media_type" in bpy.types.ImageFormatSettings.bl_rna.properties
-    return {"media_type": "VIDEO"} | video if has_media else video
+    """Return image settings for a film, in the order they must be set."""
+    return _media("VIDEO") | {"file_format": "FFMPEG", "color_mode": "RGB"}
 
 
 def working_space() -> str:
-    """Name of the file's linear colour space, which can be chosen since 5.0."""
+    """Return the name of the file's linear colour space, which can be chosen since 5.0."""
     return bpy.data.colorspace.working_space if hasattr(bpy.data, "colorspace") else "Linear Rec.709"
 
 
 def literal_path(path: str) -> str:
-    """``path`` for a render's output: since 5.0 braces there are templates unless they are doubled."""
+    """Return ``path`` for a render's output: since 5.0 single braces there are templates."""
     return path.replace("{", "{{").replace("}", "}}") if bpy.app.version >= (5, 0, 0) else path
 
 
@@ -47,11 +54,10 @@ def use_nodes(owner: bpy.types.Material | bpy.types.World) -> None:
 
 
 def whole_sample_range() -> dict[str, Any]:
-    """Cycles settings that render all samples, where a range of them can be chosen."""
+    """Return Cycles settings that render all samples, in versions that can render a range of them."""
     return {"use_sample_subset": False} if hasattr(bpy.context.scene.cycles, "use_sample_subset") else {}
 
 
 def whole_textures() -> dict[str, Any]:
-    """Render settings that read textures whole: 5.2's cache takes a lens for far away and blurs what it sees."""
-    known = "use_texture_cache" in bpy.types.RenderSettings.bl_rna.properties
-    return {"use_texture_cache": False} if known else {}
+    """Return render settings without 5.2's texture cache, which blurs what is seen through a lens."""
+    return {"use_texture_cache": False} if _has(bpy.types.RenderSettings, "use_texture_cache") else {}

@@ -1,4 +1,4 @@
-"""Which camera of a file the array stands at."""
+"""The choice of the scene camera that the array stands at."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ MOST_NAMES = 5
 
 
 def choose_camera(scene: bpy.types.Scene, name: str) -> None:
-    """Make the camera ``name`` the active one, FIT none; LfsrError if the scene has no such camera.
+    """Make the camera ``name`` the active one; FIT leaves the scene without an active camera.
 
-    A camera array that was placed in the scene does not take its place: the camera was asked for by name.
+    The scene's own camera array is ignored from then on. LfsrError if the scene has no such camera.
     """
     camera = next((item for item in cameras(scene) if item.name == name), None)
     if camera is None and name != FIT:
@@ -26,17 +26,18 @@ def choose_camera(scene: bpy.types.Scene, name: str) -> None:
 
 
 def cameras(scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """The scene's cameras, in the order in which they came into it."""
+    """Return the scene's cameras in the order of its objects."""
     return [item for item in scene.objects if item.type == "CAMERA"]
 
 
 def choice_notice(scene: bpy.types.Scene) -> str:
-    """For a file without an active camera: which one is used, and how to use another."""
+    """Return the notice for a file without an active camera: which one is used, and how to use another."""
     others = [item.name for item in cameras(scene) if item != scene.camera]
-    rest = f"--camera takes another, {', '.join(others[:MOST_NAMES])}, or" if others else "--camera takes"
-    return f"seen from the file's camera {scene.camera.name!r}; {rest} {FIT} for a place before the subject"
+    named = f"{', '.join(others[:MOST_NAMES])} or " if others else ""
+    return (f"The file's camera {scene.camera.name!r} is used. Choose another with --camera: {named}{FIT}, which "
+            "places the array in front of the subject")
 
 
 def _unknown(name: str, names: list[str]) -> str:
     known = f"{did_you_mean(name, names)}Choose one of {', '.join(names[:MOST_NAMES])}" if names else "It has none"
-    return f"the scene has no camera {name!r}: {known}, or {FIT} for a place before the subject"
+    return f"the scene has no camera {name!r}: {known}, or {FIT} to place the array in front of the subject"

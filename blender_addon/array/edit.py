@@ -1,4 +1,4 @@
-"""Adding, fitting and removing the camera array of a scene."""
+"""Add, fit and remove the camera array of a scene."""
 
 from __future__ import annotations
 
@@ -18,44 +18,39 @@ from .rig import Placement
 from .spaces import to_blender
 
 ARRAY_NAME, PLANE_NAME = "Light Field Array", "Display Plane"
-SHARE_OF_DISTANCE = 0.05   # how large the handle is drawn
-SPACING_HELP = "Spacing of the cameras as a share of what fills the display's viewing angle"
-PLANE_HELP = "Marks the handle of a light-field camera array's display plane"
+HANDLE_SIZE = 0.05  # as a fraction of the distance to the display plane
+SPACING_HELP = "Spacing of the cameras as a fraction of the spacing that fills the display's viewing angle"
+PLANE_HELP = "Marks the display plane of a light-field camera array"
 
 
 def add(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.Object:
-    """Add a camera array where the scene's camera is, else in front of the subject, else of the origin."""
+    """Add a camera array at the scene's camera, else in front of the subject, else in front of the origin."""
     if rig.find(scene) is not None:
         raise LfsrError(f"scene {scene.name!r} has a camera array already: fit it, or remove it first")
     rig.check_editable(scene)
-    # Before the array exists, which would be taken for the scene's own.
+    # Before the array exists: it would be taken for the scene's own.
     placed = _first_placement(scene, profile)
     array = _new_array(scene)
     put(array, placed)
-    if scene.camera is None:
-        scene.camera = array
     return array
 
 
 def fit(scene: bpy.types.Scene, profile: DisplayProfile, items: Collection[bpy.types.Object]) -> bpy.types.Object:
-    """Move the scene's array in front of ``items``, looking as it does now; adds one if there is none."""
+    """Move the scene's array in front of ``items``, in its present direction; add one if there is none."""
     rig.check_editable(scene)
     array = rig.find(scene)
     if array is not None:
         rig.check_editable(array)
-    # Looking along +Y with Z up, as an array that was just added does.
+    # A new array looks along +Y with Z up.
     turn = _view_turn(array) if array else mathutils.Matrix.Identity(3)
     placed = _fitted(items, profile, turn)
-    if array is None:
-        array = _new_array(scene)
-        if scene.camera is None:
-            scene.camera = array
+    array = array or _new_array(scene)
     put(array, placed)
     return array
 
 
 def remove(scene: bpy.types.Scene) -> None:
-    """Remove the scene's camera array and its data, and planes whose array was deleted by hand."""
+    """Remove the scene's camera array with its data, and display planes whose array was deleted by hand."""
     array = rig.find(scene)
     if array is None:
         raise LfsrError(f"scene {scene.name!r} has no camera array to remove")
@@ -79,19 +74,22 @@ def put(array: bpy.types.Object, placed: Placement) -> None:
     array.data.clip_start, array.data.clip_end = layout.distance / 1000, layout.distance * 100
     array.data.display_size = layout.half_width * 0.25
     plane.location = (0.0, 0.0, -layout.distance)
-    plane.empty_display_size = layout.distance * SHARE_OF_DISTANCE
+    plane.empty_display_size = layout.distance * HANDLE_SIZE
     bpy.context.view_layer.update()
 
 
 def _new_array(scene: bpy.types.Scene) -> bpy.types.Object:
+    """Array of the scene, which becomes the active camera if there is none."""
     data = bpy.data.cameras.new(ARRAY_NAME)
     data.sensor_fit = "HORIZONTAL"
     array = bpy.data.objects.new(ARRAY_NAME, data)
     array[rig.SPACING] = 1.0
     array.id_properties_ui(rig.SPACING).update(min=0.01, soft_max=1.0, default=1.0, description=SPACING_HELP)
-    # The scene's own collection: visible whatever collection is excluded or hidden.
+    # The scene's own collection cannot be excluded or hidden.
     scene.collection.objects.link(array)
     _new_plane(array)
+    if scene.camera is None:
+        scene.camera = array
     return array
 
 
@@ -103,7 +101,7 @@ def _new_plane(array: bpy.types.Object) -> bpy.types.Object:
     for collection in array.users_collection:
         collection.objects.link(plane)
     plane.parent = array
-    # It slides along the view and does nothing else.
+    # It only slides along the view.
     plane.lock_location = (True, True, False)
     plane.lock_rotation = plane.lock_scale = (True, True, True)
     return plane
@@ -113,12 +111,12 @@ def _first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placeme
     try:
         return placement.place_array(scene, profile, find_subject(scene))
     except LfsrError:
-        # Nothing to fit to yet: a display one unit wide at the origin is a start.
+        # Without a subject: a display about one unit wide at the origin.
         return placement.fit_array(np.array([-0.4, -0.1, -0.2]), np.array([0.4, 0.1, 0.2]), profile)
 
 
 def _view_turn(array: bpy.types.Object) -> mathutils.Matrix:
-    """Rotation from an array that looks along +Y with Z up to ``array``."""
+    """Rotation to ``array`` from an array that looks along +Y with Z up."""
     return array.matrix_world.to_3x3().normalized() @ mathutils.Matrix.Rotation(-math.pi / 2, 3, "X")
 
 

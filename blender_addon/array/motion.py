@@ -1,4 +1,4 @@
-"""The frames of a scene's animation."""
+"""Sample frames of a scene's animation."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Iterator
 import bpy
 import numpy as np
 
-MOST_FRAMES = 24   # that stand for a whole animation
+MOST_FRAMES = 24  # sampled from an animation
 
 
 def frames(scene: bpy.types.Scene) -> Iterator[int]:
-    """Frames that stand for the whole animation, each of them the scene's while it is looked at.
+    """Set the scene to sample frames of its animation, one after the other, and yield their numbers.
 
-    Of a scene in which nothing moves it is the current one. The same whatever the current frame is; that
-    is the scene's again afterwards.
+    A scene without animation yields its current frame only. The current frame, which does not affect
+    the samples, is restored at the end.
     """
     if not is_animated():
         yield scene.frame_current
@@ -29,13 +29,13 @@ def frames(scene: bpy.types.Scene) -> Iterator[int]:
 
 
 def is_animated() -> bool:
-    """True if keyframes, drivers or caches may move something."""
+    """Return True if keyframes, drivers or caches may move something."""
     driven = any(item.animation_data and item.animation_data.drivers for item in bpy.data.objects)
     return driven or any(action.users for action in bpy.data.actions) or bool(bpy.data.cache_files)
 
 
 def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
-    """First and last frame: the scene's, of which files from elsewhere move in a part only."""
+    """Return the first and last frame of the scene, cut to its keyframes (imported files often have few)."""
     ranges = [tuple(action.frame_range) for action in bpy.data.actions if action.users]
     if not ranges or bpy.data.cache_files:
         return scene.frame_start, scene.frame_end
@@ -45,6 +45,6 @@ def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
 
 
 def chosen(first: int, last: int) -> list[int]:
-    """At most MOST_FRAMES frames from ``first`` to ``last``, evenly, with both."""
+    """Return at most MOST_FRAMES evenly spaced frames from ``first`` to ``last``, including both."""
     count = min(last - first + 1, MOST_FRAMES)
     return sorted({round(number) for number in np.linspace(first, last, count)})

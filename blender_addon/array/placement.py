@@ -1,10 +1,10 @@
-"""Where the camera array stands: fitted to the subject, or taken from the scene's camera."""
+"""Where the camera array stands: at its place in the scene, at the scene's camera, or in front of the subject."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import bpy
 import mathutils
@@ -18,31 +18,31 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
 from . import motion, rig
+from .rig import Placement
 from .spaces import from_blender, to_blender
 
-FILL = 0.85           # share of the display the subject may fill, seen from the centre
+FILL = 0.85           # fraction of the display that the subject may fill, seen from the centre
 LEAST_FILL = 0.5      # a deep subject is made smaller to fit the usable depth, but not below this
-WALL_MARGIN = 0.9     # share of the free space around the camera that the array may use
-MOST_REACH = 1.70141e38   # Blender's own, of a ray without end
-PROBES = (32, 18)     # rays that look for the visible depth of the subject
+WALL_MARGIN = 0.9     # fraction of the free space around the camera that the array may use
+MOST_REACH = 1.70141e38   # Blender's value for a ray without end
+PROBES = (32, 18)     # rays across and down that measure the visible depth of the subject
 SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
-
-Placement = tuple[CameraArray, tuple[tuple[float, ...], ...]]
+BOXED = {"VOLUME", "CURVES", "POINTCLOUD"}  # known by their bounding boxes only
 
 
 def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: Iterable[bpy.types.Object]) -> Placement:
-    """Array and its world matrix for ``profile``: the scene's own, else at its camera, else fitted to the subject."""
+    """Return the scene's own array for ``profile``, else one at its camera, else one fitted to the subject."""
     own = rig.placement(scene, profile)
     if own is not None:
         return own
     subject = set(subject)
-    if scene.camera is not None and scene.camera.type == "CAMERA":
+    if _has_camera(scene):
         return array_of_camera(scene, profile, subject)
     return fit_array(*animated_bounds(scene, subject), profile)
 
 
 def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.types.Object]) -> Array:
-    """Depths (n,) from the camera plane at which the middle of a ``placed`` array sees the subject, spread over it."""
+    """Return depths (n,) from the camera plane at which the middle of a ``placed`` array sees the subject."""
     array, matrix = placed
     sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), to_blender(matrix), clip_of(scene))
     half = array.half_width / array.distance, array.half_height / array.distance
@@ -50,19 +50,22 @@ def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.type
 
 
 def clip_of(scene: bpy.types.Scene) -> Clip | None:
-    """Depths between which the scene's camera sees; None where the array does not stand at an ordinary camera."""
-    if rig.find(scene) is not None or scene.camera is None or scene.camera.type != "CAMERA":
+    """Return the clipping depths of the scene's camera; None if the array does not stand at an ordinary camera."""
+    if rig.find(scene) is not None or not _has_camera(scene):
         return None
-    # The camera's scale does not scale them.
+    # The camera's scale does not apply to them.
     return scene.camera.data.clip_start, scene.camera.data.clip_end
 
 
-def fit_array(low: Array, high: Array, profile: DisplayProfile) -> Placement:
-    """Array in front of a box of world corners ``low``, ``high`` (3,), looking along +Y with Z up.
+def _has_camera(scene: bpy.types.Scene) -> bool:
+    return scene.camera is not None and scene.camera.type == "CAMERA"
 
-    The display plane halves the box's depth; the display keeps its true proportions and
-    is as wide as the box's front needs to fill FILL of it, or wider where the depth would
-    leave the display's usable range.
+
+def fit_array(low: Array, high: Array, profile: DisplayProfile) -> Placement:
+    """Return an array in front of a box of world corners ``low``, ``high`` (3,), looking along +Y with Z up.
+
+    The display plane halves the box's depth. The display keeps its proportions and is as wide as the
+    box's front needs to fill FILL of it, or wider where the depth would leave the display's usable range.
     """
     half, centre = (high - low) / 2, (low + high) / 2
     near = profile.viewing_distance_mm / profile.panel_mm[0]
@@ -80,11 +83,11 @@ def fit_array(low: Array, high: Array, profile: DisplayProfile) -> Placement:
 
 
 def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object]) -> Placement:
-    """Array at the scene's camera, with its direction and horizontal field of view.
+    """Return an array at the scene's camera, with its direction and horizontal field of view.
 
-    The display plane is where the camera focuses, else where the visible subject's
-    nearest and farthest points have equal parallax. It comes nearer, and the array
-    gets smaller with it, where the array would reach through a wall beside the camera.
+    The display plane is where the camera focuses, else where the visible subject's nearest and farthest
+    points have equal parallax. Where the array would reach through a wall beside the camera, the plane
+    comes nearer and the array becomes smaller.
     """
     camera = scene.camera
     half_width = _half_width(scene, camera.data)
@@ -92,12 +95,12 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
     sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), camera.matrix_world.normalized(), clip_of(scene))
     distance = _focus(camera) or _balanced_depth(sight, (half_width, half_height), subject)
     array = CameraArray.for_display(profile, 2 * half_width * distance, distance)
-    distance *= _free_share(sight, profile, array)
+    distance *= _free_fraction(sight, profile, array)
     return CameraArray.for_display(profile, 2 * half_width * distance, distance), from_blender(sight.matrix)
 
 
 def bounds(subject: Iterable[bpy.types.Object]) -> tuple[Array, Array]:
-    """Lowest and highest world corner (3,) of the subject's render geometry, instances included."""
+    """Return the lowest and highest world corner (3,) of the subject's render geometry, with instances."""
     corners = [corner for points in world_points(set(subject)) for corner in (points.min(0), points.max(0))]
     if not corners:
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
@@ -105,28 +108,32 @@ def bounds(subject: Iterable[bpy.types.Object]) -> tuple[Array, Array]:
 
 
 def animated_bounds(scene: bpy.types.Scene, subject: Iterable[bpy.types.Object]) -> tuple[Array, Array]:
-    """``bounds`` over the whole animation, so that every frame of it is seen from the same place."""
+    """Return ``bounds`` over the whole animation, so that every frame is seen from the same place."""
     subject = set(subject)
     corners = [corner for _ in motion.frames(scene) for corner in bounds(subject)]
     return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
-def world_points(subject: set[bpy.types.Object]) -> Iterable[Array]:
+def world_points(subject: set[bpy.types.Object]) -> Iterator[Array]:
     """World vertices (n, 3) of each object and instance of the subject that would be rendered."""
-    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
-        item = instance.object
-        owner = instance.parent if instance.is_instance else item
-        if owner.original not in subject and item.original not in subject:
-            continue
+    for item, _, matrix in instances(subject):
         points = _local_points(item)
         if len(points):
-            matrix = np.array(instance.matrix_world)
             yield points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def instances(subject: set[bpy.types.Object]) -> Iterator[tuple[bpy.types.Object, bpy.types.Object, Array]]:
+    """Evaluated object, original owner and world matrix (4, 4) of each object and instance of the subject."""
+    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+        item = instance.object
+        owner = (instance.parent if instance.is_instance else item).original
+        if owner in subject or item.original in subject:
+            yield item, owner, np.array(instance.matrix_world)
 
 
 def _local_points(item: bpy.types.Object) -> Array:
     if item.type not in SOLID:
-        return np.array(item.bound_box) if item.type in {"VOLUME", "CURVES", "POINTCLOUD"} else np.empty((0, 3))
+        return np.array(item.bound_box) if item.type in BOXED else np.empty((0, 3))
     mesh = item.to_mesh()
     points = np.empty(3 * len(mesh.vertices), dtype=np.float32)
     mesh.vertices.foreach_get("co", points)
@@ -135,7 +142,7 @@ def _local_points(item: bpy.types.Object) -> Array:
 
 
 def _half_width(scene: bpy.types.Scene, camera: bpy.types.Camera) -> float:
-    """Half the camera's frame at distance 1, horizontally."""
+    """Half the width of the camera's frame at distance 1."""
     if camera.type != "PERSP":
         raise LfsrError(f"the scene's camera is of type {camera.type}, but a camera array needs a perspective one: "
                         "change its type or remove it")
@@ -156,58 +163,57 @@ def _focus(camera: bpy.types.Object) -> float | None:
 
 @dataclasses.dataclass(frozen=True)
 class _Sight:
-    """Rays from the scene's camera into what would be rendered."""
+    """Rays from a camera into what would be rendered."""
 
     scene: bpy.types.Scene
     depsgraph: bpy.types.Depsgraph
-    # World matrix of the camera, without scale.
-    matrix: mathutils.Matrix
-    # Depths between which the camera sees; None: all.
-    clip: Clip | None = None
+    matrix: mathutils.Matrix  # the camera's world matrix, without scale
+    clip: Clip | None = None  # depths between which the camera sees, None for all
 
     @property
     def start(self) -> float:
-        """Depth before which nothing is seen."""
+        """Depth at which rays begin."""
         return self.clip[0] if self.clip else 0.0
 
     def look(self, x: float, y: float) -> tuple[mathutils.Vector, bpy.types.Object] | None:
-        """What is seen in the direction of (x, y) at depth 1, else None."""
+        """World place and object seen in the direction of (x, y) at depth 1, None for nothing."""
         direction = mathutils.Vector((x, y, -1))
         start, end = self.clip or (0.0, MOST_REACH)
         return self.cast(direction, min((end - start) * direction.length, MOST_REACH), start * direction)
 
     def cast(self, direction: Sequence[float], reach: float,
              start: Sequence[float]) -> tuple[mathutils.Vector, bpy.types.Object] | None:
-        """World place and object that a ray hits within ``reach``, else None; all in the camera's space."""
+        """World place and object that a ray hits within ``reach``, None for nothing; arguments in camera space."""
         turned, place = self.matrix.to_3x3() @ mathutils.Vector(direction), self.matrix @ mathutils.Vector(start)
         hit, place, _, _, item, _ = self.scene.ray_cast(self.depsgraph, place, turned, distance=reach)
         return (place, item) if hit else None
 
 
 def _balanced_depth(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Object]) -> float:
-    """Depth whose parallax against the nearest and farthest visible point is equal: 2/D = 1/near + 1/far."""
+    """Depth D of equal parallax to the nearest and the farthest visible point: 2/D = 1/near + 1/far."""
     depths = _depths(sight, half, subject)
     if not depths:
-        raise LfsrError("the scene's camera does not see the subject: turn the camera, or choose another one "
-                        f"or {FIT!r}, or another subject")
+        raise LfsrError("the scene's camera does not see the subject: turn the camera, choose another camera "
+                        f"(or {FIT!r}), or choose another subject")
     near, far = np.percentile(depths, (2, 98))
     return float(2 / (1 / near + 1 / far))
 
 
 def _depths(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Object]) -> list[float]:
-    """Depths at which rays spread over what is seen, ``half`` of it at depth 1, meet the subject."""
+    """Depths at which a grid of PROBES rays meets the subject; ``half``: half the frame at depth 1."""
     hits = [sight.look(x * half[0], y * half[1])
             for x in np.linspace(-1, 1, PROBES[0]) for y in np.linspace(-1, 1, PROBES[1])]
     toward = sight.matrix.inverted()
     return [-(toward @ place).z for place, item in filter(None, hits) if item.original in subject]
 
 
-def _free_share(sight: _Sight, profile: DisplayProfile, array: CameraArray) -> float:
-    """Share of the array's reach that is free of walls, at most 1."""
-    share, start = 1.0, (0, 0, -sight.start)
+def _free_fraction(sight: _Sight, profile: DisplayProfile, array: CameraArray) -> float:
+    """Fraction of the array's reach that is free of walls, at most 1."""
+    fraction, start = 1.0, (0, 0, -sight.start)
     for axis, direction in ((0, (-1, 0, 0)), (0, (1, 0, 0)), (1, (0, -1, 0)), (1, (0, 1, 0))):
         reach = profile.views[axis] * array.spacing / 2
         hit = sight.cast(direction, reach / WALL_MARGIN, start)
         if hit is not None:
-            share = min(share, (hit[0] - sight.matrix @ mathutils.Vector(start)).length * WALL_MARGIN / reach)
-    return share
+            free = (hit[0] - sight.matrix @ mathutils.Vector(start)).length
+            fraction = min(fraction, free * WALL_MARGIN / reach)
+    return fraction

@@ -1,9 +1,8 @@
-"""The camera array as scene data: a camera at the viewing position, an empty on the display plane.
+"""The camera array in the scene: a camera at the viewing position and an empty on the display plane.
 
-The camera's horizontal field of view frames the display; the empty is its child
-and the one handle that moves the plane of zero parallax along the view. Plain
-custom properties mark both, so that a Blender without this add-on's properties
-(a render farm, ``lfsr render``) finds the array too.
+The camera's horizontal field of view frames the display. The empty is the camera's child; moving it moves
+the plane of zero parallax along the view. Custom properties mark both, so that the array is also found
+where this add-on is not enabled (a render farm, ``lfsr render``).
 """
 
 from __future__ import annotations
@@ -12,7 +11,6 @@ import dataclasses
 import math
 
 import bpy
-import mathutils
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
@@ -21,16 +19,17 @@ from lfsr_core.optics.rays import CameraArray
 from .spaces import from_blender
 
 SPACING, PLANE = "lfsr_spacing", "lfsr_display_plane"
+# An array and its world matrix.
 Placement = tuple[CameraArray, tuple[tuple[float, ...], ...]]
 
 
 def is_array(item: bpy.types.Object | None) -> bool:
-    """True if ``item`` is the viewing position of a camera array."""
+    """Return True if ``item`` is the viewing position of a camera array."""
     return item is not None and item.type == "CAMERA" and SPACING in item
 
 
 def find(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """The scene's camera array: its active camera if that is one, else the first by name, else None."""
+    """Return the scene's camera array: its active camera if that is one, else the first by name, else None."""
     if is_array(scene.camera):
         return scene.camera
     arrays = [item for item in scene.objects if is_array(item)]
@@ -38,54 +37,51 @@ def find(scene: bpy.types.Scene) -> bpy.types.Object | None:
 
 
 def forget(scene: bpy.types.Scene) -> None:
-    """Make every camera array of the scene an ordinary camera."""
+    """Turn every camera array of the scene into an ordinary camera."""
     for item in scene.objects:
         if is_array(item):
             del item[SPACING]
 
 
-def plane_of(array: bpy.types.Object) -> bpy.types.Object | None:
-    """The handle on the display plane, None if it was deleted."""
-    return next((item for item in array.children if PLANE in item), None)
+def plane_of(array: bpy.types.Object | None) -> bpy.types.Object | None:
+    """Return the empty on the display plane; None without an array or if the empty was deleted."""
+    return next((item for item in array.children if PLANE in item), None) if array else None
 
 
 def get_distance(scene: bpy.types.Scene) -> float:
-    """Scene units from the viewing position to the display plane; 0 without an array."""
-    array = find(scene)
-    plane = plane_of(array) if array else None
+    """Return the distance from the viewing position to the display plane in scene units; 0 without an array."""
+    plane = plane_of(find(scene))
     if plane is None:
         return 0.0
-    return -(array.matrix_world.normalized().inverted() @ plane.matrix_world.translation).z
+    return -(plane.parent.matrix_world.normalized().inverted() @ plane.matrix_world.translation).z
 
 
 def set_distance(scene: bpy.types.Scene, distance: float) -> None:
-    """Move the display plane to ``distance`` from the viewing position."""
-    array = find(scene)
-    plane = plane_of(array) if array else None
+    """Move the display plane to ``distance`` scene units from the viewing position."""
+    plane = plane_of(find(scene))
     if plane is not None:
-        # World matrices follow an update only: the array's is read here, the plane's by whoever asks next.
+        # World matrices change at an update only: first for the array's scale, then for the moved plane.
         bpy.context.view_layer.update()
-        scale = array.matrix_world.to_scale().z or 1.0
-        plane.location = (0.0, 0.0, -distance / scale)
+        plane.location = (0.0, 0.0, -distance / (plane.parent.matrix_world.to_scale().z or 1.0))
         bpy.context.view_layer.update()
 
 
 def get_spacing(scene: bpy.types.Scene) -> float:
-    """Spacing as a share of the display's own; 1 without an array."""
+    """Return the camera spacing as a fraction of the display's own; 1 without an array."""
     array = find(scene)
     return float(array[SPACING]) if array else 1.0
 
 
-def set_spacing(scene: bpy.types.Scene, share: float) -> None:
-    """Set the spacing as a share of the display's own."""
+def set_spacing(scene: bpy.types.Scene, fraction: float) -> None:
+    """Set the camera spacing as a fraction of the display's own."""
     array = find(scene)
     if array is not None:
-        array[SPACING] = share
+        array[SPACING] = fraction
         array.update_tag()
 
 
 def placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placement | None:
-    """Array and world matrix of the scene's camera array, None if it has none; LfsrError if it is broken."""
+    """Return the scene's camera array and its world matrix, None if it has none; LfsrError if it is broken."""
     array = find(scene)
     if array is None:
         return None
@@ -97,21 +93,17 @@ def placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placement | No
     distance = get_distance(scene)
     if distance <= 0:
         raise LfsrError(f"the display plane of {array.name!r} lies behind the viewing position: move it in front")
-    placed = CameraArray.for_display(profile, 2 * distance * half_width(array.data), distance)
+    half_width = array.data.sensor_width / 2 / array.data.lens  # at distance 1
+    placed = CameraArray.for_display(profile, 2 * distance * half_width, distance)
     spacing = placed.spacing * get_spacing(scene)
     return dataclasses.replace(placed, spacing=spacing), from_blender(array.matrix_world)
 
 
-def half_width(camera: bpy.types.Camera) -> float:
-    """Half the display's width at distance 1."""
-    return camera.sensor_width / 2 / camera.lens
-
-
 def usable_depth(array: CameraArray, profile: DisplayProfile, scale: int = 1) -> tuple[float, float]:
-    """Nearest and farthest usable distance from the viewing position, in scene units; may be infinite.
+    """Return the nearest and farthest usable distance from the viewing position, in scene units; may be infinite.
 
-    As ``DisplayProfile.depth_range_mm``, for the array's own spacing and size:
-    neighbouring views move a point by at most one lens pitch.
+    As ``DisplayProfile.depth_range_mm``, for the array's own spacing and size: the disparity between
+    neighbouring views is at most one lens pitch.
     """
     pitch = min(2 * array.half_width / profile.lenses[0], 2 * array.half_height / profile.lenses[1])
     spacing = array.spacing * scale
@@ -119,20 +111,15 @@ def usable_depth(array: CameraArray, profile: DisplayProfile, scale: int = 1) ->
     return array.distance - pitch * array.distance / (spacing + pitch), array.distance + behind
 
 
-def to_array_space(matrix: tuple[tuple[float, ...], ...]) -> mathutils.Matrix:
-    """World to camera-array space (+X right, +Y up, +Z towards the display)."""
-    return mathutils.Matrix(matrix).inverted()
-
-
 def check_editable(data: bpy.types.ID) -> None:
-    """LfsrError if ``data`` cannot be changed in this file."""
+    """Raise LfsrError if ``data`` cannot be changed in this file."""
     reason = why_not_editable(data)
     if reason:
         raise LfsrError(reason)
 
 
 def why_not_editable(data: bpy.types.ID) -> str | None:
-    """Why ``data`` cannot be changed in this file, None if it can."""
+    """Return why ``data`` cannot be changed in this file, None if it can."""
     if data.library is not None:
         return f"{data.name!r} is linked from {bpy.path.basename(data.library.filepath)}: make it local first"
     override = data.override_library

@@ -1,4 +1,4 @@
-"""What the scene check's fix buttons do, by the code of the problem."""
+"""What the fix buttons of the scene check do, by the code of the problem."""
 
 from __future__ import annotations
 
@@ -14,21 +14,27 @@ from ..scene.light import add_light
 from ..scene.subject import BACKGROUND_COLLECTION
 from ..settings import scene_settings
 
+Fix = Callable[[bpy.types.Scene, str], None]
+
 
 def find_object(name: str) -> bpy.types.Object:
-    """The object ``name`` of the open file; LfsrError if it is gone."""
+    """Return the object ``name`` of the open file; LfsrError if it is gone."""
     item = bpy.data.objects.get(name)
     if item is None:
         raise LfsrError(f"object {name!r} is not there any more: check the scene again")
     return item
 
 
+def _setting(group: str, **values: object) -> Fix:
+    """Fix that sets properties of ``scene.group``."""
+    def fix(scene: bpy.types.Scene, _target: str) -> None:
+        for name, value in values.items():
+            setattr(getattr(scene, group), name, value)
+    return fix
+
+
 def _enable_cycles(_scene: bpy.types.Scene, _target: str) -> None:
     bpy.ops.preferences.addon_enable(module="cycles")
-
-
-def _use_cycles(scene: bpy.types.Scene, _target: str) -> None:
-    scene.render.engine = "CYCLES"
 
 
 def _add_array(scene: bpy.types.Scene, _target: str) -> None:
@@ -37,10 +43,6 @@ def _add_array(scene: bpy.types.Scene, _target: str) -> None:
 
 def _add_light(scene: bpy.types.Scene, _target: str) -> None:
     add_light(scene).name = "Light Field World"
-
-
-def _use_osl(scene: bpy.types.Scene, _target: str) -> None:
-    scene.cycles.device, scene.cycles.shading_system = "CPU", True
 
 
 def _pack(_scene: bpy.types.Scene, target: str) -> None:
@@ -65,26 +67,15 @@ def _to_background(scene: bpy.types.Scene, target: str) -> None:
             collection.objects.unlink(item)
 
 
-def _box_filter(scene: bpy.types.Scene, _target: str) -> None:
-    scene.cycles.pixel_filter_type = "BOX"
-
-
-def _no_denoiser(scene: bpy.types.Scene, _target: str) -> None:
-    scene.cycles.use_denoising = False
-
-
-def _no_motion_blur(scene: bpy.types.Scene, _target: str) -> None:
-    scene.render.use_motion_blur = False
-
-
 def _no_focus(_scene: bpy.types.Scene, target: str) -> None:
     camera = find_object(target).data
     check_editable(camera)
     camera.dof.use_dof = False
 
 
-FIXES: dict[str, Callable[[bpy.types.Scene, str], None]] = {
-    "cycles": _enable_cycles, "engine": _use_cycles, "array": _add_array, "light": _add_light,
-    "script": _use_osl, "dirty": _pack, "background": _to_background, "filter": _box_filter,
-    "denoiser": _no_denoiser, "motion": _no_motion_blur, "focus": _no_focus}
-OUTSIDE_SCENE = ("cycles", "dirty", "focus")
+FIXES: dict[str, Fix] = {
+    "cycles": _enable_cycles, "engine": _setting("render", engine="CYCLES"), "array": _add_array, "light": _add_light,
+    "script": _setting("cycles", device="CPU", shading_system=True), "dirty": _pack, "background": _to_background,
+    "filter": _setting("cycles", pixel_filter_type="BOX"), "denoiser": _setting("cycles", use_denoising=False),
+    "motion": _setting("render", use_motion_blur=False), "focus": _no_focus}
+OUTSIDE_SCENE = ("cycles", "dirty", "focus")  # fixes that change more than the scene

@@ -1,4 +1,4 @@
-"""Encodes numbered PNG frames as MP4 with Blender's own video output, which every Blender has."""
+"""Encode numbered PNG frames as MP4 with Blender's own video output."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RATE = 30  # frames a second
 
 
 def run(arguments: Sequence[str]) -> Path:
-    """Encode as in ``encode FRAMES FILE.mp4``; the film. LfsrError where this Blender cannot."""
+    """Encode as in ``encode FRAMES FILE.mp4`` and return the film; LfsrError if this Blender cannot."""
     folder, film = map(Path, arguments)
     frames = sorted(folder.glob("*.png"))
     if not frames:
@@ -36,13 +36,13 @@ def run(arguments: Sequence[str]) -> Path:
 
 
 def _scene(frames: Sequence[Path]) -> bpy.types.Scene:
-    """A scene that is nothing but the frames, shown as they are."""
+    """Scene with nothing but the frames, in their own colours."""
     scene = bpy.data.scenes.new("Film")
     editor = scene.sequence_editor_create()
     strip = editor.strips.new_image("Frames", str(frames[0]), channel=1, frame_start=1)
     for frame in frames[1:]:
         strip.elements.append(frame.name)
-    # The elements that were appended count only after this.
+    # Needed for the appended elements to count.
     strip.frame_final_duration = len(frames)
     scene.frame_start, scene.frame_end = 1, len(frames)
     element = strip.elements[0]

@@ -1,4 +1,4 @@
-"""Runs jobs inside Blender, renders or the encoding of a film; their progress goes to standard output."""
+"""Run jobs inside Blender, renders or the encoding of a film, with their progress on standard output."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ from . import encode, stopping
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the job files named in ``arguments``, or ``encode`` what follows; the process's exit code."""
+    """Run the job files named in ``arguments``, or ``encode FRAMES FILE``; return the process's exit code."""
     stopping.on_signals(_stop)
     try:
         is_film = arguments[:1] == [encode.NAME]
         if not arguments or (is_film and len(arguments) != 3):
-            raise LfsrError(f"expected job files, or encode and two paths, and got {len(arguments)} arguments")
+            raise LfsrError(f"expected job files, or encode and two paths, but got {len(arguments)} arguments")
         with system_errors(), repeated():
             folder = encode.run(arguments[1:]) if is_film else run_all([read_job(path) for path in arguments])
     except LfsrError as error:
@@ -52,7 +52,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def run_all(jobs: Sequence[Job]) -> Path:
-    """Render ``jobs``, opening a scene where it is another than before; the last one's frame folder."""
+    """Render ``jobs``, opening a scene where it differs from the job before; return the last frame folder."""
     scene, opened, last = None, Opened(), None
     with ExitStack() as stack:
         for job in jobs:
@@ -60,7 +60,7 @@ def run_all(jobs: Sequence[Job]) -> Path:
                 stack.close()
                 scene, opened = _opened(job)
                 if len(jobs) > 1:
-                    # Switching it off after each frame would make Cycles build everything again.
+                    # Without it Cycles would build the scene again for each frame.
                     stack.enter_context(overridden(scene.render, {"use_persistent_data": True}))
             folder, last = render_job(scene, job, opened, progress=_progress, warn=emit_warning), job
             opened = dataclasses.replace(opened, seconds=0.0)
@@ -70,7 +70,7 @@ def run_all(jobs: Sequence[Job]) -> Path:
 
 
 def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:
-    """The job's scene, opened if it names one."""
+    """The job's scene, opened if the job names a file, and its camera chosen."""
     started = time.perf_counter()
     emit(stage="open", fraction=0.0, message=job.scene or "the open scene")
     scene, content = _open(job)
@@ -86,7 +86,7 @@ def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:
 
 
 def _open(job: Job) -> tuple[bpy.types.Scene, str]:
-    """The job's scene and the content of its file, where something is to be kept and the file did not change."""
+    """The job's scene and the digest of its file; "" if nothing is to be cached or the file changed meanwhile."""
     if not job.scene:
         return bpy.context.scene, ""
     file = Path(job.scene)
@@ -103,10 +103,10 @@ def _progress(fraction: float, message: str = "") -> None:
 def _stop() -> None:
     try:
         emit_last(stage="cancelled", message="stopped by a signal")
-    finally:  # also where nobody listens any more and writing fails
+    finally:  # also if writing fails because nobody listens any more
         os._exit(EXIT_CANCELLED)
 
 
 def script_arguments() -> list[str]:
-    """Arguments meant for the script: those after ``--`` under Blender, else all."""
+    """Return the script's own arguments: those after ``--`` under Blender, else all."""
     return sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else sys.argv[1:]

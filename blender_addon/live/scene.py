@@ -1,14 +1,16 @@
-"""The live scenes: scenes of their own that show the artist's as their background set, through a lens card.
+"""The live scenes: they show the artist's scene, as their background set, through a lens card.
 
-One shows the panel's image, one what an eye before the display sees; each is there while its window is.
-The artist's scene is never changed. Everything here is marked, so that all of it can be found and removed again,
-also after an undo brought it back or a file was recovered that was saved in the middle of a crash.
+One shows the panel's image, the other what an eye in front of the display sees. Each exists as long as its window.
+The artist's scene is never changed. All data of the live scenes is marked, so that it can be found and removed,
+also after an undo or in a file that was recovered from a crash.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from contextlib import suppress
+from typing import Any
 
 import bpy
 import mathutils
@@ -30,30 +32,25 @@ from ..settings.scene_settings import display_of
 from . import nodes
 
 MARK = "lfsr_live"
-# What is shown; also the value of MARK, so that what belongs to one is found.
+# Kinds of live view, and values of MARK.
 PANEL, EYE = "panel", "eye"
 NAMES = {PANEL: "LFSR Live", EYE: "LFSR Live Eye"}
 KINDS = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups")
-# Of the artist's scene, what decides how Cycles and Blender show it.
+# Settings of the artist's scene that decide how Cycles and Blender show it.
 COPIED = ("render", "cycles", "view_settings", "display_settings")
 
 
 @dataclasses.dataclass(frozen=True)
 class View:
-    """What the live view shows; the scene is made again where one of these changes."""
+    """What a live view shows; a change rebuilds the live scene."""
 
     region: LiveRegion
-    # The rendered views, and the display.
-    layout: RayLayout
+    layout: RayLayout  # the rendered views
     profile: DisplayProfile
-    # Name of the array's viewing position, which the card follows.
-    follows: str
-    # From the world's origin, rounded up to a power of two.
-    far: float
-    # To the nearest volume; rounded down to a power of two.
-    clear: float
-    # Where the eye stands; None: the panel is shown.
-    eye: Place | None = None
+    follows: str  # name of the array's viewing position, which the card follows
+    far: float  # distance from the world's origin, rounded up to a power of two
+    clear: float  # distance to the nearest volume, rounded down to a power of two
+    eye: Place | None = None  # where the eye stands, None for the panel's image
 
     @property
     def kind(self) -> str:
@@ -62,26 +59,23 @@ class View:
 
 
 def view_of(scene: bpy.types.Scene, size: tuple[int, int], kind: str = PANEL) -> View:
-    """What ``scene`` asks for in a region of ``size``; LfsrError where it cannot be shown."""
-    profile = display_of(scene)
+    """Return the view of ``scene`` in a region of ``size``; LfsrError if it cannot be shown."""
+    lfsr, profile = scene.lfsr, display_of(scene)
     if kind == PANEL and profile.is_woven:
         raise LfsrError(f"display {profile.name!r} weaves its panel's image from the light field, which the live view "
                         "cannot do: choose another display, or press Show One Eye")
-    scale = int(scene.lfsr.live_scale)
+    scale = int(lfsr.live_scale)
     profile.low_views(scale)
-    placed = rig.placement(scene, profile)
-    if placed is None:
-        raise LfsrError("the scene has no camera array for the live view to look through: press Add in Camera Array")
-    found = rig.find(scene)
+    placed, found = rig.placement(scene, profile), rig.find(scene)
+    if placed is None or found is None:
+        raise LfsrError("the live view needs a camera array: press Add in Camera Array")
+    region, eye = LiveRegion(profile, size, scale), None
+    if kind == EYE:
+        region = eye_region(profile, size)
+        eye = eye_place(profile, lfsr.live_eye_right, lfsr.live_eye_up, lfsr.live_eye_near)
     place = found.matrix_world.translation
-    region = LiveRegion(profile, size, scale) if kind == PANEL else eye_region(profile, size)
     return View(region, RayLayout.for_display(profile, placed[0], scale), profile, found.name, _above(place.length),
-                _above(distance_to_volume(scene, place)) / 2, None if kind == PANEL else _eye_of(scene, profile))
-
-
-def _eye_of(scene: bpy.types.Scene, profile: DisplayProfile) -> Place:
-    lfsr = scene.lfsr
-    return eye_place(profile, lfsr.live_eye_right, lfsr.live_eye_up, lfsr.live_eye_near)
+                _above(distance_to_volume(scene, place)) / 2, eye)
 
 
 def _above(length: float) -> float:
@@ -89,7 +83,7 @@ def _above(length: float) -> float:
 
 
 def make(scene: bpy.types.Scene, view: View) -> bpy.types.Scene:
-    """The live scene of ``scene``; whole or not at all."""
+    """Return a new live scene of ``scene``; an error leaves nothing behind."""
     live = bpy.data.scenes.new(NAMES[view.kind])
     try:
         live[MARK] = view.kind
@@ -102,14 +96,14 @@ def make(scene: bpy.types.Scene, view: View) -> bpy.types.Scene:
 
 
 def show(live: bpy.types.Scene, view: View) -> None:
-    """Let ``live`` show ``view``, in place of what it showed."""
+    """Let ``live`` show ``view`` instead of what it showed."""
     _remove([item for item in marked(view.kind) if not isinstance(item, bpy.types.Scene)])
     follow(live)
     region = view.region
     live.render.preview_pixel_size = str(region.scale)
     live.render.resolution_x, live.render.resolution_y = region.size
     live.render.use_border = region.drawn != region.size
-    # Half a pixel more, for Cycles rounds down.
+    # Half a pixel more, since Cycles rounds down.
     live.render.border_max_x, live.render.border_max_y = (
         min(1.0, (region.drawn[axis] + 0.5) / region.size[axis]) for axis in (0, 1))
     _add_card(live, view)
@@ -123,7 +117,7 @@ def show(live: bpy.types.Scene, view: View) -> None:
 
 
 def follow(live: bpy.types.Scene) -> None:
-    """Take over what may have changed in the artist's scene and needs no new card."""
+    """Copy what may have changed in the artist's scene and needs no new card."""
     scene = live.background_set
     for name in COPIED:
         _copy(getattr(scene, name), getattr(live, name), _own_values(scene).get(name, {}))
@@ -133,13 +127,13 @@ def follow(live: bpy.types.Scene) -> None:
 
 
 def marked(kind: str | None = None) -> list[bpy.types.ID]:
-    """All data of ours in the open file, or of one ``kind`` of view."""
+    """Return the data of all live scenes in the open file, or of one ``kind``."""
     return [item for name in KINDS for item in getattr(bpy.data, name)
             if MARK in item and kind in (None, item[MARK])]
 
 
 def remove_all(kind: str | None = None) -> None:
-    """Remove it; scenes first, so that no window shows what is gone."""
+    """Remove this data; scenes first, so that no window shows removed data."""
     _remove(marked(kind))
 
 
@@ -148,14 +142,13 @@ def _remove(items: list[bpy.types.ID]) -> None:
         bpy.data.batch_remove(items)
 
 
-def _own_values(scene: bpy.types.Scene) -> dict[str, dict[str, object]]:
-    """Settings in which the live scene differs from the artist's."""
+def _own_values(scene: bpy.types.Scene) -> dict[str, dict[str, Any]]:
+    """Settings in which the live scene differs from the artist's; None: the live scene keeps its value."""
     lfsr = scene.lfsr
-    render = {"engine": "CYCLES", "preview_pixel_size": None, "use_border": None,
-              "film_transparent": scene.render.film_transparent or scene.world is None,
-              "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0, "resolution_x": None, "resolution_y": None,
-              "resolution_percentage": 100, "use_multiview": False, "filepath": None, "border_max_x": None,
-              "border_max_y": None, "border_min_x": 0.0, "border_min_y": 0.0} | compat.whole_textures()
+    kept = ("preview_pixel_size", "use_border", "resolution_x", "resolution_y", "border_max_x", "border_max_y")
+    render = {"engine": "CYCLES", "film_transparent": scene.render.film_transparent or scene.world is None,
+              "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0, "resolution_percentage": 100, "use_multiview": False,
+              "border_min_x": 0.0, "border_min_y": 0.0} | dict.fromkeys(kept) | compat.whole_textures()
     cycles = {"preview_samples": lfsr.live_samples, "use_preview_adaptive_sampling": False,
               "use_preview_denoising": lfsr.live_denoise and devices.has_denoiser(),
               "preview_denoising_start_sample": lfsr.live_denoise_start, "preview_denoising_input_passes": "RGB",
@@ -163,25 +156,23 @@ def _own_values(scene: bpy.types.Scene) -> dict[str, dict[str, object]]:
               "use_camera_cull": False, "film_transparent_glass": False,
               # The card is one more surface that a path passes through.
               "transparent_max_bounces": scene.cycles.transparent_max_bounces + 1}
-    # Reading a denoiser that this Blender was built without is warned about.
-    absent = {} if devices.has_denoiser() else {"preview_denoiser": None}
-    return {"render": render, "cycles": cycles | {"denoiser": None} | absent}
+    # Blender warns of reading a denoiser that it was built without.
+    absent = ("denoiser",) if devices.has_denoiser() else ("denoiser", "preview_denoiser")
+    return {"render": render, "cycles": cycles | dict.fromkeys(absent)}
 
 
-def _copy(source: bpy.types.bpy_struct, target: bpy.types.bpy_struct, own: dict[str, object]) -> None:
-    """Simple settings of ``source``, but those of ``own``; None leaves the target's; equal ones stay untouched."""
+def _copy(source: bpy.types.bpy_struct, target: bpy.types.bpy_struct, own: dict[str, Any]) -> None:
+    """Copy simple settings of ``source`` that differ, but take those in ``own`` from there; None leaves a setting."""
     for item in source.bl_rna.properties:
         name = item.identifier
         if item.is_readonly or item.type not in {"BOOLEAN", "INT", "FLOAT", "ENUM"} or own.get(name, 0) is None:
             continue
-        value = own[name] if name in own else getattr(source, name)
-        plain = tuple(value) if getattr(item, "is_array", False) else value
-        now = getattr(target, name)
-        if (tuple(now) if getattr(item, "is_array", False) else now) != plain:
-            try:
-                setattr(target, name, plain)
-            except (TypeError, AttributeError):   # a choice that this scene does not have now
-                continue
+        value, now = own[name] if name in own else getattr(source, name), getattr(target, name)
+        if getattr(item, "is_array", False):
+            value, now = tuple(value), tuple(now)
+        if value != now:
+            with suppress(TypeError, AttributeError):  # a choice that this scene does not have now
+                setattr(target, name, value)
 
 
 def _add_card(live: bpy.types.Scene, view: View) -> None:
@@ -196,10 +187,12 @@ def _add_card(live: bpy.types.Scene, view: View) -> None:
     for item in (camera, screen):
         live.collection.objects.link(item)
     _aim(camera, view.region, card.pixel / view.region.scale)
-    # Both stand where the array stands; how far behind is in the mesh and in the camera's own place.
+    # The card follows the array; the distances behind it are in the mesh and in the camera's own location.
     screen.data.transform(mathutils.Matrix.Translation((0, 0, place.gap / 2)))
     camera.parent, camera.location = screen, (0, 0, place.gap)
-    _follow_object(screen, bpy.data.objects[view.follows])
+    # Without the array's scale, as the rays.
+    for kind in ("COPY_LOCATION", "COPY_ROTATION"):
+        screen.constraints.new(kind).target = bpy.data.objects[view.follows]
     live.camera = camera
 
 
@@ -214,13 +207,7 @@ def _card(view: View) -> LensCard:
 
 
 def _aim(camera: bpy.types.Object, region: LiveRegion, pixel: float) -> None:
-    """Let the camera's frame be the region, with the card where the panel belongs; ``pixel`` is the panel's."""
+    """Fit the camera's frame to the region, with the card in the panel's place; ``pixel``: size of the panel's."""
     camera.data.ortho_scale = region.size[0] * pixel
-    # Shares of the frame's width, both: the camera itself must not move, for its place is the rays' origin.
+    # Both are fractions of the frame's width. The camera must not move: its place is the rays' origin.
     camera.data.shift_x, camera.data.shift_y = (-length / region.size[0] for length in region.shift)
-
-
-def _follow_object(item: bpy.types.Object, target: bpy.types.Object) -> None:
-    """Without the target's scale, as rays leave it out."""
-    for kind in ("COPY_LOCATION", "COPY_ROTATION"):
-        item.constraints.new(kind).target = target

@@ -1,6 +1,6 @@
-"""The live views that are on: started and stopped by buttons, kept up by a timer, out of the way of saves.
+"""The live views that are on: buttons start and stop them, a timer updates them, and no saved file holds them.
 
-Nothing is remembered but which scene is shown: undo and reloads replace everything else under our hands.
+Only the identity of the shown scene is stored, since undo and reloads replace everything else.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from . import window as live_window
 from .scene import EYE, PANEL
 
 SECONDS_BETWEEN_LOOKS = 0.1
-# A region that shows any display's lenses: what is asked before there is a window.
+# A region large enough for any display, to check a view before there is a window.
 LARGE = (65536, 65536)
 
 
@@ -24,35 +24,32 @@ LARGE = (65536, 65536)
 class _Shown:
     """One live view that is on."""
 
-    # ``session_uid`` of the artist's scene.
-    scene: int
-    # What the live scene was made of.
-    view: live_scene.View | None = None
+    scene: int  # ``session_uid`` of the artist's scene
+    view: live_scene.View | None = None  # view and smoothing that the live scene was made with
     smooth: bool | None = None
-    # What is wrong with it, or what to do next; empty where nothing is.
-    message: str = ""
+    message: str = ""  # what is wrong or what to do next
 
 
 _on: dict[str, _Shown] = {}
 
 
 def is_on(kind: str = PANEL) -> bool:
-    """True while a live view of this kind is on."""
+    """Return True while a live view of this kind is on."""
     return kind in _on
 
 
 def message(kind: str = PANEL) -> str:
-    """What is wrong with the live view, or what to do next; empty where nothing is."""
+    """Return what is wrong with the live view or what to do next, "" if nothing is."""
     return _on[kind].message if kind in _on else ""
 
 
 def view(kind: str = PANEL) -> live_scene.View | None:
-    """What is shown, None if nothing is."""
+    """Return the view that is shown, None if none is."""
     return _on[kind].view if kind in _on else None
 
 
 def start(scene: bpy.types.Scene, kind: str = PANEL) -> None:
-    """Open the live window of ``scene``; LfsrError where it cannot be shown."""
+    """Open the live window of ``scene``; LfsrError if it cannot be shown."""
     if is_on(kind):
         raise LfsrError("the live view is on already: press Stop Live first")
     if bpy.context.preferences.addons.get("cycles") is None:
@@ -70,7 +67,7 @@ def start(scene: bpy.types.Scene, kind: str = PANEL) -> None:
 
 
 def stop(*kinds: str) -> None:
-    """Close the windows of these kinds, by default of all, and remove everything of ours."""
+    """Close the windows of these kinds, by default of all, and remove their live scenes."""
     for kind in kinds or (PANEL, EYE):
         _on.pop(kind, None)
         live_window.close_window(kind)
@@ -80,18 +77,20 @@ def stop(*kinds: str) -> None:
 
 
 def artists_scene(kind: str = PANEL) -> bpy.types.Scene | None:
-    """The scene that is shown, None if it is gone or nothing is."""
+    """Return the scene that is shown, None if it is gone or none is."""
     return next((scene for scene in bpy.data.scenes if kind in _on and scene.session_uid == _on[kind].scene), None)
 
 
 def live(kind: str = PANEL) -> bpy.types.Scene | None:
-    """The live scene, None if there is none."""
+    """Return the live scene, None if there is none."""
     return next((scene for scene in bpy.data.scenes if scene.get(live_scene.MARK) == kind), None)
 
 
 def keep_up(kind: str = PANEL) -> None:
-    """Let the live scene show what the artist's scene and the window are now; LfsrError where it cannot."""
+    """Update the live scene to the artist's scene and the window; LfsrError if it cannot be shown."""
     scene, window, state = artists_scene(kind), live_window.find(kind), _on[kind]
+    if scene is None or window is None:
+        return
     region = live_window.region_of(window)
     view, smooth = live_scene.view_of(scene, (region.width, region.height), kind), scene.lfsr.live_smooth
     shown = live(kind)
@@ -109,14 +108,15 @@ def keep_up(kind: str = PANEL) -> None:
 
 
 def _look() -> float | None:
-    """Timer: keep up, or stop where the window or the scene is gone."""
+    """Timer: update the live views, and stop those whose window or scene is gone."""
     for kind in tuple(_on):
         if live_window.find(kind) is None or artists_scene(kind) is None:
             stop(kind)
             continue
         try:
             keep_up(kind)
-            _say(kind, (_on[kind].view.region.sentence() if kind == PANEL else None) or "")
+            shown = view(kind)
+            _say(kind, (shown.region.sentence() if shown and kind == PANEL else None) or "")
         except LfsrError as error:
             _say(kind, str(error))
     return SECONDS_BETWEEN_LOOKS if _on else None
@@ -133,7 +133,7 @@ def _say(kind: str, text: str) -> None:
 
 @bpy.app.handlers.persistent
 def _before_save(*_: object) -> None:
-    """Nothing of ours goes into the file."""
+    """Keep the live scenes out of the file."""
     for kind in _on:
         window, scene = live_window.find(kind), artists_scene(kind)
         if window is not None and scene is not None:
@@ -143,7 +143,7 @@ def _before_save(*_: object) -> None:
 
 @bpy.app.handlers.persistent
 def _after_save(*_: object) -> None:
-    """The live view goes on; the timer would do it too, a moment later."""
+    """Show the live views again, without waiting for the timer."""
     if any(live_window.find(kind) is not None for kind in _on):
         _look()
 
@@ -155,7 +155,7 @@ def _before_load(*_: object) -> None:
 
 @bpy.app.handlers.persistent
 def _tidy(*_: object) -> None:
-    """After an undo or in a file from a crash there may be something of a live view that is off."""
+    """Remove what an undo, or a file from a crash, has brought back of live views that are off."""
     off = {PANEL, EYE} - set(_on)
     if off:
         stop(*off)
@@ -174,13 +174,13 @@ HANDLERS = {"save_pre": _before_save, "save_post": _after_save, "save_post_fail"
 
 
 def register() -> None:
-    """Listen to what a live view must give way to."""
+    """Add the handlers of saving, loading, undo and frame changes."""
     for name, handler in HANDLERS.items():
         getattr(bpy.app.handlers, name).append(handler)
 
 
 def unregister() -> None:
-    """Stop what is on."""
+    """Stop the live views and remove the handlers."""
     stop()
     for name, handler in HANDLERS.items():
         getattr(bpy.app.handlers, name).remove(handler)

@@ -1,4 +1,4 @@
-"""The live windows: main windows of their own, so that they can show another scene, with nothing but a 3D view."""
+"""The live windows: main windows, which can show another scene, with nothing but a 3D view."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from .scene import MARK, PANEL
 
 
 def find(kind: str = PANEL) -> bpy.types.Window | None:
-    """The live window of one kind, None if it is closed."""
+    """Return the live window of one kind, None if it is closed."""
     return next((window for window in bpy.context.window_manager.windows if window.screen.get(MARK) == kind), None)
 
 
 def open_window(kind: str = PANEL) -> bpy.types.Window:
-    """A new window that is one 3D view from edge to edge."""
+    """Open a window that is one 3D view from edge to edge; LfsrError if Blender cannot."""
     before = set(bpy.context.window_manager.windows)
     if bpy.app.background or not before:
-        raise LfsrError("Blender runs without a window, so nothing can be shown live: start Blender with its window")
+        raise LfsrError("Blender runs without a window, but the live view needs one: start Blender with its window")
     if bpy.ops.wm.window_new_main() != {"FINISHED"}:
-        raise LfsrError("Blender opened no second window: close one and try again")
+        raise LfsrError("Blender opened no second window: close another window and try again")
     window = next(window for window in bpy.context.window_manager.windows if window not in before)
     _keep_one_area(window)
     window.screen[MARK] = kind
@@ -33,7 +33,7 @@ def open_window(kind: str = PANEL) -> bpy.types.Window:
 
 
 def close_window(kind: str = PANEL) -> None:
-    """Close it, if it is open."""
+    """Close the live window of one kind, if it is open."""
     window = find(kind)
     if window is None:
         return
@@ -47,12 +47,12 @@ def close_window(kind: str = PANEL) -> None:
 
 
 def region_of(window: bpy.types.Window) -> bpy.types.Region:
-    """Where the 3D view is drawn."""
+    """Return the region in which the 3D view is drawn."""
     return next(region for region in window.screen.areas[0].regions if region.type == "WINDOW")
 
 
 def show(window: bpy.types.Window, live: bpy.types.Scene) -> None:
-    """Show ``live`` as Cycles renders it, through its camera, pixel by pixel, and nothing else."""
+    """Show ``live`` rendered by Cycles through its camera, pixel by pixel, without overlays."""
     window.scene = live
     space = window.screen.areas[0].spaces.active
     space.overlay.show_overlays = space.show_gizmo = False
@@ -66,7 +66,7 @@ def show(window: bpy.types.Window, live: bpy.types.Scene) -> None:
 
 
 def hide(window: bpy.types.Window, scene: bpy.types.Scene) -> None:
-    """Show ``scene`` in it, in the plainest way, while there is no live scene."""
+    """Show ``scene`` in solid shading while there is no live scene."""
     space = window.screen.areas[0].spaces.active
     space.shading.type = "SOLID"
     window.scene = scene
@@ -77,11 +77,11 @@ def _place(window: bpy.types.Window) -> bpy.types.ContextTempOverride:
 
 
 def _keep_one_area(window: bpy.types.Window) -> None:
-    """Close all areas but the largest; one may have to wait for its neighbour."""
+    """Close all areas but the largest; some close only after a neighbour has."""
     while len(window.screen.areas) > 1:
         areas = sorted(window.screen.areas, key=lambda area: area.width * area.height)
         if not any(_closed(window, area) for area in areas[:-1]):
-            raise LfsrError("Blender's new window cannot become one view: use the workspace Layout and try again")
+            raise LfsrError("Blender's new window cannot become a single view: use the workspace Layout and try again")
 
 
 def _closed(window: bpy.types.Window, area: bpy.types.Area) -> bool:

@@ -1,6 +1,6 @@
-"""Our settings hold whatever the scene animates: keyframes, drivers and camera markers rest while one frame renders.
+"""Mute keyframes, drivers and camera markers that would change the settings of a render.
 
-Blender evaluates animation again when a render starts, and its values would replace those that were set for it.
+Blender evaluates animation again when a render starts, which would replace the values that were set for it.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ PASS_INDEX = "pass_index"
 
 @contextmanager
 def resting(scene: bpy.types.Scene) -> Iterator[None]:
-    """Inside the block nothing animates what a render sets; begin it when ``scene`` is at the frame to render.
+    """Mute what animates the settings of a render inside the block; ``scene`` must be at the frame to render.
 
-    Of the scene itself every keyframe and driver rests: its values stay those of this frame. Of objects
-    only what drives their pass index does.
+    This mutes all keyframes and drivers of the scene itself, which keeps its values of this frame, and those
+    of the pass index of objects.
     """
     with ExitStack() as stack:
         for marker in scene.timeline_markers:
@@ -34,7 +34,7 @@ def resting(scene: bpy.types.Scene) -> Iterator[None]:
 
 @contextmanager
 def _muted(owner: bpy.types.ID, wanted: Callable[[str], bool]) -> Iterator[None]:
-    """Curves and drivers of ``owner`` whose data path is ``wanted`` are muted inside the block."""
+    """Mute curves and drivers of ``owner`` whose data path is ``wanted`` inside the block."""
     animation = owner.animation_data
     with ExitStack() as stack:
         for curve in _curves(animation) if animation else ():
@@ -44,7 +44,7 @@ def _muted(owner: bpy.types.ID, wanted: Callable[[str], bool]) -> Iterator[None]
 
 
 def _curves(animation: bpy.types.AnimData) -> Iterator[bpy.types.FCurve]:
-    """Every curve that moves its owner: drivers, the action's, those of strips of the non-linear animation."""
+    """Curves of drivers, of the action, and of the strips of the nonlinear animation."""
     yield from animation.drivers
     strips = [strip for track in animation.nla_tracks for strip in track.strips]
     for holder in (animation, *strips):

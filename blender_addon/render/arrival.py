@@ -1,4 +1,4 @@
-"""How much light arrives: a tiny render before the real one."""
+"""Measure with a tiny render how much light arrives at the array."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from .cycles import RenderSettings, Shot, render_encoded
 
 LENSES = (8, 5)     # across and down, spread over the display
 SAMPLES = 4
-FIREFLIES = 99      # percentile of the brightest pixels that counts
-# Scene-linear: at most 8 of 255 in every view of Blender 5.0 that makes pictures, without a look (measured).
+FIREFLIES = 99      # percentile of brightness that counts: single bright pixels do not
+# Scene-linear: at most 8 of 255 in every view transform of Blender 5.0, without a look (measured).
 DARK = 2e-3
 
 
 def is_dark(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object]) -> bool:
-    """True if what the array sees of ``scene`` is too dark for any view transform; it sees something.
+    """Return True if a few lenses see objects of ``scene``, but too dark for any view transform.
 
-    Judged at the scene's exposure, from a few lenses of the job's display.
+    The scene's exposure counts.
     """
     array, matrix_world = placement.place_array(scene, job.display, subject)
     layout = RayLayout.for_display(job.display, array, max(job.display.scales(), default=1), lens_list=_lenses(job))
     shot = Shot(layout, matrix_world, devices.way_of(job.device), placement.clip_of(scene))
-    # In Blender's own folder, which goes with it however it ends.
+    # In Blender's own temporary folder, which is removed even if Blender crashes.
     with tempfile.TemporaryDirectory(prefix="lfsr-light-", dir=bpy.app.tempdir or None) as name:
         path = Path(name, "light.exr")
         render_encoded(scene, shot, dataclasses.replace(RenderSettings(SAMPLES), device=job.device), path)

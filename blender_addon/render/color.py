@@ -1,4 +1,4 @@
-"""How Blender shows a scene, as far as the second stage can show it the same way; what it cannot is refused."""
+"""The scene's colour management for the second stage; LfsrError for settings that it cannot reproduce."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ WORKING_SPACE = "Linear Rec.709"
 
 
 def color_settings(scene: bpy.types.Scene, world_visible: bool = False) -> ColorSettings:
-    """Names that the second stage needs to look the same; LfsrError for what it would show in other colours."""
+    """Return the settings with which the second stage shows the colours that Blender shows; LfsrError if it cannot."""
     _check_view(scene.view_settings)
     space = compat.working_space()
     if space != WORKING_SPACE:
-        raise LfsrError(f"the file's working space is {space}, but renders are read as {WORKING_SPACE}: choose "
+        raise LfsrError(f"the file's working space is {space}, but renders must be in {WORKING_SPACE}: choose "
                         f"{WORKING_SPACE} in Render Properties, Color Management")
     if world_visible and (names := _catchers(scene)):
-        raise LfsrError(f"{names[0]!r} is a shadow catcher before a visible world, which comes out too dark: make "
-                        "the film transparent or take Shadow Catcher off")
+        raise LfsrError(f"{names[0]!r} is a shadow catcher in front of a visible world, which would render too dark: "
+                        "make the film transparent or switch Shadow Catcher off")
     view = scene.view_settings
     config = os.environ.get("OCIO") or str(
         Path(bpy.utils.system_resource("DATAFILES"), "colormanagement", "config.ocio"))
@@ -41,11 +41,11 @@ def _check_view(view: bpy.types.ColorManagedViewSettings) -> None:
                             "set it in Render Properties, Color Management")
     for switch, name in (("use_curve_mapping", "curves"), ("use_white_balance", "white balance")):
         if getattr(view, switch):
-            raise LfsrError(f"the scene's view uses {name}, which eia.png would not show: take them off in Render "
-                            "Properties, Color Management, or set them on the finished image")
+            raise LfsrError(f"the scene's view uses {name}, which light-field images cannot show: switch it off in "
+                            "Render Properties, Color Management, or apply it to the finished image")
 
 
 def _catchers(scene: bpy.types.Scene) -> list[str]:
-    """Objects that catch shadows in renders; lights carry the same switch in 5.2, where it means something else."""
+    """Objects that catch shadows in renders; in 5.2 lights have the same switch with another meaning."""
     return sorted(item.name for item in scene.objects
                   if item.type in GEOMETRY and item.is_shadow_catcher and not item.hide_render)

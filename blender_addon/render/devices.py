@@ -1,4 +1,4 @@
-"""Which device Cycles uses, and what sends the rays there."""
+"""Choose the device of Cycles, and what sends the rays on it."""
 
 from __future__ import annotations
 
@@ -12,44 +12,41 @@ from lfsr_core.frames.job import AUTO
 
 from .overrides import overridden
 
-# The fastest first; "auto" takes the first that this machine has.
+# The fastest first: "auto" is the first that this machine has.
 GPU_TYPES = ("OPTIX", "CUDA", "HIP", "ONEAPI", "METAL")
 WITH_OSL_CAMERA = ("CPU", "OPTIX")
 
 
 def has_osl() -> bool:
-    """True if this Blender was built with Open Shading Language; Debian's is not."""
-    try:
-        import _cycles
-    except ImportError:
-        return False
-    return bool(_cycles.with_osl)
+    """Return True if this Blender was built with Open Shading Language; Debian's is not."""
+    return _built_with("with_osl")
 
 
 def has_denoiser() -> bool:
-    """True if this Blender was built with Open Image Denoise."""
+    """Return True if this Blender was built with Open Image Denoise."""
+    return _built_with("with_openimagedenoise")
+
+
+def _built_with(feature: str) -> bool:
     try:
         import _cycles
     except ImportError:
         return False
-    return bool(_cycles.with_openimagedenoise)
+    return bool(getattr(_cycles, feature))
 
 
 def has_osl_camera(device: str) -> bool:
-    """True if Cycles runs OSL cameras on ``device``: with OSL the CPU and OptiX do, nothing else does."""
+    """Return True if Cycles runs OSL cameras on ``device``: only the CPU and OptiX do, in a Blender with OSL."""
     return device in WITH_OSL_CAMERA and has_osl()
 
 
 def way_of(device: str) -> str:
-    """The quicker of the layouts that trace all views in one pass on ``device`` (docs/reference/devices.md)."""
+    """Return the faster layout that renders all views in one pass on ``device`` (docs/reference/devices.md)."""
     return "one-pass" if has_osl_camera(device) else "lens-card"
 
 
 def resolved(device: str, able: Collection[str] = GPU_TYPES) -> str:
-    """The device that ``device`` stands for: "auto" is the best of this machine, everything else itself.
-
-    ``able``: GPU types to choose from.
-    """
+    """Return ``device`` itself, or for "auto" the best device of this machine: a GPU type in ``able``, or the CPU."""
     return device if device != AUTO else next((kind for kind in GPU_TYPES if kind in able and _found(kind)), "CPU")
 
 
@@ -61,7 +58,7 @@ def _found(kind: str) -> bool:
 
 @contextmanager
 def enabled(device: str) -> Iterator[None]:
-    """Inside the block Cycles' GPU device type is ``device`` and all its devices are on."""
+    """Let Cycles use all devices of the type ``device`` inside the block; LfsrError if there is none."""
     if device == "CPU":
         yield
         return

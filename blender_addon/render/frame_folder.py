@@ -1,4 +1,4 @@
-"""A job's frame folder: place the array, render, write ``frame.json``."""
+"""Render a job into its frame folder: place the array, render, write ``frame.json``."""
 
 from __future__ import annotations
 
@@ -26,27 +26,28 @@ from ..scene.subject import find_subject, has_background_meshes
 from . import animation, devices, passes, world
 from .arrival import is_dark
 from .color import color_settings
-from .cycles import Following, RenderSettings, Shot, render_encoded, unfinished
+from .cycles import RenderSettings, Shot, render_encoded
 from .inputs import Opened, inputs
-from .progress import Progress, part
+from .output import unfinished
+from .progress import Progress, one_of
 from .view_by_view import render_views
 
-# Added to a reference half's seed, so that no half shares random numbers with a candidate image.
+# Added to a reference half's seed, so that no half has the random numbers of a candidate image.
 HALF_SEED = 1 << 20
-Keep = Callable[[str], ImageParts | None]
+Warn = Callable[[str], None]
 
 
 def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, progress: Progress | None = None,
-               warn: Callable[[str], None] = print) -> Path:
-    """Render ``job`` into its frame folder; the scene is as before afterwards, also after an error.
+               warn: Warn = print) -> Path:
+    """Render ``job`` into its frame folder; the scene is unchanged afterwards, also after an error.
 
     Parameters
     ----------
     scene : the scene to render
     job : what to render of it, and into which folder
-    opened : how the scene was opened; without its file's content nothing of a long render is kept
-    progress : called with how far it is; an exception it raises cancels
-    warn : called with what the user should know
+    opened : how the scene was opened; without its file's content no parts of a long render are cached
+    progress : called with (fraction, message); an exception that it raises cancels
+    warn : called with sentences for the user
 
     Returns
     -------
@@ -55,20 +56,20 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
     job = dataclasses.replace(job, device=_device(job))
     opened = opened or Opened()
     with prepared(scene, job, warn) as frame:
-        keep = _keeping(scene, job, frame, opened, warn)
+        known = _inputs(scene, job, frame, opened, warn)
         seconds = {"open": opened.seconds}
         if frame.world_apart:
-            seconds["world"] = _world_picture(scene, job, frame)
+            seconds["world"] = _world_image(scene, job, frame)
         with world.white_to_camera(scene) if frame.world_apart else nullcontext():
-            seconds["render"] = seconds.get("world", 0.0) + _render(scene, job, frame, keep, progress)
+            seconds["render"] = seconds.get("world", 0.0) + _render(scene, job, frame, known, progress)
     seconds = {name: round(value, 3) for name, value in seconds.items()}
     write_frame(job.output, dataclasses.replace(frame, content=opened.content, seconds=seconds))
     return Path(job.output)
 
 
 @contextmanager
-def prepared(scene: bpy.types.Scene, job: Job, warn: Callable[[str], None] = print) -> Iterator[Frame]:
-    """The job's frame, with ``scene`` at its time, lit, and its objects indexed inside the block."""
+def prepared(scene: bpy.types.Scene, job: Job, warn: Warn = print) -> Iterator[Frame]:
+    """Set ``scene`` to the job's frame, light it and index its objects inside the block; yield the Frame."""
     with _at_frame(scene, job.frame):
         subject = find_subject(scene, job.subject)
         with animation.resting(scene), passes.pass_indices(subject):
@@ -78,36 +79,35 @@ def prepared(scene: bpy.types.Scene, job: Job, warn: Callable[[str], None] = pri
                 yield dataclasses.replace(frame, world_apart=_world_apart(scene, frame, job, warn))
 
 
-def _has_own_light(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object],
-                   warn: Callable[[str], None]) -> bool:
-    """True if the scene is rendered in its own light; ``warn`` where that is none, or next to none."""
+def _has_own_light(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], warn: Warn) -> bool:
+    """True if the scene is rendered in its own light; ``warn`` if it has none, or almost none."""
     if not has_light(scene):
-        warn("nothing in the scene shines: it is lit with one of Blender's own world images")
+        warn("The scene has no light. It is lit with one of Blender's world images")
         return False
     if is_certain(scene) or not is_dark(scene, job, subject):
         return True
-    # A file from elsewhere has its own units: a sun of 3 lux was not meant to be as dark as night.
+    # Imported files have other units: their sun of 3 lux is not meant to be as dark as night.
     if is_meant(scene) and Path(job.scene).suffix in ("", ".blend"):
-        warn("almost no light arrives where the array looks, so that the picture will be almost black: make the lights "
-             "or the exposure stronger")
+        warn("Almost no light reaches what the array sees, so the image will be almost black. Increase the lights or "
+             "the exposure")
         return True
-    warn("almost no light arrives where the array looks: it is lit with one of Blender's own world images")
+    warn("Almost no light reaches what the array sees. The scene is lit with one of Blender's world images")
     return False
 
 
 def describe(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], own_light: bool = True) -> Frame:
-    """The frame that ``job`` asks for.
+    """Return the frame that ``job`` asks for.
 
     Parameters
     ----------
-    scene : where the array is placed, at the frame's time
+    scene : scene at the frame's time
     job : what to render
     subject : objects of the foreground
-    own_light : False where the scene's light was added for this render
+    own_light : False if the scene's light was added for this render
 
     Raises
     ------
-    LfsrError where the array cannot be placed or the scene's colours cannot be shown.
+    LfsrError if the array cannot be placed, or if the scene's colours cannot be reproduced.
     """
     array, matrix_world = placement.place_array(scene, job.display, subject)
     layers = job.layers
@@ -115,12 +115,13 @@ def describe(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], o
     scale = _scale(scene, job, (array, matrix_world), subject)
     if "index" not in layers and has_background_meshes(scene, subject):
         layers = (*layers, "index")
+    # The lens card renders where the OSL camera cannot.
+    layout = devices.way_of(job.device) if job.layout == "one-pass" else job.layout
     return Frame(
         display=job.display, scale=scale.scale, scale_reason=scale.reason, array=array, matrix_world=matrix_world,
         samples=scale.samples, seed=job.seed, frame=scene.frame_current, convention=job.convention,
-        view_aperture=job.view_aperture, lens_list=job.lens_list, rows=job.rows, layout=_layout(job), layers=layers,
-        clip=placement.clip_of(scene),
-        world_visible=world_visible, color=color_settings(scene, world_visible),
+        view_aperture=job.view_aperture, lens_list=job.lens_list, rows=job.rows, layout=layout, layers=layers,
+        clip=placement.clip_of(scene), world_visible=world_visible, color=color_settings(scene, world_visible),
         scene=os.path.basename(job.scene or bpy.data.filepath), subject=job.subject or "", camera=job.camera or "",
         blender=bpy.app.version_string, device=job.device)
 
@@ -138,7 +139,7 @@ def _at_frame(scene: bpy.types.Scene, number: int | None) -> Iterator[None]:
 
 
 def _device(job: Job) -> str:
-    """The job's device; LfsrError where it cannot trace the rays of subpixels."""
+    """The job's device; LfsrError if it cannot render the job's layout."""
     if job.layout != SUBPIXELS:
         return devices.resolved(job.device)
     device = devices.resolved(job.device, devices.WITH_OSL_CAMERA)
@@ -148,14 +149,9 @@ def _device(job: Job) -> str:
     return device
 
 
-def _layout(job: Job) -> str:
-    """The layout asked for, but the lens card where the OSL camera cannot run."""
-    return devices.way_of(job.device) if job.layout == "one-pass" else job.layout
-
-
 def _scale(scene: bpy.types.Scene, job: Job, placed: placement.Placement,
            subject: set[bpy.types.Object]) -> ScaleChoice:
-    """What the views are divided by, and their samples: by the scene's depth where the job leaves it open."""
+    """Scale and samples per pixel: the job's, or chosen from its scales by the depth of the scene."""
     if job.kind == "reference" or not job.scales:
         return ScaleChoice(1 if job.kind == "reference" else job.scale, job.spp, job.scale_reason)
     return choose_scale(job.display, placed[0], placement.seen_depths(scene, placed, subject), job.scales, job.spp)
@@ -163,33 +159,33 @@ def _scale(scene: bpy.types.Scene, job: Job, placed: placement.Placement,
 
 def _world_visible(scene: bpy.types.Scene, job: Job, own_light: bool) -> bool:
     if job.world_visible and scene.world is None:
-        raise LfsrError(f"scene {scene.name!r} has no world that could show behind the subject: leave out "
-                        "--world-visible, or give it one")
+        raise LfsrError(f"scene {scene.name!r} has no world to show behind the subject: add a world, or leave out "
+                        "--world-visible")
     if job.world_visible is not None:
         return job.world_visible
     return own_light and scene.world is not None and not scene.render.film_transparent
 
 
-def _world_apart(scene: bpy.types.Scene, frame: Frame, job: Job, warn: Callable[[str], None]) -> bool:
-    """True if the visible world is rendered alone; ``warn`` where it cannot be."""
+def _world_apart(scene: bpy.types.Scene, frame: Frame, job: Job, warn: Warn) -> bool:
+    """True if the visible world is rendered separately; ``warn`` if it cannot be."""
     if not frame.world_visible or job.kind != "render" or frame.scale == 1:
         return False
     reason = world.reason_against(scene)
     if reason:
-        warn(f"{reason}, so that the world is rendered with the subject and comes out less sharp")
+        warn(f"{reason}, so the world is rendered with the subject and is less sharp")
     return not reason
 
 
-def _world_picture(scene: bpy.types.Scene, job: Job, frame: Frame) -> float:
-    """Put what the views see of the world alone into the job's folder; seconds of rendering it."""
+def _world_image(scene: bpy.types.Scene, job: Job, frame: Frame) -> float:
+    """Write the image of the world alone into the job's folder; seconds of rendering it."""
     path = Path(job.output, WORLD_FILE)
     if job.world is not None:
         with unfinished(path) as temporary:
             shutil.copyfile(job.world, temporary)
         return 0.0
     settings = RenderSettings(world.SAMPLES, frame.seed, device=job.device)
-    picture = WorldImage.of(finished_layout(frame))
-    return world.render_world(scene, picture, frame.matrix_world, settings, path)
+    image = WorldImage.of(finished_layout(frame))
+    return world.render_world(scene, image, frame.matrix_world, settings, path)
 
 
 def _images(job: Job, frame: Frame) -> list[tuple[str, RenderSettings]]:
@@ -198,7 +194,7 @@ def _images(job: Job, frame: Frame) -> list[tuple[str, RenderSettings]]:
                               frame.world_visible)
     if job.kind != "reference":
         return [(LOW_RES_FILE, settings)]
-    # Unclamped unless the job clamps: a reference must not be biased.
+    # Unclamped unless the job clamps: clamping would bias a reference.
     settings = dataclasses.replace(settings, clamp_indirect=job.clamp_indirect or 0.0,
                                    half="position" not in frame.layers)
     return [(name, dataclasses.replace(settings, samples=(job.spp + 1 - half) // 2,
@@ -206,26 +202,26 @@ def _images(job: Job, frame: Frame) -> list[tuple[str, RenderSettings]]:
             for half, name in enumerate(REFERENCE_FILES)]
 
 
-def _keeping(scene: bpy.types.Scene, job: Job, frame: Frame, opened: Opened, warn: Callable[[str], None]) -> Keep:
-    """What keeps the parts of an image of the job, by the image's file."""
+def _inputs(scene: bpy.types.Scene, job: Job, frame: Frame, opened: Opened, warn: Warn) -> dict[str, str] | None:
+    """Inputs of the render; None if none of its parts are cached. Removes cached parts of other inputs."""
     if not job.parts or not opened.content:
-        return lambda name: None
-    found, folder = inputs(scene, job, frame, opened.content), Path(job.parts)
-    sentence = remove_others(folder, found)
+        return None
+    known = inputs(scene, job, frame, opened.content)
+    sentence = remove_others(Path(job.parts), known)
     if sentence:
         warn(sentence)
-    return lambda name: ImageParts(folder, Path(name).stem, found, another_follows=name == REFERENCE_FILES[0])
+    return known
 
 
-def _rows(frame: Frame) -> Part | None:
-    return None if frame.rows is None else Part(*pixel_rows(frame.rows, frame.rays.views[1]))
-
-
-def _render(scene: bpy.types.Scene, job: Job, frame: Frame, keep: Keep, progress: Progress | None) -> float:
+def _render(scene: bpy.types.Scene, job: Job, frame: Frame, known: dict[str, str] | None,
+            progress: Progress | None) -> float:
     """Render every image of the job; seconds."""
     render = render_views if frame.layout == "view-by-view" else render_encoded
-    layout, images = frame.panel_rays or frame.rays, _images(job, frame)
-    shot = Shot(layout, frame.matrix_world, frame.layout, frame.clip, _rows(frame))
-    return sum(render(scene, shot, settings, Path(job.output, name),
-                      Following(part(progress, number, len(images)), keep(name)))
-               for number, (name, settings) in enumerate(images))
+    images, seconds = _images(job, frame), 0.0
+    rows = None if frame.rows is None else Part(*pixel_rows(frame.rows, frame.rays.views[1]))
+    shot = Shot(frame.panel_rays or frame.rays, frame.matrix_world, frame.layout, frame.clip, rows)
+    for number, (name, settings) in enumerate(images):
+        parts = ImageParts(Path(job.parts or ""), Path(name).stem, known,
+                           another_follows=number + 1 < len(images)) if known else None
+        seconds += render(scene, shot, settings, Path(job.output, name), one_of(progress, number, len(images)), parts)
+    return seconds

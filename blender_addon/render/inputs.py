@@ -1,4 +1,4 @@
-"""What decides the pixels of a render, in a few words each: kept parts of a render are only taken up by the same."""
+"""Digest what decides the pixels of a render: its cached parts are used by the same render only."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from lfsr_core.render.content import file_content, stamp
 from ..scene.notices import image_files
 
 HERE = Path(__file__).resolve().parent
-SOURCES = ("array", "render", "scene")  # this package's modules that pixels depend on
+SOURCES = ("array", "render", "scene")  # packages whose modules decide pixels
 
 
 @dataclasses.dataclass(frozen=True)
 class Opened:
-    """How the scene came into this Blender."""
+    """How the scene was opened."""
 
-    seconds: float = 0.0  # it took to open it
-    content: str = ""  # of its file, see ``lfsr_core.render.content``; empty where it is not known
+    seconds: float = 0.0  # it took
+    content: str = ""  # digest of its file, see ``lfsr_core.render.content``; empty if it is not known
 
 
 def inputs(scene: bpy.types.Scene, job: Job, frame: Frame, content: str) -> dict[str, str]:
-    """Digests by names for people.
+    """Return a digest of each kind of input, by a name for messages.
 
     Parameters
     ----------
-    scene : to be rendered
+    scene : scene to render
     job : what to render of it
-    frame : the job's, as placed
-    content : of the scene's file
+    frame : frame of the job
+    content : digest of the scene's file
     """
     settings = job_facts(job) | to_data(dataclasses.replace(frame, seconds={}))
-    # A panel renders copies of its file: their content counts, not where they lie.
+    # The panel renders copies of its file: their content counts, not their path.
     settings |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail}
     program = [__version__, *(file_content(path) for name in SOURCES
                               for path in sorted(HERE.with_name(name).iterdir()) if path.is_file())]
@@ -50,6 +50,6 @@ def inputs(scene: bpy.types.Scene, job: Job, frame: Frame, content: str) -> dict
 
 
 def _files() -> Iterator[Path]:
-    """Files outside the scene's that it is made of."""
+    """Files that the scene's file uses."""
     yield from map(Path, bpy.utils.blend_paths(absolute=True, packed=False, local=False))
     yield from image_files()

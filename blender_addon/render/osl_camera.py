@@ -1,11 +1,11 @@
-"""The OSL camera of one ray layout: compiled, set on a camera, and checked."""
+"""Set the OSL shader of a ray layout on a camera."""
 
 from __future__ import annotations
 
 import hashlib
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,24 +20,34 @@ SOURCE = Path(__file__).with_name("ray_layout.osl")
 
 
 def set_ray_layout(camera: bpy.types.Camera, layout: RayLayout, clip_start: float = 0.0) -> None:
-    """Make ``camera`` send the rays of ``layout`` from ``clip_start`` on; LfsrError if it does not compile."""
+    """Make ``camera`` send the rays of ``layout`` from the depth ``clip_start``; LfsrError if it does not compile."""
     set_shader(camera, layout_source(layout), layout_parameters(layout, clip_start))
 
 
 def layout_source(layout: RayLayout) -> str:
-    """OSL source with the lens list of ``layout`` as constants (arrays cannot be passed as parameters)."""
-    source = SOURCE.read_text(encoding="utf-8")
+    """Return the OSL source with the lens list of ``layout`` as constants."""
     if layout.lens_list is None:
-        return source
-    rows, columns = (", ".join(str(lens[axis]) for lens in layout.lens_list) for axis in (0, 1))
-    for name, value in (("LISTED", len(layout.lens_list)), ("LENS_ROWS", f"{{ {rows} }}"),
-                        ("LENS_COLUMNS", f"{{ {columns} }}")):
+        return SOURCE.read_text(encoding="utf-8")
+    rows, columns = ([str(lens[axis]) for lens in layout.lens_list] for axis in (0, 1))
+    return with_constants(SOURCE, {"LISTED": str(len(layout.lens_list)), "LENS_ROWS": listed(rows),
+                                   "LENS_COLUMNS": listed(columns)})
+
+
+def with_constants(path: Path, values: Mapping[str, str]) -> str:
+    """Return the OSL source in ``path`` with constants in place of its own; parameters cannot be arrays."""
+    source = path.read_text(encoding="utf-8")
+    for name, value in values.items():
         source = re.sub(rf"#define {name} .*", f"#define {name} {value}", source)
     return source
 
 
+def listed(values: Iterable[str]) -> str:
+    """Return an OSL array of ``values``."""
+    return "{ " + ", ".join(values) + " }"
+
+
 def layout_parameters(layout: RayLayout, clip_start: float = 0.0) -> dict[str, int | float]:
-    """Values of the shader's parameters."""
+    """Return the values of the shader's parameters."""
     array = layout.array
     pairs = {"lenses": layout.lenses, "views": layout.views, "tiles": layout.tiles}
     numbers = {f"{name}_{axis}": pair[i] for name, pair in pairs.items() for i, axis in enumerate("xy")}
@@ -53,7 +63,7 @@ def set_shader(camera: bpy.types.Camera, source: str, parameters: Mapping[str, A
     bytecode = compile_osl(source)
     camera.type = "CUSTOM"
     camera.custom_mode = "INTERNAL"
-    # Cycles keeps the last good bytecode of a camera, so a stale one must not survive an error above.
+    # After an error above the camera is as before, with its own bytecode and parameters.
     camera.custom_bytecode = bytecode
     camera.custom_bytecode_hash = hashlib.md5(bytecode.encode(), usedforsecurity=False).hexdigest()
     for name in list(camera.cycles_custom.keys()):
@@ -64,12 +74,12 @@ def set_shader(camera: bpy.types.Camera, source: str, parameters: Mapping[str, A
 
 
 def compile_osl(source: str) -> str:
-    """Bytecode of OSL ``source``; LfsrError if this Blender has no OSL or rejects it."""
+    """Return the bytecode of OSL ``source``; LfsrError if this Blender has no OSL or rejects it."""
     if not devices.has_osl():
         raise _no_osl("this Blender was built without OSL")
     import _cycles
 
-    # In Blender's own folder, which goes with it however it ends.
+    # In Blender's own temporary folder, which is removed even if Blender crashes.
     with tempfile.TemporaryDirectory(prefix="lfsr-osl-", dir=bpy.app.tempdir or None) as folder:
         text, code = Path(folder, "camera.osl"), Path(folder, "camera.oso")
         text.write_text(source, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Borrowed settings: set for one render, back as they were afterwards."""
+"""Change settings for one render and restore them afterwards."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from typing import Any
 
 @contextmanager
 def overridden(owner: Any, values: Mapping[str, Any]) -> Iterator[None]:
-    """Set properties of ``owner`` inside the block and restore them after it, in the order given.
+    """Set properties of ``owner`` inside the block and restore them after it, also after an error.
 
-    Whatever ends the block, also an error or a cancel, restores them. List a
-    property after those it depends on (a bit depth after its file format): all are
-    recorded before the first is set, so the same order is right both ways. Names
-    that this Blender does not have raise AttributeError: versions differ in compat.py only.
+    List a property after those it depends on (a bit depth after its file format): all are recorded before
+    the first is set, and they are set and restored in the given order. AttributeError for a name that this
+    Blender does not have: only compat.py knows the differences between versions.
     """
     before = {name: _copy(getattr(owner, name)) for name in values}
     try:
@@ -26,13 +25,13 @@ def overridden(owner: Any, values: Mapping[str, Any]) -> Iterator[None]:
 
 def _set(owner: Any, values: Mapping[str, Any]) -> None:
     for name, value in values.items():
-        # Setting an equal value would still tag the data for an update.
+        # Setting an equal value would tag the data for an update.
         if _copy(getattr(owner, name)) != value:
             setattr(owner, name, value)
 
 
 def _copy(value: Any) -> Any:
-    """Plain copy of an array property, which is otherwise a window on the live data."""
+    """Copy of an array property, which would change with the data."""
     if hasattr(value, "__len__") and not isinstance(value, (str, set)):
         return tuple(value)
     return value

@@ -1,43 +1,41 @@
-"""The OSL camera that sends the rays of a panel's subpixels."""
+"""Set the OSL shader for the rays of a panel's subpixels on a camera."""
 
 from __future__ import annotations
 
 import math
-import re
 from pathlib import Path
 
 import bpy
 
-from lfsr_core.arrays import Array
+from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.panel_rays import PanelLayout, subpixel_table
 from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice, elemental_waves
+from lfsr_core.optics.sheet import Lenticular
 
-from .osl_camera import set_shader
+from .osl_camera import listed, set_shader, with_constants
 
 SOURCE = Path(__file__).with_name("panel_layout.osl")
 Numbers = dict[str, int | float]
 
 
 def set_panel_layout(camera: bpy.types.Camera, layout: PanelLayout, clip_start: float = 0.0) -> None:
-    """Make ``camera`` send the rays of ``layout`` from ``clip_start`` on; LfsrError if it does not compile."""
+    """Make ``camera`` send the rays of ``layout`` from the depth ``clip_start``; LfsrError if it does not compile."""
     set_shader(camera, panel_source(layout), panel_parameters(layout, clip_start))
 
 
 def panel_source(layout: PanelLayout) -> str:
-    """OSL source with the subpixels of ``layout`` as constants (arrays cannot be passed as parameters)."""
-    table, source = subpixel_table(layout), SOURCE.read_text(encoding="utf-8")
-    values = {"OFFSETS": str(table.right.size), "RIGHT": _listed(table.right), "UP": _listed(table.up)}
-    for name, value in values.items():
-        source = re.sub(rf"#define {name} .*", f"#define {name} {value}", source)
-    return source
+    """Return the OSL source with the subpixels of ``layout`` as constants."""
+    table = subpixel_table(layout)
+    right, up = ([f"{value:.9f}" for value in offsets.ravel()] for offsets in (table.right, table.up))
+    return with_constants(SOURCE, {"OFFSETS": str(len(right)), "RIGHT": listed(right), "UP": listed(up)})
 
 
 def panel_parameters(layout: PanelLayout, clip_start: float = 0.0) -> Numbers:
-    """Values of the shader's parameters; those of the other kind of sheet keep their defaults."""
+    """Return the values of the shader's parameters for this kind of sheet; the others keep their defaults."""
     display, array, geometry = layout.display, layout.array, Geometry.of(layout.display)
     waves, phases = elemental_waves(display)
     (across, down), (part_x, part_y) = display.panel_pixels, display.pixel_layout.size
-    of_sheet = _cylinders(layout, geometry) if display.lenticular else _lenses(layout, geometry)
+    of_sheet = _cylinders(display, display.lenticular, geometry) if display.lenticular else _lenses(display, geometry)
     return {
         "across": across, "down": down, "parts": layout.subpixels, "pixel_x": geometry.pixel[0],
         "pixel_y": geometry.pixel[1], "part_x": part_x, "part_y": part_y,
@@ -49,16 +47,16 @@ def panel_parameters(layout: PanelLayout, clip_start: float = 0.0) -> Numbers:
         "plane_distance": float(array.distance), "clip_start": float(clip_start)} | of_sheet
 
 
-def _cylinders(layout: PanelLayout, geometry: Geometry) -> Numbers:
-    display, sheet = layout.display, layout.display.lenticular
+def _cylinders(display: DisplayProfile, sheet: Lenticular, geometry: Geometry) -> Numbers:
     nearer = geometry.distance / (geometry.distance + geometry.gap)
     return {"cylinders": 1, "flip_x": int(sheet.flip[0]), "flip_y": int(sheet.flip[1]), "slant": float(sheet.slant),
             "pitch_in_row": sheet.pitch_mm * math.hypot(1, sheet.slant), "pitch": sheet.pitch_mm * nearer,
             "zone": display.views[0] * geometry.spacing, "turned_views": int(sheet.reversed), "nearer": nearer}
 
 
-def _lenses(layout: PanelLayout, geometry: Geometry) -> Numbers:
-    sheet = layout.display.lenslet
+def _lenses(display: DisplayProfile, geometry: Geometry) -> Numbers:
+    sheet = display.lenslet
+    assert sheet is not None
     images, lenses = (lattice.matrix(sheet.packing) for lattice in (elemental_lattice(sheet, geometry), sheet.lenses))
     metrics = {name: matrix.T @ matrix for name, matrix in (("image", images), ("lens_metric", lenses))}
     steps = {f"{name}_{pair}": float(metric["xy".index(pair[0]), "xy".index(pair[1])])
@@ -66,7 +64,3 @@ def _lenses(layout: PanelLayout, geometry: Geometry) -> Numbers:
     plane = {f"lens_{name}": float(value) for name, value in zip(("xx", "xy", "yx", "yy"), lenses.ravel(), strict=True)}
     return {**steps, **plane, "shift_x": float(sheet.lenses.shift_mm[0]), "shift_y": float(sheet.lenses.shift_mm[1]),
             "throw_ratio": geometry.distance / geometry.gap}
-
-
-def _listed(values: Array) -> str:
-    return "{ " + ", ".join(f"{value:.9f}" for value in values.ravel()) + " }"

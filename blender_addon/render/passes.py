@@ -1,4 +1,4 @@
-"""Layers of the frame folder <-> Cycles passes of the view layer."""
+"""Enable the Cycles passes for the layers of a frame folder."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FOREGROUND, BACKGROUND = 1, 2
 
 
 def check_layers(layers: Sequence[str]) -> None:
-    """LfsrError names the first unknown layer."""
+    """Raise LfsrError for the first unknown layer."""
     for name in layers:
         if name not in LAYERS:
             raise LfsrError(f"unknown layer {name!r}: {did_you_mean(name, LAYERS)}The layers are {', '.join(LAYERS)}")
@@ -24,7 +24,7 @@ def check_layers(layers: Sequence[str]) -> None:
 
 @contextmanager
 def enabled(scene: bpy.types.Scene, layers: Sequence[str], environment: bool) -> Iterator[None]:
-    """Only the passes of ``layers``, on the first view layer that renders."""
+    """Enable only the passes of ``layers``, on the first view layer that is used for rendering, inside the block."""
     view_layers = [layer for layer in scene.view_layers if layer.use] or [scene.view_layers[0]]
     wanted = {"use_pass_combined", *(["use_pass_position"] if "position" in layers else []),
               *(["use_pass_object_index"] if "index" in layers else []),
@@ -44,7 +44,7 @@ def _names(owner: bpy.types.bpy_struct) -> list[str]:
 
 
 def _cycles_switches(view_layer: bpy.types.ViewLayer, layers: Sequence[str]) -> dict[str, bool]:
-    """Cycles' own passes. Its denoising albedo and normal look through mirrors and glass, as OIDN wants them."""
+    """Switches of Cycles' own passes; OIDN needs its denoising albedo and normal, which see through glass."""
     own = [name for name in _names(view_layer.cycles) if name.startswith(("use_pass_", "pass_"))]
     features = "albedo" in layers or "normal" in layers
     denoised = "denoised" in layers
@@ -53,7 +53,7 @@ def _cycles_switches(view_layer: bpy.types.ViewLayer, layers: Sequence[str]) -> 
 
 @contextmanager
 def pass_indices(foreground: set[bpy.types.Object]) -> Iterator[None]:
-    """Object index 1 on ``foreground`` and 2 on every other object, restored after the block."""
+    """Set the pass index FOREGROUND on ``foreground`` and BACKGROUND on all other objects inside the block."""
     with ExitStack() as stack:
         for item in bpy.data.objects:
             index = FOREGROUND if item in foreground else BACKGROUND

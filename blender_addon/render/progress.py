@@ -1,4 +1,4 @@
-"""How far Cycles is, and a way to stop it."""
+"""Follow Cycles' progress, and cancel a render."""
 
 from __future__ import annotations
 
@@ -14,12 +14,24 @@ _SAMPLES = re.compile(r"(?:Rendered (\d+)/(\d+) Tiles, )?Sample (\d+)/(\d+)")
 
 
 @contextmanager
+def heard(listener: Callable[[str], None]) -> Iterator[None]:
+    """Call ``listener`` with each of Cycles' statistics lines inside the block."""
+    def handler(statistics: str, *_: object) -> None:
+        listener(statistics)
+
+    bpy.app.handlers.render_stats.append(handler)
+    try:
+        yield
+    finally:
+        bpy.app.handlers.render_stats.remove(handler)
+
+
+@contextmanager
 def following(progress: Progress | None) -> Iterator[None]:
     """Call ``progress(fraction, message)`` while Cycles renders inside the block.
 
-    An exception it raises cancels: Cycles cannot be stopped from Python and ends
-    its image first, then the exception leaves the block. A KeyboardInterrupt that
-    Blender swallows on the way would be lost otherwise.
+    An exception from ``progress`` cancels. Python cannot stop Cycles: it ends its image first, then the
+    exception leaves the block, even a KeyboardInterrupt that Blender would swallow.
     """
     if progress is None:
         yield
@@ -27,7 +39,7 @@ def following(progress: Progress | None) -> Iterator[None]:
     stopped: list[BaseException] = []
     done, said = 0.0, ""
 
-    def follow(statistics: str, *_: object) -> None:
+    def follow(statistics: str) -> None:
         nonlocal done, said
         fraction, before = sample_fraction(statistics), said
         done, said = done if fraction is None else fraction, doing(statistics)
@@ -38,23 +50,20 @@ def following(progress: Progress | None) -> Iterator[None]:
         except BaseException as error:
             stopped.append(error)
 
-    bpy.app.handlers.render_stats.append(follow)
-    try:
+    with heard(follow):
         yield
-    finally:
-        bpy.app.handlers.render_stats.remove(follow)
     if stopped:
         raise stopped[0]
 
 
 def doing(statistics: str) -> str:
-    """What Cycles does, from its statistics line: samples, or how it makes the scene ready."""
+    """Return what Cycles does (renders samples, or prepares the scene) from its statistics line."""
     parts = [part.strip() for part in statistics.split("|")]
     return ": ".join(part for part in parts if not part.startswith(("Mem:", "Remaining:", "Time:", "Fra:", "Peak:")))
 
 
 def sample_fraction(statistics: str) -> float | None:
-    """Share of the image that is done, from Cycles' statistics line; None where it is of something else."""
+    """Return the fraction of the image that is done from Cycles' statistics line, None if the line has none."""
     found = _SAMPLES.search(statistics)
     if found is None:
         return None
@@ -62,15 +71,13 @@ def sample_fraction(statistics: str) -> float | None:
     return min(1.0, (tile + int(found[3]) / max(1, int(found[4]))) / tiles)
 
 
-def part(progress: Progress | None, index: int, count: int) -> Progress | None:
-    """Progress of part ``index`` of ``count`` equal parts, as progress of the whole."""
-    if progress is None or count == 1:
-        return progress
-    return lambda fraction, message: progress((index + fraction) / count, f"{index + 1}/{count}: {message}")
-
-
-def share(progress: Progress | None, before: int, size: int, count: int) -> Progress | None:
-    """Progress of ``size`` of ``count`` rows, with ``before`` done already, as progress of the whole."""
+def part(progress: Progress | None, first: int, size: int, count: int, prefix: str = "") -> Progress | None:
+    """Progress of ``size`` steps from ``first`` (counted from 0), as progress of all ``count`` steps."""
     if progress is None:
         return None
-    return lambda fraction, message: progress((before + fraction * size) / count, message)
+    return lambda fraction, message: progress((first + fraction * size) / count, prefix + message)
+
+
+def one_of(progress: Progress | None, index: int, count: int) -> Progress | None:
+    """Progress of image ``index`` (from 0) of ``count`` images, numbered in its messages."""
+    return part(progress, index, 1, count, f"{index + 1}/{count}: " if count > 1 else "")

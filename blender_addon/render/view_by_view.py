@@ -1,8 +1,7 @@
-"""View by view: one ordinary off-axis camera per view, for devices without OSL and as an independent check.
+"""Render view by view, with one ordinary off-axis camera each: for devices without OSL, and as an independent check.
 
-A pixel of a view sees through one lens (Cycles' box filter) and, as a thin lens
-with a square aperture focused on the display plane, over its whole cell of views:
-in expectation the same image as the one-pass render's.
+A pixel of a view sees through one lens (Cycles' box filter) and, as a thin lens with a square aperture focused on
+the display plane, over its whole cell of views: in expectation the same image as the one-pass render's.
 """
 
 from __future__ import annotations
@@ -28,45 +27,36 @@ from lfsr_core.render.parts import ImageParts, Part
 
 from .. import compat
 from ..array.spaces import to_blender
-from .cycles import (
-    ALONE,
-    UNFINISHED,
-    Following,
-    RenderSettings,
-    Shot,
-    cycles_settings,
-    render_to,
-    temporary_camera,
-    unfinished,
-)
+from .cycles import RenderSettings, Shot, cycles_settings, temporary_camera
+from .output import listed, render_to, unfinished
 from .overrides import overridden
-from .progress import part
+from .progress import Progress, one_of
 
 SENSOR_MM = 36.0
-# Blackman-Harris window as wide as this many box widths has the box's variance.
-WINDOW_PER_BOX = 2.08
-THINNEST = 0.01  # height of an aperture by its width that Blender allows, and the other way round
+WINDOW_PER_BOX = 2.08  # width of a Blackman-Harris window with the variance of a box of width 1
+THINNEST = 0.01  # least ratio of the sides of an aperture that Blender allows
 
 
 def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, path: str | Path,
-                 along: Following = ALONE) -> float:
-    """Render the rays of ``shot`` one view after the other; with a lens list whole views, of which the lenses are kept.
+                 progress: Progress | None = None, parts: ImageParts | None = None) -> float:
+    """Render the rays of ``shot`` one view after the other, always whole views; then cut out listed lenses.
 
     Parameters and result as of ``cycles.render_encoded``.
     """
-    started, layout = time.perf_counter(), shot.layout
+    started, layout = time.perf_counter(), shot.light_field
     if "denoised" in settings.layers:
         raise LfsrError("the layer denoised would be denoised view by view, which loses detail: choose another layout, "
                         "or the method 'oidn'")
-    views = _Views(layout.views[0] * layout.views[1], Path(path).with_name("views.exr"), along.parts)
+    views = _Views(layout.views[0] * layout.views[1], Path(path).with_name("views.exr"), parts)
     with (unfinished(path) as target, temporary_camera(scene, shot.matrix_world, layout.array.distance) as camera,
           cycles_settings(scene, settings, layout.lenses), overridden(scene.render, pixel_aspect(layout)),
           overridden(scene.render.image_settings, compat.one_part_exr()),
           overridden(scene.cycles, _filter(layout)), _folder(target.parent) as folder):
         for number in views.missing():
             aim(camera, shot, (number % layout.views[0], number // layout.views[0]))
-            scene.cycles.seed = _seed(settings.seed, number)
-            render_to(scene, folder / "view.exr", part(along.progress, number, views.count))
+            # Each view needs its own random numbers, as each pixel of a one-pass render has.
+            scene.cycles.seed = (settings.seed * 65537 + number) % 2**31
+            render_to(scene, folder / "view.exr", one_of(progress, number, views.count))
             views.add(number, exr.read_layers(folder / "view.exr"))
         views.end()
         layers = {name: assemble(layout, images) for name, images in views.by_layer().items()}
@@ -75,17 +65,17 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
 
 
 class _Views:
-    """Views of one image, row by row of the array; with ``parts`` every minute's work is kept."""
+    """Views of one image, row by row of the array; with ``parts`` each minute's work is cached."""
 
     def __init__(self, count: int, working: Path, parts: ImageParts | None) -> None:
-        """``count`` views, kept in ``parts`` by way of the file ``working``."""
+        """``count`` views, cached in ``parts`` by way of the file ``working``."""
         self.count, self._working, self._parts = count, working, parts
         self._images: dict[int, exr.Layers] = {}
         self._new: list[int] = []
         self._since = time.perf_counter()
-        kept = parts.kept(count) if parts else []
-        self.seconds_before = sum(group.seconds for group, _ in kept)
-        for group, path in kept:
+        cached = parts.kept(count) if parts else []
+        self.seconds_before = sum(group.seconds for group, _ in cached)
+        for group, path in cached:
             split = {name: np.split(pixels, group.size) for name, pixels in exr.read_layers(path).items()}
             for index in range(group.size):
                 self._images[group.first + index] = {name: images[index] for name, images in split.items()}
@@ -95,7 +85,7 @@ class _Views:
         return (number for number in range(self.count) if number not in self._images)
 
     def add(self, number: int, layers: exr.Layers) -> None:
-        """Take a view; views that follow each other are kept together."""
+        """Add a view; consecutive views are cached together."""
         if self._new and self._new[-1] != number - 1:
             self._keep()
         self._images[number] = layers
@@ -104,13 +94,13 @@ class _Views:
             self._keep()
 
     def end(self) -> None:
-        """All views are there; what is not kept yet is where another image follows."""
+        """Cache the last views if another image follows."""
         lasting = self._parts is not None and self._parts.another_follows
         if lasting and self._new and is_worth_keeping(time.perf_counter() - self._since):
             self._keep()
 
     def by_layer(self) -> dict[str, list[Array]]:
-        """Every layer's views."""
+        """Views of each layer."""
         return {name: [self._images[number][name] for number in range(self.count)] for name in self._images[0]}
 
     def _keep(self) -> None:
@@ -124,24 +114,19 @@ class _Views:
 
 @contextmanager
 def _folder(parent: Path) -> Iterator[Path]:
-    """Folder for one view at a time, on the disk that has room for all of them."""
-    with tempfile.TemporaryDirectory(prefix=".views-", dir=parent) as name:
-        UNFINISHED.add(Path(name))
-        try:
-            yield Path(name)
-        finally:
-            UNFINISHED.discard(Path(name))
+    """Temporary folder for one view at a time, on the disk of the output."""
+    with tempfile.TemporaryDirectory(prefix=".views-", dir=parent) as name, listed(Path(name)):
+        yield Path(name)
 
 
 def aim(camera: bpy.types.Object, shot: Shot, view: tuple[int, int]) -> None:
-    """Make ``camera`` the ``view`` (column, row) of the shot's layout, seeing the display rectangle."""
-    column, row = view
-    layout, array, lens = shot.layout, shot.layout.array, camera.data
-    right = float(view_offset(column, layout.views[0], layout.spacing, layout.convention))
-    down = float(view_offset(row, layout.views[1], layout.spacing, layout.convention))
+    """Make ``camera`` see the display rectangle from the ``view`` (column, row) of the shot's layout."""
+    layout, array, lens = shot.light_field, shot.layout.array, camera.data
+    right, down = (float(view_offset(np.array(index), count, layout.spacing, layout.convention))
+                   for index, count in zip(view, layout.views, strict=True))
     lens.type, lens.sensor_fit, lens.sensor_width = "PERSP", "HORIZONTAL", SENSOR_MM
     lens.lens = SENSOR_MM / 2 * array.distance / array.half_width
-    lens_right, lens_down = _place_in_lens(layout, column, row)
+    lens_right, lens_down = _place_in_lens(layout, view)
     lens.shift_x = (lens_right - right) / (2 * array.half_width)
     lens.shift_y = (down - lens_down) / (2 * array.half_width)
     open_aperture(lens, layout)
@@ -151,29 +136,29 @@ def aim(camera: bpy.types.Object, shot: Shot, view: tuple[int, int]) -> None:
 
 
 def open_aperture(camera: bpy.types.Camera, layout: RayLayout) -> None:
-    """Aperture as wide and high as the view's cell, focused on the display plane; one without height is a slit."""
+    """Open an aperture as wide and high as the view's cell, focused on the display plane; without height: a slit."""
     width, height = layout.cell
     camera.dof.use_dof = max(width, height) > 0 and layout.convention != "paper"
     if not camera.dof.use_dof:
         return
     camera.dof.focus_object, camera.dof.focus_distance = None, layout.array.distance
-    # The ratio squeezes the width of a square, which is as high as the cell.
+    # The ratio narrows a square as high as the cell.
     height = max(height, width * THINNEST)
     camera.dof.aperture_blades, camera.dof.aperture_rotation = 4, 0.0
     camera.dof.aperture_ratio = height / max(width, height * THINNEST)
-    # Cycles' aperture radius is lens / (2 · f-stop) with the lens in millimetres of a scene unit; a square's
-    # corners lie on it.
+    # Cycles' aperture radius is lens / (2 · f-stop), with the lens in thousandths of a scene unit; the corners of a
+    # square lie on it.
     camera.dof.aperture_fstop = camera.lens * 1e-3 / (height * math.sqrt(2))
 
 
 def pixel_aspect(layout: RayLayout) -> dict[str, float]:
-    """Pixels as high as a lens: one of the two aspects is 1."""
+    """Return the render settings for pixels of a lens's proportions; one of the two aspects is 1."""
     ratio = (layout.array.half_height / layout.lenses[1]) / (layout.array.half_width / layout.lenses[0])
     return {"pixel_aspect_x": max(1.0, 1 / ratio), "pixel_aspect_y": max(1.0, ratio)}
 
 
 def assemble(layout: RayLayout, views: list[Array]) -> Array:
-    """Views (sy, sx, C), row by row, to the layout's image (H, W, C), listed lenses as tiles."""
+    """Return the layout's image (H, W, C) of its views (sy, sx, C), row by row; listed lenses become tiles."""
     px, py = layout.views
     stacked = np.stack(views).reshape(py, px, *views[0].shape)
     if layout.lens_list is not None:
@@ -184,23 +169,18 @@ def assemble(layout: RayLayout, views: list[Array]) -> Array:
     return eia.from_views(stacked)
 
 
-def _seed(seed: int, view: int) -> int:
-    """Each view needs random numbers of its own, as each pixel of the one-pass render has."""
-    return (seed * 65537 + view) % 2**31
-
-
-def _place_in_lens(layout: RayLayout, column: int, row: int) -> tuple[float, float]:
-    """Offset on the display plane from the lens centre: none, but in the paper's convention the pixel's own."""
+def _place_in_lens(layout: RayLayout, view: tuple[int, int]) -> tuple[float, float]:
+    """Offset on the display plane from the lens centre: 0, but the pixel's own in the paper's convention."""
     if layout.convention != "paper":
         return 0.0, 0.0
     halves = (layout.array.half_width, layout.array.half_height)
     right, down = (((index + 0.5) / views - 0.5) * 2 * half / lenses for index, views, half, lenses
-                   in zip((column, row), layout.views, halves, layout.lenses, strict=True))
+                   in zip(view, layout.views, halves, layout.lenses, strict=True))
     return right, down
 
 
 def _filter(layout: RayLayout) -> dict[str, object]:
-    """The box filter; in the paper's convention a pixel sees only its own share of the lens."""
+    """No change to the box filter, but in the paper's convention a pixel sees only its own part of the lens."""
     if layout.convention != "paper":
         return {}
     return {"pixel_filter_type": "BLACKMAN_HARRIS", "filter_width": max(0.01, WINDOW_PER_BOX / max(layout.views))}

@@ -1,4 +1,4 @@
-"""Light for scenes that bring none."""
+"""Find out whether a scene has light, and light scenes that have none."""
 
 from __future__ import annotations
 
@@ -12,15 +12,13 @@ from lfsr_core.errors import LfsrError
 
 from .. import compat
 
-DEFAULT_LIGHT = "city.exr"   # neutral, from all sides: glass and skin both read well
-CERTAIN_SUN, CERTAIN_WORLD = 0.5, 0.05   # W/m² and radiance: a white surface is well above black
+DEFAULT_LIGHT = "city.exr"   # neutral, from all sides: suits glass as well as skin
+CERTAIN_SUN, CERTAIN_WORLD = 0.5, 0.05   # W/m² and radiance that show a white surface well above black
 
 
 def has_light(scene: bpy.types.Scene) -> bool:
-    """True if anything in the scene shines: a light, a world, or an emissive material in use."""
-    if any(item.type == "LIGHT" and not item.hide_render and item.data.energy for item in scene.objects):
-        return True
-    if scene.world is not None and _shines(scene.world.node_tree, scene.world.color):
+    """Return True if anything in the scene emits light: a lamp, a world, or a material in use."""
+    if is_meant(scene):
         return True
     materials = {slot.material for item in scene.objects if not item.hide_render for slot in item.material_slots}
     return any(material is not None and _shines(material.node_tree, (0, 0, 0)) for material in materials)
@@ -43,7 +41,7 @@ def _emits(node: bpy.types.Node) -> bool:
 
 
 def is_certain(scene: bpy.types.Scene) -> bool:
-    """True if light arrives without looking: a world that shines all over, or a sun, at the scene's exposure."""
+    """Return True if light certainly arrives at the scene's exposure: from a world of one colour or from a sun."""
     factor = 2.0**scene.view_settings.exposure
     suns = [item.data.energy for item in scene.objects if item.type == "LIGHT" and item.data.type == "SUN"
             and not item.hide_render and any(item.data.color)]
@@ -51,13 +49,13 @@ def is_certain(scene: bpy.types.Scene) -> bool:
 
 
 def is_meant(scene: bpy.types.Scene) -> bool:
-    """True if someone has lit the scene: with a lamp or a world, not just by something that glows a little."""
+    """Return True if somebody has lit the scene, with a lamp or a world; emissive materials do not count."""
     lamps = any(item.type == "LIGHT" and not item.hide_render and item.data.energy for item in scene.objects)
     return lamps or (scene.world is not None and _shines(scene.world.node_tree, scene.world.color))
 
 
 def _plain_world(world: bpy.types.World | None) -> float:
-    """Radiance of a world of one colour, 0 of any other."""
+    """Radiance of a world of one colour, 0 for any other world."""
     if world is None:
         return 0.0
     if world.node_tree is None:
@@ -70,7 +68,7 @@ def _plain_world(world: bpy.types.World | None) -> float:
 
 @contextmanager
 def lit(scene: bpy.types.Scene, is_own: bool, name: str = DEFAULT_LIGHT) -> Iterator[None]:
-    """Inside the block ``scene`` has light: its own, or that of Blender's own HDRI."""
+    """Light ``scene`` inside the block with the world image ``name``, unless ``is_own``: it has light of its own."""
     if is_own:
         yield
         return
@@ -87,7 +85,7 @@ def lit(scene: bpy.types.Scene, is_own: bool, name: str = DEFAULT_LIGHT) -> Iter
 
 
 def add_light(scene: bpy.types.Scene, name: str = DEFAULT_LIGHT) -> bpy.types.World:
-    """Light the scene with one of the world HDRIs that ship inside Blender (CC0)."""
+    """Light the scene with one of the world images that ship with Blender (CC0)."""
     path = Path(bpy.utils.system_resource("DATAFILES"), "studiolights", "world", name)
     if not path.is_file():
         raise LfsrError(f"the scene has no light and this Blender has no {path.name} to light it with: add a light")

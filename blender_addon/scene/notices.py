@@ -1,4 +1,4 @@
-"""What a user should know before a render: files that are not there, settings that it does not honour."""
+"""Notices for the user before a render: missing files, and settings that are ignored."""
 
 from __future__ import annotations
 
@@ -11,23 +11,22 @@ SHOWN = {"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VO
 
 
 def notices(scene: bpy.types.Scene) -> list[str]:
-    """A sentence each; none of them stops the render."""
+    """Return a sentence for each thing that changes the image but does not stop the render."""
     return [*_missing_files(), *_disabled_drivers(), *_camera(scene), *_view_layer(scene)]
 
 
 def missing_images() -> list[str]:
-    """Paths of image files that the scene names and that are not there, every tile of a UDIM image on its own."""
+    """Return the paths of missing image files, with each tile of a UDIM image."""
     return sorted(str(path) for path in image_files() if not path.is_file())
 
 
 def image_files() -> set[Path]:
-    """Files that images are read from, every tile of a UDIM image on its own."""
+    """Return the files that images are read from, with each tile of a UDIM image."""
     images = [image for image in bpy.data.images if image.filepath and not image.packed_file]
     return {path for image in images for path in _paths(image)}
 
 
 def _paths(image: bpy.types.Image) -> Iterator[Path]:
-    """Every file that ``image`` is read from."""
     named = bpy.path.abspath(image.filepath, library=image.library)
     if image.source == "FILE":
         yield Path(named)
@@ -38,47 +37,51 @@ def _paths(image: bpy.types.Image) -> Iterator[Path]:
 
 
 def _missing_files() -> Iterator[str]:
-    missing = missing_images()
-    if missing:
-        yield f"{len(missing)} image files are missing, first {missing[0]}: what uses them renders magenta"
     libraries = [Path(bpy.path.abspath(library.filepath)) for library in bpy.data.libraries]
-    lost = sorted(str(path) for path in libraries if not path.is_file())
-    if lost:
-        yield f"{len(lost)} linked files are missing, first {lost[0]}: what comes from them is not in the picture"
+    linked = sorted(str(path) for path in libraries if not path.is_file())
+    yield from _missing("image", missing_images(), "renders magenta", "render magenta")
+    yield from _missing("linked", linked, "is left out", "are left out")
+
+
+def _missing(kind: str, paths: list[str], effect: str, effects: str) -> Iterator[str]:
+    if len(paths) == 1:
+        yield f"The {kind} file {paths[0]} is missing and {effect}"
+    elif paths:
+        yield f"{len(paths)} {kind} files are missing and {effects}, such as {paths[0]}"
 
 
 def _disabled_drivers() -> Iterator[str]:
     if bpy.app.autoexec_fail:
-        yield (f"Python in this file was not run ({bpy.app.autoexec_fail_message.strip()}): what its drivers and "
-               "scripts would move stands still")
+        yield (f"Blender did not run the Python in this file ({bpy.app.autoexec_fail_message.strip()}), so its "
+               "drivers and scripts move nothing")
 
 
 def _camera(scene: bpy.types.Scene) -> Iterator[str]:
     data = scene.camera.data if scene.camera is not None and scene.camera.type == "CAMERA" else None
     if data is not None and (data.shift_x or data.shift_y):
-        yield (f"the camera's shift ({data.shift_x:g}, {data.shift_y:g}) is not honoured: the array looks straight "
-               "along the camera")
+        yield (f"The camera's shift ({data.shift_x:g}, {data.shift_y:g}) is ignored. The array looks along the "
+               "camera's axis")
 
 
 def _view_layer(scene: bpy.types.Scene) -> Iterator[str]:
-    """Of the first view layer that renders, the one that passes.py takes."""
+    """Notices of the first view layer that is used for rendering, the one that passes.py takes."""
     layer = next((layer for layer in scene.view_layers if layer.use), scene.view_layers[0])
     if layer.material_override is not None:
-        yield (f"view layer {layer.name!r} has the material override {layer.material_override.name!r}, which is not "
-               "honoured: objects keep their own materials")
+        yield (f"The material override {layer.material_override.name!r} of view layer {layer.name!r} is ignored. "
+               "Objects keep their own materials")
     switches = {"exclude": "excludes", "holdout": "holds out", "indirect_only": "makes indirect-only"}
     for switch, does in switches.items():
         names = [child.name for child in _collections(layer.layer_collection)
                  if getattr(child, switch) and _shows_anything(child.collection)]
         if names:
-            yield f"view layer {layer.name!r} {does} {', '.join(sorted(names)[:3])}: so does this render"
+            yield f"View layer {layer.name!r} {does} {', '.join(sorted(names)[:3])}, and so does this render"
     others = [other.name for other in scene.view_layers if other.use and other != layer]
     if others:
-        yield f"only view layer {layer.name!r} is rendered, without {', '.join(others[:3])}"
+        yield f"Only view layer {layer.name!r} is rendered, without {', '.join(others[:3])}"
 
 
 def _shows_anything(collection: bpy.types.Collection) -> bool:
-    """Importers leave excluded collections of helpers behind, which are no news."""
+    """False for the excluded collections of helpers that importers leave behind."""
     return any(item.type in SHOWN and not item.hide_render for item in collection.all_objects)
 
 

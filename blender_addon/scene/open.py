@@ -1,4 +1,4 @@
-"""Opening scene files: .blend, glTF and OBJ."""
+"""Open scene files: .blend, glTF and OBJ."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
     """Open a .blend, or import .glb, .gltf or .obj into an empty file; LfsrError if that fails."""
     path = check_scene(path)
     try:
-        _readers()[Path(path).suffix.lower()](path)
+        READERS[Path(path).suffix.lower()](path)
     except (RuntimeError, ValueError, KeyError, OSError) as error:
         reason = _reason(error)
         raise LfsrError(f"scene {path} cannot be read ({reason}): check that the file is whole") from None
@@ -25,7 +25,7 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
 
 
 def _reason(error: Exception) -> str:
-    """The line that says why: of an importer's traceback the last before where Blender called it."""
+    """Last line of an importer's traceback, which says why; Blender adds where it called the importer."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip() and not line.startswith("Location: ")]
     return lines[-1][:MOST_REASON] if lines else type(error).__name__
 
@@ -35,13 +35,9 @@ def choose_scene(name: str) -> bpy.types.Scene:
     scene = bpy.data.scenes.get(name)
     if scene is None:
         raise LfsrError(f"the file has no scene {name!r}: choose one of {', '.join(bpy.data.scenes.keys())}")
-    # What Blender evaluates is the window's scene, and not always the one that was open when the file was saved.
+    # Blender evaluates the window's scene, which may differ from the one that was open when the file was saved.
     bpy.context.window.scene = scene
     return scene
-
-
-def _readers() -> dict[str, Callable[[str], None]]:
-    return {".blend": _open_blend, ".glb": _import_gltf, ".gltf": _import_gltf, ".obj": _import_obj}
 
 
 def _open_blend(path: str) -> None:
@@ -51,15 +47,15 @@ def _open_blend(path: str) -> None:
 def _import_gltf(path: str) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=path)
-    # The importer makes none of the file's cameras the active one.
-    bpy.context.scene.camera = _first_camera(bpy.context.scene)
-
-
-def _first_camera(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """The first, in the file's order, that an array can stand at, else None."""
-    return next((item for item in scene.objects if item.type == "CAMERA" and item.data.type == "PERSP"), None)
+    # The importer makes none of the file's cameras active. An array can stand at perspective cameras only.
+    scene = bpy.context.scene
+    scene.camera = next((item for item in scene.objects if item.type == "CAMERA" and item.data.type == "PERSP"), None)
 
 
 def _import_obj(path: str) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.wm.obj_import(filepath=path)
+
+
+READERS: dict[str, Callable[[str], None]] = {
+    ".blend": _open_blend, ".glb": _import_gltf, ".gltf": _import_gltf, ".obj": _import_obj}

@@ -1,4 +1,4 @@
-"""Which objects of a scene are its subject, and which are background."""
+"""Tell a scene's subject from its background."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ GEOMETRY = {"MESH", "CURVE", "SURFACE", "FONT", "META", "VOLUME", "CURVES", "POI
 
 
 def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.types.Object]:
-    """Objects of the collection ``name``; without it all that are not in a collection called Background.
+    """Return the objects of the collection ``name``; without a name, all objects outside the collection Background.
 
-    LfsrError if there is no such collection or nothing of it would be rendered.
+    LfsrError if there is no such collection or if none of its geometry would be rendered.
     """
     if name:
         collections = {c.name: c for c in (scene.collection, *scene.collection.children_recursive)}
@@ -32,12 +32,12 @@ def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.typ
 
 
 def has_background_meshes(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> bool:
-    """True if something that is not the subject would be rendered behind or beside it."""
+    """Return True if geometry outside the subject would be rendered."""
     return any(item.type in GEOMETRY and item not in subject and _rendered(scene, item) for item in scene.objects)
 
 
 def _instanced(item: bpy.types.Object) -> set[bpy.types.Object]:
-    """Objects that a collection instance shows, which live outside the scene's own collections."""
+    """Objects that a collection instance shows; they may lie outside the scene's collections."""
     if item.instance_type != "COLLECTION" or item.instance_collection is None:
         return set()
     inside = set(item.instance_collection.all_objects)

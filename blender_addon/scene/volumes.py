@@ -1,4 +1,4 @@
-"""Volumes in a scene: how far they are from a point."""
+"""Distance from a point to the volumes of a scene."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import mathutils
 
 
 def distance_to_volume(scene: bpy.types.Scene, point: mathutils.Vector) -> float:
-    """Scene units from ``point`` to the nearest surface of a volume, seen from inside or outside; inf without any.
+    """Return the scene units from ``point``, inside or outside, to the nearest surface of a volume; inf without any.
 
-    Volumes are meshes with a volume shader and volume objects, of which only the box counts. Instances are left out.
+    Volumes are meshes with a volume shader, and volume objects (their bounding boxes). Instances are ignored.
     """
     graph = bpy.context.evaluated_depsgraph_get()
     around = (item.evaluated_get(graph) for item in scene.objects if not item.hide_render and _is_volume(item))

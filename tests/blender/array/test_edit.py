@@ -50,7 +50,8 @@ def test_fit_keeps_the_direction_and_frames_the_selection(scene):
     assert bpy.ops.lfsr.array_fit() == {"FINISHED"}
     assert np.allclose(array.matrix_world.to_3x3().normalized(), turn, atol=1e-5)
     layout, matrix = place(scene)
-    seen = np.array([rig.to_array_space(matrix) @ box.matrix_world @ mathutils.Vector(c) for c in box.bound_box])
+    toward = mathutils.Matrix(matrix).inverted() @ box.matrix_world
+    seen = np.array([toward @ mathutils.Vector(corner) for corner in box.bound_box])
     across = np.abs(seen[:, 0]) / seen[:, 2] * layout.distance / layout.half_width
     up = np.abs(seen[:, 1]) / seen[:, 2] * layout.distance / layout.half_height
     assert across.max() < 1 and up.max() < 1 and max(across.max(), up.max()) > 0.4

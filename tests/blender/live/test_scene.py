@@ -9,7 +9,7 @@ import pytest
 from blender_addon.array import rig
 from blender_addon.live import nodes, session
 from blender_addon.live import scene as live_scene
-from blender_addon.render import cycles
+from blender_addon.render import cycles, output
 from blender_addon.render.lens_card import CELL
 from lfsr_core.errors import LfsrError
 from lfsr_core.images import exr
@@ -72,7 +72,7 @@ def rendered(shown, size, samples, folder):
     path = folder / "live.exr"
     settings = cycles.RenderSettings(samples)
     with cycles.cycles_settings(shown, settings, size):
-        cycles.render_to(shown, path)
+        output.render_to(shown, path)
     return exr.read_layers(path)["color"]
 
 

@@ -159,10 +159,10 @@ def test_nothing_is_left(scene, tmp_path, end):
     shot = cycles.Shot(LAYOUT, front(), "lens-card")
     path = tmp_path / "image.exr"
     if end is None:
-        cycles.render_encoded(scene, shot, cycles.RenderSettings(1), path, cycles.Following(progress))
+        cycles.render_encoded(scene, shot, cycles.RenderSettings(1), path, progress)
     else:
         with pytest.raises(type(end)):
-            cycles.render_encoded(scene, shot, cycles.RenderSettings(1), path, cycles.Following(progress))
+            cycles.render_encoded(scene, shot, cycles.RenderSettings(1), path, progress)
     assert state(scene) == before
     assert path.exists() == (end is None)
 

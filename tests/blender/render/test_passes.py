@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.render import cycles, frame_folder
+from blender_addon.render import cycles, frame_folder, output
 from blender_addon.render.view_by_view import render_views
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
@@ -28,9 +28,9 @@ def test_color_and_environment_add_up_to_blenders_own_picture(scene, tmp_path, w
         settings = cycles.RenderSettings(64, world_visible=True)
         with (cycles.encoded_camera(scene, cycles.Shot(frame.rays, frame.matrix_world, way)),
               cycles.cycles_settings(scene, settings, frame.rays.size)):
-            cycles.render_to(scene, tmp_path / "apart.exr")
+            output.render_to(scene, tmp_path / "apart.exr")
             scene.render.film_transparent = False
-            cycles.render_to(scene, tmp_path / "whole.exr")
+            output.render_to(scene, tmp_path / "whole.exr")
     apart, whole = (exr.read_layers(tmp_path / f"{name}.exr") for name in ("apart", "whole"))
     partly = (apart["color"][..., 3] > 0.1) & (apart["color"][..., 3] < 0.9)
     assert partly.sum() > 10, "edges are what could go wrong"

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.render import cycles, osl_camera
+from blender_addon.render import cycles, osl_camera, output
 from blender_addon.render import view_by_view as views
 from lfsr_core.images import exr
 from lfsr_core.optics import eia
@@ -143,7 +143,7 @@ def test_osl_perspective_is_blenders_own(tmp_path):
             if custom:
                 osl_camera.set_shader(camera.data, PERSPECTIVE, {"tangent": 36 / 2 / 30, "aspect": height / width})
             with cycles.cycles_settings(scene, cycles.RenderSettings(8), (width, height)):
-                cycles.render_to(scene, tmp_path / "image.exr")
+                output.render_to(scene, tmp_path / "image.exr")
         images.append(exr.read_layers(tmp_path / "image.exr")["color"])
     difference = np.abs(images[0] - images[1])
     assert images[0].mean() > 0.1

@@ -42,7 +42,7 @@ def lit_box(scene):
 def test_no_world_cannot_show(lit_box, tmp_path):
     lit_box.world = None
     lit_box.collection.objects.link(bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN")))
-    with pytest.raises(LfsrError, match="has no world that could show"):
+    with pytest.raises(LfsrError, match="has no world to show"):
         frame_folder.render_job(lit_box, Job(str(tmp_path / "low"), MINI, scale=4, spp=1, world_visible=True))
 
 
@@ -120,7 +120,7 @@ def test_what_no_direction_says_is_rendered_with_the_subject(lit_box, tmp_path, 
     said = []
     with frame_folder.prepared(lit_box, Job(str(tmp_path), MINI), said.append) as frame:
         assert frame.world_visible and not frame.world_apart
-    assert "so that the world is rendered with the subject" in said[-1]
+    assert "so the world is rendered with the subject" in said[-1]
 
 
 def test_references_and_hidden_worlds_have_none_apart(lit_box, tmp_path):

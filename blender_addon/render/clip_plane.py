@@ -1,0 +1,73 @@
+"""The far clipping plane of a camera, for renders of all views at once.
+
+Cycles ends the rays of an OSL camera on a sphere, and never ends those behind a portal. Instead, a plane at
+the clipping depth sends the rays that meet it past all objects, so that they only see the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+import mathutils
+
+from lfsr_core.optics.panel.panel_rays import PanelLayout
+from lfsr_core.optics.rays import RayLayout
+
+from ..array.spaces import Matrix, to_blender
+from .overrides import overridden
+from .portal import new_screen
+from .wiring import Wiring
+
+NAME = "LFSR Clip Plane"
+SPARE = 1.5   # size of the plane, as a multiple of what the views see
+PAST = 10.0   # how far rays are sent, as a multiple of the depth of the farthest object
+
+
+@contextmanager
+def clip_plane(scene: bpy.types.Scene, layout: RayLayout | PanelLayout, matrix_world: Matrix,
+               depth: float) -> Iterator[bool]:
+    """Hide everything beyond ``depth`` from the rays of ``layout`` inside the block; yield True if anything is."""
+    frame = to_blender(matrix_world)
+    farthest = _farthest(frame)
+    if farthest <= depth:
+        yield False
+        return
+    made: list[bpy.types.ID] = []
+    try:
+        screen = _screen(made, _half_side(layout, depth), PAST * farthest)
+        screen.matrix_world = frame @ mathutils.Matrix.Translation((0, 0, -depth))
+        scene.collection.objects.link(screen)
+        with overridden(scene.cycles, {"transparent_max_bounces": scene.cycles.transparent_max_bounces + 1}):
+            yield True
+    finally:
+        bpy.data.batch_remove(made)
+
+
+def _farthest(frame: mathutils.Matrix) -> float:
+    """Depth of the farthest corner of any object's bounding box, in the space of ``frame``."""
+    toward, depths = frame.inverted(), [0.0]
+    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+        if instance.object.type not in {"EMPTY", "CAMERA", "LIGHT"}:
+            matrix = toward @ instance.matrix_world
+            depths += [-(matrix @ mathutils.Vector(corner)).z for corner in instance.object.bound_box]
+    return max(depths)
+
+
+def _half_side(layout: RayLayout | PanelLayout, depth: float) -> float:
+    """Half the side of a square at ``depth`` that every ray passes through."""
+    array, reach = layout.array, layout.reach
+    return SPARE * (reach + (reach + max(array.half_width, array.half_height)) * depth / array.distance)
+
+
+def _screen(made: list[bpy.types.ID], half: float, past: float) -> bpy.types.Object:
+    def ray(wiring: Wiring) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
+        geometry = wiring.node("ShaderNodeNewGeometry").outputs
+        far = wiring.vector("MULTIPLY_ADD", geometry["Incoming"], (-past,) * 3, geometry["Position"])
+        return far, wiring.vector("MULTIPLY", geometry["Incoming"], (-1.0,) * 3)
+
+    screen = new_screen(made, NAME, ray)
+    corners = [(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)]
+    screen.data.from_pydata(corners, [], [(0, 1, 2, 3)])
+    return screen
