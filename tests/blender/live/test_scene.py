@@ -135,7 +135,7 @@ def test_a_woven_panel_is_not_shown_but_what_an_eye_sees(scene):
 
 def test_no_array_no_view(scene):
     bpy.ops.lfsr.array_remove()
-    with pytest.raises(LfsrError, match="no camera array"):
+    with pytest.raises(LfsrError, match="needs a camera array"):
         live_scene.view_of(scene, SIZE)
 
 
