@@ -18,6 +18,7 @@ from ..scene.light import has_light
 from ..scene.notices import missing_images
 from ..scene.subject import find_subject
 from ..settings import folders, scene_settings
+from ..settings.words import capitalized
 from . import geometry
 from .problem import ERROR, INFO, SEVERITIES, Problem
 
@@ -45,7 +46,7 @@ def _settings(scene: bpy.types.Scene) -> Iterator[Problem]:
         try:
             check(scene)
         except LfsrError as error:
-            yield Problem(code, target, _sentence(error), severity=ERROR)
+            yield Problem(code, target, f"{capitalized(str(error))}.", severity=ERROR)
 
 
 def _array(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -93,7 +94,7 @@ def _geometry(scene: bpy.types.Scene) -> Iterator[Problem]:
         placed = rig.placement(scene, display)
         found = geometry.find(scene, display, placed, find_subject(scene)) if placed else ()
     except LfsrError as error:
-        yield Problem("rig", array.name, _sentence(error), severity=ERROR, is_object=True)
+        yield Problem("rig", array.name, f"{capitalized(str(error))}.", severity=ERROR, is_object=True)
         return
     # Where nothing is reconstructed, marking the background saves no time.
     ignored = {"background"} if scene_settings.is_direct(scene) else set()
@@ -128,8 +129,3 @@ def _has_cycles() -> bool:
 def _has_script(tree: bpy.types.NodeTree | None) -> bool:
     nodes = (node for node in tree.nodes if not node.mute) if tree is not None else ()
     return any(node.type == "SCRIPT" or (node.type == "GROUP" and _has_script(node.node_tree)) for node in nodes)
-
-
-def _sentence(error: LfsrError) -> str:
-    text = str(error)
-    return text[:1].upper() + text[1:] + "."

@@ -83,5 +83,5 @@ def test_a_second_array_is_refused(scene):
 def test_nothing_selected_is_reported(scene):
     for item in scene.objects:
         item.select_set(False)
-    with pytest.raises(RuntimeError, match="nothing is selected"):
+    with pytest.raises(RuntimeError, match="Nothing is selected"):
         bpy.ops.lfsr.array_fit()
