@@ -41,8 +41,8 @@ def _check_view(view: bpy.types.ColorManagedViewSettings) -> None:
                             "set it in Render Properties, Color Management")
     for switch, name in (("use_curve_mapping", "curves"), ("use_white_balance", "white balance")):
         if getattr(view, switch):
-            raise LfsrError(f"the scene's view uses {name}, which light-field images cannot show: switch it off in "
-                            "Render Properties, Color Management, or apply it to the finished image")
+            raise LfsrError(f"the scene's view uses {name}, which light-field images cannot show: switch off {name} "
+                            "in Render Properties, Color Management, or apply it to the finished image")
 
 
 def _catchers(scene: bpy.types.Scene) -> list[str]:

@@ -199,7 +199,7 @@ def test_second_stage_that_cannot_run_the_method_is_an_error_before_the_render(s
 def test_colours_that_the_image_could_not_show_are_an_error_before_the_render(scene, monkeypatch):
     monkeypatch.setattr(recipes, "render_step", lambda *_: pytest.fail("it renders"))
     scene.view_settings.use_curve_mapping = True
-    refuse(scene, "view uses curves, .*: take them off")
+    refuse(scene, "view uses curves, .*: switch off curves")
 
 
 def test_two_scenes_with_different_displays(scene, tmp_path):
