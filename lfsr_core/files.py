@@ -1,4 +1,4 @@
-"""Files appear whole or not at all, and are read only up to a size."""
+"""Write files whole or not at all, and read them up to a size."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import json
 import math
 import os
 import secrets
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,13 +16,11 @@ from typing import IO, Any
 
 from lfsr_core.errors import LfsrError
 
-try:
+if sys.platform != "win32":
     import fcntl
-except ImportError:  # Windows: what a dead run left stays
-    fcntl = None
 
-CAN_LOCK = fcntl is not None
-UNFINISHED = ".unfinished"  # in the name of what is being written
+CAN_LOCK = sys.platform != "win32"  # elsewhere, files of dead processes stay
+UNFINISHED = ".unfinished"  # in the name of a file that is being written
 LONGEST_NAME, LONGEST_PATH = 255, 4095  # bytes, of the usual file systems
 MOST_JSON_BYTES = 16_000_000
 MOST_BRACKETS = 50  # one inside the other
@@ -32,25 +31,24 @@ ADVICE = {errno.EPIPE: "send it to a file or a terminal",
 
 @contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
-    """Temporary name beside ``path``, renamed to it when the block ends without error.
+    """Yield a temporary name beside ``path`` that is renamed to it when the block ends without error.
 
-    The suffix is kept, because image writers choose the format by it. A failed
-    write leaves neither file and becomes an LfsrError that names the cause; what a
-    killed one left goes with the next.
+    The suffix stays, because image writers choose the format by it. A failed write leaves no file and becomes an
+    LfsrError that names the cause. What a killed process left is removed by the next.
     """
     path = Path(path)
     start = f".{path.stem[:40]}-"
     temporary = path.with_name(f"{start}{secrets.token_hex(4)}{UNFINISHED}{path.suffix}")
     with system_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        _sweep(path.parent, start, UNFINISHED + path.suffix)
+        _remove_dead(path.parent, start, UNFINISHED + path.suffix)
         try:
-            # Made here, so that its permissions are those of any new file of this user.
+            # Made here, so that it has the permissions of any new file of this user.
             file = os.fdopen(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666), "wb")
             with contextlib.closing(file):
                 if CAN_LOCK:
                     locks(file)
-                else:  # Windows lets nobody remove or replace an open file
+                else:  # Windows does not remove or replace an open file
                     file.close()
                 yield temporary
             os.replace(temporary, path)
@@ -58,22 +56,13 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
-def _sweep(folder: Path, start: str, end: str) -> None:
-    """Remove temporary files of dead writers: those that nobody holds."""
-    left = [entry for entry in folder.iterdir() if entry.name.startswith(start) and entry.name.endswith(end)]
-    for entry in left if CAN_LOCK else ():
-        with contextlib.suppress(OSError), entry.open("rb") as file:
-            if locks(file):
-                entry.unlink(missing_ok=True)
-
-
 def locks(file: IO[bytes]) -> bool:
-    """True if nobody else held this file's lock; it ends with the process that holds it, however that ends.
+    """Lock a file and return True, or False if another process holds its lock; the lock ends with its process.
 
-    On Windows everything is taken for unheld.
+    On Windows nothing is locked.
     """
     try:
-        if fcntl:
+        if sys.platform != "win32":
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         return False
@@ -82,22 +71,22 @@ def locks(file: IO[bytes]) -> bool:
 
 @contextmanager
 def system_errors(path: str | Path | None = None) -> Iterator[None]:
-    """What the system refuses inside the block, as a full disk, becomes an LfsrError.
+    """Turn errors of the system inside the block, such as a full disk, into an LfsrError.
 
-    ``path`` is what is written there, None for what the system names itself.
+    ``path``: the file or folder that is written there, None to name what the system names.
     """
     try:
         yield
     except MemoryError:
         raise LfsrError("there is too little memory on this machine: choose a smaller display") from None
     except OSError as error:
-        name = path or error.filename or "the output"
-        raise LfsrError(f"{name} cannot be {'written' if path or error.errno in ADVICE else 'used'} "
-                        f"({error.strerror or error}): {ADVICE.get(error.errno, 'check the folder')}") from None
+        name, number = path or error.filename or "the output", error.errno or 0
+        raise LfsrError(f"{name} cannot be {'written' if path or number in ADVICE else 'used'} "
+                        f"({error.strerror or error}): {ADVICE.get(number, 'check the folder')}") from None
 
 
 def check_name(path: Path) -> None:
-    """LfsrError for a path that no file or folder can have: too long, no text, or a link to nothing."""
+    """LfsrError for a path that no file or folder can have: too long, not UTF-8, or a link to nothing."""
     try:
         names = [name.encode() for name in path.parts]
     except UnicodeEncodeError:
@@ -112,7 +101,7 @@ def check_name(path: Path) -> None:
 
 @contextmanager
 def reading(path: str | Path, what: str) -> Iterator[IO[bytes]]:
-    """A regular file, open; LfsrError names ``what`` it should have been: a pipe or a device might never end."""
+    """Open a regular file; LfsrError says ``what`` was expected there. A pipe or a device might never end."""
     path = Path(path)
     try:
         if path.exists() and not path.is_file():
@@ -126,7 +115,7 @@ def reading(path: str | Path, what: str) -> Iterator[IO[bytes]]:
 
 
 def read_bytes(path: str | Path, what: str, most: int) -> bytes:
-    """Content of a regular file of at most ``most`` bytes; LfsrError names ``what`` it should have been."""
+    """Return the content of a regular file of at most ``most`` bytes; LfsrError says ``what`` was expected."""
     with reading(path, what) as file:
         content = file.read(most + 1)
     if len(content) > most:
@@ -141,7 +130,7 @@ def write_json(path: str | Path, data: Any) -> None:
 
 
 def read_json(path: str | Path, what: str) -> Any:
-    """Data of a JSON file; LfsrError names ``what`` it should have been."""
+    """Return the data of a JSON file; LfsrError says ``what`` was expected."""
     content = read_bytes(path, what, MOST_JSON_BYTES)
     try:
         return parse_json(content)
@@ -150,13 +139,22 @@ def read_json(path: str | Path, what: str) -> Any:
 
 
 def parse_json(content: bytes) -> Any:
-    """Data of JSON text; ValueError where it is none, nested too deeply, or has a number that is not finite."""
+    """Return the data of JSON text; ValueError if it is none, nested too deeply, or has a number that is not finite."""
     try:
         data = json.loads(content.decode("utf-8"), parse_constant=_finite, parse_float=_finite)
     except RecursionError:
         raise ValueError(f"more than {MOST_BRACKETS} brackets inside each other") from None
     _check_depth(data, MOST_BRACKETS)
     return data
+
+
+def _remove_dead(folder: Path, start: str, end: str) -> None:
+    """Remove the temporary files of dead processes, which nobody has locked."""
+    left = [entry for entry in folder.iterdir() if entry.name.startswith(start) and entry.name.endswith(end)]
+    for entry in left if CAN_LOCK else ():
+        with contextlib.suppress(OSError), entry.open("rb") as file:
+            if locks(file):
+                entry.unlink(missing_ok=True)
 
 
 def _finite(text: str) -> float:

@@ -1,6 +1,6 @@
 """Progress on standard error: one moving bar on a terminal, plain lines elsewhere.
 
-Inside a task of Open Job Description, on standard output in the words that its workers listen for.
+Inside a task of Open Job Description, progress goes to standard output in the form that its workers read.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from collections.abc import Callable
 from typing import TextIO
 
 BAR_WIDTH = 30
-SECONDS_BETWEEN_LINES = 4.0  # with a record a second from a render, a line comes every five at the latest
+SECONDS_BETWEEN_LINES = 4.0  # a render writes a record each second, so that a line comes every five at the latest
 PROGRESS_VARIABLE, OPENJD = "LFSR_PROGRESS", "openjd"  # environment variable, set by our OpenJD template
+Progress = Callable[[str, float, str], None]
 
 
 class ProgressBar:
@@ -25,24 +26,29 @@ class ProgressBar:
         self._stage, self._shown_at, self._most = "", 0.0, 0.0
 
     def __call__(self, stage: str, fraction: float = 0.0, message: str = "") -> None:
-        """Show one state; a new stage, the end, or time since the last line prints a plain line."""
+        """Show one state; elsewhere than on a terminal only at a new stage, at the end, and every few seconds."""
         if self._moving:
             self._draw(stage, fraction, message)
-        elif self._worth_a_line(stage, fraction):
+        elif (stage != self._stage or fraction >= 1 or time.monotonic() - self._shown_at >= SECONDS_BETWEEN_LINES):
             if is_openjd():
-                self._tell_openjd(stage, fraction, message)
+                # A farm shows one number for the whole task: it must not fall where a new stage begins.
+                self._most = max(self._most, min(fraction, 1.0))
+                tell_openjd(progress=f"{100 * self._most:.1f}", status=f"{stage} {message}")
             else:
                 print(f"{stage:10} {fraction:4.0%}  {message}".rstrip(), file=self._stream, flush=True)
             self._shown_at = time.monotonic()
         self._stage = stage
 
-    def _tell_openjd(self, stage: str, fraction: float, message: str) -> None:
-        """A farm shows one number for the whole task: it never goes back where a new stage begins."""
-        self._most = max(self._most, min(fraction, 1.0))
-        tell_openjd(progress=f"{100 * self._most:.1f}", status=f"{stage} {message}")
+    def note(self, message: str) -> None:
+        """Print a line that stays."""
+        self.close()
+        print(f"note: {message}", file=self._stream, flush=True)
 
-    def _worth_a_line(self, stage: str, fraction: float) -> bool:
-        return stage != self._stage or fraction >= 1 or time.monotonic() - self._shown_at >= SECONDS_BETWEEN_LINES
+    def close(self) -> None:
+        """End the moving line, so that the next print starts on its own line."""
+        if self._moving and self._stage:
+            print(file=self._stream)
+        self._stage = ""
 
     def _draw(self, stage: str, fraction: float, message: str) -> None:
         filled = round(BAR_WIDTH * min(max(fraction, 0.0), 1.0))
@@ -50,17 +56,6 @@ class ProgressBar:
         bar = "█" * filled + "░" * (BAR_WIDTH - filled)
         self._stream.write(f"{start}{stage:10} {bar} {fraction:4.0%}  {message[:60]}\x1b[K")
         self._stream.flush()
-
-    def note(self, message: str) -> None:
-        """A line that stays."""
-        self.close()
-        print(f"note: {message}", file=self._stream, flush=True)
-
-    def close(self) -> None:
-        """End the moving line, so that what is printed next starts on its own."""
-        if self._moving and self._stage:
-            print(file=self._stream)
-        self._stage = ""
 
 
 def is_openjd() -> bool:
@@ -74,8 +69,5 @@ def tell_openjd(**messages: str) -> None:
         print(f"openjd_{kind}: {' '.join(message.split())}", flush=True)
 
 
-Progress = Callable[[str, float, str], None]
-
-
 def silent(stage: str, fraction: float, message: str) -> None:
-    """Progress that nobody watches."""
+    """Ignore progress."""

@@ -1,7 +1,7 @@
-"""Records: frozen dataclasses and the JSON they are kept in, both ways in one place.
+"""Read frozen dataclasses from JSON, and write them.
 
-A field with ``metadata={"key": "name"}`` has another name in JSON than in Python.
-Nothing is converted on the way in: a field holds what the data said, or reading fails with one sentence.
+A field with ``metadata={"key": "name"}`` has another name in JSON than in Python. Values are checked and never
+converted: a field holds the value in the data, or reading fails with one sentence.
 """
 
 from __future__ import annotations
@@ -25,14 +25,15 @@ if TYPE_CHECKING:
 Record = TypeVar("Record")
 MOST_VALUE, MOST_PLACE, MOST_RULE = 50, 70, 90  # characters in a sentence
 MOST_TEXT, MOST_WHOLE = 4096, 2**63
-PLAIN = {str: (str, "text"), bool: (bool, "true or false"), int: (int, "a whole number"),
-         float: ((int, float), "a finite number")}
+PLAIN: dict[type, tuple[tuple[type, ...], str]] = {
+    str: ((str,), "text"), bool: ((bool,), "true or false"), int: ((int,), "a whole number"),
+    float: ((int, float), "a finite number")}
 
 
 def from_data(cls: type[Record], data: Any, source: str) -> Record:
-    """The record of class ``cls`` that JSON ``data`` describes; ``source`` names the data in errors.
+    """Return the record of class ``cls`` in JSON ``data``; ``source`` names the data in errors.
 
-    LfsrError, one sentence, for an unknown or missing field, a value of another type, or a number that is not finite.
+    LfsrError for an unknown or missing field, a value of another type, or a number that is not finite.
     """
     try:
         return _converter().structure(data, cls)
@@ -45,29 +46,27 @@ def from_data(cls: type[Record], data: Any, source: str) -> Record:
 
 
 def to_data(record: Any) -> Any:
-    """JSON-ready data of a record: objects, lists, text, numbers, true, false and null."""
+    """Return the JSON-ready data of a record: objects, lists, text, numbers, true, false and null."""
     return _converter().unstructure(record)
 
 
 def read_record(path: str | Path, cls: type[Record], what: str) -> Record:
-    """The record in a JSON file; LfsrError names ``what`` the file should have been, or what is wrong in it."""
+    """Read a record from a JSON file; LfsrError says ``what`` was expected, or what is wrong in it."""
     return from_data(cls, read_json(path, what), str(path))
 
 
 def write_record(path: str | Path, record: Any) -> None:
-    """Write a record as JSON, whole or not at all; LfsrError where ``read_record`` would not take it back."""
+    """Write a record as JSON, whole or not at all; LfsrError where ``read_record`` could not read it."""
     data = to_data(record)
     from_data(type(record), data, str(path))
     write_json(path, data)
 
 
 class _WrongError(Exception):
-    """What is wrong, without the place; ``places`` are its parts, the innermost first.
-
-    ``of_value``: the sentence goes on from the place, "is 3, but", else it stands alone.
-    """
+    """What is wrong with a value; ``places`` name it, the innermost first."""
 
     def __init__(self, rule: str, of_value: bool = False) -> None:
+        """``of_value``: ``rule`` continues the sentence after the place, as "is 3, but", else it is one itself."""
         super().__init__(rule)
         self.places: list[str] = []
         self.of_value = of_value
@@ -88,8 +87,8 @@ def _at(place: str) -> Iterator[None]:
 
 @functools.cache
 def _converter() -> cattrs.Converter:
-    """A converter whose every hook checks before it takes."""
-    import cattrs  # slow to import, and scripts inside Blender that read no record do without it
+    """Return a converter whose hooks check every value."""
+    import cattrs  # slow to import, and scripts inside Blender that read no record do not need it
 
     converter = cattrs.Converter(unstruct_collection_overrides={tuple: list})
     converter.register_unstructure_hook_factory(dataclasses.is_dataclass, _unstructured)
@@ -113,14 +112,14 @@ def _plain(value: Any, cls: type) -> Any:
     if not fits or (cls is float and not abs(value) <= sys.float_info.max):
         raise _value_error(value, rule)
     if cls is str and not (len(value) <= MOST_TEXT and _encodes(value)):
-        raise _value_error(value, f"text that UTF-8 can say, of at most {MOST_TEXT} characters")
+        raise _value_error(value, f"UTF-8 text of at most {MOST_TEXT} characters")
     if cls is int and abs(value) >= MOST_WHOLE:
         raise _value_error(value, "a whole number below 2⁶³")
     return value
 
 
 def _encodes(text: str) -> bool:
-    """False for half a surrogate pair, which JSON can hold and no file name or terminal can."""
+    """False for half a surrogate pair, which JSON can hold but no file name or terminal."""
     try:
         return bool(text.encode()) or not text
     except UnicodeEncodeError:
@@ -154,7 +153,7 @@ def _unstructured(cls: Any) -> Callable[[Any], Any]:
 
 
 def _key(field: dataclasses.Field[Any]) -> str:
-    """The JSON key of a field: ``metadata["key"]``, else its name."""
+    """Return the JSON key of a field: ``metadata["key"]``, else its name."""
     return str(field.metadata.get("key", field.name))
 
 
@@ -191,7 +190,7 @@ def _literal(value: Any, cls: Any) -> Any:
 
 
 def _union(value: Any, cls: Any) -> Any:
-    """Null where it may be, else the one other type."""
+    """Return None where that is allowed, else a value of the one other type."""
     kinds = [kind for kind in typing.get_args(cls) if kind is not type(None)]
     if len(kinds) != 1:
         raise TypeError(f"{cls} is a choice of several types, which records do not have")

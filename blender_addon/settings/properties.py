@@ -17,7 +17,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from lfsr_core.frames.averaging import MOST_SHARED
+from lfsr_core.frames.averaging import MOST_AVERAGED
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 
 from ..array import rig
@@ -138,7 +138,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Temporal Averaging", description="Number of frames before and after each frame of an animation that are "
         "averaged with it against noise, where nothing has changed; 0 for none, 2 is a good value. Frames are not "
         "averaged while the camera array moves",
-        min=0, max=MOST_SHARED, default=0)
+        min=0, max=MOST_AVERAGED, default=0)
     linear_exr: BoolProperty(
         name="Linear EXR", description="Also save the scene-linear image, before the view transform, as OpenEXR",
         default=False)

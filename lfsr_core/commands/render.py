@@ -21,7 +21,7 @@ from lfsr_core.commands.arguments import (
 )
 from lfsr_core.commands.renamed import add_old_option
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.averaging import check_shared, seed_in_turn
+from lfsr_core.frames.averaging import check_averaging, seed_in_turn
 from lfsr_core.frames.foreground import check_dilate
 from lfsr_core.frames.frame import SUBPIXELS, read_frame
 from lfsr_core.frames.job import LAYERS, Job
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> None:
         _render_frames(arguments, job, method)
         return
     if arguments.temporal_averaging is not None:
-        check_shared(arguments.temporal_averaging)
+        check_averaging(arguments.temporal_averaging)
         job = dataclasses.replace(job, seed=seed_in_turn(job.seed, arguments.frame, arguments.temporal_averaging))
     render(arguments, job)
     if job.rows is not None:

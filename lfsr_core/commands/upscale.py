@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lfsr_core.commands.renamed import add_old_option
-from lfsr_core.frames.averaging import check_shared
+from lfsr_core.frames.averaging import check_averaging
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, frame_folder, read_rendered
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.progress import Progress, ProgressBar, silent
@@ -50,7 +50,7 @@ def add_method_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Upscale the folder and print the path of the image."""
     folder = arguments.folder if arguments.frame is None else frame_folder(arguments.folder, arguments.frame)
-    check_shared(arguments.temporal_averaging)
+    check_averaging(arguments.temporal_averaging)
     frame = read_rendered(folder)
     method = (panel_method(arguments) if frame.panel_rays
               else chosen_method(arguments.method, frame.scale, frame.display))

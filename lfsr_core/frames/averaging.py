@@ -1,22 +1,24 @@
-"""Frames of an animation that share: how many, and the seed of each."""
+"""Temporal averaging: how many frames of an animation, and the seed of each."""
 
 from __future__ import annotations
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import MOST_SEED
 
-MOST_SHARED = 8  # frames to each side
+MOST_AVERAGED = 8  # frames to each side
 
 
-def check_shared(count: int) -> None:
-    """LfsrError if so many frames to each side cannot be shared."""
-    if not 0 <= count <= MOST_SHARED:
-        raise LfsrError(f"{str(count)[:20]} frames to each side were to be shared, but it must be 0 to {MOST_SHARED}")
+def check_averaging(count: int) -> None:
+    """LfsrError if a frame cannot be averaged with ``count`` frames to each side."""
+    if not 0 <= count <= MOST_AVERAGED:
+        raise LfsrError(f"temporal averaging is {str(count)[:20]} frames to each side, but it must be 0 to "
+                        f"{MOST_AVERAGED}")
 
 
 def seed_in_turn(seed: int, number: int, count: int) -> int:
-    """The seed of frame ``number``, of as many in turn as frames share; ``seed`` itself where none do.
+    """Return the seed of frame ``number`` of an animation with ``count`` averaged frames to each side.
 
-    So the frames near one always have each of the seeds once, and where nothing moves their mean stands still.
+    Neighbouring frames have each of the 2 · ``count`` + 1 seeds from ``seed`` on once, so that their mean does not
+    flicker where nothing moves.
     """
     return (seed + (number - 1) % (2 * count + 1)) % (MOST_SEED + 1)

@@ -1,4 +1,4 @@
-"""Pictures that let a person judge an EIA: decoded views, epipolar images, the simulated eye."""
+"""Images that let a person judge an EIA: decoded views, epipolar images, the simulated eye."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics import eia
 from lfsr_core.optics.eye import eye_view
 
-VIEWS_ACROSS = 5
-GAP_PIXELS = 4
+VIEWS_ACROSS, GAP_PIXELS = 5, 4
 SHEET_FILE, HORIZONTAL_EPI_FILE, VERTICAL_EPI_FILE, EYE_FILE = "views.png", "epi_x.png", "epi_y.png", "eye.png"
 LEAST_EPI_HEIGHT, LEAST_VIEW_WIDTH = 160, 192
 
 
 def contact_sheet(image: Array, lenses: tuple[int, int], across: int = VIEWS_ACROSS) -> Array:
-    """Grid of evenly spaced views of an EIA (H, W, C) in view order; topmost, leftmost camera first.
+    """Return a grid of evenly spaced views of an EIA (H, W, C) in view order; topmost, leftmost camera first.
 
     Views of few lenses are enlarged by repeating pixels.
     """
@@ -33,42 +32,50 @@ def contact_sheet(image: Array, lenses: tuple[int, int], across: int = VIEWS_ACR
 
 
 def epi_pair(image: Array, lenses: tuple[int, int]) -> tuple[Array, Array]:
-    """Horizontal and vertical epipolar image through the middle, enlarged to be visible.
+    """Return the horizontal and the vertical epipolar image through the middle, (views, lenses, C), enlarged.
 
-    (views, lenses, C): a slanted line is a point in depth, a vertical one lies on the display.
+    A slanted line is a point in depth, a vertical one lies on the display.
     """
     px, py = eia.views_per_lens(image, lenses)
-    pair = (eia.horizontal_epi(image, lenses, lenses[1] // 2, py // 2),
-            eia.vertical_epi(image, lenses, lenses[0] // 2, px // 2))
-    return tuple(_enlarged(epi) for epi in pair)
+    return (_enlarged(eia.horizontal_epi(image, lenses, lenses[1] // 2, py // 2)),
+            _enlarged(eia.vertical_epi(image, lenses, lenses[0] // 2, px // 2)))
 
 
 def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = None) -> list[Path]:
-    """Write contact sheet and EPI pair of a finished folder, and what an eye at ``eye_mm`` sees.
+    """Write the contact sheet and both EPIs of a finished folder, and with ``eye_mm`` what an eye sees.
 
-    ``eye_mm``: millimetres from the display's centre, rightwards, upwards, towards
-    the viewer. Returns the written files; LfsrError where the EIA is missing.
-    With an eye a folder that holds the panel's picture alone has what it sees, and nothing else.
+    Parameters
+    ----------
+    folder : frame folder; of direct subpixel rendering, only the eye's image is written
+    eye_mm : the eye's place in millimetres from the display's centre: right, up, towards the viewer
+
+    Returns
+    -------
+    The written files.
+
+    Raises
+    ------
+    LfsrError : where the EIA is missing
     """
     folder = Path(folder)
     if eye_mm is not None and (frame := read_rendered(folder)).panel_rays:
         write_png(folder / EYE_FILE, eye_view(read_png(folder / PANEL_FILE), frame.display, eye_mm))
         return [folder / EYE_FILE]
-    profile = read_frame(folder).display
+    display = read_frame(folder).display
     panel = read_png(folder / EIA_FILE)
-    image = view_order(panel, profile)
-    pictures = dict(zip((HORIZONTAL_EPI_FILE, VERTICAL_EPI_FILE), epi_pair(image, profile.lenses), strict=True))
-    pictures[SHEET_FILE] = contact_sheet(image, profile.lenses)
+    image = view_order(panel, display)
+    images = dict(zip((HORIZONTAL_EPI_FILE, VERTICAL_EPI_FILE), epi_pair(image, display.lenses), strict=True))
+    images[SHEET_FILE] = contact_sheet(image, display.lenses)
     if eye_mm is not None:
-        shown = read_png(folder / PANEL_FILE) if profile.is_woven else panel
-        pictures[EYE_FILE] = eye_view(shown, profile, eye_mm)
-    for name, picture in pictures.items():
-        write_png(folder / name, picture)
-    return [folder / name for name in pictures]
+        shown = read_png(folder / PANEL_FILE) if display.is_woven else panel
+        images[EYE_FILE] = eye_view(shown, display, eye_mm)
+    for name, pixels in images.items():
+        write_png(folder / name, pixels)
+    return [folder / name for name in images]
 
 
 def _evenly(count: int, wanted: int) -> Array:
-    """Indices of ``wanted`` views, each the middle of an equal share of ``count``."""
+    """Return the indices of ``wanted`` views, each in the middle of an equal part of ``count``."""
     wanted = min(count, wanted)
     return ((np.arange(wanted) + 0.5) * count / wanted).astype(int)
 
@@ -79,5 +86,5 @@ def _enlarged(epi: Array) -> Array:
 
 
 def _times(pixels: int, least: int) -> int:
-    """Whole number by which to repeat ``pixels`` so that they are at least ``least``."""
+    """Return how often to repeat ``pixels`` to have at least ``least``."""
     return max(1, -(-least // pixels))

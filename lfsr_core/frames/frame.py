@@ -1,4 +1,4 @@
-"""The frame folder: what the render stage hands to the second stage.
+"""The frame folder, which the render stage hands to the second stage, and its ``frame.json``.
 
 ``frame.json`` holds enough to render the same frame again; see docs/reference/frame-folder.md.
 """
@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Protocol
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
@@ -20,9 +20,11 @@ from lfsr_core.records import from_data, to_data
 
 FORMAT = 1
 SUBPIXELS = "subpixels"
-# The OSL camera, or the lens card where that cannot run; the lens card; one ordinary camera per view; an OSL camera
-# whose rays are no light field's, but those of the subpixels of a panel with a lens sheet.
+# The OSL camera, or the lens card on devices that cannot run it; the lens card; one ordinary camera per view; an OSL
+# camera with the rays of a panel's subpixels (direct subpixel rendering) instead of those of a light field.
 LAYOUTS = ("one-pass", "lens-card", "view-by-view", SUBPIXELS)
+# The only values that direct subpixel rendering has: there are neither views nor lenses to choose from.
+DIRECT_ONLY = {"scale": 1, "convention": "centred", "view_aperture": 1, "lens_list": None, "rows": None}
 LEAST_LENGTH = 1e-30  # scene units; its inverse is the most
 FRAME_FILE, REPORT_FILE = "frame.json", "report.json"
 VIEWER_FILE = "view.html"
@@ -37,7 +39,7 @@ Clip = tuple[float, float]
 class Frame:
     """Everything that decides the pixels of one render."""
 
-    display: DisplayProfile  # the display it was rendered for
+    display: DisplayProfile  # that it was rendered for
     scale: int  # by which the views are divided, 1 for a full-resolution render
     array: CameraArray  # placement of the dense camera array
     # from camera-array space (+X right, +Y up, +Z towards the display) to the world, row by row
@@ -51,21 +53,21 @@ class Frame:
     lens_list: tuple[tuple[int, int], ...] | None = None  # (row, column) of the lenses that were rendered, None for all
     rows: tuple[int, int] | None = None  # first and last row of lenses, from 1, of a part of the frame; None for all
     layout: str = "one-pass"
-    clip: Clip | None = None  # depths from the camera plane between which things are seen, None for all
+    clip: Clip | None = None  # nearest and farthest visible depth from the camera plane, None for no limit
     layers: tuple[str, ...] = ()  # auxiliary layers in the EXR
     world_visible: bool = False  # whether the world shows behind the subject
-    scale_reason: str = ""  # why the scale is what it is, empty where it was asked for
-    world_apart: bool = False  # whether it lies in a file of its own, see optics.world_view
+    scale_reason: str = ""  # why the scale was chosen, empty where it was asked for
+    world_apart: bool = False  # whether the visible world is in a file of its own, see optics.world_view
     color: ColorSettings = dataclasses.field(default_factory=ColorSettings)  # how Blender would show the scene
     # scene, subject: names of the file and of the foreground's collection
     scene: str = ""
     subject: str = ""
-    content: str = ""  # digest of what the scene's file held, see render.content; empty where it is not known
-    camera: str = ""  # that was asked for by name, empty for the scene's own
-    # blender, device: what rendered it
+    content: str = ""  # digest of the scene's file, see render.content; empty where it is not known
+    camera: str = ""  # name of the camera that was asked for, empty for the scene's own
+    # blender, device: version and device that rendered it
     blender: str = ""
     device: str = "CPU"
-    # the render stage's own times: "open" and "render", which has that of the "world" in it
+    # of the render stage: "open" and "render", which includes that of the "world"
     seconds: dict[str, float] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -74,64 +76,47 @@ class Frame:
         if self.samples < 1 or self.layout not in LAYOUTS:
             raise LfsrError(f"samples are {self.samples} and layout is {self.layout[:20]!r}, but it must be 1 or more "
                             f"samples and one of {', '.join(LAYOUTS)}")
-        _check_array(self.array)
+        for name, value in vars(self.array).items():
+            if not LEAST_LENGTH <= value <= 1 / LEAST_LENGTH:
+                raise LfsrError(f"array.{name} is {value!r}, but it must be a length above 0")
         if self.clip is not None and not 0 <= self.clip[0] < self.clip[1] <= 1 / LEAST_LENGTH:
             raise LfsrError(f"clip is {self.clip}, but it must be two depths, the nearer one first")
         if self.layout == SUBPIXELS:
-            check_subpixels(self)
-        lenses = self.display.lenses[0] * self.display.lenses[1]
-        if len(self.rays.lens_list or ()) > lenses:
-            raise LfsrError(f"lens_list names {len(self.lens_list)} lenses, but the display has {lenses}")
+            check_direct(self.display, vars(self))
+        count, lenses = len(self.rays.lens_list or ()), self.display.lenses[0] * self.display.lenses[1]
+        if count > lenses:
+            raise LfsrError(f"lens_list names {count} lenses, but the display has {lenses}")
         if self.rows is not None:
             check_rows(self.rows, self.display.lenses[1])
 
     @property
     def render_files(self) -> tuple[str, ...]:
-        """What the second stage reads beside frame.json."""
+        """Files that the second stage reads, besides frame.json."""
         return (LOW_RES_FILE, WORLD_FILE) if self.world_apart else (LOW_RES_FILE,)
 
     @property
     def panel_rays(self) -> PanelLayout | None:
-        """Rays of this render where they are those of the panel's subpixels, else None."""
+        """Rays of the panel's subpixels in direct subpixel rendering, else None."""
         return PanelLayout(self.display, self.array) if self.layout == SUBPIXELS else None
 
     @property
     def rays(self) -> RayLayout:
-        """Ray layout of this render; where there are ``panel_rays``, of the light field that it goes without."""
+        """Ray layout of this render; in direct subpixel rendering, of the light field that is not rendered."""
         return RayLayout.for_display(self.display, self.array, self.scale, convention=self.convention,
                                      view_aperture=self.view_aperture, lens_list=self.lens_list)
 
 
-class _Rendered(Protocol):
-    """What a frame and a job say alike of the rays of a render."""
-
-    display: DisplayProfile
-    scale: int
-    convention: str
-    view_aperture: float
-    lens_list: tuple[tuple[int, int], ...] | None
-    rows: tuple[int, int] | None
-
-
-def check_subpixels(render: _Rendered) -> None:
-    """LfsrError unless ``render`` can have the layout SUBPIXELS, which has neither views nor lenses to choose from."""
-    check_sheet(render.display)
-    wrong = {"scale": render.scale != 1, "convention": render.convention != "centred",
-             "view_aperture": render.view_aperture != 1, "lens_list": render.lens_list is not None,
-             "rows": render.rows is not None}
-    for name in (name for name, asked in wrong.items() if asked):
-        raise LfsrError(f"{name.replace('_', ' ')} is {str(getattr(render, name))[:40]}, but the layout {SUBPIXELS} "
-                        "traces the panel's subpixels, whole and at scale 1: leave it out, or choose another layout")
-
-
-def _check_array(array: CameraArray) -> None:
-    for name, value in vars(array).items():
-        if not LEAST_LENGTH <= value <= 1 / LEAST_LENGTH:
-            raise LfsrError(f"array.{name} is {value!r}, but it must be a length above 0")
+def check_direct(display: DisplayProfile, fields: Mapping[str, object]) -> None:
+    """LfsrError unless ``display`` and the ``fields`` of a frame or job allow direct subpixel rendering."""
+    check_sheet(display)
+    for name, only in DIRECT_ONLY.items():
+        if fields[name] != only:
+            raise LfsrError(f"{name.replace('_', ' ')} is {str(fields[name])[:40]}, but the layout {SUBPIXELS} traces "
+                            "the panel's subpixels, whole and at scale 1: leave it out, or choose another layout")
 
 
 def frame_folder(output: Path, number: int) -> Path:
-    """Where frame ``number`` of an animation goes."""
+    """Return the frame folder of frame ``number`` of an animation in ``output``."""
     return output / f"{number:04d}"
 
 
@@ -143,17 +128,17 @@ def write_frame(folder: str | Path, frame: Frame) -> None:
 def read_frame(folder: str | Path) -> Frame:
     """Read the ``frame.json`` of a light field.
 
-    LfsrError if absent, of another format, incomplete, of a part of a frame, or of a panel's picture.
+    LfsrError where it is missing, incomplete, of another format, of a part of a frame, or of direct subpixel rendering.
     """
     frame = read_rendered(folder)
     if frame.panel_rays:
-        raise LfsrError(f"{folder} holds the panel's picture alone, rendered with the layout {SUBPIXELS}: elemental "
+        raise LfsrError(f"{folder} holds the panel image alone, rendered with the layout {SUBPIXELS}: elemental "
                         "images, views and what is made of them need a render with another layout")
     return frame
 
 
 def read_rendered(folder: str | Path) -> Frame:
-    """As ``read_frame``, but it may hold the panel's picture instead of a light field."""
+    """Read the ``frame.json`` of a light field or of direct subpixel rendering; errors as of ``read_frame``."""
     frame = read_part(folder)
     if frame.rows is not None:
         raise LfsrError(f"{folder} holds rows {rows_text(frame.rows)} of {frame.display.lenses[1]} alone: join it with "
@@ -162,7 +147,7 @@ def read_rendered(folder: str | Path) -> Frame:
 
 
 def read_part(folder: str | Path) -> Frame:
-    """As ``read_frame``, but it may be a part of a frame."""
+    """Read the ``frame.json`` of a frame or of a part of one; errors as of ``read_frame``."""
     path = Path(folder) / FRAME_FILE
     data = read_json(path, "the frame.json of a rendered frame folder")
     if not isinstance(data, dict) or data.pop("format", None) != FORMAT:

@@ -1,4 +1,4 @@
-"""One render job: the JSON file that the command line and the add-on hand to Blender."""
+"""The render job: a JSON file that the command line and the add-on hand to Blender."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.files import read_json
-from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, check_subpixels
+from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, check_direct
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.lens_rows import Rows, check_rows, rows_text
+from lfsr_core.optics.lens_rows import check_rows, rows_text
 from lfsr_core.optics.rays import CONVENTIONS
 from lfsr_core.records import from_data
 
 KINDS = ("render", "reference")
-FIT = "fit"  # a camera that is none: the array is fitted to the subject
+FIT = "fit"  # instead of a camera's name: the array is fitted to the subject
 AUTO = "auto"  # the best device of the machine that renders
 DEVICES = ("CPU", "OPTIX", "CUDA", "HIP", "ONEAPI", "METAL")
 LAYERS = ("albedo", "normal", "position", "index", "denoised")
-# Of Blender: more it would clip without a word.
+# Blender's own limits: it would silently clip larger numbers.
 MOST_SAMPLES, MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**24, 2**31 - 1, 1_048_574, 10**8
 MOST_DIGITS = 30
 CLAMP_INDIRECT = 10.0  # Cycles' default: fewer fireflies at low sample counts
@@ -30,12 +30,12 @@ class Job:
     """What to render and where to; LfsrError on values that cannot be rendered."""
 
     output: str  # folder to write
-    display: DisplayProfile  # the display to render for
+    display: DisplayProfile  # to render for
     scene: str = ""  # file to open, empty when Blender has it open already
     kind: str = "render"  # "render" or "reference", which has two halves
     scale: int = 4  # by which the views are divided
-    scales: tuple[int, ...] = ()  # to choose from by the depth of what is seen, instead of ``scale``; or none
-    scale_reason: str = ""  # why it is that, for frame.json; empty where it was asked for
+    scales: tuple[int, ...] = ()  # to choose from by the depth of the scene, instead of ``scale``; or none
+    scale_reason: str = ""  # why the scale was chosen, for frame.json; empty where it was asked for
     spp: int = 16  # samples per pixel, which a reference splits evenly over its halves
     layers: tuple[str, ...] = ()  # auxiliary layers to write too
     # layout, convention, view_aperture: how rays are laid out, see optics.rays
@@ -50,12 +50,10 @@ class Job:
     device: str = "CPU"  # Cycles' device, or AUTO
     clamp_indirect: float | None = None  # None for Cycles' default, 0 for none
     world_visible: bool | None = None  # None for the scene's own film setting
-    # name of the camera to stand at, FIT to stand before the subject, None for the scene's own
-    camera: str | None = None
+    camera: str | None = None  # name of the camera to use, FIT to stand before the subject, None for the scene's own
     scene_name: str | None = None  # scene in the file, None for the one that is open in it
-    # world.exr of another render from the same place, to be taken as it is; None renders a world that lies apart
-    world: str | None = None
-    parts: str | None = None  # folder that keeps what is whole of a long render for the next, None to keep nothing
+    world: str | None = None  # world.exr of another render from the same place, None to render the world where needed
+    parts: str | None = None  # folder for the finished parts of a long render, None to store none
 
     def __post_init__(self) -> None:
         for field, choices in (("kind", KINDS), ("layout", LAYOUTS), ("convention", CONVENTIONS)):
@@ -66,13 +64,18 @@ class Job:
         for scale in (self.scale, *self.scales):
             self.display.low_views(scale)
         if self.rows is not None:
-            _check_rows(self, self.rows)
+            check_rows(self.rows, self.display.lenses[1])
+            whole = {"a list of lenses": self.lens_list is not None, "the layer denoised": "denoised" in self.layers,
+                     "the layout view-by-view": self.layout == "view-by-view"}
+            for name in (name for name, asked in whole.items() if asked):
+                raise LfsrError(f"rows {rows_text(self.rows)} were asked for, but {name} is not rendered by rows: "
+                                "leave out one of the two")
         if self.layout == SUBPIXELS:
-            check_subpixels(self)
+            check_direct(self.display, vars(self))
 
 
 def read_job(path: str | Path) -> Job:
-    """Job from a JSON file; LfsrError if it is unreadable or wrong."""
+    """Read a job from a JSON file; LfsrError if it is unreadable or wrong."""
     data = read_json(path, "a render job")
     if not isinstance(data, dict):
         raise LfsrError(f"{path} holds a {type(data).__name__}, but a render job must be a JSON object")
@@ -80,7 +83,7 @@ def read_job(path: str | Path) -> Job:
 
 
 def check_scene(scene: str | Path) -> str:
-    """Absolute path of a scene file; LfsrError if it is absent or of a kind that cannot be opened."""
+    """Return the absolute path of a scene file; LfsrError if it is missing or of a kind that cannot be opened."""
     scene = Path(scene)
     if not scene.is_file():
         raise LfsrError(f"scene {scene} does not exist: check the path")
@@ -93,16 +96,6 @@ def _check_choice(field: str, value: str, choices: tuple[str, ...]) -> None:
     if value not in choices:
         raise LfsrError(f"{field} is {value!r}: {did_you_mean(str(value), choices)}"
                         f"It must be one of {', '.join(choices)}")
-
-
-def _check_rows(job: Job, rows: Rows) -> None:
-    check_rows(rows, job.display.lenses[1])
-    whole = {"a list of lenses": job.lens_list is not None, "the layout view-by-view": job.layout == "view-by-view",
-             "the layer denoised": "denoised" in job.layers}
-    for name, asked in whole.items():
-        if asked:
-            raise LfsrError(f"rows {rows_text(rows)} alone were asked for, but {name} is not rendered by rows: "
-                            "leave out one of the two")
 
 
 def _check_numbers(job: Job) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ LAYERS = (*RENDERED_LAYERS, "denoised", "noisy", "guided")
 
 @dataclasses.dataclass(frozen=True)
 class LowResEIA:
-    """What a method sees of a low-resolution frame; (sy, sx, h, w, C) float32 arrays.
+    """Low-resolution EIA and its layers; (sy, sx, h, w, C) float32 arrays.
 
     Low view k' covers high views s·k' … s·k' + s - 1.
     """
@@ -34,18 +35,18 @@ class LowResEIA:
     position: Array | None = None
     denoised: Array | None = None  # colour as Cycles denoised it right after the render
     noisy: Array | None = None  # colour as rendered, where a denoiser has changed ``color``
-    guided: Array | None = None  # colour denoised by the guides, beside ``color`` denoised without
+    guided: Array | None = None  # colour denoised with albedo and normal, where ``color`` was denoised without
     parallax: tuple[bool, bool] = (True, True)  # axes, (horizontal, vertical), along which the display's views differ
-    # A world that is put behind the finished elemental images: what it hides of it (C = 3, in [0, 1]), which lens of
-    # the display each is (sy, sx, 2), row and column, and what those see.
+    # For a world that is put behind the finished elemental images: how much of it is covered (C = 3, in [0, 1]), the
+    # row and column of each lens on the display (sy, sx, 2), and what the lenses see of the world.
     opacity: Array | None = None
     places: Array | None = None
     world: WorldView | None = None
 
     @property
     def layers(self) -> dict[str, Array]:
-        """The auxiliary layers that are there, by name of LAYERS."""
-        return {name: layer for name in LAYERS if (layer := getattr(self, name)) is not None}
+        """Auxiliary layers by their names in LAYERS."""
+        return self._present(LAYERS)
 
     @property
     def factors(self) -> tuple[int, int]:
@@ -64,37 +65,39 @@ class LowResEIA:
         return self.color if self.noisy is None else self.noisy
 
     def each(self, change: Callable[[Array], Array]) -> LowResEIA:
-        """The same with every array changed in the same way, as by picking lenses."""
-        arrays = {"color": self.color, "alpha": self.alpha, **self.layers}
-        if self.opacity is not None:
-            arrays |= {"opacity": self.opacity, "places": self.places}
-        return dataclasses.replace(self, **{name: change(array) for name, array in arrays.items()})
+        """Return a copy with ``change`` applied to every array, for example to pick lenses."""
+        changed: dict[str, Any] = {name: change(array) for name, array in self._present(
+            ("color", "alpha", *LAYERS, "opacity", "places")).items()}
+        return dataclasses.replace(self, **changed)
+
+    def _present(self, names: tuple[str, ...]) -> dict[str, Array]:
+        return {name: array for name in names if (array := getattr(self, name)) is not None}
 
 
 def over_background(layers: Mapping[str, Array], frame: Frame) -> Array:
-    """Opaque scene-linear colour (H, W, 3) >= 0 of a render: over the world where visible, else the display's colour.
+    """Return the opaque scene-linear colour (H, W, 3) >= 0 of a render, over the visible world or the display's colour.
 
-    Cycles has already weighted the environment layer by what shows of it, so it
-    is added as it is. A world apart is not there yet. LfsrError where that layer should be there and is not.
+    Cycles has weighted the environment layer by what shows of it, so it is added as it is. A world in a file of its
+    own is not added. LfsrError where the environment layer is missing.
     """
     color = layers["color"]
+    pixels: Array = color[..., :3]
     if frame.world_visible and "environment" not in layers:
         raise LfsrError("frame.json says that the world is visible, but the EXR has no environment layer: "
                         "render the frame again")
-    if frame.world_apart:
-        return np.maximum(color[..., :3], 0)
-    if frame.world_visible:
-        return np.maximum(color[..., :3] + layers["environment"], 0)
-    if not any(frame.display.background):
-        return np.maximum(color[..., :3], 0)
-    background = np.asarray(frame.display.background, np.float32)
-    return np.maximum(color[..., :3] + (1 - np.clip(color[..., 3:], 0, 1)) * background, 0)
+    if frame.world_visible and not frame.world_apart:
+        pixels = pixels + layers["environment"]
+    elif not frame.world_visible and any(frame.display.background):
+        background = np.asarray(frame.display.background, np.float32)
+        pixels = pixels + (1 - np.clip(color[..., 3:], 0, 1)) * background
+    clipped: Array = np.maximum(pixels, 0)
+    return clipped
 
 
 def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView | None = None) -> LowResEIA:
-    """What a method sees, from the layers of lr_eia.exr; LfsrError where their size is not the frame's.
+    """Return the low-resolution EIA in the layers of lr_eia.exr; LfsrError where their size is not the frame's.
 
-    ``world``: what ``frames.world.read_world`` has found beside them.
+    ``world``: the result of ``frames.world.read_world`` for the same folder.
     """
     width, height = frame.rays.size
     shape = layers["color"].shape
@@ -102,15 +105,15 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
         raise LfsrError(f"{LOW_RES_FILE} has {shape[1]}×{shape[0]} pixels, but frame.json says {width}×{height}: "
                         "render the frame again")
 
+    alpha = layers["color"][..., 3:]
     images = {name: layers[name] for name in RENDERED_LAYERS if name in layers}
-    images |= {"color": over_background(layers, frame), "alpha": np.clip(layers["color"][..., 3:], 0, 1)}
+    images |= {"color": over_background(layers, frame), "alpha": np.clip(alpha, 0, 1)}
     if "denoised" in layers:
-        alpha = layers["color"][..., 3:]
         images["denoised"] = over_background({**layers, "color": np.concatenate([layers["denoised"], alpha], 2)}, frame)
     if frame.world_apart:
         images["opacity"] = 1 - np.clip(layers["environment"], 0, 1)
-        if "albedo" in images:  # Cycles adds the light of the world, which is white then
+        if "albedo" in images:  # Cycles adds the light of the world, which is white here
             images["albedo"] = np.maximum(images["albedo"] - layers["environment"], 0)
-    tiles = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
+    tiles: dict[str, Any] = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
     return LowResEIA(**tiles, samples=frame.samples, scale=frame.scale, parallax=frame.display.parallax, world=world,
                      places=frame.rays.shown_lenses if frame.world_apart else None)

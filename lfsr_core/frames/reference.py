@@ -1,4 +1,4 @@
-"""References: the full-resolution picture that others are measured against, as two independent halves."""
+"""References: the full-resolution EIA that others are measured against, as two independent halves."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.arrays import Array, Mask
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import REFERENCE_FILES, Frame, read_frame
@@ -19,28 +19,28 @@ from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import to_elemental_images
 
 SAME_AS_REFERENCE = ("display", "convention", "frame", "world_visible")
-MOST_NAME = 60  # characters of a scene's in a message
+MOST_NAME = 60  # characters of a scene's name in a message
 
 
 @dataclasses.dataclass(frozen=True)
 class Reference:
     """A reference folder in memory."""
 
-    folder: Path  # where it came from
+    folder: Path  # that it was read from
     frame: Frame  # how it was rendered
     # half_a, half_b: (H, W, 3) scene-linear over the background; all lenses, or side by side those of the list
     half_a: Array
     half_b: Array
-    hits: Array  # (rows, columns) bool, the tiles where either half shows foreground
+    hits: Mask  # (rows, columns) bool, the tiles where either half shows foreground
 
     @classmethod
     def read(cls, folder: str | Path) -> Reference:
-        """The reference in ``folder``; LfsrError where a file is missing or of another size, or both are the same."""
+        """Read a reference; LfsrError where a file is missing or of another size, or both halves are the same."""
         folder = Path(folder)
         frame = read_frame(folder)
         (half_a, hits_a), (half_b, hits_b) = (read_half(folder / name, frame) for name in REFERENCE_FILES)
         if half_a.any() and np.array_equal(half_a, half_b):
-            raise LfsrError(f"both halves in {folder} are the same picture, so that neither shows the other's noise: "
+            raise LfsrError(f"both halves in {folder} are the same image, so neither shows the other's noise: "
                             "render the reference again with this version")
         return cls(folder, frame, half_a, half_b, hits_a | hits_b)
 
@@ -56,32 +56,33 @@ class Reference:
         return np.argwhere(np.ones((sy, sx), bool)) if self.lens_list is None else np.array(self.lens_list)
 
     @property
-    def foreground(self) -> Array:
+    def foreground(self) -> Mask:
         """(n,) bool: which of ``lenses`` show foreground."""
         return self.hits.reshape(-1)[:len(self.lenses)]
 
     def linear_images(self) -> tuple[Array, Array]:
-        """Both halves as scene-linear elemental images (n, py, px, 3), in the order of ``lenses``."""
+        """Return both halves as scene-linear elemental images (n, py, px, 3), in the order of ``lenses``."""
         return listed_images(self.half_a, self.frame), listed_images(self.half_b, self.frame)
 
     def elemental_images(self) -> tuple[Array, Array]:
-        """Both halves as sRGB values in [0, 1], (n, py, px, 3), in the order of ``lenses``."""
-        return tuple(srgb_encode(images) for images in self.linear_images())
+        """Return both halves as sRGB values in [0, 1], (n, py, px, 3), in the order of ``lenses``."""
+        half_a, half_b = self.linear_images()
+        return srgb_encode(half_a), srgb_encode(half_b)
 
-    def foreground_mask(self, low_resolution: Array) -> Array:
-        """(sy, sx) bool: its own foreground where it shows every lens, else that of a ``low_resolution`` render."""
+    def foreground_mask(self, low_resolution: Mask) -> Mask:
+        """Return its own foreground (sy, sx) if it shows every lens, else that of a ``low_resolution`` render."""
         return self.hits if self.lens_list is None else low_resolution
 
 
 def listed_images(pixels: Array, frame: Frame) -> Array:
-    """Elemental images (n, py, px, 3) of the lenses that a render (H, W, 3) of ``frame`` shows, without spare tiles."""
+    """Return the elemental images (n, py, px, 3) of the lenses in a render (H, W, 3), without spare tiles."""
     images = to_elemental_images(pixels, frame.rays.tiles)
     count = images.shape[0] * images.shape[1] if frame.lens_list is None else len(frame.lens_list)
     return images.reshape(-1, *images.shape[2:])[:count]
 
 
-def read_half(path: Path, frame: Frame) -> tuple[Array, Array]:
-    """One half of a reference: (H, W, 3) scene-linear over its background, and (rows, columns) of tiles with any hit.
+def read_half(path: Path, frame: Frame) -> tuple[Array, Mask]:
+    """Read one half of a reference: (H, W, 3) scene-linear over its background, and its foreground (rows, columns).
 
     LfsrError where the file is missing or of another size than ``frame``.
     """
@@ -98,38 +99,32 @@ def check_reference(frame: Frame, reference: Frame) -> None:
     """LfsrError unless ``reference`` shows at full resolution what ``frame`` shows."""
     if reference.scale != 1:
         raise LfsrError(f"the reference has scale {reference.scale}, but it must be 1: render it with 'lfsr reference'")
-    name = first_difference(vars(reference), {name: vars(frame)[name] for name in SAME_AS_REFERENCE})
-    if name:
+    if name := first_difference(vars(reference), {name: vars(frame)[name] for name in SAME_AS_REFERENCE}):
         theirs, ours = phrases(name, vars(reference)[name], vars(frame)[name])
         raise LfsrError(f"the reference was rendered with {theirs}, but the frame with {ours}: "
                         "render the reference of the same frame in the same way")
-    if not _same_place(frame, reference):
+    if not np.allclose(_placement(frame), _placement(reference), rtol=1e-5, atol=1e-5 * frame.array.distance):
         raise LfsrError(_elsewhere(frame, reference))
     if frame.lens_list is not None and frame.lens_list != reference.lens_list:
         raise LfsrError(f"the reference shows other lenses than the {len(frame.lens_list)} of the frame: "
                         "render it for the same list")
 
 
+def _placement(frame: Frame) -> list[float]:
+    """Return the lengths of the camera array and the entries of its matrix."""
+    array = frame.array
+    return [array.distance, array.half_width, array.half_height, array.spacing, *np.ravel(frame.matrix_world)]
+
+
 def _elsewhere(frame: Frame, reference: Frame) -> str:
-    """Why a reference whose cameras stand elsewhere shows another picture."""
+    """Return the sentence on a reference whose cameras stand elsewhere."""
     if frame.scene != reference.scene:
-        return (f"the reference shows another scene, {_file(reference)}, but the frame {_file(frame)}: compare with "
-                "the reference of the same scene")
+        theirs, ours = (of.scene[:MOST_NAME] or "one without a name" for of in (reference, frame))
+        return (f"the reference shows another scene, {theirs}, but the frame {ours}: compare with the reference of the "
+                "same scene")
     distances = [of.array.distance for of in (reference, frame)]
     if math.isclose(*distances, rel_tol=1e-5):
         where = "its cameras stand or face elsewhere, as with another --camera or --subject"
     else:
         where = f"its display plane is {distances[0]:.4g} from the cameras, the frame's {distances[1]:.4g}"
     return f"the reference does not show what the frame shows: {where}. Render both of the same scene in the same way"
-
-
-def _file(frame: Frame) -> str:
-    return frame.scene[:MOST_NAME] or "one without a name"
-
-
-def _same_place(frame: Frame, reference: Frame) -> bool:
-    def numbers(of: Frame) -> list[float]:
-        array = of.array
-        return [array.distance, array.half_width, array.half_height, array.spacing, *np.ravel(of.matrix_world)]
-    tolerance = 1e-5 * frame.array.distance
-    return np.allclose(numbers(frame), numbers(reference), rtol=1e-5, atol=tolerance)

@@ -1,4 +1,4 @@
-"""report.json: what the second stage and the comparison say of a frame folder."""
+"""report.json: how a frame folder was finished, and its metrics."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ class Report:
     # of the lenses, or of a panel's traced subpixels, in [0, 1]
     foreground_fraction: float = dataclasses.field(metadata={"key": "foreground_share"})
     notes: tuple[str, ...] = ()  # what the user should know
-    # against a reference, empty until it was compared
+    # against a reference, empty until they are measured
     metrics: dict[str, Any] = dataclasses.field(default_factory=dict)
     replaced_pixels: int = 0  # pixels of the render that were not finite
     dilate: int = 0  # lenses by which the foreground mask was grown
     # layout, device: what sent the rays, and what Cycles rendered on
     layout: str = ""
     device: str = ""
-    weights: str | None = None  # file that replaced the weights of the method's network, None for the shipped ones
-    # neighbouring frames to each side that were looked at
+    weights: str | None = None  # file of the network's weights, None for the shipped ones
+    # neighbouring frames to each side
     temporal_averaging: int = dataclasses.field(default=0, metadata={"key": "share_frames"})
-    neighbours: tuple[int, ...] = ()  # their numbers, those that could not be averaged included
+    neighbours: tuple[int, ...] = ()  # their numbers, with those that could not be averaged
 
 
-# Metrics of sampled lenses, whose elemental images stand on their own, once had the names of those of a whole EIA.
+# Earlier versions gave metrics of sampled lenses the names of those of a whole EIA.
 ONCE = {"ssim_eia": "ssim_lens", "ssim_eia_fg": "ssim_lens_fg", "ssim_eia_plain": "ssim_lens_plain",
         "ssim_ceiling": "ssim_lens_ceiling"}
 
@@ -54,7 +54,7 @@ def read_report(folder: str | Path) -> Report:
 
 
 def _renamed(metrics: dict[str, Any]) -> dict[str, Any]:
-    """Metrics of sampled lenses by the names that they have now."""
+    """Return metrics of sampled lenses by their present names."""
     named = {ONCE.get(name, name): value for name, value in metrics.items()}
     widths = metrics.get("ci95")
     return named | {"ci95": _renamed(widths)} if isinstance(widths, dict) else named

@@ -1,4 +1,4 @@
-"""The views of a finished frame as one array, and such an array as an EIA."""
+"""Convert the EIA of a finished frame into an array of views, and back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The world of a frame whose render holds the subject alone."""
+"""The world of a frame whose render shows the subject alone."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from lfsr_core.optics.world_view import WorldImage, WorldView
 
 
 def finished_layout(frame: Frame) -> RayLayout:
-    """Rays of every view of the frame's display."""
+    """Return the rays of every view of the frame's display."""
     return RayLayout.for_display(frame.display, frame.array, convention=frame.convention,
                                  view_aperture=frame.view_aperture)
 
 
 def read_world(folder: str | Path, frame: Frame) -> WorldView | None:
-    """What the frame's display sees of the world in ``folder``; None where the render has it, or it is not seen.
+    """Read what the frame's display sees of the world; None where it is hidden or part of the render.
 
-    LfsrError where it should be there and is not, or is of another size.
+    LfsrError where its file is missing or of another size.
     """
     if not frame.world_apart:
         return None

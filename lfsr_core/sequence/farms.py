@@ -12,7 +12,7 @@ from typing import Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, write_json
-from lfsr_core.frames.averaging import check_shared
+from lfsr_core.frames.averaging import check_averaging
 from lfsr_core.frames.job import Job
 
 OPENJD, FLAMENCO = "openjd", "flamenco"
@@ -42,7 +42,7 @@ class FarmJob:
         if not 1 <= self.parts <= most:
             raise LfsrError(f"parts are {self.parts}, but they must be 1 to {most} on display "
                             f"{self.job.display.name}")
-        check_shared(self.temporal_averaging)
+        check_averaging(self.temporal_averaging)
 
     @property
     def values(self) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.averaging import check_shared, seed_in_turn
+from lfsr_core.frames.averaging import check_averaging, seed_in_turn
 from lfsr_core.frames.frame import (
     EIA_FILE,
     EIA_LINEAR_FILE,
@@ -71,7 +71,7 @@ def shot_of(job: Job, frames: Iterable[int], second: SecondStage, lenient: bool 
     output = Path(job.output)
     if is_complete(output, "render") or is_complete(output, "reference"):
         raise LfsrError(f"{output} is a frame folder itself: choose another folder for the frames of an animation")
-    check_shared(second.temporal_averaging)
+    check_averaging(second.temporal_averaging)
     jobs = tuple(dataclasses.replace(job, frame=number, output=str(frame_folder(output, number)),
                                      seed=seed_in_turn(job.seed, number, second.temporal_averaging))
                  for number in frames)

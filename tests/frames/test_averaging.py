@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.averaging import check_shared, seed_in_turn
+from lfsr_core.frames.averaging import check_averaging, seed_in_turn
 from lfsr_core.frames.job import MOST_SEED
 
 
 @pytest.mark.parametrize("count", [-1, 9])
 def test_impossible_counts_are_refused(count):
     with pytest.raises(LfsrError, match="0 to 8"):
-        check_shared(count)
+        check_averaging(count)
 
 
 def test_frames_that_do_not_share_have_the_seed_that_was_asked_for():

@@ -44,7 +44,7 @@ def test_json_round_trip_keeps_every_field(tmp_path):
     ({"layers": ("albedo", "norma")}, "layer is 'norma': did you mean 'normal'"),
     ({"view_aperture": -0.1}, "view aperture is -0.1"),
     ({"rows": (0, 3)}, "rows are 0-3, but the display has rows of lenses 1-12"),
-    ({"rows": (2, 2), "layout": "view-by-view"}, "rows 2 alone were asked for, but the layout view-by-view is not"),
+    ({"rows": (2, 2), "layout": "view-by-view"}, "rows 2 were asked for, but the layout view-by-view is not"),
     ({"rows": (1, 5), "lens_list": ((1, 2),)}, "but a list of lenses is not"),
     ({"rows": (1, 5), "layers": ("denoised",)}, "but the layer denoised is not"),
 ])

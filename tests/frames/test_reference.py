@@ -97,11 +97,11 @@ def test_reference_of_other_lenses_is_refused():
         check_reference(frame_of(4, lens_list=((0, 0),)), frame_of(1, lens_list=((0, 1),)))
 
 
-def test_halves_that_are_the_same_picture_are_refused(tmp_path):
+def test_halves_that_are_the_same_image_are_refused(tmp_path):
     folder = write_reference(tmp_path)
     first, second = (folder / name for name in REFERENCE_FILES)
     second.write_bytes(first.read_bytes())
-    with pytest.raises(LfsrError, match="both halves in .* are the same picture"):
+    with pytest.raises(LfsrError, match="both halves in .* are the same image"):
         Reference.read(folder)
 
 

@@ -91,6 +91,6 @@ def test_verbs_finish_it_show_it_to_an_eye_or_say_why_not(tmp_path, capsys):
     for command in (["views"], ["compare", str(reference)], ["view"],
                     ["export", "-o", str(tmp_path / "out"), "--format", "quilt"]):
         told = fails([command[0], str(folder), *command[1:]], capsys)
-        assert "holds the panel's picture alone" in told or "no frame folder" in told
+        assert "holds the panel image alone" in told or "no frame folder" in told
     with pytest.raises(LfsrError, match="need a render with another layout"):
         read_frame(folder)
