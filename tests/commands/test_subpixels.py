@@ -44,8 +44,8 @@ def test_frames_of_an_animation_are_finished_once(command, capsys):
         assert told in capsys.readouterr().out
     assert all(read_png(Path("frame", name, PANEL_FILE)).std() > 10 for name in ("0001", "0002"))
     light_field = [word for word in command if word not in ("--layout", "subpixels")]
-    assert "layout subpixels, but layout one-pass" in fails([*light_field, "--frames", "1-2", "--scale", "1", "--method",
-                                                      "none"], capsys), "not taken for frames of a light field"
+    said = fails([*light_field, "--frames", "1-2", "--scale", "1", "--method", "none"], capsys)
+    assert "layout subpixels, but layout one-pass" in said, "not taken for frames of a light field"
 
 
 @pytest.mark.parametrize(("options", "message"), [
