@@ -1,4 +1,4 @@
-"""What a network costs: multiply-adds and parameters."""
+"""Cost of a network: multiply-adds and parameters."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def parameters(network: nn.Module) -> int:
 
 
 def multiply_adds(network: nn.Module, h: int, w: int) -> float:
-    """Multiply-adds per low-resolution pixel of one elemental image of h × w pixels, counted by running it.
+    """Count the multiply-adds per low-resolution pixel of one elemental image of h × w pixels by running the network.
 
     Convolutions, deconvolutions and linear layers count (padding included, as
     hardware multiplies it too); activations, additions and resampling do not.

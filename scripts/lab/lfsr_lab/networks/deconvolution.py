@@ -7,7 +7,7 @@ from torch import Tensor, nn
 
 
 def aligned_deconvolution(inputs: int, outputs: int, kernel: int, scale: int) -> nn.ConvTranspose2d:
-    """Deconvolution that maps (h, w) to exactly (scale·h, scale·w), its kernel centred on the pixel's footprint.
+    """Return a deconvolution from (h, w) to exactly (scale·h, scale·w), its kernel centred on the pixel's footprint.
 
     Parameters
     ----------
@@ -20,12 +20,13 @@ def aligned_deconvolution(inputs: int, outputs: int, kernel: int, scale: int) ->
 
 
 def deconvolution_as_shuffle(layer: nn.ConvTranspose2d) -> nn.Sequential:
-    """The same map as a stride-1 convolution and a pixel shuffle, which CPUs run several times faster.
+    """Return the same map as a stride-1 convolution and a pixel shuffle, which CPUs run several times faster.
 
     Output pixel s·i + r takes kernel tap r + p - s·d from input pixel i + d. Exact
     for layers of ``aligned_deconvolution`` (same scale and kernel in both axes).
     """
-    scale, padding, kernel = layer.stride[0], layer.padding[0], layer.kernel_size[0]
+    assert layer.bias is not None
+    scale, padding, kernel = layer.stride[0], int(layer.padding[0]), layer.kernel_size[0]
     first = -((kernel - 1 - padding) // scale)
     last = (scale - 1 + padding) // scale
     reach = max(-first, last)
@@ -48,7 +49,7 @@ def _shuffled_weight(weight: Tensor, scale: int, padding: int, reach: int) -> Te
 
 
 def fold_for_inference(network: nn.Module) -> nn.Module:
-    """The same network, in place, with every deconvolution as a convolution and a pixel shuffle."""
+    """Replace every deconvolution of a network, in place, by a convolution and a pixel shuffle; return it."""
     for name, child in network.named_children():
         if isinstance(child, nn.ConvTranspose2d):
             setattr(network, name, deconvolution_as_shuffle(child))

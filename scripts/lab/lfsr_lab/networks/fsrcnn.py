@@ -35,6 +35,7 @@ class FSRCNN(nn.Module):
             if isinstance(layer, nn.Conv2d):
                 fan_out = layer.out_channels * layer.weight[0, 0].numel()
                 nn.init.normal_(layer.weight, std=(2 / fan_out) ** 0.5)
-                nn.init.zeros_(layer.bias)
         nn.init.normal_(self.up.weight, std=0.001)
-        nn.init.zeros_(self.up.bias)
+        for name, values in self.named_parameters():
+            if name.endswith("bias"):
+                nn.init.zeros_(values)

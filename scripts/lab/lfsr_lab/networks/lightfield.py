@@ -1,4 +1,4 @@
-"""Our network: cleans each low-resolution elemental image so that linear upscaling comes nearest to the reference.
+"""Our network: it denoises each low-resolution elemental image for linear upscaling.
 
 A shallow U of 3×3 convolutions inside one EI, trained through linear upscaling
 on noisy renders. A nonlinear upscaling head and convolutions across lenses
@@ -8,6 +8,7 @@ gained nothing, see docs/results/networks.md.
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import torch
 import torch.nn.functional as F
@@ -24,8 +25,8 @@ class LightFieldConfig:
     # layers of the low-resolution EIA, in the order that the first convolution sees them
     inputs: tuple[str, ...] = ("color", "alpha", "albedo", "normal")
     base: str = "color"  # the layer that the network corrects
-    second_base: str = ""  # another picture of the same, which it mixes in pixel by pixel; "" for none
-    plain: float = 0.0  # share of both pictures' mean in what it gives
+    second_base: str = ""  # another denoised layer, which it mixes in pixel by pixel; "" for none
+    plain: float = 0.0  # fraction of the mean of both in the result
     width: int = 16  # channels at full angular resolution
     body_width: int = 32  # channels at half of it
     blocks: int = 2  # residual pairs of convolutions
@@ -37,13 +38,13 @@ class LightFieldConfig:
 
     @property
     def outputs(self) -> int:
-        """Channels of the last convolution: correction, share of the base to drop, share of the second base."""
+        """Channels of the last convolution: correction, fraction of the base to drop, fraction of the second base."""
         return 5 if self.second_base else 4
 
 
 def encode(linear: Tensor) -> Tensor:
-    """Scene-linear >= 0 to the working domain of ``encoding.encode``: √x up to 1, 1 + ½·ln x above."""
-    # The slope of a root at 0 has no end.
+    """Convert scene-linear values >= 0 to the working domain of ``encoding.encode``: √x up to 1, 1 + ½·ln x above."""
+    # The slope of a root at 0 is infinite.
     return linear.clamp(1e-8, 1).sqrt() + 0.5 * linear.clamp_min(1).log()
 
 
@@ -53,12 +54,12 @@ def decode(encoded: Tensor) -> Tensor:
 
 
 def display_values(encoded: Tensor, behind: Tensor | float = 0.0) -> Tensor:
-    """Working domain to what metrics see: sRGB values clipped to [0, 1], over scene-linear light ``behind``."""
+    """Convert the working domain to the sRGB values in [0, 1] that metrics see, over scene-linear light ``behind``."""
     return srgb_encode(encoded.clamp(0, 1).square() + behind)
 
 
 def conserve(encoded: Tensor, light: Tensor) -> Tensor:
-    """EIs (N, 3, h, w) of the working domain, scaled to their rendered mean, scene-linear ``light`` (N, 3, 1, 1).
+    """Scale EIs (N, 3, h, w) of the working domain to their rendered mean, scene-linear ``light`` (N, 3, 1, 1).
 
     The render's mean over an EI is unbiased and has little noise; a network's is neither.
     """
@@ -68,12 +69,12 @@ def conserve(encoded: Tensor, light: Tensor) -> Tensor:
 
 
 def upscale(low: Tensor, scale: int) -> Tensor:
-    """Linear inside each EI, as the method "bilinear": (N, C, h, w) -> (N, C, s·h, s·w)."""
+    """Interpolate linearly inside each EI, as the method "bilinear": (N, C, h, w) -> (N, C, s·h, s·w)."""
     return F.interpolate(low, scale_factor=scale, mode="bilinear", align_corners=False)
 
 
 class ReplicateConv(nn.Conv2d):
-    """3×3 convolution whose border repeats the edge: an EI has few pixels, and zeros would darken them."""
+    """3×3 convolution that repeats the edge: an EI has few pixels, and zeros would darken its border."""
 
     def __init__(self, inputs: int, outputs: int) -> None:
         super().__init__(inputs, outputs, 3, padding=1, padding_mode="replicate")
@@ -94,7 +95,7 @@ class Block(nn.Module):
 
 
 class LightFieldNet(nn.Module):
-    """Denoise a low-resolution EIA, in the working domain; untrained, it gives back ``base``.
+    """Denoise a low-resolution EIA in the working domain; an untrained network returns ``base``.
 
     With a second base, ``plain`` of the result is always the mean of both.
     """
@@ -109,7 +110,8 @@ class LightFieldNet(nn.Module):
         self.up = nn.Conv2d(body, width * 4, 1)
         self.out = ReplicateConv(width, config.outputs)
         nn.init.zeros_(self.out.weight)
-        nn.init.zeros_(self.out.bias)
+        if self.out.bias is not None:
+            nn.init.zeros_(self.out.bias)
 
     def forward(self, features: Tensor, base: Tensor) -> Tensor:
         """features (N, C, h, w) and base (N, 3, h, w) of N EIs -> (N, 3, h, w)."""
@@ -135,6 +137,6 @@ class LightFieldNet(nn.Module):
         return features[:, start:start + 3]
 
 
-def build(scale: int, **options: object) -> LightFieldNet:
-    """Untrained network of ``LightFieldConfig(**options)``; the same at every scale."""
+def build(scale: int, **options: Any) -> LightFieldNet:
+    """Return an untrained network of ``LightFieldConfig(**options)``; it is the same at every scale."""
     return LightFieldNet(LightFieldConfig(**options))

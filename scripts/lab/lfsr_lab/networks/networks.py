@@ -20,7 +20,7 @@ ARCHITECTURES: dict[str, Callable[..., nn.Module]] = {
 
 
 def build(name: str, scale: int) -> nn.Module:
-    """Untrained network; LfsrError if it does not come at that scale."""
+    """Return an untrained network; LfsrError if it does not exist at that scale."""
     entry = catalogue.spec(name)
     if scale not in entry.scales:
         scales = ", ".join(map(str, entry.scales))
@@ -29,7 +29,7 @@ def build(name: str, scale: int) -> nn.Module:
 
 
 def load(name: str, scale: int, weights: str | Path | None = None) -> nn.Module:
-    """Network with its weights, in evaluation mode, on the CPU; LfsrError if they do not fit."""
+    """Return a network with its weights, in evaluation mode, on the CPU; LfsrError if they do not fit."""
     network = build(name, scale)
     path = Path(weights) if weights else catalogue.weights_path(name, scale)
     if weights is None and not path.exists():

@@ -45,6 +45,9 @@ class FitOptions:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        if not catalogue.spec(self.network).light_field:
+            raise LfsrError(f"network {self.network!r} was trained on photographs and cannot be fitted: "
+                            "choose refine or light")
         if not (self.lenses >= LEAST_LENSES and self.seconds >= 0 and 0 <= self.seed < 2**32):
             raise LfsrError(f"fitting {str(self.lenses)[:20]} lenses for {self.seconds} s from seed "
                             f"{str(self.seed)[:20]} cannot be: give at least {LEAST_LENSES} lenses, no less than 0 "
@@ -82,7 +85,7 @@ class Lenses:
         chosen = torch.from_numpy(index)
         return dataclasses.replace(self, features=self.features[chosen], base=self.base[chosen],
                                    light=self.light[chosen], behind=self.behind[chosen],
-                                   halves=tuple(half[chosen] for half in self.halves))
+                                   halves=(self.halves[0][chosen], self.halves[1][chosen]))
 
 
 def fit(folder: str | Path, reference: str | Path, output: str | Path, options: FitOptions | None = None,
@@ -115,6 +118,7 @@ def fit(folder: str | Path, reference: str | Path, output: str | Path, options: 
                         "check it: render a reference of more lenses")
     seen, unseen = data.take(order[:count]), data.take(order[count:])
     network, entry = load(options.network, data.scale), catalogue.spec(options.network)
+    assert isinstance(network, LightFieldNet)
     torch.manual_seed(options.seed)
     before = score(network, unseen)
     network, steps = _descend(network, seen, options.seconds, progress)
@@ -140,10 +144,10 @@ def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
                         "render it again with --layers albedo,normal")
     features, base = numpy_network.network_inputs(shipped, low, chosen)
     rendered = low.rendered[tuple(chosen.T)]
-    halves = tuple(display_values(encode(_planes(half[known.foreground]))) for half in known.linear_images())
+    a, b = (display_values(encode(_planes(half[known.foreground]))) for half in known.linear_images())
     behind = np.zeros((len(chosen), 1, 1, 3), np.float32) if low.world is None else (
         world_behind(chain.upscaler, low, chosen))
-    return Lenses(_planes(features), _planes(base), _planes(rendered).mean((2, 3), keepdim=True), halves,
+    return Lenses(_planes(features), _planes(base), _planes(rendered).mean((2, 3), keepdim=True), (a, b),
                   _planes(behind), frame.scale)
 
 

@@ -110,8 +110,12 @@ def train(config: TrainConfig | LightFieldTrainConfig, output: str | Path, devic
     """
     chosen = choose_device(device)
     torch.backends.cudnn.benchmark = True
-    prepare = _light_field if isinstance(config, LightFieldTrainConfig) else _comparator
-    task, data = prepare(config, chosen)
+    task: LightFieldTask | ComparatorTask
+    data: SceneData | ComparatorData
+    if isinstance(config, LightFieldTrainConfig):
+        task, data = _light_field(config, chosen)
+    else:
+        task, data = _comparator(config, chosen)
     schedule = Schedule(config.epochs, config.validate_every, config.checkpoint_every)
     outcome = run(task, schedule, output, options)
     if outcome.stopped:
@@ -125,8 +129,9 @@ def _comparator(config: TrainConfig, device: torch.device) -> tuple[ComparatorTa
     photographs = load_photographs(config.photographs, LONG_SIDE)
     validation = load_photographs(config.validation) if config.validation else None
     scenes = SceneValidation(config.validation_scenes, config.scale, device) if config.validation_scenes else None
-    task = ComparatorTask(config, photographs, validation, device, scenes and scenes.figures)
-    return task, ComparatorData(PhotographFacts.of(photographs), validation and PhotographFacts.of(validation))
+    task = ComparatorTask(config, photographs, validation, device, scenes.figures if scenes else None)
+    return task, ComparatorData(PhotographFacts.of(photographs),
+                                PhotographFacts.of(validation) if validation else None)
 
 
 def _light_field(config: LightFieldTrainConfig, device: torch.device) -> tuple[LightFieldTask, SceneData]:

@@ -6,9 +6,7 @@ import argparse
 from contextlib import closing
 from pathlib import Path
 
-from lfsr_core.errors import LfsrError
 from lfsr_core.progress import ProgressBar
-from lfsr_core.reconstruct.networks.catalogue import spec
 from lfsr_lab.verbs.train import training_packages
 
 NAME = "fit"
@@ -30,9 +28,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Fit and print what it gained on lenses it has not seen."""
-    if not spec(arguments.network).light_field:
-        raise LfsrError(f"network {arguments.network!r} was trained on photographs and cannot be fitted: "
-                        "choose refine or light")
     with training_packages(), closing(ProgressBar()) as progress:
         from lfsr_lab.train.fit import FitOptions, fit
 

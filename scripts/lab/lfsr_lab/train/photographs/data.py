@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,7 +35,7 @@ class Photographs:
         state = hashlib.sha256()
         for name, image in zip(self.names, self.images, strict=True):
             state.update(f"{name} {image.shape}\n".encode())
-            state.update(np.ascontiguousarray(image))
+            state.update(image.tobytes())
         return state.hexdigest()
 
 
@@ -149,7 +148,7 @@ class CropSampler:
 
 
 @dataclass(frozen=True)
-class EpochOfCrops(Sequence[Tensor]):
+class EpochOfCrops:
     """Batches of (B, 3, crop, crop) float32 in [0, 1]; each batch is flipped and transposed as one."""
 
     pixels: Tensor

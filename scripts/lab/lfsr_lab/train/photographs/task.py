@@ -56,8 +56,11 @@ class ComparatorTask:
             checkpoint.load_into(self.network, config.start, config.scale)
             self._data["start"] = read_tensors(Path(config.start))[0]["sha256"]
         self._optimizer = self._adam(self.network)
-        self.discriminator = Discriminator().to(device, memory_format=self._layout) if config.adversarial else None
-        self._adversary = self._adam(self.discriminator) if self.discriminator else None
+        self.discriminator: Discriminator | None = None
+        if config.adversarial:
+            # PyTorch's stubs lack this overload.
+            self.discriminator = Discriminator().to(device, memory_format=self._layout)  # type: ignore[call-overload]
+            self._adversary = self._adam(self.discriminator)
         self._crops: EpochOfCrops | None = None
 
     @property
@@ -103,19 +106,20 @@ class ComparatorTask:
         if self.discriminator is None:
             self._update(self._optimizer, mse)
             return {"mse": mse.detach()}
-        return self._adversarial_step(high, fake, mse)
+        return self._adversarial_step(self.discriminator, high, fake, mse)
 
-    def _adversarial_step(self, high: Tensor, fake: Tensor, mse: Tensor) -> dict[str, Tensor]:
+    def _adversarial_step(self, discriminator: Discriminator, high: Tensor, fake: Tensor,
+                          mse: Tensor) -> dict[str, Tensor]:
         high, fake = (images.contiguous(memory_format=self._layout) for images in (high, fake))
         # Half precision only where it pays: the discriminator does 99 % of the arithmetic.
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
-            judged = discriminator_loss(self.discriminator, high, fake)
+            judged = discriminator_loss(discriminator, high, fake)
         self._update(self._adversary, judged)
-        self.discriminator.requires_grad_(False)
+        discriminator.requires_grad_(False)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
-            fooled = adversarial_loss(self.discriminator, fake)
+            fooled = adversarial_loss(discriminator, fake)
         self._update(self._optimizer, mse + self.config.adversarial * fooled)
-        self.discriminator.requires_grad_(True)
+        discriminator.requires_grad_(True)
         return {"mse": mse.detach(), "adversarial": fooled.detach(), "discriminator": judged.detach()}
 
     @staticmethod
