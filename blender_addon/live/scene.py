@@ -18,7 +18,8 @@ import mathutils
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import CLAMP_INDIRECT
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.eye_card import Place, eye_card, eye_place, eye_region
+from lfsr_core.optics.eye import Point
+from lfsr_core.optics.eye_card import eye_card, eye_place, eye_region
 from lfsr_core.optics.lens_card import LensCard, lens_card
 from lfsr_core.optics.live_region import LiveRegion
 from lfsr_core.optics.rays import RayLayout
@@ -50,7 +51,7 @@ class View:
     follows: str  # name of the array's viewing position, which the card follows
     far: float  # distance from the world's origin, rounded up to a power of two
     clear: float  # distance to the nearest volume, rounded down to a power of two
-    eye: Place | None = None  # where the eye stands, None for the panel's image
+    eye: Point | None = None  # where the eye stands, None for the panel's image
 
     @property
     def kind(self) -> str:

@@ -1,7 +1,7 @@
-"""A dear chain of colour transforms as a shaper and one 3D table, where that shows the same.
+"""A slow chain of colour transforms as a shaper and one 3D table, if the table shows the same colours.
 
-Looks cost up to ten times what their view costs. Sampled on a grid that is even in log light, with tetrahedra
-between its points, every view of Blender's costs the same; OpenColorIO runs both.
+Looks take up to ten times as long as their view alone. Sampled on a grid that is even in log light, with tetrahedral
+interpolation, all of Blender's views take equally long. OpenColorIO evaluates both.
 """
 
 from __future__ import annotations
@@ -14,23 +14,21 @@ import PyOpenColorIO as ocio
 
 from lfsr_core.arrays import Array
 
-# Scene-linear light from 0 to 2^STOPS[1], even in log2(light + 2^STOPS[0]); what is brighter is not in the table.
+# The table spans scene-linear light from 0 to BRIGHTEST, even in log2(light + 2^STOPS[0]).
 STOPS, GRID = (-7.0, 3.0), 97
 BRIGHTEST = 2.0**STOPS[1] - 2.0**STOPS[0]
-# What a table has to keep on TRIED random colours, half of them pure lights, where tables fail first: none further off
-# than so many steps of 255, so few as far that none can be expected beyond, and the share within one step.
-MOST_STEPS, SHARE_AT_MOST, WITHIN_ONE, TRIED = 3, 1e-4, 0.999, 1 << 17
+# Accuracy that a table must have on TRIED random colours: the largest error in steps of 255, the largest fraction of
+# colours with that error (so small that none is expected beyond), and the smallest fraction within one step.
+MAX_STEPS, MAX_FRACTION, MIN_WITHIN_ONE, TRIED = 3, 1e-4, 0.999, 1 << 17
 THREADS = 4
 
 Apply = Callable[[Array], Array]
 
 
 def bake(to_float: Apply, to_bytes: Apply) -> ocio.CPUProcessor | None:
-    """From scene-linear floats to bytes by a table; None where that would show other colours.
+    """Return a table from scene-linear floats to bytes, or None if it would show other colours.
 
-    Parameters
-    ----------
-    to_float, to_bytes : the exact chain, (..., W, 3) scene-linear to display values
+    ``to_float``, ``to_bytes``: the exact chain, (..., W, 3) scene-linear to display values.
     """
     table = ocio.GroupTransform([_shaper(), _table(to_float)])
     processor = ocio.Config.CreateRaw().getProcessor(table).getOptimizedCPUProcessor(
@@ -40,13 +38,13 @@ def bake(to_float: Apply, to_bytes: Apply) -> ocio.CPUProcessor | None:
     processor.apply(ocio.PackedImageDesc(colors, TRIED, 1, 3),
                     ocio.PackedImageDesc(baked, TRIED, 1, 3, ocio.BIT_DEPTH_UINT8, 1, 3, 3 * TRIED))
     steps = np.abs(baked.astype(np.int16) - to_bytes(colors)).max(-1)
-    return processor if _is_near(steps) else None
+    return processor if _is_accurate(steps) else None
 
 
-def _is_near(steps: Array) -> bool:
-    """True if a table may stand for its chain, whose colours it misses by ``steps`` of 255."""
-    few = np.mean(steps >= MOST_STEPS) <= SHARE_AT_MOST
-    return bool(steps.max() <= MOST_STEPS and few and np.mean(steps <= 1) >= WITHIN_ONE)
+def _is_accurate(steps: Array) -> bool:
+    """Whether a table with errors of ``steps`` of 255 can replace its chain."""
+    few = np.mean(steps >= MAX_STEPS) <= MAX_FRACTION
+    return bool(steps.max() <= MAX_STEPS and few and np.mean(steps <= 1) >= MIN_WITHIN_ONE)
 
 
 def _shaper() -> ocio.LogAffineTransform:
@@ -74,10 +72,13 @@ def _table(to_float: Apply) -> ocio.Lut3DTransform:
 
 
 def _random_colors() -> Array:
-    """(1, TRIED, 3) scene-linear colours of every lightness and saturation, half pure, the same each time."""
+    """(1, TRIED, 3) scene-linear colours of every lightness and saturation, always the same.
+
+    Half of them lack one primary: there tables fail first.
+    """
     random = np.random.default_rng(0)
     stops = random.uniform(STOPS[0] - 4, STOPS[1], (1, TRIED, 1)) + random.normal(0, 1.2, (1, TRIED, 3))
     colors = np.minimum(2**stops, BRIGHTEST).astype(np.float32)
     half = np.arange(0, TRIED, 2)
-    colors[0, half, random.integers(0, 3, half.size)] = 0  # of two lights
+    colors[0, half, random.integers(0, 3, half.size)] = 0
     return colors

@@ -1,4 +1,4 @@
-"""Whether a picture shows anything: almost black and almost white ones are told apart from the rest."""
+"""Images that are almost entirely black or white."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ import numpy as np
 from lfsr_core.arrays import Array
 
 BLACK, WHITE = 8.5 / 255, 249.5 / 255  # display values
-# Percentiles of the pixels that say so: sparks in the dark and specks on white do not make a picture.
+# Percentiles that are compared with these, so that a few sparks in the dark or specks on white do not count.
 SPARKS, SPECKS = 99.5, 5.0
 REMEDIES = {"black": "make lights or exposure stronger", "white": "make lights or exposure weaker"}
 
 
 def exposure_notes(shown: Array, background: Array) -> list[str]:
-    """For a report: one if the picture is almost black or almost white; arguments as of ``extreme_tone``."""
+    """Notes for a report: one if the image is almost black or white; parameters as of ``extreme_tone``."""
     tone = extreme_tone(shown, background)
-    return [f"the picture is almost {tone}: {REMEDIES[tone]}, or check where the camera looks"] if tone else []
+    return [f"the image is almost {tone}: {REMEDIES[tone]}, or check where the camera looks"] if tone else []
 
 
 def extreme_tone(shown: Array, background: Array | None = None) -> str:
-    """"black" or "white" where the picture is almost that, else "".
+    """Return "black" or "white" if almost the whole image is, else "".
 
     Parameters
     ----------
     shown : (..., 3) display values, uint8 or floats in [0, 1]
-    background : (3,) of the same type, pixels that do not count; where there are no others it is the picture
+    background : (3,) of the same type, the colour of pixels that do not count, unless there are no others
     """
     pixels = shown.reshape(-1, 3)
     if background is not None and (counted := (pixels != background).any(1)).any():

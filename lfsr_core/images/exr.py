@@ -13,7 +13,7 @@ from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, reading
 
-# Names that Blender 4.5 and 5.x and this program give the same pass, in lower case.
+# Names, in lower case, that Blender 4.5, Blender 5.x and this program give the same pass.
 PASS_LAYERS = {
     "combined": "color", "color": "color", "": "color",
     "denoising albedo": "albedo", "albedo": "albedo",
@@ -27,61 +27,55 @@ LAYER_CHANNELS = {"color": "RGBA", "albedo": "RGB", "normal": "XYZ", "position":
                   "environment": "RGB", "denoised": "RGB", "noisy": "RGBA"}
 HALF_MAX = 65504.0
 MAGIC = b"\x76\x2f\x31\x01"
-# A header that lies must not cost memory. Deflate shrinks at most 1032 times, and 16-bit floats become 32-bit ones.
-MOST_COMPRESSION = 2200
-MOST_BYTES, MOST_SIDE, MOST_PARTS = 2**35, 65536, 1024
+# Limits against damaged headers, which must not cost memory. Deflate compresses at most 1032 times, and 16-bit floats
+# become 32-bit ones.
+MAX_COMPRESSION = 2200
+MAX_BYTES, MAX_SIDE, MAX_PARTS = 2**35, 65536, 1024
 Layers = dict[str, Array]
 
 
-def read_layers(path: str | Path) -> dict[str, Array]:
-    """Layers of a multi-layer EXR as float32 (H, W, C), by name.
+def read_layers(path: str | Path) -> Layers:
+    """Read the layers of a multi-layer EXR as float32 (H, W, C), by name.
 
-    Always "color" (RGBA, premultiplied, scene-linear; alpha 1 where the file has
-    none); "albedo" (3), "normal" (3, camera-array space, zero where nothing was hit),
-    "position" (3, world space, scene units), "index" (1) and "environment" (3)
-    where the file has them, and "denoised" (3), the colour after Cycles' own denoiser.
+    Always "color" (RGBA, premultiplied, scene-linear; alpha 1 if the file has
+    none). If the file has them: "albedo" (3), "normal" (3, camera-array space, zero where
+    nothing was hit), "position" (3, world space, scene units), "index" (1), "environment" (3)
+    and "denoised" (3), the colour after Cycles' own denoiser.
     Reads Blender's files (4.5: one part, 5.x: one part per pass) and those of
-    ``write_layers``; other passes are left out.
-    LfsrError where the file is missing, truncated or has no colour.
+    ``write_layers``; ignores other passes.
+    LfsrError if the file is missing, truncated or has no colour.
     """
     path = Path(path)
     with reading(path, "an EXR image") as file:
         if file.read(len(MAGIC)) != MAGIC:
-            raise _unreadable(path, "it does not begin as one")
-    layers: dict[str, Array] = {}
+            raise _unreadable(path, "it does not begin like an EXR")
+    layers: Layers = {}
     try:
-        parts = _read_parts(path)
+        for names, pixels in _read_parts(path):
+            for layer, columns in _layer_columns(names).items():
+                layers.setdefault(layer, _columns_of(pixels, columns))
     except (UnicodeDecodeError, MemoryError) as error:
         raise _unreadable(path, "too little memory" if isinstance(error, MemoryError) else str(error)) from None
-    for names, pixels in parts:
-        for layer, columns in _layer_columns(names).items():
-            layers.setdefault(layer, _columns_of(pixels, columns))
     if "color" not in layers:
         raise LfsrError(f"{path} has no colour layer, expected channels R, G, B: render the frame again")
-    _check_sizes(path, layers)
-    if "noisy" in layers:
-        # Where Cycles denoised, its picture is the denoised one.
-        picture = layers["color"]
-        layers["denoised"] = np.ascontiguousarray(picture[..., :3])
-        layers["color"] = np.concatenate([layers.pop("noisy")[..., :3], picture[..., 3:]], axis=2)
+    for layer, pixels in layers.items():
+        height, width, channels = pixels.shape
+        if (height, width) != layers["color"].shape[:2] or channels not in (len(LAYER_CHANNELS[layer]), 3):
+            raise _unreadable(path, f"its layer {layer} has {width}×{height} pixels of {channels} channels")
+    if "noisy" in layers:  # then the combined pass is Cycles' denoised image
+        combined = layers["color"]
+        layers["denoised"] = np.ascontiguousarray(combined[..., :3])
+        layers["color"] = np.concatenate([layers.pop("noisy")[..., :3], combined[..., 3:]], axis=2)
     if layers["color"].shape[2] == 3:
         layers["color"] = np.concatenate([layers["color"], np.ones_like(layers["color"][..., :1])], axis=2)
     return layers
 
 
-def _check_sizes(path: Path, layers: Mapping[str, Array]) -> None:
-    """LfsrError unless all layers have the colour's size, and as many channels as they should."""
-    for layer, pixels in layers.items():
-        height, width, channels = pixels.shape
-        if (height, width) != layers["color"].shape[:2] or channels not in (len(LAYER_CHANNELS[layer]), 3):
-            raise _unreadable(path, f"its layer {layer} has {width}×{height} pixels of {channels} channels")
-
-
 def write_layers(path: str | Path, layers: Mapping[str, Array], half: bool = False) -> None:
-    """Write layers, (H, W, C) each, as one EXR part: R, G, B, A, albedo.R, ...
+    """Write layers, (H, W, C) each, as one EXR part with the channels R, G, B, A, albedo.R, ...
 
     ``half`` stores 16-bit floats, clipped to their range. "color" may have three
-    or four channels. LfsrError where the file cannot be written; then none is left.
+    or four channels. LfsrError if the file cannot be written; then no partial file is left.
     """
     pixels = _stacked(layers, half)
     with _output(path, layers, len(pixels), half) as output:
@@ -89,17 +83,17 @@ def write_layers(path: str | Path, layers: Mapping[str, Array], half: bool = Fal
 
 
 def join_rows(paths: Sequence[str | Path], path: str | Path, half: bool = False) -> None:
-    """Write images of one width and the same layers below each other as one, as ``write_layers`` does.
+    """Join images below each other and write the result as ``write_layers`` does.
 
     Parameters
     ----------
-    paths : EXR files, from the top; held in memory one at a time
+    paths : EXR files of one width and with the same layers, from the top; in memory one at a time
     path : EXR to write
-    half : stores 16-bit floats
+    half : store 16-bit floats
 
     Raises
     ------
-    LfsrError : where one cannot be read, has other layers or another width, or the result cannot be written
+    LfsrError : if a file cannot be read, has other layers or another width, or if the result cannot be written
     """
     rows = sum(size(part)[1] for part in paths)
     first, at = read_layers(paths[0]), 0
@@ -108,7 +102,7 @@ def join_rows(paths: Sequence[str | Path], path: str | Path, half: bool = False)
             layers = read_layers(part) if at else first
             if set(layers) != set(first) or layers["color"].shape[1] != first["color"].shape[1]:
                 raise _unreadable(Path(part), "it has other layers or another width than the part above it")
-            # Blender's files and ours have their layers in another order.
+            # The order of layers differs between Blender's files and ours.
             layers = {name: layers[name] for name in first}
             below = at + layers["color"].shape[0]
             _check_written(path, output, output.write_scanlines(at, below, 0, _stacked(layers, half)))
@@ -116,7 +110,7 @@ def join_rows(paths: Sequence[str | Path], path: str | Path, half: bool = False)
 
 
 def size(path: str | Path) -> tuple[int, int]:
-    """Width and height in pixels, as the file's header says; LfsrError where it cannot be read."""
+    """Width and height in pixels, from the file's header; LfsrError if it cannot be read."""
     source = oiio.ImageInput.open(str(path))
     if source is None:
         raise _unreadable(Path(path), oiio.geterror())
@@ -132,13 +126,13 @@ def _stacked(layers: Mapping[str, Array], half: bool) -> Array:
 
 @contextmanager
 def _output(path: str | Path, layers: Mapping[str, Array], height: int, half: bool) -> Iterator[oiio.ImageOutput]:
-    """An EXR of these layers and of ``height`` rows that is being written."""
+    """An open EXR for these layers with ``height`` rows."""
     names = [name for layer, pixels in layers.items() for name in _channel_names(layer, pixels.shape[2])]
     width = next(iter(layers.values())).shape[1]
     spec = oiio.ImageSpec(width, height, len(names), "half" if half else "float")
-    spec.channelnames = names
+    spec.channelnames = tuple(names)
     spec.attribute("compression", "zip")
-    spec.attribute("DateTime", "")  # equal images are equal files, whenever they were written
+    spec.attribute("DateTime", "")  # so that equal images are equal files, whenever they were written
     with atomic_path(path) as temporary:
         output = oiio.ImageOutput.create(str(temporary))
         _check_written(path, output, output.open(str(temporary), spec))
@@ -153,29 +147,24 @@ def _check_written(path: str | Path, output: oiio.ImageOutput, done: bool) -> No
 
 
 def check_complete(path: str | Path) -> None:
-    """LfsrError unless every part of an EXR can be read to its last row: a full disk cuts files without a word."""
+    """LfsrError unless every part of an EXR can be read to its last row; a full disk truncates files silently."""
     source = oiio.ImageInput.open(str(path))
     if source is None:
-        raise _cut(path, oiio.geterror())
+        raise _truncated(path, oiio.geterror())
     index = 0
     while source.seek_subimage(index, 0):
         pixels = source.read_image(index, 0, 0, source.spec().nchannels, "half")
         if pixels is None or source.has_error:
-            raise _cut(path, source.geterror())
+            raise _truncated(path, source.geterror())
         index += 1
     source.close()
 
 
-def _cut(path: str | Path, reason: str) -> LfsrError:
-    first_line = reason.strip().splitlines()[0] if reason.strip() else "it has no pixels"
-    return LfsrError(f"{path} was not written whole ({first_line}): free some space or choose another folder")
-
-
-def clean(layers: Mapping[str, Array]) -> tuple[dict[str, Array], int]:
-    """The layers with every NaN and infinity set to 0, and how many pixels had one."""
+def clean(layers: Mapping[str, Array]) -> tuple[Layers, int]:
+    """Replace every NaN and infinity by 0; return the layers and the number of pixels that had one."""
     cleaned, broken = dict(layers), None
     for name, pixels in layers.items():
-        # A sum is finite unless a pixel is not: one pass over healthy layers, no temporary.
+        # The sum of finite pixels is finite: one pass over healthy layers, without a temporary.
         with np.errstate(invalid="ignore"):
             healthy = np.isfinite(np.sum(pixels, dtype=np.float64))
         if healthy:
@@ -186,55 +175,63 @@ def clean(layers: Mapping[str, Array]) -> tuple[dict[str, Array], int]:
     return cleaned, 0 if broken is None else int(broken.sum())
 
 
-def _read_parts(path: Path) -> list[tuple[tuple[str, ...], Array]]:
-    """(channel names, (H, W, C) float32) of every part of the file that has a layer of ours."""
+def _read_parts(path: Path) -> Iterator[tuple[tuple[str, ...], Array]]:
+    """(channel names, (H, W, C) float32) of every part of the file that has one of PASS_LAYERS."""
     source = oiio.ImageInput.open(str(path))
     if source is None:
         raise _unreadable(path, oiio.geterror())
-    parts, index, left = [], 0, min(MOST_BYTES, path.stat().st_size * MOST_COMPRESSION)
+    index, left = 0, min(MAX_BYTES, path.stat().st_size * MAX_COMPRESSION)
     while source.seek_subimage(index, 0):
         left -= _memory(source.spec())
-        if left < 0 or index >= MOST_PARTS:
+        if left < 0 or index >= MAX_PARTS:
             raise _unreadable(path, "its header asks for more than the file can hold")
         names = source.spec().channelnames
         pixels = source.read_image(index, 0, 0, len(names), "float") if _layer_columns(names) else None
         if source.has_error:
             raise _unreadable(path, source.geterror())
         if pixels is not None:
-            parts.append((names, pixels.reshape(*pixels.shape[:2], len(names))))
+            yield names, pixels.reshape(*pixels.shape[:2], len(names))
         index += 1
     source.close()
-    return parts
 
 
 def _memory(spec: oiio.ImageSpec) -> int:
-    """Bytes that the pixels of a part take as float32; without limit where Blender renders nothing of that size."""
+    """Bytes of a part's pixels as float32; more than MAX_BYTES for sizes that Blender does not render."""
     width, height = max(spec.width, spec.tile_width), max(spec.height, spec.tile_height)
     depth = max(spec.depth, spec.tile_depth, 1)
-    if spec.deep or max(width, height) > MOST_SIDE or min(spec.width, spec.height) < 1:
-        return MOST_BYTES + 1
+    if spec.deep or max(width, height) > MAX_SIDE or min(spec.width, spec.height) < 1:
+        return MAX_BYTES + 1
     return width * height * depth * spec.nchannels * 4
 
 
+def _first_line(reason: str, otherwise: str) -> str:
+    return reason.strip().splitlines()[0] if reason.strip() else otherwise
+
+
 def _unreadable(path: Path, reason: str) -> LfsrError:
-    first_line = reason.strip().splitlines()[0] if reason.strip() else "unknown format"
-    return LfsrError(f"{path} cannot be read ({first_line}): the file is damaged or no EXR, render it again")
+    return LfsrError(f"{path} cannot be read ({_first_line(reason, 'unknown format')}): the file is damaged or not an "
+                     "EXR, render it again")
 
 
-def _layer_columns(names: tuple[str, ...]) -> dict[str, list[int]]:
-    """Columns of each layer of ours among channels such as ``ViewLayer.Denoising Albedo.R``, in our order."""
+def _truncated(path: str | Path, reason: str) -> LfsrError:
+    return LfsrError(f"{path} was not written completely ({_first_line(reason, 'it has no pixels')}): free some space "
+                     "or choose another folder")
+
+
+def _layer_columns(names: Sequence[str]) -> dict[str, list[int]]:
+    """Columns of each layer among channels such as ``ViewLayer.Denoising Albedo.R``, in the order of LAYER_CHANNELS."""
     found: dict[str, dict[str, int]] = {}
     for column, name in enumerate(names):
         *parents, component = name.split(".")
         layer = PASS_LAYERS.get(parents[-1].lower() if parents else "")
         if layer:
-            # A second view layer's pass of the same name does not replace the first's.
+            # A second view layer's pass of the same name does not replace the first one's.
             found.setdefault(layer, {}).setdefault(component.upper(), column)
     return {layer: _ordered(columns, LAYER_CHANNELS[layer]) for layer, columns in found.items()}
 
 
 def _ordered(columns: Mapping[str, int], components: str) -> list[int]:
-    """Columns of a layer's ``components``; colours may be called X, Y, Z and the other way round."""
+    """Columns of a layer's ``components``; colours may be called X, Y, Z and the reverse."""
     for wanted in (components, components[:3], "RGB", "XYZ"):
         if all(component in columns for component in wanted):
             return [columns[component] for component in wanted]

@@ -1,8 +1,8 @@
-"""A PNG encoder that uses every core: rows are filtered and deflated in bands.
+"""PNG images, and an encoder that uses every core: rows are filtered and deflated in bands.
 
-A deflate stream may be cut at full flushes (RFC 1950, 1951), so that bands are
-compressed side by side with the standard library's zlib, which releases the GIL.
-OpenImageIO, on one core, takes 2.7 times as long for the EIA of an 8K display: 6.4 s against 2.4 s.
+A deflate stream can be cut at full flushes (RFC 1950, 1951), so the standard library's zlib, which
+releases the GIL, compresses bands in parallel. For the EIA of an 8K display this takes 2.4 s; OpenImageIO, on one
+core, takes 6.4 s.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from lfsr_core.files import atomic_path, reading
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 BAND_ROWS = 64
-MOST_SIDE, MOST_COMPRESSION = 65536, 1032  # of deflate
+MAX_SIDE, MAX_COMPRESSION = 65536, 1032  # of deflate
 CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # by colour type; a palette's index is one
 COLOR_TYPES = {1: 0, 3: 2}
 ADLER_PRIME = 65521
 
 
 def encode_png(pixels: Array) -> list[bytes]:
-    """PNG file, in pieces, of uint8 (H, W, 3) RGB or (H, W) grey, rows from the top."""
+    """Encode uint8 (H, W, 3) RGB or (H, W) grey, rows from the top, as a PNG file in pieces."""
     rows = np.ascontiguousarray(pixels).reshape(pixels.shape[0], -1)
     channels = rows.shape[1] // pixels.shape[1]
     header = struct.pack(">IIBBBBB", pixels.shape[1], pixels.shape[0], 8, COLOR_TYPES[channels], 0, 0, 0)
@@ -39,7 +39,7 @@ def encode_png(pixels: Array) -> list[bytes]:
     checksum = 1
     for _, band_checksum, length in bands:
         checksum = _combine_adler(checksum, band_checksum, length)
-    # An empty final block ends the stream; 78 01: zlib, 32 KiB window, fastest.
+    # An empty final block ends the stream. 78 01: zlib, 32 KiB window, fastest.
     tail = b"\x03\x00" + struct.pack(">I", checksum)
     data = [_chunk(b"IDAT", band) for band, _, _ in bands]
     return [SIGNATURE, _chunk(b"IHDR", header), _chunk(b"IDAT", b"\x78\x01"), *data,
@@ -53,14 +53,14 @@ def _deflate_band(rows: Array, start: int) -> tuple[bytes, int, int]:
     filtered[:, 0] = 2  # "Up": each row minus the one above
     np.subtract(band[1:], band[:-1], out=filtered[1:, 1:])
     filtered[0, 1:] = band[0] - rows[start - 1] if start else band[0]
-    # Run lengths alone are as small as full matching on rendered images, and twice as fast.
+    # On rendered images run lengths alone compress as well as full matching, twice as fast.
     deflate = zlib.compressobj(1, zlib.DEFLATED, -15, 9, zlib.Z_RLE)
-    data = deflate.compress(filtered) + deflate.flush(zlib.Z_FULL_FLUSH)
-    return data, zlib.adler32(filtered), filtered.size
+    data = deflate.compress(filtered.data) + deflate.flush(zlib.Z_FULL_FLUSH)
+    return data, zlib.adler32(filtered.data), filtered.size
 
 
 def _combine_adler(first: int, second: int, length: int) -> int:
-    """Adler-32 of two joined texts from theirs and the length of the second (zlib's adler32_combine)."""
+    """Adler-32 of joined data from those of its two parts and the length of the second (zlib's adler32_combine)."""
     low = (first & 0xFFFF) + (second & 0xFFFF) - 1
     high = (first >> 16) + (second >> 16) + (length % ADLER_PRIME) * ((first & 0xFFFF) - 1)
     return (high % ADLER_PRIME) << 16 | low % ADLER_PRIME
@@ -71,7 +71,7 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 
 def write_png(path: str | Path, pixels: Array) -> None:
-    """Write uint8 (H, W, 3) RGB or (H, W) grey, whole or not at all; LfsrError where that fails."""
+    """Write uint8 (H, W, 3) RGB or (H, W) grey; LfsrError if that fails, and then no partial file is left."""
     encoded = encode_png(pixels)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         for part in encoded:
@@ -79,7 +79,7 @@ def write_png(path: str | Path, pixels: Array) -> None:
 
 
 def read_png(path: str | Path) -> Array:
-    """8-bit image as uint8 (H, W, 3) RGB; LfsrError where it cannot be read."""
+    """Read an 8-bit image as uint8 (H, W, 3) RGB; LfsrError if it cannot be read."""
     return _decode(path, grey=False)
 
 
@@ -89,8 +89,8 @@ def write_mask(path: str | Path, mask: Array) -> None:
 
 
 def read_mask(path: str | Path, lenses: tuple[int, int] | None = None) -> Array:
-    """Boolean (rows, columns) mask of a PNG that ``write_mask`` wrote; LfsrError unless it has the size ``lenses``."""
-    mask = _decode(path, grey=True) >= 128
+    """Read a boolean (rows, columns) mask that ``write_mask`` wrote; LfsrError unless it has the size ``lenses``."""
+    mask = np.asarray(_decode(path, grey=True) >= 128)
     if lenses and mask.shape[::-1] != tuple(lenses):
         raise LfsrError(f"{path} has {mask.shape[1]}×{mask.shape[0]} pixels, but the display has "
                         f"{lenses[0]}×{lenses[1]} lenses: upscale the folder again")
@@ -98,12 +98,12 @@ def read_mask(path: str | Path, lenses: tuple[int, int] | None = None) -> Array:
 
 
 def _sizes_fit(head: bytes, size: int) -> bool:
-    """False where a file of ``size`` bytes cannot hold what its ``head`` says: that must not cost memory."""
+    """Whether a file of ``size`` bytes can hold an image as large as its ``head`` states."""
     if len(head) < 26 or not head.startswith(SIGNATURE):
         return False
     width, height, depth, color_type = struct.unpack(">IIBB", head[16:])
     bits = width * height * depth * CHANNELS.get(color_type, 4)
-    return max(width, height) <= MOST_SIDE and bits <= size * 8 * MOST_COMPRESSION
+    return bool(max(width, height) <= MAX_SIDE and bits <= size * 8 * MAX_COMPRESSION)
 
 
 def _decode(path: str | Path, grey: bool) -> Array:
@@ -112,7 +112,7 @@ def _decode(path: str | Path, grey: bool) -> Array:
     source = oiio.ImageInput.open(str(path)) if sizes_fit else None
     pixels = source.read_image("uint8") if source else None
     if pixels is None:
-        oiio.geterror()  # fetched, or the library prints it when the process ends
+        oiio.geterror()  # otherwise the library prints the error when the process ends
         raise LfsrError(f"{path} is not a readable 8-bit image: write it again")
     pixels = pixels.reshape(*pixels.shape[:2], -1)
     if grey:

@@ -1,4 +1,4 @@
-"""The sRGB curve, which metrics see images through whatever the scene's view transform."""
+"""The sRGB curve. Metrics compare images through it, whatever the scene's view transform."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from lfsr_core.arrays import Array
 
 
 def srgb_encode(linear: Array) -> Array:
-    """sRGB curve (IEC 61966-2-1) of linear values clipped to [0, 1]; any shape, result in [0, 1]."""
+    """Encode linear values, clipped to [0, 1], by the sRGB curve (IEC 61966-2-1); any shape."""
     clipped = np.clip(linear, 0, 1)
     return np.where(clipped <= 0.0031308, clipped * 12.92, 1.055 * clipped ** (1 / 2.4) - 0.055).astype(clipped.dtype)
 
 
 def srgb_decode(encoded: Array) -> Array:
-    """Linear light of sRGB values in [0, 1]; any shape."""
+    """Decode sRGB values in [0, 1] to linear light; any shape."""
     values = np.clip(encoded, 0, 1)
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4).astype(values.dtype)

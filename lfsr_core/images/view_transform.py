@@ -1,4 +1,4 @@
-"""Scene-linear light to display values as Blender shows them, through Blender's own OpenColorIO configuration."""
+"""From scene-linear light to display values, through Blender's own OpenColorIO configuration."""
 
 from __future__ import annotations
 
@@ -17,37 +17,38 @@ from lfsr_core.images.color_settings import ColorSettings
 
 CONFIG_IN_BLENDER = "datafiles/colormanagement/config.ocio"
 NO_LOOK = ("", "None")
-LEAST_GAMMA = 1e-3  # Blender allows 0
-MIN_BAKED_PIXELS = 1 << 22  # pixels from which on a table costs less than it saves
-CHEAP_VIEWS = ("Standard", "Raw", "Filmic", "Filmic Log")  # without a look not dearer than a table
+MIN_GAMMA = 1e-3  # Blender allows 0
+MIN_BAKED_PIXELS = 1 << 22  # from here on a table saves more time than it takes to make
+FAST_VIEWS = ("Standard", "Raw", "Filmic", "Filmic Log")  # without a look as fast as a table
 
 
 class ViewTransform:
-    """How Blender would show scene-linear colour under ``settings``, without dither.
+    """Show scene-linear colour as Blender does under ``settings``, without dither.
 
     The order is Blender's: exposure, look, view and display, gamma. May be called
-    from several threads at once. Where so many ``pixels`` are to be shown that it pays,
-    bytes come from a table of the chain (baked_color.py): nearly all within 1 of 255 of
-    Blender's, none beyond 3; a chain of which no table is so near stays exact.
-    LfsrError where the configuration is not found (the plain sRGB view needs none) or
+    from several threads at once. If there are enough ``pixels`` to show, bytes come from a table
+    of the chain (baked_color.py): nearly all within 1 of 255 of Blender's, none beyond 3. A chain
+    without such a table stays exact.
+    LfsrError if the configuration is not found (the plain sRGB view needs none) or
     does not know a name.
     """
 
     def __init__(self, settings: ColorSettings, pixels: int = 0) -> None:
         processor = _plain_processor() if _needs_no_config(settings) else _processor(settings)
         flags = ocio.OPTIMIZATION_DEFAULT
-        self._baked = None
+        self._baked: ocio.CPUProcessor | None = None
         self._to_float = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_F32, flags)
         self._to_bytes = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, flags)
-        self._baked = bake(self, self.to_uint8) if pixels >= MIN_BAKED_PIXELS and not _is_cheap(settings) else None
+        if pixels >= MIN_BAKED_PIXELS and not (settings.look in NO_LOOK and settings.view_transform in FAST_VIEWS):
+            self._baked = bake(self, self.to_uint8)
 
     @property
     def is_baked(self) -> bool:
-        """True where bytes come from a table of the chain."""
+        """Whether bytes come from a table of the chain."""
         return self._baked is not None
 
     def __call__(self, linear: Array) -> Array:
-        """Display values, float32 (..., W, 3), of scene-linear (..., W, 3); 0 to 1 is what the display can show."""
+        """Display values, float32 (..., W, 3), of scene-linear (..., W, 3); the display shows 0 to 1."""
         source = np.ascontiguousarray(linear, np.float32)
         result = np.empty_like(source)
         self._to_float.apply(_image(source), _image(result))
@@ -63,16 +64,12 @@ class ViewTransform:
         return result
 
     def _correct(self, source: Array, result: Array) -> None:
-        """Show pixels (n, 3) that are not in the table exactly, in place."""
+        """Replace, in place, the ``result`` of pixels (n, 3) outside the table by the exact one."""
         outside = ~((source >= 0) & (source <= BRIGHTEST)).all(1)
         pixels = np.ascontiguousarray(source[outside][None])
         shown = np.empty(pixels.shape, np.uint8)
         self._to_bytes.apply(_image(pixels), _image(shown))
         result[outside] = shown[0]
-
-
-def _is_cheap(settings: ColorSettings) -> bool:
-    return settings.look in NO_LOOK and settings.view_transform in CHEAP_VIEWS
 
 
 def _processor(settings: ColorSettings) -> ocio.Processor:
@@ -86,7 +83,7 @@ def _processor(settings: ColorSettings) -> ocio.Processor:
 
 
 def _needs_no_config(settings: ColorSettings) -> bool:
-    """True for the plain sRGB curve on a machine without Blender: light fields of others need none."""
+    """Whether these are the default settings and there is no Blender: imported light fields need no configuration."""
     if settings != ColorSettings():
         return False
     try:
@@ -97,7 +94,7 @@ def _needs_no_config(settings: ColorSettings) -> bool:
 
 
 def _plain_processor() -> ocio.Processor:
-    """Blender's Standard view on an sRGB display: IEC 61966-2-1, values outside [0, 1] clipped."""
+    """Blender's Standard view on an sRGB display: IEC 61966-2-1, clipped to [0, 1]."""
     curve = ocio.ExponentWithLinearTransform(gamma=[2.4, 2.4, 2.4, 1], offset=[0.055, 0.055, 0.055, 0],
                                              direction=ocio.TRANSFORM_DIR_INVERSE)
     clip = ocio.RangeTransform(minInValue=0, maxInValue=1, minOutValue=0, maxOutValue=1)
@@ -105,7 +102,7 @@ def _plain_processor() -> ocio.Processor:
 
 
 def find_config(settings: ColorSettings) -> Path:
-    """Blender's OpenColorIO configuration: the settings' own, $OCIO, or the bpy wheel's (not imported)."""
+    """Path of Blender's OpenColorIO configuration: of the settings, of $OCIO, or in the bpy wheel (not imported)."""
     named = [Path(name) for name in (settings.config, os.environ.get("OCIO", "")) if name]
     spec = importlib.util.find_spec("bpy")
     folders = spec.submodule_search_locations or () if spec else ()
@@ -131,12 +128,12 @@ def _display_chain(config: ocio.Config, settings: ColorSettings) -> ocio.GroupTr
         space = behind_look
     chain.appendTransform(ocio.DisplayViewTransform(src=space, display=display, view=view, looksBypass=True))
     if settings.gamma != 1:
-        chain.appendTransform(ocio.ExponentTransform([1 / max(settings.gamma, LEAST_GAMMA)] * 3 + [1.0]))
+        chain.appendTransform(ocio.ExponentTransform([1 / max(settings.gamma, MIN_GAMMA)] * 3 + [1.0]))
     return chain
 
 
 def _look_name(config: ocio.Config, settings: ColorSettings) -> str:
-    """The configuration's name of a look, which Blender's interface shows without its view's name."""
+    """The configuration's name of a look; Blender's interface omits the view's name from it."""
     known = list(config.getLookNames())
     with_view = f"{settings.view_transform} - {settings.look}"
     if with_view in known and settings.look not in known:

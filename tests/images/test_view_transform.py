@@ -171,9 +171,9 @@ def test_chain_that_no_table_shows_stays_exact_and_so_do_small_pictures():
 @pytest.mark.parametrize(("counts", "near"), [
     ([90_000, 9_950, 50, 0, 0], True), ([90_000, 9_900, 100, 0, 0], True), ([90_000, 9_890, 110, 0, 0], False),
     ([99_950, 0, 45, 5, 0], True), ([99_900, 0, 0, 100, 0], False), ([99_999, 0, 0, 0, 1], False)])
-def test_a_table_is_near_where_steps_are_small_and_large_ones_rarer_still(counts, near):
+def test_a_table_is_accurate_where_steps_are_small_and_large_ones_rarer_still(counts, near):
     steps = np.repeat(np.arange(len(counts)), counts)
-    assert baked_color._is_near(steps) == near
+    assert baked_color._is_accurate(steps) == near
 
 
 def test_half_of_the_colours_that_a_table_is_tried_on_are_pure_lights():

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.optics.depth_scale import choose_scale, lenses_per_view, mean_move, scales_up_to
+from lfsr_core.optics.depth_scale import choose_scale, disparities, mean_disparity, scales_up_to
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray
 from tests.support.synthetic import FLAT, MINI
@@ -24,9 +24,9 @@ def test_points_at_the_usable_depth_move_by_one_lens(display, scale):
     front, behind = display.depth_range_mm(scale)
     unit = array.distance / display.viewing_distance_mm
     depths = np.array([array.distance - front * unit, array.distance + behind * unit])
-    moved = lenses_per_view(display, array, depths) * scale
+    moved = disparities(display, array, depths) * scale
     assert moved[np.isfinite(depths)] == pytest.approx(1)
-    assert lenses_per_view(display, array, np.array([array.distance]))[0] == 0
+    assert disparities(display, array, np.array([array.distance]))[0] == 0
 
 
 def test_the_deeper_the_smaller():
@@ -60,7 +60,7 @@ def test_more_samples_ask_for_more_views():
 def test_half_of_the_views_are_enough_until_every_view_gets_many_samples(samples, scale):
     array = array_of(SMALL)
     depths = np.full(5, 2 * array.distance)
-    assert 0.52 < mean_move(lenses_per_view(SMALL, array, depths), 2) < 0.95
+    assert 0.52 < mean_disparity(disparities(SMALL, array, depths), 2) < 0.95
     assert choose_scale(SMALL, array, depths, (4, 2, 1), samples).scale == scale
 
 

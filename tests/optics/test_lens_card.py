@@ -62,7 +62,7 @@ def test_pixels_lie_where_an_orthographic_camera_sees_them(layout):
     up = (height / 2 - np.arange(height) - 0.5) * card.pixel
     assert places == pytest.approx(np.stack(np.meshgrid(right, up), -1), abs=1e-9)
     assert card.pixel == pytest.approx(2 * ARRAY.half_width / layout.lenses[0])
-    assert card.size == pytest.approx((np.array(layout.size) + 2 * RIM) * card.pixel)
+    assert np.ptp(card.corners.reshape(-1, 2), axis=0) == pytest.approx((np.array(layout.size) + 2 * RIM) * card.pixel)
 
 
 def test_a_cell_is_filled_from_edge_to_edge():

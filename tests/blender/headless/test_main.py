@@ -108,5 +108,5 @@ def test_a_file_that_was_cut_short_is_not_published(blend, tmp_path, options):
                   layers=("albedo", "normal", "position"), **options)
     *_, last = records(child.communicate()[0].splitlines())
     assert child.returncode == 2
-    assert last["stage"] == "error" and "was not written whole" in last["message"]
+    assert last["stage"] == "error" and "was not written completely" in last["message"]
     assert not list((tmp_path / "out").glob("*"))
