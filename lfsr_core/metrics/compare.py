@@ -1,4 +1,4 @@
-"""A frame folder against a reference folder: is it the same picture, and how close."""
+"""Compare a frame folder with a reference folder."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.arrays import Mask
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import recall
 from lfsr_core.frames.frame import MASK_FILE, read_frame
@@ -15,10 +15,11 @@ from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.frames.report import read_report, write_report
 from lfsr_core.images.png import read_mask
 from lfsr_core.metrics.eia_metrics import compare
+from lfsr_core.optics.rays import LensList
 from lfsr_core.reconstruct.options import UpscaleOptions
 from lfsr_core.reconstruct.second_stage import finished_linear, read_finished_linear
 
-LEAST_SAMPLES = 8
+MIN_SAMPLES = 8
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,12 +53,12 @@ class Metrics:
 
 
 def compare_folders(folder: str | Path, reference: str | Path) -> Metrics:
-    """Metrics of ``folder`` against ``reference``, also written into its report.json.
+    """Return the metrics of ``folder`` against ``reference``, and write them into its report.json.
 
-    The foreground is the reference's where it
-    shows every lens: a mask that lost some must not hide them from the metrics. The finished
-    picture is read from eia.exr where that was kept, else made once more.
-    LfsrError where either folder is incomplete or the two show different pictures.
+    If the reference shows every lens, the foreground is the reference's, so that a mask that
+    lost lenses does not hide them from the metrics. The finished image is read from eia.exr if
+    that exists, else computed again.
+    LfsrError if a folder is incomplete or the two show different images.
     """
     folder, frame = Path(folder), read_frame(folder)
     check_reference(frame, read_frame(reference))
@@ -74,24 +75,24 @@ def compare_folders(folder: str | Path, reference: str | Path) -> Metrics:
     else:
         metrics["recall"] = sampled_recall(mask, known.foreground, known.lens_list)
     if read_report(folder) != report:
-        raise LfsrError(f"{folder} was finished anew while it was compared, so the metrics are of what it was before: "
-                        "compare it again")
+        raise LfsrError(f"{folder} was finished again while it was compared, so the metrics belong to the earlier "
+                        "image: compare it again")
     write_report(folder, dataclasses.replace(report, metrics=metrics))
     return Metrics(**metrics | {"notes": tuple(metrics.get("notes", ()))})
 
 
-def sampled_recall(mask: Array, hits: Array, lens_list: tuple[tuple[int, int], ...]) -> float | None:
-    """Recall of ``mask`` (sy, sx), estimated from the true ``hits`` (N,) of listed (row, column) lenses.
+def sampled_recall(mask: Mask, hits: Mask, lens_list: LensList) -> float | None:
+    """Estimate the recall of ``mask`` (sy, sx) from the true ``hits`` (N,) of listed (row, column) lenses.
 
     The list samples lenses inside and outside the mask at different rates, so
-    each part counts by its size. None where a part is sampled by fewer than
-    LEAST_SAMPLES lenses: one stray hit outside would then stand for hundreds.
+    each group counts by its size. None if a group is sampled by fewer than
+    MIN_SAMPLES lenses, because one stray hit outside would stand for hundreds.
     """
     rows, columns = np.asarray(lens_list).T
     found = mask[rows, columns]
     counts = []
     for chosen, population in ((found, int(mask.sum())), (~found, int((~mask).sum()))):
-        if population and chosen.sum() < min(LEAST_SAMPLES, population):
+        if population and chosen.sum() < min(MIN_SAMPLES, population):
             return None
         counts.append(population * hits[chosen].mean() if population else 0.0)
     return float(counts[0] / sum(counts)) if sum(counts) else 1.0

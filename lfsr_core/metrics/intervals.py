@@ -1,83 +1,19 @@
-"""95 % intervals of means over lenses, and the quantiles they need.
-
-Where a reference shows every lens nothing is sampled; the interval then says how far the number would move with
-another subject of the same kind, if its lenses were drawn like these. Neighbouring lenses see nearly the same, so
-they are drawn in blocks.
-"""
+"""95 % intervals of means over random lenses, and the quantiles that they need."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
+from lfsr_core.arrays import Array, Mask
+from lfsr_core.metrics.split_ssim import mean_of
 
-from lfsr_core.arrays import Array
-from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.metrics.split_ssim import lens_ssim, mean_of, split_ssim_map
-from lfsr_core.optics.eia import to_elemental_images
-
-BLOCK = 3  # lenses along each side
-NORMAL_95 = 1.959964  # standard errors around the mean within which 95 % of many samples lie
-NORMAL_ONE_SIDED = 1.644854  # standard errors below which 95 % of many samples lie
+NORMAL_95 = 1.959964  # standard errors around the mean that contain 95 % of samples
+NORMAL_ONE_SIDED = 1.644854  # standard errors below which 95 % of samples lie
+Estimate = tuple[float | None, float | None]  # mean and half-width of its 95 % interval; None: unknown
 
 
-def lens_intervals(image: Array, half_a: Array, half_b: Array, lenses: tuple[int, int],
-                   mask: Array) -> dict[str, float | None]:
-    """Half-widths of the 95 % intervals of SSIM and psnr_fg (in dB, first order), from whole images.
-
-    Parameters
-    ----------
-    image, half_a, half_b : (H, W, 3), scene-linear, in view order
-    lenses : (sx, sy)
-    mask : (sy, sx) bool, the foreground
-
-    Returns
-    -------
-    By name; None where fewer than two blocks of lenses take part
-    """
-    x, a, b = (srgb_encode(values) for values in (image, half_a, half_b))
-    similarity = _per_lens(split_ssim_map(x, a, b), lenses)
-    alone = lens_ssim(x, a, b, lenses)
-    error = _per_lens((x - a) * (x - b), lenses)
-    everything = np.ones_like(mask)
-    mean_error, width = block_interval(error, mask)
-    decibels = 10 / math.log(10) * width / mean_error if width is not None and mean_error > 0 else None
-    return {"ssim_eia": block_interval(similarity, everything)[1],
-            "ssim_eia_fg": block_interval(similarity, mask)[1],
-            "ssim_lens": block_interval(alone, everything)[1],
-            "ssim_lens_fg": block_interval(alone, mask)[1], "psnr_fg": decibels}
-
-
-def block_interval(values: Array, mask: Array) -> tuple[float, float | None]:
-    """Mean of ``values`` (sy, sx) over ``mask`` and its 95 % half-width from blocks of BLOCK × BLOCK lenses.
-
-    A ratio estimate: blocks count by how many of their lenses are in the mask.
-    """
-    counts, sums = _blocks(mask.astype(float)), _blocks(np.where(mask, values, 0.0))
-    used = counts > 0
-    number, total = int(used.sum()), counts.sum()
-    mean = float(sums.sum() / total) if total else math.nan
-    if number < 2:
-        return mean, None
-    residual = (sums - mean * counts)[used]
-    error = math.sqrt(number / (number - 1) * float(residual @ residual)) / total
-    return mean, student_95(number - 1) * error
-
-
-def _per_lens(values: Array, lenses: tuple[int, int]) -> Array:
-    """Means (sy, sx) of the elemental images of (H, W, C)."""
-    return to_elemental_images(values, lenses).mean(axis=(2, 3, 4), dtype=np.float64)
-
-
-def _blocks(values: Array) -> Array:
-    """Sums over blocks, flat."""
-    padded = np.pad(values, [(0, -size % BLOCK) for size in values.shape])
-    rows, columns = (size // BLOCK for size in padded.shape)
-    return padded.reshape(rows, BLOCK, columns, BLOCK).sum((1, 3)).ravel()
-
-
-def stratum(values: Array, population: int) -> tuple[float | None, float | None]:
-    """Mean of a random sample of ``population`` lenses and its 95 % half-width, None where unknown."""
+def stratum(values: Array, population: int) -> Estimate:
+    """Estimate the mean over ``population`` lenses from the ``values`` of a random sample."""
     if len(values) == 0:
         return None, None
     if len(values) == population:
@@ -88,22 +24,8 @@ def stratum(values: Array, population: int) -> tuple[float | None, float | None]
     return mean_of(values), student_95(len(values) - 1) * error
 
 
-def student_95(freedom: int) -> float:
-    """Two-sided 95 % quantile of Student's t, within 1 % from 3 degrees of freedom on."""
-    return student(NORMAL_95, freedom)
-
-
-def student(z: float, freedom: float) -> float:
-    """Quantile of Student's t where the normal one is ``z``, within 2 % from 2 degrees of freedom on.
-
-    Cornish-Fisher expansion (Abramowitz and Stegun 26.7.5).
-    """
-    terms = ((z**3 + z) / 4, (5 * z**5 + 16 * z**3 + 3 * z) / 96, (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384)
-    return z + sum(term / freedom ** (power + 1) for power, term in enumerate(terms))
-
-
-def stratified(values: Array, in_foreground: Array, mask: Array) -> tuple[float | None, float | None]:
-    """Mean over all lenses and its half-width, from samples inside and outside the mask."""
+def stratified(values: Array, in_foreground: Mask, mask: Mask) -> Estimate:
+    """Estimate the mean over all lenses from samples inside and outside ``mask`` (sy, sx)."""
     total, squared_width = 0.0, 0.0
     for chosen, population in ((in_foreground, int(mask.sum())), (~in_foreground, int((~mask).sum()))):
         if population == 0:
@@ -114,3 +36,17 @@ def stratified(values: Array, in_foreground: Array, mask: Array) -> tuple[float 
         total += mean * population / mask.size
         squared_width = math.nan if width is None else squared_width + (width * population / mask.size) ** 2
     return total, None if math.isnan(squared_width) else math.sqrt(squared_width)
+
+
+def student_95(freedom: int) -> float:
+    """Two-sided 95 % quantile of Student's t, within 1 % from 3 degrees of freedom on."""
+    return student(NORMAL_95, freedom)
+
+
+def student(z: float, freedom: float) -> float:
+    """Quantile of Student's t at the probability of the normal quantile ``z``, within 2 % from 2 degrees of freedom on.
+
+    Cornish-Fisher expansion (Abramowitz and Stegun 26.7.5).
+    """
+    terms = ((z**3 + z) / 4, (5 * z**5 + 16 * z**3 + 3 * z) / 96, (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384)
+    return z + sum(term / freedom ** (power + 1) for power, term in enumerate(terms))

@@ -1,7 +1,7 @@
 """Errors against a noisy reference, estimated from its two independent halves.
 
-A reference is two renders a and b of equal samples. Products of errors against
-different halves have no noise in common, so their means do not grow with the
+A reference is two renders a and b with equal samples. Errors against the two halves
+have no noise in common, so the mean of their product does not grow with the
 reference's noise (docs/reference/metrics.md). Pixels are display values in [0, 1].
 """
 
@@ -18,20 +18,21 @@ SSIM_SIGMA, SSIM_WINDOW = 1.5, 11
 SSIM_BORDER = SSIM_WINDOW // 2
 SSIM_C1, SSIM_C2 = 0.01**2, 0.03**2  # for data in [0, 1], Wang et al. 2004
 BAND_ROWS = 256
-MAX_CHANNELS = 512  # of many small images side by side: enough for one call to be worth it
+MAX_CHANNELS = 512  # of many small images that are filtered in one call
+STRIP_ROWS = 16  # rows whose sums fit into a core's cache
 
 
 def split_ssim_map(image: Array, half_a: Array, half_b: Array) -> Array:
     """Local SSIM (H, W, C) of ``image`` against two noisy halves of one reference.
 
-    All (H, W, C) in [0, 1]. Gaussian window of 11 × 11, σ = 1.5, data
-    range 1, borders mirrored. The reference's variance is estimated by cov(a, b),
-    its squared mean by mean(a) · mean(b), its covariance with the image by
-    cov(image, (a + b) / 2); with a = b this is plain SSIM.
+    All are (H, W, C) in [0, 1]. Gaussian window of 11 × 11, σ = 1.5, data
+    range 1, borders mirrored. Estimates: of the reference's variance cov(a, b),
+    of its squared mean mean(a) · mean(b), of its covariance with the image
+    cov(image, (a + b) / 2). With a = b this is plain SSIM.
     """
     local = np.empty(image.shape, np.float64 if image.size < 1 << 26 else np.float32)
     for start in range(0, image.shape[0], BAND_ROWS):
-        # Windows reach over the band's edge, so it is computed with a margin that is then cut off.
+        # Windows cross the band's edge, so the band is computed with a margin that is then cut off.
         first, end = max(0, start - SSIM_BORDER), start + BAND_ROWS
         margin = slice(first, end + SSIM_BORDER)
         band = _local_ssim(*(np.asarray(values[margin], np.float64) for values in (image, half_a, half_b)))
@@ -50,14 +51,14 @@ def ssim(image: Array, reference: Array) -> float:
 
 
 def stacked_ssim(images: Array, halves_a: Array, halves_b: Array) -> Array:
-    """Local split SSIM (N, h, w) of many small images (N, h, w, C), mean of C; none sees another."""
+    """Local split SSIM (N, h, w) of many separate small images (N, h, w, C), mean over C."""
     count, height, width, channels = images.shape
     step, parts = max(1, MAX_CHANNELS // channels), []
     for start in range(0, count, step):
-        # Side by side as channels: each is filtered on its own, all in one call.
-        flat = [np.moveaxis(stack[start:start + step], 0, 2).reshape(height, width, -1)
-                for stack in (images, halves_a, halves_b)]
-        local = split_ssim_map(*flat).reshape(height, width, -1, channels).mean(-1)
+        # As channels of one image, each is filtered on its own, all in one call.
+        x, a, b = (np.moveaxis(stack[start:start + step], 0, 2).reshape(height, width, -1)
+                   for stack in (images, halves_a, halves_b))
+        local = split_ssim_map(x, a, b).reshape(height, width, -1, channels).mean(-1)
         parts.append(np.moveaxis(local, 2, 0))
     return np.concatenate(parts)
 
@@ -65,17 +66,17 @@ def stacked_ssim(images: Array, halves_a: Array, halves_b: Array) -> Array:
 def lens_ssim(image: Array, half_a: Array, half_b: Array, lenses: tuple[int, int]) -> Array:
     """Split SSIM (sy, sx) of every elemental image of EIAs (H, W, C) on its own; ``lenses``: (sx, sy)."""
     stacks = [to_elemental_images(values, lenses) for values in (image, half_a, half_b)]
-    flat = [stack.reshape(-1, *stack.shape[2:]) for stack in stacks]
-    return stacked_ssim(*flat).mean((1, 2), dtype=np.float64).reshape(lenses[::-1])
+    x, a, b = (stack.reshape(-1, *stack.shape[2:]) for stack in stacks)
+    return np.asarray(stacked_ssim(x, a, b).mean((1, 2), dtype=np.float64)).reshape(lenses[::-1])
 
 
 def split_mse(image: Array, half_a: Array, half_b: Array) -> float:
-    """mean((x - a) · (x - b)): unbiased squared error; below 0 where noise outweighs the error."""
+    """Unbiased squared error, mean((x - a) · (x - b)); below 0 if noise outweighs the error."""
     return mean_of((image - half_a) * (image - half_b))
 
 
 def psnr(squared_error: float) -> float | None:
-    """Decibels for data in [0, 1]; None where the error is below what the reference resolves."""
+    """Decibels for data in [0, 1]; None if the error is smaller than the reference can resolve."""
     return -10 * math.log10(squared_error) if squared_error > 0 else None
 
 
@@ -85,36 +86,33 @@ def inside_border(values: Array) -> Array:
 
 
 def mean_of(values: Array) -> float:
-    """Mean as a plain number, summed in double precision."""
+    """Mean as a float, summed in double precision."""
     return float(np.mean(values, dtype=np.float64))
 
 
 def _local_ssim(x: Array, a: Array, b: Array) -> Array:
     mean_x, mean_a, mean_b = _blur(x), _blur(a), _blur(b)
     mean_r = (mean_a + mean_b) / 2
-    variance_x = _blur(x * x) - mean_x * mean_x
-    variance_r = _blur(a * b) - mean_a * mean_b
+    variance_x: Array = _blur(x * x) - mean_x * mean_x
+    variance_r: Array = _blur(a * b) - mean_a * mean_b
     covariance = _blur(x * (a + b)) / 2 - mean_x * mean_r
-    light = (2 * mean_x * mean_r + SSIM_C1) / (mean_x * mean_x + mean_a * mean_b + SSIM_C1)
-    # In flat places noise can push cov(a, b) below 0; the sum of two variances cannot be.
-    return light * (2 * covariance + SSIM_C2) / (np.maximum(variance_x + variance_r, 0) + SSIM_C2)
+    light: Array = (2 * mean_x * mean_r + SSIM_C1) / (mean_x * mean_x + mean_a * mean_b + SSIM_C1)
+    # In flat places noise can push cov(a, b) below 0, but the sum of two variances is never negative.
+    return np.divide(light * (2 * covariance + SSIM_C2), np.maximum(variance_x + variance_r, 0) + SSIM_C2)
 
 
 def _blur(values: Array) -> Array:
     return blur(values, SSIM_SIGMA, SSIM_WINDOW)
 
 
-STRIP_ROWS = 16  # what is being added up stays in a core's cache
-
-
 def weights(sigma: float, window: int) -> Array:
     """Weights (window // 2 + 1,) of a Gaussian from its centre outwards; the whole odd window sums to 1."""
-    half = np.exp(-np.arange(window // 2 + 1) ** 2 / (2 * sigma**2))
-    return half / (2 * half.sum() - half[0])
+    half: Array = np.exp(-np.arange(window // 2 + 1) ** 2 / (2 * sigma**2))
+    return np.divide(half, 2 * half.sum() - half[0])
 
 
 def blur(values: Array, sigma: float, window: int) -> Array:
-    """Blurred float (H, W, C) of the same type; beyond the border lies the mirror image, border pixel included.
+    """Blur a float image (H, W, C), keeping its type; the border is mirrored, border pixel included.
 
     ``window``: odd width in pixels, at most twice the image's.
     """
@@ -129,10 +127,10 @@ def blur(values: Array, sigma: float, window: int) -> Array:
 
 
 def _along(padded: Array, half: Array) -> Array:
-    """Weighted sum along the first axis, shorter by the window less one."""
+    """Weighted sum along the first axis; the result is shorter by the window less one."""
     reach = len(half) - 1
     count = len(padded) - 2 * reach
-    total = half[0] * padded[reach:reach + count]
+    total: Array = half[0] * padded[reach:reach + count]
     for offset in range(1, reach + 1):
         pair = padded[reach - offset:reach - offset + count] + padded[reach + offset:reach + offset + count]
         pair *= half[offset]

@@ -39,7 +39,7 @@ def test_a_frame_that_is_finished_anew_meanwhile_keeps_its_own_report(tmp_path, 
         upscale_frame(folder, "nearest")
         return real(*arguments, **options)
     monkeypatch.setattr(compare_module, "compare", slow)
-    with pytest.raises(LfsrError, match="was finished anew while it was compared"):
+    with pytest.raises(LfsrError, match="was finished again while it was compared"):
         compare_folders(folder, reference)
     report = read_json(folder / REPORT_FILE, "a report")
     assert (report["method"], report["metrics"]) == ("nearest", {})

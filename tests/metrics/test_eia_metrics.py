@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import scipy.stats
 from skimage.metrics import structural_similarity
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.images.srgb import srgb_decode, srgb_encode
 from lfsr_core.metrics import eia_metrics
-from lfsr_core.metrics.intervals import student_95
 from lfsr_core.metrics.split_ssim import psnr, split_ssim, split_ssim_map
 from lfsr_core.optics.eia import to_views
 from tests.support.synthetic import frame_of, tiles
@@ -159,8 +157,3 @@ def test_shapes_that_do_not_fit_are_errors():
         compared(x, a, b, (15, 12), MASK)
     with pytest.raises(LfsrError, match="3 tiles of"):
         compared(x, a[:8, :16], b[:8, :16], LENSES, MASK, lens_list=((0, 0), (1, 1), (2, 2)))
-
-
-@pytest.mark.parametrize("freedom", [3, 5, 11, 40, 1000])
-def test_small_samples_get_students_intervals(freedom):
-    assert student_95(freedom) == pytest.approx(scipy.stats.t.ppf(0.975, freedom), rel=0.01)

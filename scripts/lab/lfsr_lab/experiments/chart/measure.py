@@ -24,10 +24,10 @@ from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.frames.report import Report
 from lfsr_core.images.exr import read_layers
 from lfsr_core.metrics.eia_metrics import compare
-from lfsr_core.metrics.intervals import lens_intervals
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
 from lfsr_lab.experiments.cells import Cells, Fingerprint, digest
+from lfsr_lab.experiments.chart.intervals import lens_intervals
 from lfsr_lab.experiments.chart.records import MethodCost, Metrics
 from lfsr_lab.experiments.chart.settings import CELL_FOLDER, FRESH_FOLDER
 from lfsr_lab.experiments.environment import load_average
