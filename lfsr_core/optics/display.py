@@ -222,10 +222,12 @@ def _check_sheet(profile: DisplayProfile) -> None:
         fail("ei_order", profile.ei_order, "with a lens sheet the weave orders the pixels: leave it out")
     if profile.lenticular and profile.views[1] != 1:
         fail("views", list(profile.views), "a lenticular display has one view vertically: give [N, 1]")
-    pitch, pixel = min(profile.sheet.pitches), profile.panel_mm[0] / profile.panel_pixels[0]
-    most = min(profile.panel_mm)
-    if not pixel <= pitch <= most:
-        fail("pitch_mm", pitch, f"it must be from a pixel, {pixel:.4g} mm, to the panel's shorter side, {most:.4g} mm")
+    pixel, zone = profile.panel_mm[0] / profile.panel_pixels[0], profile.camera_spacing_mm * profile.views[0]
+    most = min(*profile.panel_mm, zone / 2)
+    for pitch in profile.sheet.pitches:
+        if not pixel <= pitch <= most:
+            fail("pitch_mm", pitch, f"it must be from a pixel, {pixel:.4g} mm, to the panel's shorter side and half the "
+                                    f"width of the viewing zone, {most:.4g} mm")
 
 
 def builtin_names() -> list[str]:

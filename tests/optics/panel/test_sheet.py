@@ -87,6 +87,7 @@ def test_a_wrong_field_is_named_with_value_and_rule(data, told):
     ({"packing": "round"}, "lenslet.packing is 'round'"),
     ({"gap_mm": -1.0}, "lenslet.gap_mm is -1.0"),
     ({"lenses": {"pitch_mm": [5.0]}}, "pitch_mm"),
+    ({"lenses": {"pitch_mm": [218.0, 5.0]}}, "pitch_mm is 218.0.*half the width of the viewing zone, 80 mm"),
     ({"lenses": {"pitch_mm": [5.0, 5.0], "rotation_deg": 200.0}}, "rotation_deg is 200.0"),
 ])
 def test_a_wrong_lattice_is_named(data, told):
