@@ -226,8 +226,8 @@ def _check_sheet(profile: DisplayProfile) -> None:
     most = min(*profile.panel_mm, zone / 2)
     for pitch in profile.sheet.pitches:
         if not pixel <= pitch <= most:
-            fail("pitch_mm", pitch, f"it must be from a pixel, {pixel:.4g} mm, to the panel's shorter side and half the "
-                                    f"width of the viewing zone, {most:.4g} mm")
+            fail("pitch_mm", pitch, f"it must be from a pixel, {pixel:.4g} mm, to the panel's shorter side and "
+                                    f"half the width of the viewing zone, {most:.4g} mm")
 
 
 def builtin_names() -> list[str]:
