@@ -42,15 +42,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Plan; print the table and the command that renders the choice."""
     from lfsr_core.plan.candidates import default_methods
-    from lfsr_core.plan.moving import Moving
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import make_plan
-    from lfsr_core.plan.renders import rendering
     from lfsr_core.plan.report import plan_report, table
     from lfsr_core.plan.work import work_folder
     from lfsr_core.reconstruct.method_name import layers_of
     from lfsr_core.records import write_record
     from lfsr_core.render.blender import find_blender
+    from lfsr_core.render.process import run_job
 
     given = {name: value for name in OPTIONS if (value := getattr(arguments, name)) is not None}
     options = PlanOptions(**given)
@@ -58,8 +57,7 @@ def run(arguments: argparse.Namespace) -> None:
     job = make_job(arguments, output=".", spp=1, layers=layers, scale=1)
     blender = find_blender(arguments.blender)
     with closing(ProgressBar()) as bar, work_folder(arguments.work, job, options, bar.note) as folder:
-        moving = Moving(bar)
-        planned = make_plan(job, options, rendering(blender, bar.note, moving), folder, moving)
+        planned = make_plan(job, options, lambda job, progress: run_job(job, blender, progress, bar.note), folder, bar)
     print(table(planned, options, arguments.details))
     if arguments.json:
         write_record(arguments.json, plan_report(planned, options, job))

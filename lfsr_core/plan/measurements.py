@@ -16,9 +16,8 @@ from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import BETWEEN, Candidate, Rated, between, choose, samples_of
 from lfsr_core.plan.estimate import Estimate, Stratum, estimate
-from lfsr_core.plan.moving import Moving
 from lfsr_core.plan.options import PlanOptions
-from lfsr_core.plan.renders import SampleRenders
+from lfsr_core.plan.renders import Moving, SampleRenders
 from lfsr_core.plan.sample import STRATA, Budget, Lens, Mosaic, reach, with_neighbours
 from lfsr_core.plan.score import QuickLook, SampledReference, Scores, score, stage_time
 from lfsr_core.plan.times import StageTime, TimeModel

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +18,12 @@ from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.plan import sample as plan_sample
 from lfsr_core.plan.candidates import Choice, Rated, choose, low_pixels, samples_of
 from lfsr_core.plan.measurements import LensSample, Measurements, Question
-from lfsr_core.plan.moving import Moving
 from lfsr_core.plan.options import PlanOptions
-from lfsr_core.plan.renders import REFERENCE_PARTS, SampleRenders
+from lfsr_core.plan.renders import REFERENCE_PARTS, Moving, SampleRenders
 from lfsr_core.plan.score import QuickLook, SampledReference, quick_look
 from lfsr_core.plan.times import TimeModel, path_samples, render_seconds
 from lfsr_core.plan.work import sample_facts
 from lfsr_core.progress import Progress, silent
-from lfsr_core.render.store import Render
 
 PILOT_LENSES = 64
 QUICK_FRACTION = 0.05  # of the plan, a guess until costs are known
@@ -59,17 +58,17 @@ class Planned:
     sample: SampleFacts
 
 
-def make_plan(job: Job, options: PlanOptions, render: Render, folder: str | Path,
-              progress: Progress | Moving = silent) -> Planned:
+def make_plan(job: Job, options: PlanOptions, render: Callable[[Job, Progress], None], folder: str | Path,
+              progress: Progress = silent) -> Planned:
     """Find the cheapest settings for the scene, display and frame of a job.
 
     Parameters
     ----------
     job : its scale, samples and output are ignored
     options : target, candidates, and cost of the sample
-    render : renders one job into its folder, all or nothing
+    render : renders one job into its folder, all or nothing, as ``run_job``; called with the job and its progress
     folder : holds the renders: a second call continues where one stopped
-    progress : called with (stage, fraction, message) at every step; a ``Moving`` may follow the renders too
+    progress : called with (stage, fraction, message)
 
     Raises
     ------
@@ -80,8 +79,8 @@ def make_plan(job: Job, options: PlanOptions, render: Render, folder: str | Path
         raise LfsrError(f"a plan renders single lenses, which the layout {job.layout} cannot: choose another layout")
     _check_sample(Path(folder), question)
 
-    report = progress if isinstance(progress, Moving) else Moving(progress)
-    renders = SampleRenders(Path(folder), job, render)
+    report = Moving(progress)
+    renders = SampleRenders(Path(folder), job, lambda job: render(job, report.rendering))
     sample, model = _sample(question, renders, report)
     measured = Measurements(question, sample, _reference(question, sample, renders, report), renders, model)
     for scale in sorted({candidate.scale for candidate in question.wanted}, reverse=True):

@@ -1,4 +1,4 @@
-"""The renders of a plan: quick look, pilot, and reference and low-resolution renders of the sampled lenses."""
+"""Renders of a plan and its progress: quick look, pilot, reference and low-resolution renders of the sample."""
 
 from __future__ import annotations
 
@@ -9,11 +9,9 @@ from typing import Any
 
 from lfsr_core.frames.frame import REFERENCE_FILES, WORLD_FILE, Frame, read_frame
 from lfsr_core.frames.job import Job
-from lfsr_core.plan.moving import Moving
 from lfsr_core.plan.sample import Lens
 from lfsr_core.plan.times import path_samples
-from lfsr_core.render.blender import Starts
-from lfsr_core.render.process import Warn, run_job
+from lfsr_core.progress import Progress
 from lfsr_core.render.store import Render, cached
 
 QUICK, QUICK_SCALE, QUICK_SAMPLES = "quick", 4, 4
@@ -23,9 +21,25 @@ REFERENCE_PARTS = 2  # jobs of two independent halves each: four quarters
 SEED_STEP, REFERENCE_SEED, MOST_SAMPLES = 7919, 1 << 23, 4096
 
 
-def rendering(blender: Starts, warn: Warn | None = None, moving: Moving | None = None) -> Render:
-    """Render in ``blender``; ``warn`` is called with sentences for the user, ``moving`` follows each render."""
-    return lambda job: run_job(job, blender, moving.rendering if moving else None, warn)
+class Moving:
+    """Progress of a plan in steps; the progress of a render moves that of the plan."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress, self._message = progress, ""
+        self._done, self._until, self._shown = 0.0, 0.0, 0.0
+
+    def __call__(self, message: str, done: float, until: float | None = None) -> None:
+        """Begin a step at the fraction ``done`` of the plan, which ends at ``until``."""
+        self._message, self._done, self._until = message, done, done if until is None else until
+        self._show(done, message)
+
+    def rendering(self, _stage: str, fraction: float, message: str) -> None:
+        """Show that the render of this step is at ``fraction``."""
+        self._show(self._done + fraction * (self._until - self._done), f"{self._message}: {message}")
+
+    def _show(self, fraction: float, message: str) -> None:
+        self._shown = max(self._shown, min(fraction, 1.0))  # costs are guessed at first: never go back
+        self._progress("plan", self._shown, message)
 
 
 class SampleRenders:

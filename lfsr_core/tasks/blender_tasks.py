@@ -46,15 +46,14 @@ def plan(job: dict[str, Any], options: dict[str, Any], command: list[str], work:
     command : words that start a render, before the job file
     work : folder for the sample
     """
-    from lfsr_core.plan.moving import Moving
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import make_plan
-    from lfsr_core.plan.renders import rendering
     from lfsr_core.plan.report import sentence
+    from lfsr_core.render.process import run_job
 
-    wanted, moving = from_data(PlanOptions, options, "options of the plan"), Moving(emit_progress)
-    render = rendering(RenderCommand(tuple(command)), emit_warning, moving)
-    choice = make_plan(from_data(Job, job, "job of the plan"), wanted, render, work, moving).choice
+    wanted, blender = from_data(PlanOptions, options, "options of the plan"), RenderCommand(tuple(command))
+    choice = make_plan(from_data(Job, job, "job of the plan"), wanted,
+                       lambda job, progress: run_job(job, blender, progress, emit_warning), work, emit_progress).choice
     found: dict[str, Any] = to_data(Found(sentence(choice, wanted), choice.chosen.candidate if choice.chosen else None))
     return found
 

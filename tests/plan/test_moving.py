@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 
-from lfsr_core.plan.moving import Moving
+from lfsr_core.plan.renders import Moving
 
 
 def test_a_render_moves_its_step_to_its_end():

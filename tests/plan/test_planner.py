@@ -21,15 +21,20 @@ from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.plan import planner, score
 from lfsr_core.plan.candidates import BETWEEN, Candidate
 from lfsr_core.plan.options import PlanOptions
-from lfsr_core.plan.planner import make_plan
+from lfsr_core.plan.planner import Planned, make_plan
 from lfsr_core.plan.report import sentence, table
 from lfsr_core.reconstruct.second_stage import finished_linear
+from lfsr_core.render.store import Render
 from tests.support import noisy_renders
 from tests.support.noisy_renders import JOB, render
 from tests.support.synthetic import MINI, frame_of, light_field
 
 OPTIONS = PlanOptions(target=0.9, scales=(2, 4), spps=(4, 16, 64), methods=("nearest", "bilinear"), lenses=40,
                   reference_spp=1024, between=0)
+
+
+def plan(job: Job, options: PlanOptions, render: Render, folder: Path) -> Planned:
+    return make_plan(job, options, lambda job, progress: render(job), folder)
 
 
 @pytest.fixture(autouse=True)
@@ -61,7 +66,7 @@ def accuracy(folder: Path, candidate) -> float:
 
 
 def test_estimates_are_near_those_of_whole_frames(tmp_path):
-    planned = make_plan(JOB, OPTIONS, render, tmp_path / "sample")
+    planned = plan(JOB, OPTIONS, render, tmp_path / "sample")
     assert len(planned.rated) == 12
     for number, row in enumerate(planned.rated):
         if row.estimate is None:
@@ -73,7 +78,7 @@ def test_estimates_are_near_those_of_whole_frames(tmp_path):
 
 def test_chosen_meets_the_target_and_costlier_candidates_were_not_rendered(tmp_path, rendered):
     jobs, remember = rendered
-    planned = make_plan(JOB, dataclasses.replace(OPTIONS, target=0.55), remember, tmp_path / "sample")
+    planned = plan(JOB, dataclasses.replace(OPTIONS, target=0.55), remember, tmp_path / "sample")
     chosen = planned.choice.chosen
     assert chosen is not None and chosen.estimate.low >= 0.55
     assert accuracy(tmp_path / "whole", chosen.candidate) >= 0.55
@@ -84,7 +89,7 @@ def test_chosen_meets_the_target_and_costlier_candidates_were_not_rendered(tmp_p
 
 def test_between_measured_sample_counts_the_estimates_are_near_whole_frames_too(tmp_path):
     options = dataclasses.replace(OPTIONS, scales=(2,), methods=("bilinear",), between=1)
-    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    planned = plan(JOB, options, render, tmp_path / "sample")
     found = [row for row in planned.rated if row.note == BETWEEN]
     assert [row.candidate.spp for row in found] == [8, 32]
     for row in found:
@@ -96,7 +101,7 @@ def test_between_measured_sample_counts_the_estimates_are_near_whole_frames_too(
 
 def test_random_numbers_of_every_render_are_its_own(tmp_path, rendered):
     jobs, remember = rendered
-    make_plan(JOB, OPTIONS, remember, tmp_path / "sample")
+    plan(JOB, OPTIONS, remember, tmp_path / "sample")
     assert len({job.seed for job in jobs}) == len(jobs)
     assert all(job.clamp_indirect == (0.0 if job.kind == "reference" else None) for job in jobs)
     assert {job.layers for job in jobs if job.kind == "render"} == {JOB.layers}
@@ -104,7 +109,7 @@ def test_random_numbers_of_every_render_are_its_own(tmp_path, rendered):
 
 def test_an_unreachable_target_names_the_best_and_the_limit(tmp_path):
     options = dataclasses.replace(OPTIONS, target=0.9999, scales=(4,))
-    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    planned = plan(JOB, options, render, tmp_path / "sample")
     assert planned.choice.chosen is None
     assert planned.choice.best.candidate.spp == 64
     assert "upscaling" in planned.choice.limit or "noise" in planned.choice.limit
@@ -120,29 +125,29 @@ def test_an_interrupted_plan_goes_on_where_it_stopped(tmp_path, rendered):
         remember(job)
     folder = tmp_path / "sample"
     with pytest.raises(KeyboardInterrupt):
-        make_plan(JOB, OPTIONS, stop, folder)
+        plan(JOB, OPTIONS, stop, folder)
     done = len(jobs)
     assert done >= 5
-    resumed = make_plan(JOB, OPTIONS, remember, folder)
+    resumed = plan(JOB, OPTIONS, remember, folder)
     assert all(job.scale == 2 for job in jobs[done:])
-    whole = make_plan(JOB, OPTIONS, render, tmp_path / "at-once")
+    whole = plan(JOB, OPTIONS, render, tmp_path / "at-once")
     by_name = {row.candidate: row.estimate for row in whole.rated}
     assert {row.candidate: row.estimate for row in resumed.rated} == by_name
 
 
 def test_a_sample_of_other_settings_is_not_taken(tmp_path):
     folder, options = tmp_path / "sample", dataclasses.replace(OPTIONS, scales=(4,))
-    make_plan(JOB, options, render, folder)
+    plan(JOB, options, render, folder)
     with pytest.raises(LfsrError, match="sample of another scene or of other options"):
-        make_plan(dataclasses.replace(JOB, scene="other.blend"), options, render, folder)
-    again = make_plan(JOB, dataclasses.replace(options, target=0.3), lambda job: pytest.fail("it renders"), folder)
+        plan(dataclasses.replace(JOB, scene="other.blend"), options, render, folder)
+    again = plan(JOB, dataclasses.replace(options, target=0.3), lambda job: pytest.fail("it renders"), folder)
     assert again.choice.chosen is not None
 
 
 def test_a_small_budget_leaves_costly_candidates_out(tmp_path, monkeypatch):
     monkeypatch.setattr(planner.plan_sample, "LEAST_LENSES", 4)
     options = dataclasses.replace(OPTIONS, target=0.999, lenses=None, reference_spp=16, budget=0.5)
-    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    planned = plan(JOB, options, render, tmp_path / "sample")
     left_out = [row for row in planned.rated if "budget" in row.note]
     assert left_out and all(row.estimate is None for row in left_out)
     assert planned.sample.within_budget and planned.sample.fraction <= 0.5 * 1.01 + 0.02
@@ -150,7 +155,7 @@ def test_a_small_budget_leaves_costly_candidates_out(tmp_path, monkeypatch):
 
 def test_accuracy_of_the_whole_array_counts_every_lens(tmp_path):
     options = dataclasses.replace(OPTIONS, metric="ssim_lens", scales=(4,), spps=(16,))
-    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    planned = plan(JOB, options, render, tmp_path / "sample")
     row = next(row for row in planned.rated if row.candidate.method == "bilinear")
     folder = tmp_path / "whole"
     render(dataclasses.replace(JOB, output=str(folder), scale=4, spp=16, seed=991))
@@ -167,7 +172,7 @@ def test_a_flat_scene_gets_the_simplest_method_and_the_fewest_samples(tmp_path, 
     monkeypatch.setattr(noisy_renders, "light_field", lambda display: flat)
     options = dataclasses.replace(OPTIONS, target=0.95, scales=(4,), spps=(4, 16),
                                   methods=("oidn+bilinear", "bilinear"))
-    chosen = make_plan(JOB, options, render, tmp_path / "sample").choice.chosen
+    chosen = plan(JOB, options, render, tmp_path / "sample").choice.chosen
     assert chosen.candidate == Candidate(4, 4, "bilinear")
 
 
@@ -192,7 +197,7 @@ def test_a_visible_world_is_rendered_once_and_reused(tmp_path):
             shutil.copyfile(job.world, folder / WORLD_FILE)
         write_frame(folder, dataclasses.replace(frame, seconds=seconds))
     options = dataclasses.replace(OPTIONS, target=0.3, scales=(2, 4), spps=(4, 16))
-    planned = make_plan(JOB, options, with_world, tmp_path / "sample")
+    planned = plan(JOB, options, with_world, tmp_path / "sample")
     assert [Path(job.output).name for job in rendered] == ["quick"]
     assert all(50 < row.seconds < 60 for row in planned.rated)
     assert 50 < planned.sample.seconds < 100
@@ -200,7 +205,7 @@ def test_a_visible_world_is_rendered_once_and_reused(tmp_path):
 
 def test_view_by_view_is_refused(tmp_path):
     with pytest.raises(LfsrError, match="view-by-view"):
-        make_plan(dataclasses.replace(JOB, layout="view-by-view"), OPTIONS, render, tmp_path)
+        plan(dataclasses.replace(JOB, layout="view-by-view"), OPTIONS, render, tmp_path)
 
 
 def test_an_empty_scene_is_refused(tmp_path):
@@ -209,12 +214,12 @@ def test_an_empty_scene_is_refused(tmp_path):
         path = Path(job.output, LOW_RES_FILE)
         write_layers(path, {"color": np.zeros((*reversed(frame_of(job.scale).rays.size), 4), np.float32)})
     with pytest.raises(LfsrError, match="no lens shows any foreground"):
-        make_plan(JOB, OPTIONS, empty, tmp_path)
+        plan(JOB, OPTIONS, empty, tmp_path)
 
 
 def test_recovery_is_judged_and_timed_like_any_method(tmp_path):
     options = dataclasses.replace(OPTIONS, scales=(4,), spps=(4,), methods=("bilinear", "bilinear+epi"))
-    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    planned = plan(JOB, options, render, tmp_path / "sample")
     rows = {row.candidate.method: row for row in planned.rated}
     assert all(row.estimate is not None and row.estimate.low < row.estimate.mean for row in rows.values())
     assert rows["bilinear+epi"].candidate.steps > rows["bilinear"].candidate.steps
@@ -222,7 +227,7 @@ def test_recovery_is_judged_and_timed_like_any_method(tmp_path):
 
 
 def test_stage_time_grows_with_the_frame(tmp_path):
-    planned = make_plan(JOB, dataclasses.replace(OPTIONS, scales=(4,), spps=(4,)), render, tmp_path / "sample")
+    planned = plan(JOB, dataclasses.replace(OPTIONS, scales=(4,), spps=(4,)), render, tmp_path / "sample")
     assert all(row.seconds > 1.0 for row in planned.rated), "the scene takes a second to open"
 
 
@@ -235,4 +240,4 @@ def test_black_picture_is_no_perfect_one(tmp_path):
             write_layers(path, layers)
 
     with pytest.raises(LfsrError, match="almost black, so that every setting would seem perfect"):
-        make_plan(JOB, OPTIONS, black, tmp_path)
+        plan(JOB, OPTIONS, black, tmp_path)

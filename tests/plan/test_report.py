@@ -21,7 +21,7 @@ def quick(monkeypatch):
 def test_report_says_everything(tmp_path):
     options = PlanOptions(target=0.6, scales=(2, 4), spps=(4, 16, 64), methods=("nearest", "bilinear"), lenses=40,
                       reference_spp=1024, between=0)
-    planned = make_plan(JOB, options, render, tmp_path / "sample")
+    planned = make_plan(JOB, options, lambda job, progress: render(job), tmp_path / "sample")
     text = table(planned, options)
     chosen = planned.choice.chosen
     assert any(line.startswith("→") and chosen.candidate.method in line for line in text.splitlines())

@@ -14,6 +14,7 @@ import dataclasses
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,9 +26,9 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import BETWEEN, Candidate, between, samples_of
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.planner import Planned, make_plan
-from lfsr_core.plan.renders import rendering
 from lfsr_core.records import write_record
 from lfsr_core.render.blender import find_blender
+from lfsr_core.render.process import run_job
 from lfsr_core.render.store import Render
 from lfsr_lab.experiments.plan.actual import REFERENCE, Actual, actual, renders, replay, scenes
 from lfsr_lab.experiments.plan.records import Summary, Validation, Verdict
@@ -79,7 +80,7 @@ def validate(draw: Draw, render: Render, options: PlanOptions, targets: Sequence
               seed=draw.seed)
     known = with_between(_actuals(draw, options.candidates(display), options.metric), options.between)
     for target in targets:
-        planned = make_plan(job, dataclasses.replace(options, target=target), render, draw.work)
+        planned = make_plan(job, dataclasses.replace(options, target=target), lambda job, _: render(job), draw.work)
         yield judge(planned, known, Case(draw.folder.name, draw.seed, target, display))
 
 
@@ -135,7 +136,7 @@ def summary(rows: Sequence[Verdict]) -> Summary:
         bounds_below_actual=_mean(covered for row in rows for covered in row.covered),
         mean_error=_mean(error for row in rows for error in row.errors),
         median_predicted_over_actual_seconds=_median(time for row in rows for time in row.times),
-        mean_share_of_seconds=_mean(row.sample.share_of_seconds for row in rows),
+        mean_share_of_seconds=_mean(row.sample.fraction_of_seconds for row in rows),
         mean_share_of_samples=_mean(row.sample.fraction for row in rows))
 
 
@@ -217,7 +218,8 @@ def _scene(folder: Path, wanted: PlanOptions, options: argparse.Namespace, scene
                 rows += validate(dataclasses.replace(draw, work=Path(work)), lambda job: replay(folder, job), wanted,
                                  options.targets)
         else:
-            rows += validate(draw, rendering(find_blender(options.blender)), wanted, options.targets)
+            blender = find_blender(options.blender)
+            rows += validate(draw, partial(run_job, blender=blender), wanted, options.targets)
     return rows
 
 
