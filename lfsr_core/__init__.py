@@ -24,7 +24,6 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.exports.options import ExportOptions as ExportOptions
     from lfsr_core.exports.page import Page as Page
     from lfsr_core.exports.page import write_page as write_page
-    from lfsr_core.exports.sequences import export_sequence as export_sequence
     from lfsr_core.frames.contact_sheet import write_views as write_views
     from lfsr_core.frames.frame import Frame as Frame
     from lfsr_core.frames.frame import read_frame as read_frame
@@ -62,7 +61,6 @@ _MODULES = {
     "exports.importing": "Imported ImportGeometry import_views",
     "exports.options": "ExportOptions",
     "exports.page": "Page write_page",
-    "exports.sequences": "export_sequence",
     "frames.contact_sheet": "write_views",
     "frames.frame": "Frame read_frame",
     "frames.job": "Job",

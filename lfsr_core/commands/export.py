@@ -34,20 +34,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Write the export and print its path."""
     from lfsr_core.exports.formats import export
-    from lfsr_core.exports.frame_folders import is_sequence
     from lfsr_core.exports.options import ExportOptions
-    from lfsr_core.exports.sequences import export_sequence
 
     views, grid = arguments.views, arguments.grid
     if views and len(views) == 1:
         views = (views[0], 1 if arguments.format == "quilt" else views[0])
     if grid and len(grid) == 1:
         grid = (grid[0], 1)
-    write = export_sequence if is_sequence(arguments.folder) else export
     with closing(ProgressBar()) as bar:
         options = ExportOptions(views, grid, arguments.eyes_mm, arguments.width, arguments.type, arguments.seconds,
                                 arguments.fps, bar)
-        files, notes = write(arguments.folder, arguments.format, arguments.output, options)
+        files, notes = export(arguments.folder, arguments.format, arguments.output, options)
         for note in notes:
             bar.note(note)
     print(files[0] if len(files) == 1 else f"{os.path.commonpath([file.parent for file in files])}: {len(files)} files")

@@ -1,4 +1,4 @@
-"""How far neighbouring views move each point: from the position layer, for the camera in the middle."""
+"""Disparity of the central view, from the position layer."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from lfsr_core.images.exr import clean, read_layers
 
 
 def central_disparity(field: LightField) -> Array | None:
-    """(sy, sx) float32 of the middle of all cameras; None where the frame has no position layer.
+    """Disparity (sy, sx) float32 at the centre of the cameras; None where the frame has no position layer.
 
-    In pixels (lenses) between neighbouring dense views, positive in front of the display
-    plane: a camera one step to the right sees a point that many pixels further left,
-    one step up that many further down. Where nothing was hit, that of infinity.
+    In pixels (lenses) per finished view, positive in front of the display plane: a camera one step to the right sees
+    a point that many pixels further left, one step up that many further down. Empty pixels have that of infinity.
     """
     path = field.folder / LOW_RES_FILE
     if "position" not in field.frame.layers or not path.is_file() or field.frame.lens_list is not None:
@@ -30,33 +29,34 @@ def central_disparity(field: LightField) -> Array | None:
     places = [(index + 0.5) * field.frame.scale - count / 2
               for index, count in ((column, field.count[0]), (row, field.count[1]))]
     array, (sx, sy) = field.frame.array, field.display.lenses
-    # Disparity counts lenses across; where lenses are not square, as many down are another number.
+    # Disparity is in lenses across; convert the vertical offset where lenses are not square.
     places[1] *= array.half_width / sx / (array.half_height / sy)
     return _from_the_middle(seen, *places)
 
 
 def _of_view(low: LowResEIA, frame: Frame, row: int, column: int) -> Array:
-    """Disparity (sy, sx) that the rendered view at ``row``, ``column`` of the low-resolution EIA sees."""
+    """Disparity (sy, sx) of the view at ``row``, ``column`` of the low-resolution EIA."""
+    assert low.position is not None, "the caller has checked it"
     hit = low.alpha[:, :, row, column, 0] > 0
     depth = np.where(hit, _depth(low.position[:, :, row, column], frame), np.inf)
     array = frame.array
     pixel = 2 * array.half_width / frame.display.lenses[0]
-    return ((array.distance / np.maximum(depth, 1e-6 * array.distance) - 1) * array.spacing / pixel).astype(np.float32)
+    disparity = (array.distance / np.maximum(depth, 1e-6 * array.distance) - 1) * array.spacing / pixel
+    return np.asarray(disparity, np.float32)
 
 
 def _depth(position: Array, frame: Frame) -> Array:
-    """Distance from the camera plane, along its axis, of world positions (..., 3)."""
+    """Distance of world positions (..., 3) from the camera plane, along its axis."""
     to_array = np.linalg.inv(np.asarray(frame.matrix_world, float))
-    return position @ to_array[2, :3] + to_array[2, 3]
+    return np.asarray(position @ to_array[2, :3] + to_array[2, 3])
 
 
 def _from_the_middle(seen: Array, right: float, down: float) -> Array:
-    """``seen`` by a camera some steps right of the middle and below it, as the middle sees it.
+    """Warp the disparity ``seen`` by a camera some steps right of the centre and below it to the centre.
 
-    One step of a fixed-point iteration, enough for the fractions of a pixel in
-    question: an even number of rendered views has none in the middle.
+    One step of a fixed-point iteration, enough for the fractions of a pixel between the centre and the nearest view.
     """
     rows, columns = np.indices(seen.shape)
     column = np.clip(np.rint(columns - right * seen), 0, seen.shape[1] - 1).astype(int)
     row = np.clip(np.rint(rows - down * seen), 0, seen.shape[0] - 1).astype(int)
-    return seen[row, column]
+    return np.asarray(seen[row, column])

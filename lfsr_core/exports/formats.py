@@ -1,4 +1,4 @@
-"""What writes each format of ``lfsr export``: whole or not at all."""
+"""Export finished frames and animations in other formats."""
 
 from __future__ import annotations
 
@@ -12,16 +12,19 @@ from typing import NamedTuple
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.exports import folders, hci, quilt, stereo, sway
 from lfsr_core.exports.format_names import default_target
+from lfsr_core.exports.frame_folders import frame_folders, is_sequence, one_display
 from lfsr_core.exports.light_field import LightField, read_light_field
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.files import check_name, system_errors
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.progress import Progress
 from lfsr_core.render.staging import publish, staging_folder
 
 DEFAULT = ExportOptions()
 
 
 class Exported(NamedTuple):
-    """What an export wrote."""
+    """The files that an export wrote."""
 
     files: list[Path]
     notes: list[str]  # sentences that the user should know
@@ -29,14 +32,13 @@ class Exported(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Format:
-    """One way to hand a light field on."""
+    """A format; its functions fill an empty folder and return sentences that the user should know."""
 
-    # Fills an empty folder; returns sentences that the user should know.
-    write: Callable[[LightField, Path, ExportOptions], list[str]]
-    options: tuple[str, ...]  # names of the options that it looks at
-    numbered: tuple[str, ...] = ()  # patterns of files of which an earlier export may have more: those go
-    one_file: bool = False  # of a frame: those of an animation lie in one folder
-    # Fills an empty folder with one film of so many frames; None where each frame is written on its own.
+    write: Callable[[LightField, Path, ExportOptions], list[str]]  # writes one frame
+    options: tuple[str, ...]  # names of the options that it has
+    numbered: tuple[str, ...] = ()  # patterns of numbered files: an export removes those of an earlier one
+    one_file: bool = False  # one file per frame, so that all files of an animation go into one folder
+    # writes an animation of so many frames as one film; None where frames are written one by one
     write_film: Callable[[Iterator[LightField], int, Path, ExportOptions], list[str]] | None = None
 
 
@@ -54,46 +56,90 @@ FORMATS = {
 
 def export(folder: str | Path, name: str, target: str | Path | None = None,
            options: ExportOptions = DEFAULT) -> Exported:
-    """Write a finished frame in another format.
+    """Write a finished frame, or the finished frames of an animation, in another format.
+
+    An animation becomes one film where the format is a film. Else each frame is exported on its own: into a folder
+    named as the frame's, or, in formats of one file, into one folder with the frame's name in that of the file.
 
     Parameters
     ----------
-    folder : finished frame folder
-    name : of FORMATS, format_names describes them
-    target : folder to write into, by default ``export/NAME`` in the frame folder
-    options : what the format leaves to choose
+    folder : finished frame folder, or a folder of frame folders
+    name : format, one of FORMATS; ``format_names`` describes them
+    target : folder to write into, by default ``export/NAME`` in ``folder``
+    options : options of the format
 
     Raises
     ------
-    LfsrError : for bad input; nothing half-written is left then, and an earlier export stays
+    LfsrError : for bad input; no export is half-written then, and an earlier one stays
     """
-    chosen = find_format(name, options)
+    chosen = _find(name, options)
     target = default_target(folder, name) if target is None else Path(target)
-    written = write_whole(target, chosen, lambda staged: chosen.write(read_light_field(folder), staged, options))
+    if is_sequence(folder):
+        written = _export_animation(frame_folders(folder), chosen, target, options)
+    else:
+        written = _write(target, chosen, lambda staged: chosen.write(read_light_field(folder), staged, options))
     options.progress("export", 1.0, name)
     return written
 
 
-def write_whole(target: Path, chosen: Format, write: Callable[[Path], list[str]]) -> Exported:
-    """Let ``write`` fill an empty folder and move its files into ``target``, all or none.
+def _find(name: str, options: ExportOptions) -> Format:
+    """Format of this name; LfsrError for an unknown name, or an option that the format does not have."""
+    if name not in FORMATS:
+        raise LfsrError(f"unknown format {name!r}: {did_you_mean(name, FORMATS)}Choose from {', '.join(FORMATS)}")
+    for option in options.given():
+        if option not in FORMATS[name].options:
+            raise LfsrError(f"format {name!r} has no option {option!r}, only "
+                            f"{', '.join(FORMATS[name].options)}: leave it out")
+    return FORMATS[name]
 
-    LfsrError where ``target`` cannot be written.
-    """
+
+def _export_animation(paths: list[Path], chosen: Format, target: Path, options: ExportOptions) -> Exported:
+    one_display({path: read_frame(path) for path in paths})
+    write_film = chosen.write_film
+    if write_film is not None:
+        fields = map(read_light_field, paths)  # one at a time: an 8K animation would not fit into memory
+        return _write(target, chosen, lambda staged: write_film(fields, len(paths), staged, options))
+    result = Exported([], [])
+    for number, path in enumerate(paths):
+        told = dataclasses.replace(options, progress=_of_all(options.progress, number, len(paths)))
+        written = _export_frame(path, chosen, target, told)
+        result.files.extend(written.files)
+        result.notes.extend(note for note in written.notes if note not in result.notes)
+    return result
+
+
+def _export_frame(path: Path, chosen: Format, target: Path, options: ExportOptions) -> Exported:
+    """Export one frame of an animation."""
+    field = read_light_field(path)
+    if not chosen.one_file:
+        return _write(target / path.name, chosen, lambda staged: chosen.write(field, staged, options))
+    named = dataclasses.replace(field, name=f"{field.name}_{path.name}")
+    return _write(target, chosen, lambda staged: chosen.write(named, staged, options))
+
+
+def _of_all(progress: Progress, number: int, count: int) -> Progress:
+    """Progress of frame ``number`` of ``count``, as progress of all frames."""
+    return lambda stage, fraction, _: progress(stage, (number + fraction) / count, f"frame {number + 1} of {count}")
+
+
+def _write(target: Path, chosen: Format, write: Callable[[Path], list[str]]) -> Exported:
+    """Let ``write`` fill an empty folder, and move its files into ``target``, all or none."""
     check_name(target)
     if target.exists() and not target.is_dir():
         raise LfsrError(f"{target} is a file, but an export goes into a folder: choose another name")
-    with _no_empty_folder(target.parent), staging_folder(target) as work, system_errors(target):
+    with _new_folder(target.parent), staging_folder(target) as work, system_errors(target):
         staged = work / "export"
         staged.mkdir()
         notes = write(staged)
-        files = sorted(path.name for path in staged.iterdir())
-        publish(staged, target, _left_by_earlier(target, files, chosen.numbered))
-    return Exported([target / file for file in files], notes)
+        names = sorted(path.name for path in staged.iterdir())
+        numbered = [pattern for pattern in chosen.numbered if fnmatch.filter(names, pattern)]
+        publish(staged, target, [path.name for pattern in numbered for path in target.glob(pattern)])
+    return Exported([target / name for name in names], notes)
 
 
 @contextlib.contextmanager
-def _no_empty_folder(folder: Path) -> Iterator[None]:
-    """A folder that was made for nothing goes again."""
+def _new_folder(folder: Path) -> Iterator[None]:
+    """Remove ``folder`` after an error, if it is empty and did not exist before."""
     new = not folder.exists()
     try:
         yield
@@ -102,20 +148,3 @@ def _no_empty_folder(folder: Path) -> Iterator[None]:
             with contextlib.suppress(OSError):
                 folder.rmdir()
         raise
-
-
-def _left_by_earlier(target: Path, files: list[str], patterns: tuple[str, ...]) -> list[str]:
-    """Names in ``target`` that are numbered like ``files``."""
-    written = [pattern for pattern in patterns if fnmatch.filter(files, pattern)]
-    return [path.name for pattern in written for path in target.glob(pattern)]
-
-
-def find_format(name: str, options: ExportOptions) -> Format:
-    """The format of this name; LfsrError where there is none, or for an option that it has not."""
-    if name not in FORMATS:
-        raise LfsrError(f"unknown format {name!r}: {did_you_mean(name, FORMATS)}Choose from {', '.join(FORMATS)}")
-    for option in options.given():
-        if option not in FORMATS[name].options:
-            raise LfsrError(f"format {name!r} has no option {option!r}, only "
-                            f"{', '.join(FORMATS[name].options)}: leave it out")
-    return FORMATS[name]

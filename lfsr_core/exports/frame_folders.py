@@ -1,4 +1,4 @@
-"""Finished frame folders of a sequence: found, put in order, and checked to be of one display."""
+"""The finished frame folders of an animation, in order."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ from lfsr_core.optics.display import DisplayProfile
 
 
 def is_sequence(folder: str | Path) -> bool:
-    """True if ``folder`` is no frame folder itself but there."""
+    """Whether ``folder`` exists and is no frame folder itself."""
     return Path(folder).is_dir() and not (Path(folder) / FRAME_FILE).is_file()
 
 
 def frame_folders(folder: str | Path) -> list[Path]:
-    """``folder`` if it holds a frame, else the finished frame folders in it, by number; LfsrError where none is."""
+    """``folder`` itself if it is a frame folder, else the finished frame folders in it; LfsrError where there is none.
+
+    Numbered folders come first, by number.
+    """
     folder = Path(folder)
     if not is_sequence(folder):
         return [folder]
@@ -28,17 +31,17 @@ def frame_folders(folder: str | Path) -> list[Path]:
 
 
 def one_display(frames: Mapping[Path, Frame]) -> DisplayProfile:
-    """The display of ``frames`` by their folders; LfsrError where they are of several."""
+    """Display of ``frames``, given by folder; LfsrError where they have several displays."""
     (first, frame), *others = frames.items()
     for folder, other in others:
         if other.display != frame.display:
             raise LfsrError(f"{folder} is for display {other.display.name!r} and {first} for {frame.display.name!r}, "
-                            "but frames are shown together on one: give frames of one display")
+                            "but they are shown together: give frames of one display")
     return frame.display
 
 
 def _place(folder: Path) -> tuple[bool, int, str]:
-    """Numbers by their value, before names."""
+    """Sorting key: numbers by value, then other names."""
     try:
         return False, int(folder.name), ""
     except ValueError:

@@ -1,4 +1,4 @@
-"""Light fields of others: a folder of views becomes a frame folder, with an explicit display for its geometry."""
+"""Import the views of other programs or cameras: a folder of views becomes a frame folder."""
 
 from __future__ import annotations
 
@@ -25,53 +25,53 @@ from lfsr_core.render.staging import publish, staging_folder
 
 NAME = "imported"
 MOST_SCALE = 10
-SAMPLES = 1024  # per pixel, as if rendered almost without noise
+SAMPLES = 1024  # per pixel, as of a render almost without noise
 IDENTITY = tuple(tuple(float(row == column) for column in range(4)) for row in range(4))
 MOST_PARAMETER_BYTES = 100_000
 
 
 @dataclasses.dataclass(frozen=True)
 class ImportGeometry:
-    """What the pictures themselves do not tell; None for what the folder says, else the usual."""
+    """Camera geometry of a folder of views; None: from the folder's parameters, else the default."""
 
     width_mm: float | None = None  # of the plane without parallax, which becomes the display
-    distance_mm: float | None = None  # from the cameras to it
-    angle_deg: float | None = None  # over which the cameras are spread, seen from its middle
-    mirror: str = ""  # "x", "y" or "xy" where the cameras are in the other order than their names say
+    distance_mm: float | None = None  # from the cameras to that plane
+    angle_deg: float | None = None  # of all cameras, seen from the centre of that plane
+    mirror: str = ""  # "x", "y" or "xy" where the cameras are in the reverse order of their names
 
 
-# Where nothing is known: a desk display seen from a metre.
-USUAL = {"width_mm": 600.0, "distance_mm": 1000.0, "angle_deg": 20.0}
+# For folders without parameters: a desk display seen from a metre.
+DEFAULTS = {"width_mm": 600.0, "distance_mm": 1000.0, "angle_deg": 20.0}
 
 
 @dataclasses.dataclass(frozen=True)
 class Imported:
-    """What was made of a folder."""
+    """An imported light field."""
 
     display: DisplayProfile
-    notes: tuple[str, ...]  # what was assumed
+    notes: tuple[str, ...]  # on what was left out or assumed
 
 
 def import_views(source: str | Path, output: str | Path, scale: int = 1, geometry: ImportGeometry | None = None,
                  progress: Progress = silent) -> Imported:
-    """Make a frame folder, as the render stage leaves it, of a folder of views.
+    """Make a frame folder of a folder of views, as if they had been rendered.
 
     Parameters
     ----------
-    source : folder of views named as in the HCI benchmark, the Stanford archive, JPEG Pleno, or our own
+    source : folder of views named as in the HCI benchmark, the Stanford archive, JPEG Pleno, or our own exports
     output : frame folder to write
     scale : views that the second stage is to make of each, along each axis
-    geometry : replaces what the folder says
+    geometry : replaces what the folder's parameters say
     progress : called with (stage, fraction, message)
 
     Raises
     ------
-    LfsrError : for views that are missing, unreadable or of several sizes, a scale or geometry that cannot be
+    LfsrError : for views that are missing, unreadable or of several sizes, or a scale or geometry out of range
     """
     source, output, geometry = Path(source), Path(output), geometry or ImportGeometry()
     check_folder(output, "render")
     known = _hci_parameters(source / PARAMETERS_FILE)
-    files = find_views(source, known and known.columns).square()
+    files = find_views(source, known.columns if known else None).square()
     display, notes = _display(files, scale, geometry, known)
     views = read_views(files, geometry.mirror, progress)
     frame = Frame(display, scale, CameraArray.for_display(display, display.panel_mm[0]), IDENTITY, SAMPLES,
@@ -79,7 +79,7 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
     with staging_folder(output) as work:
         staged = work / "frame"
         staged.mkdir()
-        # Display values are 8 bit, and so are exactly what comes back through the curve.
+        # A table of the 256 display values, which are exactly restored when they are encoded again.
         linear = srgb_decode(np.arange(256, dtype=np.float32) / 255)[from_views(views)]
         write_layers(staged / LOW_RES_FILE, {"color": linear})
         write_frame(staged, frame)
@@ -89,16 +89,14 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
 
 
 def _display(files: ViewFiles, scale: int, given: ImportGeometry, hci: _Hci | None) -> tuple[DisplayProfile, list[str]]:
-    """Display whose lenses are the pictures' pixels, and what had to be assumed."""
+    """Display whose lenses are the pixels of the views, and notes on assumptions."""
     if not 1 <= scale <= MOST_SCALE:
         raise LfsrError(f"scale is {scale}, but it must be a whole number from 1 to {MOST_SCALE}")
-    known, usual = hci.geometry(files) if hci else {}, USUAL
-    chosen = {name: next(value for value in (getattr(given, name), known.get(name), usual[name]) if value is not None)
-              for name in usual}
-    assumed = [f"--{name.replace('_', '-')} {usual[name]:g}" for name in usual
-               if getattr(given, name) is None and name not in known]
-    notes = [f"the folder does not tell its geometry, assumed was {', '.join(assumed)}"] if assumed else []
-    (width, height), (across, down) = files.size, files.count
+    known = {name: value for name in DEFAULTS if (value := getattr(given, name)) is not None}
+    known = (hci.geometry(files) if hci else {}) | known
+    assumed = [f"--{name.replace('_', '-')} {value:g}" for name, value in DEFAULTS.items() if name not in known]
+    notes = [f"the folder has no camera geometry, assumed: {', '.join(assumed)}"] if assumed else []
+    (width, height), (across, down), chosen = files.size, files.count, DEFAULTS | known
     views = (across * scale, down * scale)
     display = DisplayProfile(
         NAME, (width * views[0], height * views[1]), (chosen["width_mm"], chosen["width_mm"] * height / width),
@@ -109,7 +107,7 @@ def _display(files: ViewFiles, scale: int, given: ImportGeometry, hci: _Hci | No
 
 @dataclasses.dataclass(frozen=True)
 class _Hci:
-    """What parameters.cfg says; lengths in millimetres."""
+    """The parameters in parameters.cfg; lengths in millimetres."""
 
     columns: int | None  # cameras across
     focal: float
@@ -118,14 +116,14 @@ class _Hci:
     focus: float
 
     def geometry(self, files: ViewFiles) -> dict[str, float]:
-        """The values of a ``ImportGeometry``, by name."""
+        """Values of an ``ImportGeometry``, by name."""
         width = self.focus * self.sensor / self.focal * files.size[0] / max(files.size)
         angle = 2 * math.degrees(math.atan(self.baseline * files.count[0] / 2 / self.focus))
         return {"width_mm": width, "distance_mm": self.focus, "angle_deg": angle}
 
 
 def _hci_parameters(path: Path) -> _Hci | None:
-    """The benchmark's parameters.cfg; None without one. LfsrError where it is wrong."""
+    """Parameters of an HCI light field; None where there is no file. LfsrError where it cannot be read."""
     if not path.is_file():
         return None
     parser = configparser.ConfigParser(interpolation=None)

@@ -1,4 +1,4 @@
-"""A finished frame as what every export starts from: its views, and where their cameras are."""
+"""The light field of a finished frame: its views and the places of their cameras."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class LightField:
     """All views of one finished frame."""
 
     views: Array  # (py, px, sy, sx, 3) display values, uint8; row 0 is the topmost camera, column 0 the leftmost
-    frame: Frame  # where the cameras stood
+    frame: Frame  # camera geometry
     folder: Path  # the frame folder
     name: str  # for file names: letters, digits, "-" and "_"
 
     @property
     def display(self) -> DisplayProfile:
-        """The display it was made for."""
+        """The display for which it was rendered."""
         return self.frame.display
 
     @property
@@ -43,58 +43,55 @@ class LightField:
         return self.display.panel_mm[0] / (2 * self.frame.array.half_width)
 
     def view_at(self, column: float, row: float) -> Array:
-        """View (sy, sx, 3) uint8 between cameras, linear between the four nearest; beyond the last it is the last."""
-        (low_x, high_x, x), (low_y, high_y, y) = (_between(value, n) for value, n in zip((column, row), self.count,
-                                                                                        strict=True))
+        """View (sy, sx, 3) uint8 at a place between cameras, interpolated linearly and clamped to the last camera."""
+        (left, right, x), (top, bottom, y) = _between(column, self.count[0]), _between(row, self.count[1])
         if not x and not y:
-            return self.views[low_y, low_x]
-        corners = (((1 - y) * (1 - x), low_y, low_x), ((1 - y) * x, low_y, high_x),
-                   (y * (1 - x), high_y, low_x), (y * x, high_y, high_x))
+            return np.asarray(self.views[top, left])
+        corners = (((1 - y) * (1 - x), top, left), ((1 - y) * x, top, right),
+                   (y * (1 - x), bottom, left), (y * x, bottom, right))
         mixed = sum(np.float32(weight) * self.views[j, i] for weight, j, i in corners if weight)
-        return np.rint(mixed).astype(np.uint8)
+        return np.asarray(np.rint(mixed), np.uint8)
 
     def seen_from(self, x_mm: float, y_mm: float = 0.0) -> Array:
-        """View (sy, sx, 3) uint8 of an eye at the viewing distance, ``x_mm`` to the right and ``y_mm`` up."""
+        """View (sy, sx, 3) uint8 of an eye at the viewing distance, ``x_mm`` rightwards and ``y_mm`` upwards."""
         spacing, (across, down) = self.display.camera_spacing_mm, self.count
         return self.view_at((across - 1) / 2 + x_mm / spacing, (down - 1) / 2 - y_mm / spacing)
 
     def resampled(self, count: tuple[int, int] | None) -> Array:
-        """(n_y, n_x, sy, sx, 3) views of ``count`` (across, down) cameras that share the same span; None for all."""
-        if count in (None, self.count):
+        """Views (n_y, n_x, sy, sx, 3) of ``count`` (across, down) cameras over the same span; None: all views."""
+        if count is None or count == self.count:
             return self.views
         columns, rows = (camera_places(n, wanted) for n, wanted in zip(self.count, count, strict=True))
         return np.stack([np.stack([self.view_at(x, y) for x in columns]) for y in rows])
 
 
 def camera_places(count: int, wanted: int) -> Array:
-    """Places of ``wanted`` cameras among ``count``, as view numbers: each the middle of an equal share."""
-    return (np.arange(wanted) + 0.5) * count / wanted - 0.5
+    """Places of ``wanted`` cameras, evenly spaced over the span of ``count`` cameras, as view numbers."""
+    return np.asarray((np.arange(wanted) + 0.5) * count / wanted - 0.5)
 
 
 def read_light_field(folder: str | Path) -> LightField:
-    """The views of a finished frame folder; LfsrError where its eia.png is missing or of another size."""
+    """Light field of a finished frame folder; LfsrError where its eia.png is missing or of another size."""
     folder, frame = Path(folder), read_frame(folder)
     return LightField(read_views(folder), frame, folder, _name(frame, folder))
 
 
 def read_linear_views(field: LightField) -> Array:
-    """Scene-linear (py, px, sy, sx, 3) float32 of the folder's eia.exr; LfsrError where there is none."""
+    """Scene-linear views (py, px, sy, sx, 3) float32 from the folder's eia.exr; LfsrError where there is none."""
     path = field.folder / EIA_LINEAR_FILE
     if not path.is_file():
-        raise LfsrError(f"{field.folder} has no {EIA_LINEAR_FILE}, which scene-linear views are made of: run "
-                        "`lfsr upscale` on it with --linear-exr, or export PNG")
+        raise LfsrError(f"{field.folder} has no {EIA_LINEAR_FILE}, which scene-linear views need: run `lfsr upscale` "
+                        "on it with --linear-exr, or export PNG")
     return eia_to_views(read_layers(path)["color"][..., :3], field.display)
 
 
 def _between(value: float, count: int) -> tuple[int, int, float]:
-    """The two cameras around a place, and how far it is from the first to the second."""
+    """The two cameras around a place, and the fraction of the way from the first to the second."""
     value = min(max(float(value), 0.0), count - 1.0)
-    low = min(int(value), count - 1)
-    # Places that are a camera's but for rounding are that camera's, so that its pixels stay as they are.
     nearest = round(value)
-    if abs(value - nearest) < 1e-6:
+    if abs(value - nearest) < 1e-6:  # a camera's own place, but for rounding: its pixels stay as they are
         return nearest, nearest, 0.0
-    return low, low + 1, value - low
+    return int(value), int(value) + 1, value - int(value)
 
 
 def _name(frame: Frame, folder: Path) -> str:

@@ -1,4 +1,4 @@
-"""What a person chooses about an export, besides its format."""
+"""Options of an export."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ MOST_FPS = 240.0
 
 @dataclasses.dataclass(frozen=True)
 class ExportOptions:
-    """None is the format's own choice; LfsrError on values that cannot be."""
+    """Options of an export; None: the default of the format. LfsrError for values out of range."""
 
-    views: tuple[int, int] | None = None  # cameras across and down, evenly over the viewing zone
-    grid: tuple[int, int] | None = None  # tiles across and down a quilt
-    eyes_mm: float | None = None  # between the eyes of a stereo pair
-    width: int | None = None  # pixels of a picture, or of a quilt's tile
-    type: str | None = None  # of the file, where a format has several
-    seconds: float | None = None  # of one sway to and fro
-    fps: float | None = None  # frames a second of a film
+    views: tuple[int, int] | None = None  # cameras across and down, evenly spaced over the viewing zone
+    grid: tuple[int, int] | None = None  # columns and rows of a quilt
+    eyes_mm: float | None = None  # distance between the eyes of a stereo pair
+    width: int | None = None  # in pixels, of an image or of a quilt's tile
+    type: str | None = None  # file type, in formats that have several
+    seconds: float | None = None  # duration of one sway to and fro
+    fps: float | None = None  # frames per second of a film
     progress: Progress = silent  # called with (stage, fraction, message)
 
     def __post_init__(self) -> None:
@@ -37,13 +37,12 @@ class ExportOptions:
                 raise LfsrError(f"{name} is {value}, but it must be above 0 and at most {most:g}")
 
     def given(self) -> list[str]:
-        """Names of the options that were chosen."""
-        return [field.name for field in dataclasses.fields(self)
-                if field.name != "progress" and getattr(self, field.name) is not None]
+        """Names of the options that are not None."""
+        return [name for name, value in vars(self).items() if name != "progress" and value is not None]
 
 
-def kind(options: ExportOptions, choices: tuple[str, ...]) -> str:
-    """The type of file, by default the first of ``choices``; LfsrError for another."""
+def chosen_type(options: ExportOptions, choices: tuple[str, ...]) -> str:
+    """File type, by default the first of ``choices``; LfsrError for a type that is none of them."""
     if options.type is None:
         return choices[0]
     if options.type not in choices:

@@ -1,7 +1,7 @@
 """The viewer: one HTML file that shows finished EIAs as an eye in front of the display sees them.
 
-The picture lies in the page as WebP, as base64 text; ``viewer/viewer.glsl`` finds
-lens and view for every pixel. Nothing is fetched, so that it opens from a disk.
+The page contains each EIA as WebP in base64 text; ``viewer/viewer.glsl`` finds lens and view for every pixel. It
+fetches nothing, so it opens from a disk.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -32,46 +33,21 @@ from lfsr_core.progress import Progress, silent
 
 PARTS = Path(__file__).parent / "viewer"
 BEST, USUAL_QUALITY = 100, 95
-# Of 255, on average where a lens shows something: lossy WebP halves the resolution of colour, which small elemental
-# images of strong colours do not bear. Rendered 8K images lose 1.0 at the usual quality (measured).
+# Mean difference of 255 in lenses that show something: lossy WebP halves the resolution of colour, too much for small
+# elemental images of strong colours. Rendered 8K images lose 1.0 at the usual quality (measured).
 MOST_LOSS = 2.0
 MOST_SIDE = 16383  # pixels, of WebP
-MOST_PAGE_BYTES = 400_000_000  # more text than browsers hold in one page
+MOST_PAGE_BYTES = 400_000_000  # that browsers hold in one page
 WARN_BYTES = 30_000_000
 
 
 @dataclasses.dataclass(frozen=True)
-class PanelGeometry:
-    """What the page knows of the display: a regular light field of lenses and views; pairs are (across, down).
-
-    Lengths in millimetres. ``eye.see`` says what they mean.
-    """
-
-    name: str
-    lenses: tuple[int, int]
-    views: tuple[int, int]
-    panel_mm: tuple[float, float]
-    distance_mm: float
-    gap_mm: float
-    spacing_mm: float  # between view positions at the viewing distance
-    angle_deg: float
-    flipped: bool  # whether the pixels inside each elemental image are turned round
-
-    @classmethod
-    def of(cls, profile: DisplayProfile) -> PanelGeometry:
-        """That of a display profile."""
-        return cls(profile.name, profile.lenses, profile.views, profile.panel_mm, profile.viewing_distance_mm,
-                   gap_mm(profile), profile.camera_spacing_mm, profile.viewing_angle_deg,
-                   profile.ei_order == "flipped")
-
-
-@dataclasses.dataclass(frozen=True)
 class Page:
-    """A page that was written."""
+    """A viewer page."""
 
     path: Path
     bytes: int
-    notes: tuple[str, ...]  # what the user should know
+    notes: tuple[str, ...]  # sentences that the user should know
 
 
 def write_page(folders: Sequence[str | Path], output: str | Path | None = None, quality: int | None = None,
@@ -80,28 +56,29 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
 
     Parameters
     ----------
-    folders : frame folders of one display, or folders of frame folders, in the order to show
-    output : the HTML file, by default ``view.html`` in the first folder given
-    quality : of the WebP, 1 to 100; 100 keeps every pixel as it is; None for 95, or 100 where that would show
+    folders : frame folders of one display, or folders of frame folders, in order
+    output : the HTML file, by default ``view.html`` in the first folder
+    quality : of the WebP, 1 to 100; 100 is lossless; None: 95, or 100 where the loss would show
     progress : called with (stage, fraction, message)
 
     Raises
     ------
-    LfsrError : where an image is missing or the displays differ; no page is left then
+    LfsrError : where an image is missing or the displays differ; no page is written then
     """
     if quality is not None and not 1 <= quality <= BEST:
-        raise LfsrError(f"quality is {quality}, but it must be from 1 to {BEST}, which loses nothing")
+        raise LfsrError(f"quality is {quality}, but it must be from 1 to {BEST} (lossless)")
     path = Path(output) if output else Path(folders[0]) / VIEWER_FILE
     frames = {folder: read_frame(folder) for given in folders for folder in frame_folders(given)}
     profile = one_display(frames)
-    images, notes = [], []
+    images: list[str] = []
+    notes: list[str] = []
     for number, folder in enumerate(frames):
         progress("view", number / len(frames), str(folder))
-        images.append(base64.b64encode(_picture(folder, profile, quality, notes)).decode("ascii"))
+        images.append(base64.b64encode(_webp(folder, profile, quality, notes)).decode("ascii"))
         if sum(map(len, images)) > MOST_PAGE_BYTES:
             raise LfsrError(f"the page would be over {MOST_PAGE_BYTES / 1e6:.0f} MB after {number + 1} of "
                             f"{len(frames)} frames: give fewer frames or a lower --quality")
-    text = _page(PanelGeometry.of(profile), list(frames.values()), images)
+    text = _page(profile, list(frames.values()), images)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     progress("view", 1.0, path.name)
@@ -112,8 +89,8 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
     return Page(path, size, tuple(dict.fromkeys(notes)))
 
 
-def _picture(folder: Path, profile: DisplayProfile, quality: int | None, notes: list[str]) -> bytes:
-    """The EIA of a folder as WebP, with half the views where that is too large."""
+def _webp(folder: Path, profile: DisplayProfile, quality: int | None, notes: list[str]) -> bytes:
+    """EIA of a folder as WebP, with fewer views where it is too large; adds to ``notes``."""
     pixels = read_png(folder / EIA_FILE)
     width, height = profile.eia_pixels
     if pixels.shape[:2] != (height, width):
@@ -130,7 +107,7 @@ def _picture(folder: Path, profile: DisplayProfile, quality: int | None, notes: 
 
 
 def fewer_views(pixels: Array, profile: DisplayProfile) -> Array:
-    """An EIA (H, W, 3) with every n-th view of each lens, n the least that fits WebP."""
+    """Every n-th view of each lens of an EIA (H, W, 3), with the smallest n for which WebP can hold the result."""
     (sx, sy), (px, py) = profile.lenses, profile.views
     step = -(-max(pixels.shape[:2]) // MOST_SIDE)
     while max(sx * -(-px // step), sy * -(-py // step)) > MOST_SIDE:
@@ -141,17 +118,17 @@ def fewer_views(pixels: Array, profile: DisplayProfile) -> Array:
 
 
 def loss(pixels: Array, encoded: bytes, lenses: tuple[int, int]) -> float:
-    """Mean difference, of 255, of a WebP file from (H, W, 3) in the elemental images that show something."""
+    """Mean difference, of 255, between a WebP file and (H, W, 3), in elemental images that show something."""
     with _temporary("eia.webp") as path:
         path.write_bytes(encoded)
-        decoded = oiio.ImageInput.open(str(path)).read_image("uint8")[..., :3]
+        decoded = np.asarray(oiio.ImageInput.open(str(path)).read_image("uint8"))[..., :3]
     difference = to_elemental_images(np.where(decoded > pixels, decoded - pixels, pixels - decoded), lenses)
     shows = np.ptp(to_elemental_images(pixels, lenses), axis=(2, 3)).max(-1) > 8
     return float(difference.mean((2, 3, 4))[shows].mean()) if shows.any() else 0.0
 
 
 def encode_webp(pixels: Array, quality: int) -> bytes:
-    """WebP file of uint8 (H, W, 3); quality 100 is lossless."""
+    """Encode uint8 (H, W, 3) as WebP; quality 100 is lossless."""
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint8")
     spec.attribute("compression", "lossless" if quality == BEST else f"webp:{quality}")
     with _temporary("eia.webp") as path:
@@ -169,16 +146,24 @@ def _temporary(name: str) -> Iterator[Path]:
         yield Path(folder, name)
 
 
-def _page(geometry: PanelGeometry, frames: list[Frame], images: list[str]) -> str:
-    """The page's text: the parts of ``viewer/`` and the data in place of their marks."""
-    record = dataclasses.asdict(geometry) | {"labels": [str(frame.frame) for frame in frames]}
+def _page(profile: DisplayProfile, frames: list[Frame], images: list[str]) -> str:
+    """Text of the page: the files of ``viewer/``, with the data in place of their marks."""
+    record = _geometry(profile) | {"labels": [str(frame.frame) for frame in frames]}
     data = json.dumps(record).replace("<", "\\u003c")
-    pictures = "\n".join(f'<script type="application/octet-stream" class="eia">{image}</script>' for image in images)
+    tags = "\n".join(f'<script type="application/octet-stream" class="eia">{image}</script>' for image in images)
     parts = {"/*STYLE*/": _part("viewer.css"), "/*SHADER*/": _part("viewer.glsl"),
-             "/*SCRIPT*/": _part("viewer.js") + _part("controls.js"), "TITLE": html.escape(geometry.name),
-             "DATA": data, "<!--PICTURES-->": pictures}
-    # In one go, so that nothing that was put in is taken for a mark.
+             "/*SCRIPT*/": _part("viewer.js") + _part("controls.js"), "TITLE": html.escape(profile.name),
+             "DATA": data, "<!--IMAGES-->": tags}
+    # All at once, so that nothing inserted is taken for a mark.
     return re.sub("|".join(map(re.escape, parts)), lambda found: parts[found[0]], _part("viewer.html"))
+
+
+def _geometry(profile: DisplayProfile) -> dict[str, Any]:
+    """What the page knows of the display, with lengths in millimetres and pairs as (across, down)."""
+    return {"name": profile.name, "lenses": profile.lenses, "views": profile.views, "panel_mm": profile.panel_mm,
+            "distance_mm": profile.viewing_distance_mm, "gap_mm": gap_mm(profile),
+            "spacing_mm": profile.camera_spacing_mm,  # between view positions at the viewing distance
+            "angle_deg": profile.viewing_angle_deg, "flipped": profile.ei_order == "flipped"}
 
 
 def _part(name: str) -> str:

@@ -1,4 +1,4 @@
-"""A short film of an eye that sways in front of the display: MP4, GIF, WebP, or its frames."""
+"""A short film of an eye that sways in front of the display, as MP4, GIF, WebP or single frames."""
 
 from __future__ import annotations
 
@@ -7,31 +7,33 @@ import math
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.exports.format_names import FILM_TYPES
 from lfsr_core.exports.light_field import LightField
-from lfsr_core.exports.options import ExportOptions, kind
-from lfsr_core.exports.pictures import on_screen, save_png, usual_width
+from lfsr_core.exports.options import ExportOptions, chosen_type
+from lfsr_core.exports.screen_images import on_screen, usual_width
+from lfsr_core.images.png import write_png
 
 SECONDS = 4.0
-RATES = {"mp4": 30, "gif": 20, "webp": 20, "png": 30}  # frames a second; GIF counts in hundredths
-ANIMATION_RATE = 24  # of Blender's scenes
-REACH, RISE = 0.85, 0.35  # share of the half viewing zone, across and up
+RATES = {"mp4": 30, "gif": 20, "webp": 20, "png": 30}  # frames per second; GIF counts in hundredths of a second
+ANIMATION_RATE = 24  # Blender's default
+REACH, RISE = 0.85, 0.35  # fraction of the half viewing zone, across and up
 QUALITY = 90  # of WebP
-CRF = "18"  # of H.264: no loss that shows
+CRF = "18"  # of H.264, without visible loss
 
 
 def write(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
-    """Write the film of a still moment, one ellipse of the eye that begins where it ends; the notes."""
-    rate = options.fps or RATES[kind(options, FILM_TYPES)]
+    """Write the film of one frame, while the eye goes once round an ellipse; return the notes."""
+    rate = options.fps or RATES[chosen_type(options, FILM_TYPES)]
     count = max(2, round((options.seconds or SECONDS) * rate))
     return _write(((field, number / count) for number in range(count)), count, rate, folder, options)
 
 
 def write_film(fields: Iterator[LightField], count: int, folder: Path, options: ExportOptions) -> list[str]:
-    """Write the film of an animation of ``count`` frames, over whole ellipses of the eye, at least one; the notes."""
+    """Write the film of ``count`` frames, while the eye goes round one or more whole ellipses; return the notes."""
     rate = options.fps or ANIMATION_RATE
     ellipses = max(1, round(count / rate / (options.seconds or SECONDS)))
     places = ((field, ellipses * number / count % 1) for number, field in enumerate(fields))
@@ -40,15 +42,15 @@ def write_film(fields: Iterator[LightField], count: int, folder: Path, options: 
 
 def _write(places: Iterable[tuple[LightField, float]], count: int, rate: float, folder: Path,
            options: ExportOptions) -> list[str]:
-    """Write ``count`` frames, each what the eye sees of a light field at a phase of its ellipse."""
-    chosen = kind(options, FILM_TYPES)
+    """Write ``count`` frames, each the view of a light field from a phase of the ellipse."""
+    chosen = chosen_type(options, FILM_TYPES)
     places = iter(places)
     first = next(places)
     frames = _frames(itertools.chain([first], places), count, options)
     path = folder / f"{first[0].name}_sway.{chosen}"
     if chosen == "png":
         for number, frame in enumerate(frames, start=1):
-            save_png(path.with_name(f"{path.stem}_{number:04d}.png"), frame)
+            write_png(path.with_name(f"{path.stem}_{number:04d}.png"), frame)
     elif chosen == "mp4":
         _write_mp4(path, frames, rate)
     else:
@@ -57,7 +59,7 @@ def _write(places: Iterable[tuple[LightField, float]], count: int, rate: float, 
 
 
 def eye_place(field: LightField, phase: float) -> tuple[float, float]:
-    """(x, y) in millimetres of the eye at ``phase`` in [0, 1)."""
+    """Place (x, y) of the eye in millimetres, at ``phase`` in [0, 1)."""
     spacing, (across, down) = field.display.camera_spacing_mm, field.count
     angle = 2 * math.pi * phase
     return (REACH * across / 2 * spacing * math.sin(angle), RISE * down / 2 * spacing * math.cos(angle))
@@ -77,21 +79,20 @@ def _write_mp4(path: Path, frames: Iterator[Array], rate: float) -> None:
         raise LfsrError("MP4 needs the package av, which this Python lacks: pip install 'lfsr[video]', or choose "
                         "--type png and encode the frames elsewhere") from None
     with av.open(str(path), "w", options={"movflags": "faststart"}) as film:
-        stream = None
-        for pixels in frames:
-            if stream is None:
-                stream = _h264(film, pixels.shape, rate)
+        first = next(frames)
+        stream = _h264(film, first.shape, rate)
+        for pixels in itertools.chain([first], frames):
             film.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, format="rgb24").reformat(
                 format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")))
         film.mux(stream.encode())
 
 
-def _h264(film: object, shape: tuple[int, ...], rate: float) -> object:
+def _h264(film: Any, shape: tuple[int, ...], rate: float) -> Any:
     stream = film.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001),
                              options={"crf": CRF, "preset": "medium"})
     stream.height, stream.width = shape[:2]
     stream.pix_fmt = "yuv420p"
-    # BT.709, of limited range, said in the file: players otherwise guess by the size.
+    # The file says BT.709 of limited range, which players otherwise guess from the size.
     stream.codec_context.color_primaries = stream.codec_context.color_trc = stream.codec_context.colorspace = 1
     stream.codec_context.color_range = 1
     return stream

@@ -1,8 +1,9 @@
-"""Folders of views as others name them: which file is which camera's."""
+"""Find and read the views in a folder, by the names that other programs give them."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import re
 from pathlib import Path
@@ -12,7 +13,7 @@ import OpenImageIO as oiio
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
-from lfsr_core.optics.display import MAX_PIXELS
+from lfsr_core.optics.proposal import MAX_PIXELS
 from lfsr_core.progress import Progress, silent
 
 MOST_CAMERAS = 65536
@@ -26,7 +27,7 @@ class ViewFiles:
 
     paths: tuple[tuple[Path, ...], ...]  # rows from the topmost cameras, each from the left
     size: tuple[int, int]  # (width, height) of every view
-    notes: tuple[str, ...] = ()  # what the user should know
+    notes: tuple[str, ...] = ()  # sentences that the user should know
 
     @property
     def count(self) -> tuple[int, int]:
@@ -34,7 +35,7 @@ class ViewFiles:
         return len(self.paths[0]), len(self.paths)
 
     def square(self) -> ViewFiles:
-        """As many cameras down as across, those in the middle: panel pixels are square. LfsrError for a single row."""
+        """The cameras in the middle, as many down as across, as panel pixels are square; LfsrError for a single row."""
         across, down = self.count
         least = min(across, down)
         if across == down:
@@ -45,14 +46,14 @@ class ViewFiles:
         top, left = (down - least) // 2, (across - least) // 2
         paths = tuple(row[left:left + least] for row in self.paths[top:top + least])
         return dataclasses.replace(self, paths=paths, notes=(
-            *self.notes, f"of {across}×{down} cameras the {least}×{least} in the middle were taken: elemental images "
-                         "are square"))
+            *self.notes, f"only the {least}×{least} cameras in the middle of {across}×{down} are imported: elemental "
+                         "images are square"))
 
 
 def find_views(folder: Path, columns: int | None = None) -> ViewFiles:
-    """The views in a folder, by their names; LfsrError, one sentence, for whatever is missing or differs.
+    """Find the views in a folder by their names; LfsrError where one is missing or differs in size.
 
-    ``columns``: cameras across, where the names are mere numbers; None for as many as down.
+    ``columns``: cameras across, for names that are mere numbers; None: as many as down.
     """
     if not folder.is_dir():
         raise LfsrError(f"{folder} is no folder, expected one of views: check the path")
@@ -60,12 +61,12 @@ def find_views(folder: Path, columns: int | None = None) -> ViewFiles:
     places = _hci(names, columns) or _plain(names) or _pleno(names) or _stanford(names)
     if places:
         return _grid(folder, places)
-    raise LfsrError(f"{folder} has no views under names this program knows, as input_Cam000.png (HCI), "
-                    "out_00_00_-1.5_2.5_.png (Stanford), 000_000.ppm (JPEG Pleno) or view_000_000.png: rename them")
+    raise LfsrError(f"{folder} has no views with known names, such as input_Cam000.png (HCI), out_00_00_-1.5_2.5_.png "
+                    "(Stanford), 000_000.ppm (JPEG Pleno) or view_000_000.png: rename them")
 
 
 def read_views(files: ViewFiles, mirror: str = "", progress: Progress = silent) -> Array:
-    """(rows, columns, height, width, 3) uint8 display values; ``mirror`` as of ``import_views``."""
+    """Views (rows, columns, height, width, 3) uint8 display values; ``mirror`` as of ``ImportGeometry``."""
     (across, down), (width, height) = files.count, files.size
     views = np.empty((down, across, height, width, 3), np.uint8)
     for row, paths in enumerate(files.paths):
@@ -85,23 +86,23 @@ def _hci(names: list[str], columns: int | None) -> dict[Place, str]:
 
 
 def _stanford(names: list[str]) -> dict[Place, str]:
-    """By row and column; where the coordinates in the names run the other way, so do the cameras."""
+    """Files by row and column, reversed where the coordinates in the names fall as these rise."""
     found = _matching(r".*?_?(\d+)_(\d+)_(-?\d+(?:\.\d+)?)_(-?\d+(?:\.\d+)?)_?\.(?:png|jpe?g|ppm|tiff?)", names)
     if not found:
         return {}
     rows, columns, y, x = np.array([[float(match[group]) for group in (1, 2, 3, 4)] for match, _ in found]).T
-    places = {}
+    places: dict[Place, str] = {}
     for (_, name), row, column in zip(found, _directed(rows, y), _directed(columns, x), strict=True):
         if (row, column) in places:
-            raise LfsrError(f"{name} and {places[row, column]} are of the same camera: remove one")
+            raise LfsrError(f"{name} and {places[row, column]} belong to the same camera: remove one")
         places[row, column] = name
     return places
 
 
 def _directed(numbers: Array, coordinates: Array) -> list[int]:
-    """Row or column numbers from 0, turned round where coordinates fall as they rise."""
+    """Row or column numbers from 0, reversed where coordinates fall as they rise."""
     falls = np.dot(numbers - numbers.mean(), coordinates - coordinates.mean()) < 0
-    return (numbers.max() - numbers if falls else numbers - numbers.min()).astype(int).tolist()
+    return [int(number) for number in (numbers.max() - numbers if falls else numbers - numbers.min())]
 
 
 def _pleno(names: list[str]) -> dict[Place, str]:
@@ -117,24 +118,20 @@ def _matching(pattern: str, names: list[str]) -> list[tuple[re.Match[str], str]]
 
 
 def _grid(folder: Path, places: dict[Place, str]) -> ViewFiles:
-    first_row, first_column = (min(place[axis] for place in places) for axis in (0, 1))
-    down, across = (max(place[axis] for place in places) + 1 - first
-                    for axis, first in ((0, first_row), (1, first_column)))
-    if across * down > MOST_CAMERAS:
-        raise LfsrError(f"{folder} names {across}×{down} cameras, more than {MOST_CAMERAS}: check the names")
-    for row in range(first_row, first_row + down):
-        for column in range(first_column, first_column + across):
-            if (row, column) not in places:
-                raise LfsrError(f"{folder} has {len(places)} views, but the one in row {row}, column {column} of "
-                                f"{down} rows of {across} is missing (the others are named as {min(places.values())}): "
-                                "add it, or remove its whole row or column")
-    paths = tuple(tuple(folder / places[first_row + row, first_column + column] for column in range(across))
-                  for row in range(down))
+    rows, columns = (range(min(numbers), max(numbers) + 1) for numbers in zip(*places, strict=True))
+    if len(rows) * len(columns) > MOST_CAMERAS:
+        raise LfsrError(f"{folder} names {len(columns)}×{len(rows)} cameras, more than {MOST_CAMERAS}: check the names")
+    for row, column in itertools.product(rows, columns):
+        if (row, column) not in places:
+            raise LfsrError(f"{folder} has {len(places)} views, but the one in row {row}, column {column} of "
+                            f"{len(rows)} rows of {len(columns)} is missing (another is {min(places.values())}): add "
+                            "it, or remove its whole row or column")
+    paths = tuple(tuple(folder / places[row, column] for column in columns) for row in rows)
     return ViewFiles(paths, _one_size(paths))
 
 
 def _one_size(paths: tuple[tuple[Path, ...], ...]) -> tuple[int, int]:
-    """(width, height) of all views, from their headers; LfsrError where one differs or all are too large."""
+    """(width, height) of all views, from their headers; LfsrError where one differs or they are too large."""
     first = _size(paths[0][0])
     for path in (path for row in paths for path in row):
         if (size := _size(path)) != first:
@@ -163,5 +160,5 @@ def _read(path: Path) -> Array:
     if pixels is None:
         oiio.geterror()
         raise LfsrError(f"{path} is damaged: replace it")
-    pixels = pixels.reshape(*pixels.shape[:2], -1)
+    pixels = np.asarray(pixels).reshape(*pixels.shape[:2], -1)
     return pixels[..., :3] if pixels.shape[2] >= 3 else pixels[..., :1].repeat(3, axis=2)

@@ -19,7 +19,7 @@ from lfsr_core.exports.format_names import DESCRIPTIONS, TITLES
 from lfsr_core.exports.formats import FORMATS, export
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
-from lfsr_core.exports.pictures import on_screen
+from lfsr_core.exports.screen_images import on_screen
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import write_png
 from lfsr_core.optics.eia import flip_order, to_views

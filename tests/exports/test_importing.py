@@ -104,7 +104,7 @@ def test_mirrored_cameras_are_turned_round(pictures, field, tmp_path):
 def test_a_wide_grid_keeps_its_middle(folder, field, tmp_path):
     export(folder, "views", tmp_path / "views", ExportOptions(views=(8, 4)))
     imported = import_views(tmp_path / "views", tmp_path / "frame")
-    assert imported.display.views == (4, 4) and "of 8×4 cameras the 4×4 in the middle" in imported.notes[0]
+    assert imported.display.views == (4, 4) and "the 4×4 cameras in the middle of 8×4" in imported.notes[0]
 
 
 def missing(source):
@@ -145,7 +145,7 @@ def huge_numbers(source):
 @pytest.mark.parametrize(("spoil", "message"), [
     (missing, r"has 8 views, but the one in row 1, column 1 of 3 rows of 3 is missing"),
     (another_size, r"input_Cam005.png has 20×12 pixels, but input_Cam000.png has 16×12"),
-    (wrong_names, r"no views under names this program knows, as input_Cam000.png"),
+    (wrong_names, r"no views with known names, such as input_Cam000.png"),
     (damaged, r"input_Cam002.png is damaged: replace it|is no readable image"),
     (no_image, r"input_Cam000.png is no readable image"),
     (no_parameters, r"cannot be read as the parameters of an HCI light field"),
@@ -162,7 +162,7 @@ def test_refused_in_one_sentence(pictures, tmp_path, spoil, message):
 
 @pytest.mark.parametrize(("options", "message"), [
     ({"scale": 0}, "scale is 0"), ({"scale": 99}, "scale is 99"),
-    ({"geometry": ImportGeometry(angle_deg=200.0)}, "between 1 and 120 degrees"),
+    ({"geometry": ImportGeometry(angle_deg=200.0)}, "between 1 and 120"),
     ({"geometry": ImportGeometry(width_mm=-1.0)}, "lengths above 0"),
 ])
 def test_geometry_that_cannot_be(pictures, tmp_path, options, message):
@@ -172,7 +172,7 @@ def test_geometry_that_cannot_be(pictures, tmp_path, options, message):
 
 
 def test_an_empty_or_missing_folder(tmp_path):
-    with pytest.raises(LfsrError, match="no views under names"):
+    with pytest.raises(LfsrError, match="no views with known names"):
         import_views(tmp_path, tmp_path / "frame")
     with pytest.raises(LfsrError, match=re.escape("nowhere is no folder")):
         import_views(tmp_path / "nowhere", tmp_path / "frame")

@@ -57,7 +57,7 @@ def test_by_default_it_loses_nothing_where_that_would_show(folder, tmp_path):
 def test_nothing_is_fetched(folder, tmp_path):
     text = write_page([folder], tmp_path / "page.html").path.read_text(encoding="utf-8")
     assert not re.search(r"""(?:src|href)\s*=\s*["'](?!data:)|url\(|@import|https?://|fetch\(|XMLHttp""", text)
-    assert not re.search(r"/\*(?:STYLE|SHADER|SCRIPT)\*/|<!--PICTURES", text)
+    assert not re.search(r"/\*(?:STYLE|SHADER|SCRIPT)\*/|<!--IMAGES", text)
 
 
 def test_default_place_and_an_animation(tmp_path):
@@ -90,7 +90,7 @@ def test_quality_that_cannot_be(folder, tmp_path, quality):
 
 
 def test_refused(folder, tmp_path):
-    with pytest.raises(LfsrError, match="shown together on one: give frames of one display"):
+    with pytest.raises(LfsrError, match="shown together: give frames of one display"):
         write_page([folder, finished(tmp_path / "direct", DIRECT)], tmp_path / "page.html")
     (tmp_path / "empty").mkdir()
     with pytest.raises(LfsrError, match="is no frame folder and holds none"):

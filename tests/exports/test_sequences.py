@@ -17,8 +17,7 @@ from lfsr_core.exports.formats import export
 from lfsr_core.exports.frame_folders import frame_folders
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
-from lfsr_core.exports.pictures import on_screen
-from lfsr_core.exports.sequences import export_sequence
+from lfsr_core.exports.screen_images import on_screen
 from lfsr_core.exports.sway import eye_place
 from lfsr_core.images.png import read_png, write_png
 from tests.support.finished import DIRECT, finished
@@ -46,7 +45,7 @@ def test_frames_come_in_their_order(film):
 
 @pytest.mark.parametrize("name", sorted(set(DESCRIPTIONS) - {"sway"}))
 def test_each_frame_is_what_its_own_export_is(film, tmp_path, name):
-    files, _ = export_sequence(film, name, tmp_path / "all")
+    files, _ = export(film, name, tmp_path / "all")
     expected = [path for frame in NAMES for path in export(film / frame, name, tmp_path / frame)[0]]
     assert [path.read_bytes() for path in files] == [path.read_bytes() for path in expected]
     assert len(set(files)) == len(files)
@@ -58,7 +57,7 @@ def test_each_frame_is_what_its_own_export_is(film, tmp_path, name):
 
 @pytest.mark.parametrize("kind", ["mp4", "png"])
 def test_the_film_plays_the_animation_while_the_eye_sways(film, tmp_path, kind):
-    files, _ = export_sequence(film, "sway", tmp_path, ExportOptions(type=kind, width=320, fps=12))
+    files, _ = export(film, "sway", tmp_path, ExportOptions(type=kind, width=320, fps=12))
     if kind == "png":
         found = [np.asarray(Image.open(path)) for path in files]
     else:
@@ -88,10 +87,10 @@ def test_what_cannot_be_is_said_and_leaves_nothing(film, tmp_path, capsys):
     mixed = shutil.copytree(film / "0002", tmp_path / "mixed" / "0001").parent
     finished(mixed / "0002", DIRECT)
     with pytest.raises(LfsrError, match="0002 is for display 'direct' and .*0001 for 'mini'"):
-        export_sequence(mixed, "sway")
+        export(mixed, "sway")
     finished(mixed / "0003")
     shutil.rmtree(mixed / "0002")
     (mixed / "0003" / "eia.png").write_bytes(b"x")
     with pytest.raises(LfsrError, match="eia.png"):
-        export_sequence(mixed, "sway")
+        export(mixed, "sway")
     assert not (mixed / "export").exists()

@@ -1,4 +1,4 @@
-// What a person does: pointer, wheel, keys, sliders; and what the page tells.
+// Input by pointer, wheel, keys and sliders, and the text that the page shows.
 const options = new URLSearchParams(location.hash.slice(1));
 
 function moveEye(x, y, z) {
@@ -14,7 +14,7 @@ function tell() {
   const side = (mm, plus, minus) => `${Math.abs(mm)} mm ${mm < 0 ? minus : plus}`;
   find("where").textContent = `eye ${side(x, "right", "left")}, ${side(y, "up", "down")}, ${z} mm in front` +
     (state.aperture ? `, focus ${side(Math.round(state.focus), "in front", "behind")}` : "") +
-    (outside ? " – outside the viewing zone, where a real display repeats its picture" : "");
+    (outside ? " – outside the viewing zone, where a real display repeats its image" : "");
   find("mode").value = state.mode;
   find("stereo").value = state.stereo;
   find("eyes").value = state.eyes;
@@ -28,7 +28,7 @@ function tell() {
   drawMap();
 }
 
-// Display, viewing zone and eye from above, to scale; a bar says how long 100, 200, 500 … mm are.
+// Draw display, viewing zone and eye from above, to scale, with a scale bar of 100, 200, 500 … mm.
 function drawMap() {
   const {panel_mm: [wide], distance_mm: far} = display, reach = Math.max(far * 1.5, state.eye[2] * 1.1);
   const scale = 140 / Math.max(reach, wide, zone[0] * 1.6), x = mm => 75 + mm * scale, y = mm => 6 + mm * scale;
@@ -188,7 +188,7 @@ function listen() {
   find("reset").onclick = reset;
   find("save").onclick = save;
   find("full").onclick = fullScreen;
-  canvas.addEventListener("webglcontextlost", () => note("The GPU lost the picture: load the page again."));
+  canvas.addEventListener("webglcontextlost", () => note("The GPU lost the image: load the page again."));
 }
 
 async function start() {

@@ -1,33 +1,33 @@
 #version 300 es
-// What an eye sees of a light field behind lenses. Millimetres from the display's centre: x rightwards, y upwards,
+// View of a light field behind lenses, for one eye. Millimetres from the centre of the display: x rightwards, y upwards,
 // z towards the viewer; lenses and views are counted from the left and from the top.
 precision highp float;
 precision highp int;
 uniform sampler2D eia;
 uniform highp isampler2D seen;    // panel pixel that the eye sees through each lens: across in row 0, upwards in row 1
 uniform ivec2 lenses, views;
-uniform bool flipped;             // the pixels inside each elemental image are turned round
-uniform float texelsPerPixel;     // below 1 where the picture was made smaller for this GPU
+uniform bool flipped;             // the pixels inside each elemental image are in reverse order
+uniform float texelsPerPixel;     // below 1 where the image was downscaled for this GPU
 uniform vec2 panel;               // its size
 uniform float viewDistance, spacing;
 uniform vec3 eye;
-uniform float focus, aperture;    // depth that is sharp; width of the pupil
-uniform int mode;                 // 0 smooth, 1 physical, 2 how well each depth fits one place
-uniform vec2 corner, perPixel;    // the lower left corner of what is drawn; millimetres per pixel
-uniform float farthest, depthStep; // what mode 2 tries: by how much nearer things look larger
-uniform vec2 target;              // the place that mode 2 looks at
+uniform float focus, aperture;    // depth in focus; width of the pupil
+uniform int mode;                 // 0 smooth, 1 physical, 2 disagreement of cameras per depth at one place
+uniform vec2 corner, perPixel;    // lower left corner of the viewport; millimetres per pixel
+uniform float farthest, depthStep; // depths of mode 2, as relative sizes of things there
+uniform vec2 target;              // place of mode 2
 out vec4 color;
 const int PUPIL = 48;
 
-// The one place that knows where on the panel a view of a lens is; `view` is in camera order.
+// Pixel on the panel of a view of a lens; `view` is in camera order. Nothing else computes it.
 vec3 panelPixel(ivec2 lens, ivec2 view) {
   ivec2 inside = flipped ? views - 1 - view : view;
   return texelFetch(eia, ivec2((vec2(lens * views + inside) + 0.5) * texelsPerPixel), 0).rgb;
 }
 
-// As on the panel: one pixel through each lens, the neighbour's beyond the zone, black beyond the panel.
+// Physical mode: one pixel through each lens, that of a neighbour beyond the zone, black beyond the panel.
 vec3 physical(vec2 place) {
-  ivec2 lens = ivec2(floor((place / panel + 0.5) * vec2(lenses)));  // counted from below here, as the pixels are
+  ivec2 lens = ivec2(floor((place / panel + 0.5) * vec2(lenses)));  // counted from below, like the pixels
   ivec2 pixel = ivec2(texelFetch(seen, ivec2(lens.x, 0), 0).r, texelFetch(seen, ivec2(lens.y, 1), 0).r);
   if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, lenses * views))) return vec3(0);
   lens = pixel / views;
@@ -35,7 +35,7 @@ vec3 physical(vec2 place) {
   return panelPixel(ivec2(lens.x, lenses.y - 1 - lens.y), ivec2(views.x - 1 - pixel.x, pixel.y));
 }
 
-// What camera `view` sees of a point: its line meets the lenses between four of them.
+// Colour of a point in camera `view`, interpolated between the four lenses around its line.
 vec3 camera(ivec2 view, vec3 point) {
   vec2 from = vec2(1, -1) * (vec2(view) + 0.5 - vec2(views) * 0.5) * spacing;
   vec2 place = from + (point.xy - from) * viewDistance / (viewDistance - point.z);
@@ -46,7 +46,7 @@ vec3 camera(ivec2 view, vec3 point) {
              mix(panelPixel(ivec2(low.x, high.y), view), panelPixel(high, view), f.x), f.y);
 }
 
-// Light from a point to an eye: the four cameras around where that line crosses the camera plane.
+// Light from a point to an eye, interpolated between the four cameras around its line on the camera plane.
 vec3 smoothly(vec3 from, vec3 point) {
   vec2 on = from.xy + (point.xy - from.xy) * (from.z - viewDistance) / (from.z - point.z);
   vec2 view = clamp(vec2(1, -1) * on / spacing + vec2(views) * 0.5 - 0.5, vec2(0), vec2(views - 1));
@@ -63,12 +63,12 @@ vec3 throughPupil(vec2 place) {
   for (int i = 0; i < PUPIL; i++) {
     float turn = float(i) * 2.39996323, radius = sqrt((float(i) + 0.5) / float(PUPIL)) * aperture * 0.5;
     vec3 c = smoothly(eye + vec3(cos(turn), sin(turn), 0) * radius, point);
-    sum += c * c;  // light adds up, screen values do not
+    sum += c * c;  // light adds, screen values do not
   }
   return sqrt(sum / float(PUPIL));
 }
 
-// How much 25 cameras disagree around a place if it lies at this depth: column by column another depth.
+// Disagreement of 25 cameras around a place for one depth per column.
 float disagreement(float larger) {
   float depth = viewDistance - viewDistance / (1.0 + larger);
   vec2 pitch = panel / vec2(lenses);

@@ -1,12 +1,12 @@
 "use strict";
 const find = id => document.getElementById(id);
 const display = JSON.parse(find("data").textContent);
-const canvas = find("picture");
+const canvas = find("image");
 const gl = canvas.getContext("webgl2", {antialias: false, alpha: false});
 const zone = display.views.map(count => count * display.spacing_mm);  // across and down, at the viewing distance
 const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
 const START = {eye: [0, 0, display.distance_mm], mode: "smooth", stereo: "one", eyes: 63, aperture: 0, focus: 0, frame: 0};
-// Depths among which a click finds the focus, and the slider's ends: by how much nearer things look larger.
+// Depths that a click compares to find the focus, and the ends of the slider, as relative sizes of things there.
 const DEPTHS = 160, FARTHEST = -0.5, NEAREST = 0.8;
 const state = structuredClone(START);
 const layout = {};  // where the display is in the canvas: centre and pixels per millimetre
@@ -16,7 +16,7 @@ let program, places = {}, dirty = true, swaying = false, swayStart = 0, playing 
 const between = (value, low, high) => Math.min(Math.max(value, low), high);
 const note = text => { find("note").textContent = text; };
 
-// Millimetres in front of the display at which things look larger by this share.
+// Millimetres in front of the display at which things look larger by this fraction.
 const depthOf = larger => display.distance_mm - display.distance_mm / (1 + larger);
 
 function compile(kind, source) {
@@ -55,11 +55,11 @@ function newTexture() {
   return texture;
 }
 
-// Panel pixel that an eye sees through each lens along one axis, as the simulated eye of lfsr finds it.
+// Panel pixel that an eye sees through each lens along one axis, as in optics/eye.py.
 function seenPixels(eye, axis) {
   const count = display.lenses[axis], length = display.panel_mm[axis], {distance_mm: far, gap_mm: gap} = display;
   return Int32Array.from({length: count}, (_, index) => {
-    if (display.views[axis] === 1) return index;  // the same from wherever one looks
+    if (display.views[axis] === 1) return index;  // the same for every eye
     const lens = ((index + 0.5) / count - 0.5) * length * far / (far + gap);
     const onPanel = lens + (lens - eye[axis]) * gap / eye[2];
     return Math.floor((onPanel / length + 0.5) * (count * display.views[axis]));
@@ -90,7 +90,7 @@ async function load(frame) {
   const most = Math.min(gl.getParameter(gl.MAX_TEXTURE_SIZE), Number(options.get("texture")) || Infinity);
   while (Math.max(...fitted) > most) fitted = fitted.map(length => Math.floor(length / 2));
   if (fitted[0] < bitmap.width) {
-    note(`This GPU takes ${most} pixels a side: the picture is shown at ${fitted[0]}×${fitted[1]} of ` +
+    note(`This GPU takes ${most} pixels a side: the image is shown at ${fitted[0]}×${fitted[1]} of ` +
          `${bitmap.width}×${bitmap.height}.`);
     bitmap.close();
     bitmap = await createImageBitmap(blob, {...exact, resizeWidth: fitted[0], resizeHeight: fitted[1],
@@ -182,16 +182,16 @@ function snapshot(width) {
   const [wide, high] = display.panel_mm, height = Math.round(width * high / wide), step = wide / width;
   const area = {left: -wide / 2, bottom: -height * step / 2, step};
   const rows = offScreen(width, height, () => drawEye(state.eye, [0, 0, width, height], area));
-  const picture = new ImageData(width, height);
+  const image = new ImageData(width, height);
   for (let y = 0; y < height; y++)
-    picture.data.set(rows.subarray((height - 1 - y) * width * 4, (height - y) * width * 4), y * width * 4);
-  return picture;
+    image.data.set(rows.subarray((height - 1 - y) * width * 4, (height - y) * width * 4), y * width * 4);
+  return image;
 }
 
 function save() {
-  const picture = snapshot(Math.min(3840, Math.max(1920, display.lenses[0])));
-  const page = Object.assign(document.createElement("canvas"), {width: picture.width, height: picture.height});
-  page.getContext("2d").putImageData(picture, 0, 0);
+  const image = snapshot(Math.min(3840, Math.max(1920, display.lenses[0])));
+  const page = Object.assign(document.createElement("canvas"), {width: image.width, height: image.height});
+  page.getContext("2d").putImageData(image, 0, 0);
   page.toBlob(blob => {
     const link = Object.assign(document.createElement("a"), {download: `${display.name}.png`});
     link.href = URL.createObjectURL(blob);
@@ -200,7 +200,7 @@ function save() {
   });
 }
 
-// The depth in which cameras agree best about a place on the display; of equal ones that nearest to the display.
+// Depth at which cameras agree best about a place on the display; of equal depths the nearest to the display.
 function depthAt(x, y) {
   const step = (NEAREST - FARTHEST) / (DEPTHS - 1);
   const pixels = offScreen(DEPTHS, 1, () => {
@@ -223,7 +223,7 @@ function resize() {
   const ratio = Math.min(devicePixelRatio || 1, 2);
   canvas.width = Math.max(1, Math.round(canvas.clientWidth * ratio));
   canvas.height = Math.max(1, Math.round(canvas.clientHeight * ratio));
-  const free = canvas.height - (find("controls").offsetHeight + 24) * ratio;  // the caption stays free
+  const free = canvas.height - (find("controls").offsetHeight + 24) * ratio;  // leave room for the caption
   const across = canvas.width / (state.stereo === "side" ? 2 : 1);
   const fit = Math.min(across * 0.9 / display.panel_mm[0], free * 0.88 / display.panel_mm[1]);
   layout.ratio = ratio;

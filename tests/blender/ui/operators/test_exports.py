@@ -9,7 +9,7 @@ import pytest
 from blender_addon.settings import folders
 from lfsr_core.exports.format_names import DESCRIPTIONS
 from lfsr_core.exports.light_field import read_light_field
-from lfsr_core.exports.pictures import on_screen
+from lfsr_core.exports.screen_images import on_screen
 from lfsr_core.exports.sway import eye_place
 from lfsr_core.images.png import read_png, write_png
 from tests.support import panel
