@@ -7,43 +7,42 @@
         --models MODELS
     blender --background --python scripts/lab/lfsr_lab/scenes/training_scenes.py -- --output DIR ...
 
-Needs bpy, numpy, pyoidn and OpenImageIO; nothing has to be installed. Scene I of
-seed S is the same whichever others are made; a folder is completed, not redone.
-MODELS is any folder of OBJ and glTF models under free licenses, named in its licenses.json; --prepare-models
-makes one of the 800 models of Debian's package sweethome3d-furniture (apt-get install sweethome3d-furniture).
---low-only: many displays, scales, lights and layouts, the low-resolution EIA alone, several times with few samples
-and once clean; the default: the low-resolution EIA, denoised, and two halves of the full-resolution reference.
-The file format is described in training/produce.py.
+Needs bpy, numpy, pyoidn and OpenImageIO. Scene I of seed S is the same whichever others are made; a folder is
+completed, not redone. The file format is described in training/produce.py.
+--low-only: many displays, scales, lights and layouts; the low-resolution EIA several times with few samples and once
+clean. Without it: the low-resolution EIA, denoised images, and two halves of the full-resolution reference.
+MODELS holds OBJ and glTF models with a licenses.json. --prepare-models makes it from Debian's sweethome3d-furniture.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import bpy
 
 # Where lfsr_lab and lfsr_core are: installed side by side, or in a clone, scripts/lab and the root.
 sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4))
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
+from lfsr_core.optics.display import load_display
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, emit
+from lfsr_lab.scenes.shared.script import leave, script_arguments
 from lfsr_lab.scenes.training import pool
-from lfsr_lab.scenes.training.displays import TRAIN, check_display
+from lfsr_lab.scenes.training.displays import TRAIN
+from lfsr_lab.scenes.training.models import find_models, prepare_models
+from lfsr_lab.scenes.training.produce import Recipe, produce
 from lfsr_lab.scenes.training.textures import find_textures, prepare_textures
-
-if TYPE_CHECKING:
-    from lfsr_lab.scenes.training.produce import Recipe
 
 SETTINGS_FILE = "settings.json"
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """Command line as a namespace."""
+    """Return the options of the command line."""
     parser = argparse.ArgumentParser(prog="training_scenes.py", description=__doc__.splitlines()[0])
     parser.add_argument("--output", type=Path, help="folder of the scene files")
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
@@ -58,22 +57,18 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--models", type=Path, help="folder of OBJ and glTF models, for --low-only")
     parser.add_argument("--textures", type=Path, help="folder of small photographs")
     parser.add_argument("--device", default="CPU", choices=("CPU", "OPTIX"))
-    parser.add_argument("--threads", type=int, help="CPU threads per worker")
+    parser.add_argument("--threads", type=int, help="CPU threads per process")
     parser.add_argument("--workers", type=int, default=1, help="processes side by side")
     parser.add_argument("--compress", action="store_true", help="smaller files, slower to write and read")
     parser.add_argument("--prepare-textures", nargs=2, metavar=("PHOTOS", "SMALL"), help="only shrink photographs")
     parser.add_argument("--prepare-models", nargs=2, metavar=("ARCHIVES", "MODELS"),
                         help="only unpack the models of Sweet Home 3D's .sh3f files")
     parser.add_argument("--size", type=int, default=1024, help="longest side of a shrunk photograph in pixels")
-    parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     return parser.parse_args(arguments)
 
 
 def recipe_of(options: argparse.Namespace) -> Recipe:
-    """Validated recipe of the command line."""
-    from lfsr_lab.scenes.training.models import find_models
-    from lfsr_lab.scenes.training.produce import Recipe
-
+    """Return the checked recipe of the command line."""
     if options.output is None:
         raise LfsrError("--output is missing: name the folder of the scene files")
     reference = options.reference_spp or (256 if options.low_only else 512)
@@ -81,8 +76,8 @@ def recipe_of(options: argparse.Namespace) -> Recipe:
         raise LfsrError(f"--reference-spp is {reference}, but two equal halves need an even number")
     if options.models and not options.low_only:
         raise LfsrError("--models needs --low-only: the scenes of full-resolution pairs have no models")
-    if not (options.low_only and options.display == TRAIN):
-        check_display(options.display, options.scale)
+    if options.display != TRAIN:
+        load_display(options.display).low_views(options.scale)
     samples = _samples(options.spps or ("1,4,16" if options.low_only else "1,4,16,64"))
     return Recipe(options.output, options.seed, options.display, options.scale, samples, reference,
                   find_textures(options.textures), options.device, options.threads, options.compress,
@@ -106,7 +101,7 @@ def claim_folder(recipe: Recipe) -> None:
 
 
 def missing_scenes(recipe: Recipe, first: int, count: int) -> list[int]:
-    """Numbers without a file; remains of killed runs at those numbers are removed."""
+    """Return the numbers without a file, after removing what killed runs left of them."""
     missing = [index for index in range(first, first + count) if not recipe.path(index).exists()]
     for index in missing:
         for remains in recipe.output.glob(f".{recipe.path(index).stem}-*"):
@@ -115,46 +110,33 @@ def missing_scenes(recipe: Recipe, first: int, count: int) -> list[int]:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Do what the command line says; how many scenes failed."""
+    """Do what the command line says; return how many scenes failed."""
     if options.prepare_textures:
-        emit(stage="textures", count=prepare_textures(*options.prepare_textures, options.size))
+        photos, small = options.prepare_textures
+        emit(stage="textures", count=prepare_textures(photos, small, options.size))
         return 0
     if options.prepare_models:
-        from lfsr_lab.scenes.training.models import prepare_models
-
         emit(stage="models", count=prepare_models(*options.prepare_models))
         return 0
-    from lfsr_lab.scenes.training.produce import produce
-
     recipe = recipe_of(options)
-    if options.serve:
-        pool.serve(lambda index: produce(recipe, index))
-        return 0
     claim_folder(recipe)
     missing = missing_scenes(recipe, options.first, options.count)
     emit(stage="start", scenes=len(missing), complete=options.count - len(missing))
     if options.workers > 1:
-        failed = pool.run_pool(worker_command(options), min(options.workers, len(missing)), missing)
+        failed = pool.run_pool(own_command(options), options.workers, missing)
     else:
         failed = [index for index in missing if not pool.attempt(lambda index: produce(recipe, index), index)]
     emit(stage="done", made=len(missing) - len(failed), failed=failed)
     return len(failed)
 
 
-def worker_command(options: argparse.Namespace) -> list[str]:
-    """This script again, as a worker, in the same kind of Blender."""
-    import bpy
-
-    threads = options.threads or max(1, len(os.sched_getaffinity(0)) // options.workers)
-    arguments = [*script_arguments(), "--serve", "--threads", str(threads)]
+def own_command(options: argparse.Namespace) -> list[str]:
+    """This script again, in the same kind of Blender, with an equal part of the threads."""
+    threads = options.threads or max(1, (os.cpu_count() or 1) // options.workers)
+    arguments = [*script_arguments(), "--threads", str(threads)]
     if bpy.app.binary_path:
         return [bpy.app.binary_path, "--background", "--factory-startup", "--python", __file__, "--", *arguments]
     return [sys.executable, __file__, *arguments]
-
-
-def script_arguments() -> list[str]:
-    """Arguments meant for this script: those after ``--`` under Blender, else all."""
-    return sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else sys.argv[1:]
 
 
 def main() -> int:
@@ -164,15 +146,6 @@ def main() -> int:
     except LfsrError as error:
         emit(stage="error", message=str(error))
         return EXIT_BAD_INPUT
-
-
-def leave(code: int) -> None:
-    """End the process here: Blender turns a script's SystemExit into its own exit code."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    if "bpy" in sys.modules:
-        shutil.rmtree(sys.modules["bpy"].app.tempdir, ignore_errors=True)
-    os._exit(code)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import tempfile
 from pathlib import Path
 
@@ -21,77 +20,60 @@ EXPOSURE_SAMPLES = 4
 BRIGHTNESS = (0.06, 0.5)  # scene-linear, of the median foreground lens
 VARIED_BRIGHTNESS = (0.04, 0.9)
 OF_BRIGHT_LENS = 3.0  # times brighter, where another lens than the median counts
+LEAST_COVERED = 0.02  # of a foreground lens
 PANEL_TILE = (12, 6)  # pixels that count as a lens in an image of subpixels
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 LARGEST = 65504.0  # of float16
 
 
-@dataclasses.dataclass(frozen=True)
-class Capture:
-    """Renders a stage for one device."""
-
-    stage: Stage
-    scale: int
-    device: str
-
-    def low(self, samples: int, seed: int, clamp_indirect: float | None = None) -> dict[str, Array]:
-        """Low-resolution layers: color (RGBA), albedo, normal, each (H/s, W/s, C)."""
-        settings = RenderSettings(samples, seed, ("albedo", "normal"), self.device, clamp_indirect)
-        return self._render(self.scale, settings)
-
-    def high(self, samples: int, seed: int) -> Array:
-        """High-resolution RGBA (H, W, 4), indirect light unclamped as in every reference."""
-        settings = RenderSettings(samples, seed, (), self.device, clamp_indirect=0.0)
-        return self._render(1, settings)["color"]
-
-    def _render(self, scale: int, settings: RenderSettings) -> dict[str, Array]:
-        profile, array = self.stage.profile, self.stage.array
-        shot = Shot(PanelLayout(profile, array), self.stage.matrix_world, SUBPIXELS) if self.stage.is_direct else \
-            Shot(RayLayout.for_display(profile, array, scale), self.stage.matrix_world)
-        with tempfile.TemporaryDirectory(prefix="lfsr-training-") as folder:
-            path = Path(folder, "render.exr")
-            render_encoded(bpy.context.scene, shot, settings, path)
-            return read_layers(path)
+def render_low(stage: Stage, samples: int, seed: int, device: str, clamp: float | None = None) -> dict[str, Array]:
+    """Render the low-resolution layers: color (RGBA), albedo, normal, each (H/s, W/s, C)."""
+    return render(stage, stage.scale, RenderSettings(samples, seed, ("albedo", "normal"), device, clamp))
 
 
-def expose(capture: Capture, seed: int) -> tuple[float, float]:
+def render(stage: Stage, scale: int, settings: RenderSettings) -> dict[str, Array]:
+    """Render the layers of the EIA at a scale, or of the panel's subpixels."""
+    profile, array = stage.profile, stage.array
+    shot = Shot(PanelLayout(profile, array), stage.matrix_world, SUBPIXELS) if stage.is_direct else \
+        Shot(RayLayout.for_display(profile, array, scale), stage.matrix_world)
+    with tempfile.TemporaryDirectory(prefix="lfsr-training-") as folder:
+        path = Path(folder, "render.exr")
+        render_encoded(bpy.context.scene, shot, settings, path)
+        return read_layers(path)
+
+
+def expose(stage: Stage, seed: int, device: str) -> tuple[float, float]:
     """Scale every light so that the stage's ``bright_lens`` has a random sensible brightness.
 
     Return the factor and the fraction of lenses that see anything.
     """
-    stage = capture.stage
     wanted = stage.log_uniform(*(VARIED_BRIGHTNESS if stage.is_varied else BRIGHTNESS))
     wanted *= OF_BRIGHT_LENS if stage.bright_lens > 0.5 else 1.0
-    color = capture.low(EXPOSURE_SAMPLES, seed)["color"]
-    found = lens_brightness(color, tiles(stage, color), stage.bright_lens)
-    factor = float(wanted / max(found, 1e-9))
-    for dimmer in stage.dimmers:
-        dimmer.scale(factor)
-    return factor, occupancy(color, tiles(stage, color))
+    lenses = lens_means(stage, render_low(stage, EXPOSURE_SAMPLES, seed, device)["color"])
+    factor = wanted / max(lens_brightness(lenses, stage.bright_lens), 1e-9)
+    for owner, attribute in stage.dimmers:
+        setattr(owner, attribute, getattr(owner, attribute) * factor)
+    return factor, occupancy(lenses)
 
 
-def tiles(stage: Stage, image: Array) -> tuple[int, int]:
-    """Columns and rows of lenses in an image; of a panel's subpixels, tiles of about a lens."""
+def lens_means(stage: Stage, image: Array) -> Array:
+    """Mean of each elemental image, or of each tile of an image of subpixels, (rows, columns, C)."""
+    sx, sy = stage.profile.lenses
     if stage.is_direct:
-        return image.shape[1] // PANEL_TILE[0], image.shape[0] // PANEL_TILE[1]
-    return stage.profile.lenses
+        sx, sy = image.shape[1] // PANEL_TILE[0], image.shape[0] // PANEL_TILE[1]
+    image = np.nan_to_num(image.astype(np.float32))
+    return image.reshape(sy, image.shape[0] // sy, sx, image.shape[1] // sx, -1).mean((1, 3))
 
 
-def lens_brightness(color: Array, lenses: tuple[int, int], quantile: float = 0.5) -> float:
-    """Quantile over foreground lenses of mean luminance per covered area; 0 without foreground."""
-    sx, sy = lenses
-    means = np.nan_to_num(color).reshape(sy, color.shape[0] // sy, sx, color.shape[1] // sx, 4).mean((1, 3))
-    covered = means[..., 3] > 0.02
-    if not covered.any():
-        return 0.0
-    return float(np.quantile(means[covered][:, :3] @ LUMINANCE / means[covered][:, 3], quantile))
+def lens_brightness(means: Array, quantile: float) -> float:
+    """Quantile over foreground lenses of luminance per covered area; 0 without foreground."""
+    means = means[means[..., 3] > LEAST_COVERED]
+    return float(np.quantile(means[:, :3] @ LUMINANCE / means[:, 3], quantile)) if len(means) else 0.0
 
 
-def occupancy(color: Array, lenses: tuple[int, int]) -> float:
+def occupancy(means: Array) -> float:
     """Fraction of lenses that see anything."""
-    sx, sy = lenses
-    alpha = color[..., 3].reshape(sy, color.shape[0] // sy, sx, color.shape[1] // sx)
-    return float((alpha.max((1, 3)) > 0).mean())
+    return float((means[..., 3] > 0).mean())
 
 
 def half_floats(image: Array) -> Array:

@@ -13,8 +13,8 @@ OWN_BACKGROUND = ("wall", "street", "window")
 FOG = 0.07  # probability
 
 
-def compose(stage: Stage) -> str:
-    """Fill the stage with one random layout and its light; return the layout's name."""
+def compose(stage: Stage) -> None:
+    """Fill the stage with one random layout and its light; the first note is the layout's."""
     choices = layouts.LAYOUTS | (hard_layouts.LAYOUTS if stage.is_varied else {})
     name = stage.pick({name: weight for name, (weight, _) in choices.items()})
     stage.note("layout", name=name, front=stage.front, behind=stage.behind)
@@ -28,4 +28,3 @@ def compose(stage: Stage) -> str:
             stage.note("pitch", angle=stage.pitch)
     if stage.is_varied and stage.chance(FOG):
         hard_layouts.fog(stage)
-    return name

@@ -1,10 +1,10 @@
-"""Displays that the training scenes are rendered for: true pixels, pitches and angles, few lenses."""
+"""Displays of the training scenes: pixels, pitches and angles as of real ones, few lenses."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from lfsr_core.optics.display import DisplayProfile, load_display
+from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.sheet import Lattice, Lenslet, Lenticular, Subpixels
 
 TRAIN = "train"
@@ -21,23 +21,16 @@ KINDS = {"both": 0.76, "horizontal": 0.14, "subpixels": 0.1}  # parallax, or a p
 
 
 def training_display(rng: np.random.Generator) -> DisplayProfile:
-    """One of the sorts; at half of them the viewing angle is random."""
+    """Return one of SORTS; half of them with a random viewing angle."""
     weights = np.array([sort[-1] for sort in SORTS])
     angle = 40.0 if rng.random() < 0.5 else round(float(rng.uniform(25, 50)), 1)
-    return _display(SORTS[rng.choice(len(SORTS), p=weights / weights.sum())], angle)
-
-
-def _display(sort: tuple, angle: float) -> DisplayProfile:
-    lenses, views, pitch, distance, _ = sort
-    return DisplayProfile(TRAIN, tuple(n * k for n, k in zip(lenses, views, strict=True)),
-                          tuple(n * pitch for n in lenses), lenses, views, distance, angle)
+    lenses, views, pitch, distance, _ = SORTS[rng.choice(len(SORTS), p=weights / weights.sum())]
+    return DisplayProfile(TRAIN, (lenses[0] * views[0], lenses[1] * views[1]),
+                          (lenses[0] * pitch, lenses[1] * pitch), lenses, views, distance, angle)
 
 
 def low_display(rng: np.random.Generator) -> tuple[DisplayProfile, int]:
-    """Display of a low-resolution set, and the scale at which it is rendered.
-
-    2 to 5; 1 with a display whose subpixels are rendered.
-    """
+    """Return a display of a low-resolution set, and its scale: 2 to 5, or 1 where subpixels are rendered."""
     kind = rng.choice(list(KINDS), p=list(KINDS.values()))
     distance, angle = WIDTH_MM * float(np.exp(rng.uniform(*np.log([1.2, 10])))), round(float(rng.uniform(25, 50)), 1)
     if kind == "subpixels":
@@ -69,14 +62,3 @@ def _panel(rng: np.random.Generator, distance: float, angle: float) -> DisplayPr
     return DisplayProfile(TRAIN, PANEL_PIXELS, (WIDTH_MM, height * pixel), lenses,
                           (views, 1) if is_lenticular else (views, views), distance, angle, "direct",
                           subpixels=Subpixels("rgb"), lenticular=lenticular, lenslet=lenslet)
-
-
-def choose_display(name: str, rng: np.random.Generator) -> DisplayProfile:
-    """``train`` varies by scene; any other name or TOML file is that display for all."""
-    return training_display(rng) if name == TRAIN else load_display(name)
-
-
-def check_display(name: str, scale: int) -> None:
-    """LfsrError for an unknown display, or where the scale does not divide its views."""
-    for profile in [_display(sort, 40.0) for sort in SORTS] if name == TRAIN else [load_display(name)]:
-        profile.low_views(scale)

@@ -12,15 +12,15 @@ from lfsr_lab.scenes.shared.graph import principled
 from lfsr_lab.scenes.shared.objects import add_surface, settle
 from lfsr_lab.scenes.training import plants
 from lfsr_lab.scenes.training.cutouts import paper_material, turn
-from lfsr_lab.scenes.training.layouts import around_plane, backdrop, floor_at, room_side
+from lfsr_lab.scenes.training.layouts import around_plane, backdrop, floor_at, rods, room_side
 from lfsr_lab.scenes.training.lights import glowing_ball, light_dark, light_room
-from lfsr_lab.scenes.training.materials import random_color, random_material
+from lfsr_lab.scenes.training.materials import random_color, random_material, set_inputs
 from lfsr_lab.scenes.training.shapes import copy_of, kinds, put, random_shape, readable, upright
-from lfsr_lab.scenes.training.stage import Dimmer, Stage
+from lfsr_lab.scenes.training.stage import Stage
 
 
 def window(stage: Stage) -> None:
-    """Glass bodies and panes before a textured wall or before printed cards."""
+    """Glass objects and panes before a textured wall or before printed cards."""
     backdrop(stage)
     for _ in range(stage.rng.integers(0, 4)):
         put(stage, add_surface(surfaces.card(), paper_material(stage, False), "card"), stage.place(0.7),
@@ -37,14 +37,12 @@ def window(stage: Stage) -> None:
 
 
 def sparkle(stage: Stage) -> None:
-    """Chips of metal and glass, facets and tiny lamps, with or without a body among them."""
+    """Chips of metal and glass, facets and tiny lamps, with or without an object among them."""
     chips = []
     for _ in range(stage.rng.integers(1, 4)):
-        material, _, shader = principled("chip")
-        values = {"Base Color": random_color(stage, 0.3, 0.95), "Metallic": 1.0,
-                  "Roughness": float(stage.rng.choice([0.02, 0.08, 0.2]))}
-        for name, value in values.items():
-            shader.inputs[name].default_value = value
+        material, graph, shader = principled("chip")
+        set_inputs(graph, shader, Base_Color=random_color(stage, 0.3, 0.95), Metallic=1.0,
+                   Roughness=float(stage.rng.choice([0.02, 0.08, 0.2])))
         material = random_material(stage, kind="glass") if stage.chance(0.25) else material
         chips.append(random_shape(stage, "rock", material) if stage.chance(0.4) else
                      add_surface(surfaces.box(1, 0.05, 1), material, "chip"))
@@ -87,28 +85,18 @@ def thin(stage: Stage) -> None:
         at = stage.place(0.8)
         at[1] = stage.rng.choice([-stage.front, stage.behind]) * stage.rng.uniform(0.3, 1)
         put(stage, random_shape(stage, kind), at, stage.rng.uniform(0.2, 0.9))
-    material = random_material(stage, closed=False)
-    for _ in range(stage.rng.integers(4, 30)):
-        ends = np.stack([stage.place(1.2), stage.place(1.2)])
-        add_surface(surfaces.tube(np.linspace(*ends, 8), stage.log_uniform(0.003, 0.02), 8), material, "rod")
+    rods(stage, (4, 30), (0.003, 0.02))
     stage.front, stage.behind = limits
     if stage.chance(0.5):
         put(stage, random_shape(stage), around_plane(stage, 0.4), stage.rng.uniform(0.2, 0.6))
 
 
 def signs(stage: Stage) -> None:
-    """Glowing letters, tubes and screens in the dark, over bodies that they light."""
+    """Glowing letters, tubes and screens in the dark, over objects that they light."""
     for _ in range(stage.rng.integers(1, 6)):
         kind = stage.pick({"text": 5, "wire": 2, "knot": 1, "spring": 1, "screen": 2})
-        material, _, shader = principled("sign")
-        if kind == "screen":
-            material = random_material(stage, kind="glow")
-        else:
-            shader.inputs["Emission Color"].default_value = random_color(stage, 0.5, 1)
-            shader.inputs["Emission Strength"].default_value = stage.log_uniform(1, 30)
-            stage.dimmers.append(Dimmer(shader.inputs["Emission Strength"], "default_value"))
-        thing = add_surface(surfaces.card(), material, "screen") if kind == "screen" else \
-            random_shape(stage, kind, material)
+        thing = random_shape(stage, kind, _light_tube(stage)) if kind != "screen" else \
+            add_surface(surfaces.card(), random_material(stage, kind="glow"), "screen")
         at, size = stage.place(0.6), stage.rng.uniform(0.15, 0.7)
         put(stage, thing, at, size, readable(stage) if kind == "text" else stage.rng.normal(0, 0.3, 3))
     for _ in range(stage.rng.integers(1, 6)):
@@ -118,6 +106,13 @@ def signs(stage: Stage) -> None:
     if stage.chance(0.4):
         backdrop(stage)
     light_dark(stage, lamps=0)
+
+
+def _light_tube(stage: Stage) -> bpy.types.Material:
+    material, graph, shader = principled("sign")
+    set_inputs(graph, shader, Emission_Color=random_color(stage, 0.5, 1), Emission_Strength=stage.log_uniform(1, 30))
+    stage.dimmers.append((shader.inputs["Emission Strength"], "default_value"))
+    return material
 
 
 def interior(stage: Stage) -> None:

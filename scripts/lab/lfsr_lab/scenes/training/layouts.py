@@ -1,4 +1,4 @@
-"""How bodies are arranged: one hero, piles, clouds, rooms, streets, gardens, sheets."""
+"""How objects are arranged: one hero, piles, clouds, rooms, streets, gardens, sheets."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from lfsr_lab.scenes.training.stage import Stage
 
 
 def around_plane(stage: Stage, size: float) -> Array:
-    """A place near the middle whose body of this half-size stays within the depth limits."""
+    """Return a place near the middle where an object of this half-size stays within the depth limits."""
     low, high = min(size * 0.8 - stage.front, 0), max(stage.behind - size * 0.8, 0)
     return np.array([stage.rng.normal(0, 0.2), stage.rng.uniform(low, high) * 0.7, stage.rng.normal(0, 0.12)])
 
 
 def hero(stage: Stage) -> None:
-    """One body, as in most of the test renders, sometimes on a plinth or with companions."""
+    """One object, as in most of the test renders, sometimes on a plinth or with companions."""
     alone = stage.chance(0.55)
     size = stage.rng.uniform(0.2, 0.95)
     at = around_plane(stage, size)
@@ -47,12 +47,12 @@ def assembly(stage: Stage) -> None:
         along = stage.rng.normal(size=3)
         grown.append((at + along / np.linalg.norm(along) * parent * 0.8, parent * stage.rng.uniform(0.4, 1)))
     for at, part in grown:
-        kind = stage.pick({name: share for name, share in SMALL.items() if name in CLOSED})
+        kind = stage.pick({name: weight for name, weight in SMALL.items() if name in CLOSED})
         put(stage, random_shape(stage, kind, materials[stage.rng.integers(len(materials))]), at, part)
 
 
 def pile(stage: Stage) -> None:
-    """Clutter of many bodies of few kinds, on a floor or floating."""
+    """Clutter of many objects of few kinds, on a floor or floating."""
     bodies = [random_shape(stage, stage.pick(kinds(stage, small=True))) for _ in range(stage.rng.integers(3, 7))]
     floor, largest = -stage.array.half_height * stage.rng.uniform(0.5, 0.9), stage.rng.uniform(0.12, 0.35)
     spread = stage.rng.uniform(0.25, 0.9)
@@ -85,10 +85,15 @@ def wires(stage: Stage) -> None:
     for _ in range(stage.rng.integers(2, 8)):
         kind = stage.pick({"wire": 5, "spring": 2, "lattice": 3, "knot": 1})
         put(stage, random_shape(stage, kind), stage.place(0.6), stage.rng.uniform(0.3, 1))
+    rods(stage, (0, 16), (0.004, 0.03))
+
+
+def rods(stage: Stage, counts: tuple[int, int], radii: tuple[float, float]) -> None:
+    """Straight rods of one material crossing the view."""
     material = random_material(stage, closed=False)
-    for _ in range(stage.rng.integers(0, 16)):
-        ends = np.stack([stage.place(1.2), stage.place(1.2)])
-        add_surface(surfaces.tube(np.linspace(*ends, 8), stage.log_uniform(0.004, 0.03), 8), material, "rod")
+    for _ in range(stage.rng.integers(*counts)):
+        first, last = stage.place(1.2), stage.place(1.2)
+        add_surface(surfaces.tube(np.linspace(first, last, 8), stage.log_uniform(*radii), 8), material, "rod")
 
 
 def woods(stage: Stage) -> None:
@@ -127,7 +132,7 @@ def bouquet(stage: Stage) -> None:
 
 
 def meadow(stage: Stage) -> None:
-    """Grass or hair-like blades with a few bodies among them."""
+    """Grass or hair-like blades with a few objects among them."""
     floor = -stage.array.half_height * 0.7
     blades = plants.grass(stage.rng, 1.4, (stage.front + stage.behind) / 2)
     middle = np.array([0, (stage.behind - stage.front) / 2, floor])
@@ -150,7 +155,7 @@ def sheets(stage: Stage) -> None:
 
 
 def wall(stage: Stage) -> None:
-    """A textured wall, relief or landscape behind everything, and bodies before it: every lens sees something."""
+    """A textured wall, relief or landscape behind everything, and objects before it: every lens sees something."""
     backdrop(stage)
     for _ in range(stage.rng.integers(1, 7)):
         put(stage, random_shape(stage), stage.place(0.8), stage.rng.uniform(0.12, 0.5))

@@ -1,4 +1,4 @@
-"""Light: Blender's own world pictures, sky colours, sun, area, point and small glowing bodies, alone and mixed."""
+"""Light: the HDRIs of Blender, sky colours, sun, lamps and small glowing balls, alone and mixed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.graph import Graph, principled
 from lfsr_lab.scenes.shared.objects import add_object, add_surface, settle
 from lfsr_lab.scenes.training.materials import random_color
-from lfsr_lab.scenes.training.stage import Dimmer, Stage
+from lfsr_lab.scenes.training.stage import Stage
 
 SETUPS = {"picture": 40, "picture+lamps": 16, "lamps": 16, "sun": 14, "sparks": 7, "sky": 7}
 DARK = {"dark": 22}
@@ -29,7 +29,7 @@ def light_open_scene(stage: Stage) -> None:
         light_dark(stage, int(stage.rng.integers(1, 3)))
         return
     if setup.startswith("picture"):
-        _world_picture(stage, 1.0)
+        _world_hdri(stage, 1.0)
     else:
         _world_color(stage, stage.log_uniform(0.02, 0.25) if setup != "sky" else 1.0)
     if setup == "sun":
@@ -53,18 +53,17 @@ def _world(strength: float) -> tuple[Graph, bpy.types.Node]:
     return graph, background
 
 
-def _world_picture(stage: Stage, strength: float) -> None:
+def _world_hdri(stage: Stage, strength: float) -> None:
     graph, background = _world(strength)
-    # Those that come with Blender.
-    pictures = sorted(Path(bpy.utils.system_resource("DATAFILES", path="studiolights/world")).glob("*.exr"))
-    path = pictures[stage.rng.integers(len(pictures))]
+    paths = sorted(Path(bpy.utils.system_resource("DATAFILES", path="studiolights/world")).glob("*.exr"))
+    path = paths[stage.rng.integers(len(paths))]
     around, tilt = stage.rng.uniform(0, 2 * math.pi), stage.rng.normal(0, 0.2)
     vector = graph.node("ShaderNodeMapping", {"Vector": graph.node("ShaderNodeTexCoord").outputs["Generated"],
                                               "Rotation": (tilt, 0.0, around)}).outputs["Vector"]
     image = bpy.data.images.load(str(path), check_existing=True)
     graph.feed(background.inputs["Color"],
                graph.node("ShaderNodeTexEnvironment", {"Vector": vector}, image=image).outputs["Color"])
-    stage.dimmers.append(Dimmer(background.inputs["Strength"], "default_value"))
+    stage.dimmers.append((background.inputs["Strength"], "default_value"))
     stage.note("world", file=path.name, turn=around)
 
 
@@ -77,7 +76,7 @@ def _world_color(stage: Stage, strength: float) -> None:
         ramp.color_ramp.elements[0].color, ramp.color_ramp.elements[1].color = random_color(stage), color
         color = ramp.outputs["Color"]
     graph.feed(background.inputs["Color"], color)
-    stage.dimmers.append(Dimmer(background.inputs["Strength"], "default_value"))
+    stage.dimmers.append((background.inputs["Strength"], "default_value"))
 
 
 def _above(stage: Stage) -> Array:
@@ -95,11 +94,11 @@ def _lamp_color(stage: Stage) -> tuple[float, float, float]:
 
 
 def lamp(stage: Stage, at: Array, brightness: float, small: bool = False) -> None:
-    """Area, point or spot lamp at a place, aimed at the middle; brightness is about what a white body shows."""
+    """Area, point or spot lamp at a place, aimed at the middle; a white object shows about ``brightness``."""
     kind = stage.pick({"POINT": 3, "SPOT": 1} if small else {"AREA": 60, "POINT": 25, "SPOT": 15})
     light = bpy.data.lights.new("lamp", kind)
     light.color = _lamp_color(stage)
-    # A Lambertian body at distance d shows P / (4 π² d²) under a point lamp of P watts, four times that
+    # A Lambertian surface at distance d shows P / (4 π² d²) under a point lamp of P watts, four times that
     # straight under an area lamp.
     light.energy = brightness * 4 * math.pi ** 2 * float(at @ at) / (4 if kind == "AREA" else 1)
     if kind == "AREA":
@@ -109,7 +108,7 @@ def lamp(stage: Stage, at: Array, brightness: float, small: bool = False) -> Non
     thing = add_object(light, None, "lamp")
     thing.location = at
     thing.rotation_euler = Vector(-at).to_track_quat("-Z", "Y").to_euler()
-    stage.dimmers.append(Dimmer(light, "energy"))
+    stage.dimmers.append((light, "energy"))
     stage.note("lamp", kind=kind, at=at, brightness=brightness)
 
 
@@ -118,7 +117,7 @@ def _sun(stage: Stage, strength: float) -> None:
     light.energy, light.angle, light.color = strength, stage.log_uniform(0.005, 0.2), _lamp_color(stage)
     thing = add_object(light, None, "sun")
     thing.rotation_euler = (stage.rng.uniform(-0.3, 1.2), stage.rng.uniform(-1.1, 1.1), 0)
-    stage.dimmers.append(Dimmer(light, "energy"))
+    stage.dimmers.append((light, "energy"))
     stage.note("sun", angle=light.angle)
 
 
@@ -132,11 +131,11 @@ def light_dark(stage: Stage, lamps: int, reach: float | None = None) -> None:
 
 
 def glowing_ball(stage: Stage, size: float | None = None) -> None:
-    """A small, very bright body somewhere in view."""
+    """Add a small, very bright ball somewhere in view."""
     material, _, shader = principled("spark")
     shader.inputs["Emission Color"].default_value = (*_lamp_color(stage), 1.0)
     shader.inputs["Emission Strength"].default_value = stage.log_uniform(20, 200)
-    stage.dimmers.append(Dimmer(shader.inputs["Emission Strength"], "default_value"))
+    stage.dimmers.append((shader.inputs["Emission Strength"], "default_value"))
     settle(add_surface(surfaces.sphere(16, 9), material, "spark"), stage.place(), size or stage.log_uniform(0.02, 0.09),
            np.zeros(3))
 
@@ -151,7 +150,7 @@ def light_room(stage: Stage, middle: Array, half: Array) -> None:
         light.energy = 100 * stage.log_uniform(0.5, 2)
         thing = add_object(light, None, "panel")
         thing.location = middle + half * [*stage.rng.uniform(-0.6, 0.6, 2), 0.98]
-        stage.dimmers.append(Dimmer(light, "energy"))
+        stage.dimmers.append((light, "energy"))
     if stage.chance(0.3):
         glowing_ball(stage)
     stage.note("light", setup="room")

@@ -1,4 +1,4 @@
-"""Random materials: every sort the product's scenes may contain, with colours from numbers, noise or photographs."""
+"""Random materials of every kind, with colours from numbers, patterns or photographs."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import Any
 import bpy
 
 from lfsr_lab.scenes.shared.graph import Graph, principled
-from lfsr_lab.scenes.training.stage import Dimmer, Stage
+from lfsr_lab.scenes.training.stage import Stage
 
 KINDS = {"plastic": 15, "photo": 24, "noise": 12, "metal": 12, "glass": 11, "skin": 6, "cloth": 6,
          "lacquer": 6, "worn": 7, "glow": 1.5, "film": 2.5}
-VOLUME_SHARE = 0.35  # of the glass
+ABSORBING = 0.35  # fraction of the glass
 
 
 def random_material(stage: Stage, closed: bool = True, uv: bool = True, kind: str | None = None) -> bpy.types.Material:
     """Material of a random or given kind; glass only on closed solids."""
-    weights = {name: share for name, share in KINDS.items() if closed or name != "glass"}
+    weights = {name: weight for name, weight in KINDS.items() if closed or name != "glass"}
     kind = kind or stage.pick(weights)
     material, graph, shader = principled(kind)
     BUILDERS[kind](stage, graph, shader, uv)
@@ -54,10 +54,10 @@ def photo(stage: Stage, graph: Graph, vector: bpy.types.NodeSocket, box: bool = 
 
 def color_source(stage: Stage, graph: Graph, uv: bool) -> Any:
     """A colour value or the output of a photograph or pattern."""
-    sort = stage.pick({"flat": 35, "photo": 30, "pattern": 35})
-    if sort == "flat":
+    kind = stage.pick({"flat": 35, "photo": 30, "pattern": 35})
+    if kind == "flat":
         return random_color(stage)
-    if sort == "photo" and stage.textures:
+    if kind == "photo" and stage.textures:
         return photo(stage, graph, coordinates(stage, graph, uv)).outputs["Color"]
     return pattern_color(stage, graph, uv)
 
@@ -65,18 +65,18 @@ def color_source(stage: Stage, graph: Graph, uv: bool) -> Any:
 def pattern_value(stage: Stage, graph: Graph, uv: bool) -> bpy.types.NodeSocket:
     """Grey output of a procedural pattern at a scale from coarse to finer than a lens."""
     vector, rng = coordinates(stage, graph, uv, 1, 1.5), stage.rng
-    scale, sort = stage.log_uniform(1.5, 60), stage.pick({"noise": 4, "voronoi": 3, "wave": 2, "check": 1, "brick": 1})
-    if sort == "noise":
+    scale, kind = stage.log_uniform(1.5, 60), stage.pick({"noise": 4, "voronoi": 3, "wave": 2, "check": 1, "brick": 1})
+    if kind == "noise":
         return graph.node("ShaderNodeTexNoise", {"Vector": vector, "Scale": scale, "Detail": rng.uniform(0, 8),
                                                  "Distortion": rng.choice([0, 0, 1.5])}).outputs[0]
-    if sort == "voronoi":
+    if kind == "voronoi":
         feature = str(rng.choice(["F1", "F2", "DISTANCE_TO_EDGE"]))
         cells = graph.node("ShaderNodeTexVoronoi", {"Vector": vector, "Scale": scale}, feature=feature)
         return cells.outputs["Distance"]
-    if sort == "wave":
+    if kind == "wave":
         return graph.node("ShaderNodeTexWave", {"Vector": vector, "Scale": scale / 3, "Distortion": rng.uniform(0, 8)},
                           wave_type=str(rng.choice(["BANDS", "RINGS"]))).outputs[0]
-    if sort == "check":
+    if kind == "check":
         return graph.node("ShaderNodeTexChecker", {"Vector": vector, "Scale": scale}).outputs[1]
     return graph.node("ShaderNodeTexBrick", {"Vector": vector, "Scale": scale / 2}).outputs[1]
 
@@ -109,37 +109,39 @@ def _roughness(stage: Stage, graph: Graph, uv: bool, low: float, high: float) ->
     return graph.node("ShaderNodeMapRange", span).outputs["Result"]
 
 
-def _set(graph: Graph, shader: bpy.types.Node, **values: Any) -> None:
+def set_inputs(graph: Graph, shader: bpy.types.Node, **values: Any) -> None:
+    """Set or link inputs of a shader by name, with _ for spaces."""
     for name, value in values.items():
         graph.feed(shader.inputs[name.replace("_", " ")], value)
 
 
 def _plastic(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    _set(graph, shader, Base_Color=random_color(stage), Roughness=_roughness(stage, graph, uv, 0.05, 0.9),
-         Specular_IOR_Level=float(stage.rng.uniform(0.1, 1)))
+    set_inputs(graph, shader, Base_Color=random_color(stage), Roughness=_roughness(stage, graph, uv, 0.05, 0.9),
+               Specular_IOR_Level=float(stage.rng.uniform(0.1, 1)))
 
 
 def _photo(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
     color = color_source(stage, graph, uv) if not stage.textures else \
         photo(stage, graph, coordinates(stage, graph, uv, 0.4, 6)).outputs["Color"]
-    _set(graph, shader, Base_Color=color, Roughness=_roughness(stage, graph, uv, 0.1, 1))
+    set_inputs(graph, shader, Base_Color=color, Roughness=_roughness(stage, graph, uv, 0.1, 1))
 
 
 def _noise(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    _set(graph, shader, Base_Color=pattern_color(stage, graph, uv), Roughness=_roughness(stage, graph, uv, 0.1, 1))
+    set_inputs(graph, shader, Base_Color=pattern_color(stage, graph, uv),
+               Roughness=_roughness(stage, graph, uv, 0.1, 1))
 
 
 def _metal(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
     color = random_color(stage, 0.3, 0.95) if stage.chance(0.7) else color_source(stage, graph, uv)
-    _set(graph, shader, Base_Color=color, Metallic=1.0, Roughness=_roughness(stage, graph, uv, 0.0, 0.6),
-         Anisotropic=float(stage.rng.choice([0, 0, 0.7])))
+    set_inputs(graph, shader, Base_Color=color, Metallic=1.0, Roughness=_roughness(stage, graph, uv, 0.0, 0.6),
+               Anisotropic=float(stage.rng.choice([0, 0, 0.7])))
 
 
 def _glass(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    absorbing = stage.chance(VOLUME_SHARE)
+    absorbing = stage.chance(ABSORBING)
     tint = (1.0, 1.0, 1.0, 1.0) if absorbing or stage.chance(0.6) else random_color(stage, 0.5, 1)
-    _set(graph, shader, Base_Color=tint, Transmission_Weight=1.0, IOR=float(stage.rng.uniform(1.2, 1.8)),
-         Roughness=float(stage.rng.choice([0, 0, 0, 0.05, 0.25])))
+    set_inputs(graph, shader, Base_Color=tint, Transmission_Weight=1.0, IOR=float(stage.rng.uniform(1.2, 1.8)),
+               Roughness=float(stage.rng.choice([0, 0, 0, 0.05, 0.25])))
     if absorbing:
         volume = graph.node("ShaderNodeVolumeAbsorption", {"Color": random_color(stage, 0.4, 0.9),
                                                            "Density": stage.log_uniform(1, 20)})
@@ -147,19 +149,19 @@ def _glass(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None
 
 
 def _skin(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    _set(graph, shader, Base_Color=color_source(stage, graph, uv), Subsurface_Weight=1.0,
-         Subsurface_Radius=tuple(stage.rng.uniform(0.1, 1, 3)), Subsurface_Scale=stage.log_uniform(0.01, 0.2),
-         Roughness=float(stage.rng.uniform(0.3, 0.7)))
+    set_inputs(graph, shader, Base_Color=color_source(stage, graph, uv), Subsurface_Weight=1.0,
+               Subsurface_Radius=tuple(stage.rng.uniform(0.1, 1, 3)), Subsurface_Scale=stage.log_uniform(0.01, 0.2),
+               Roughness=float(stage.rng.uniform(0.3, 0.7)))
 
 
 def _cloth(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    _set(graph, shader, Base_Color=color_source(stage, graph, uv), Roughness=0.9, Sheen_Weight=1.0,
-         Sheen_Roughness=float(stage.rng.uniform(0.2, 0.6)))
+    set_inputs(graph, shader, Base_Color=color_source(stage, graph, uv), Roughness=0.9, Sheen_Weight=1.0,
+               Sheen_Roughness=float(stage.rng.uniform(0.2, 0.6)))
 
 
 def _lacquer(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    _set(graph, shader, Base_Color=color_source(stage, graph, uv), Roughness=float(stage.rng.uniform(0.3, 0.9)),
-         Metallic=float(stage.chance(0.3)), Coat_Weight=1.0, Coat_Roughness=float(stage.rng.uniform(0, 0.15)))
+    set_inputs(graph, shader, Base_Color=color_source(stage, graph, uv), Roughness=float(stage.rng.uniform(0.3, 0.9)),
+               Metallic=float(stage.chance(0.3)), Coat_Weight=1.0, Coat_Roughness=float(stage.rng.uniform(0, 0.15)))
 
 
 def _worn(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
@@ -174,18 +176,18 @@ def _worn(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
     output = next(socket for socket in mix.outputs if socket.type == "RGBA")
     shine = graph.node("ShaderNodeMapRange", {"Value": edge, "To Min": float(stage.rng.uniform(0, 1)),
                                               "To Max": float(stage.rng.uniform(0, 1))}).outputs["Result"]
-    _set(graph, shader, Base_Color=output, Metallic=edge if stage.chance(0.6) else 0.0, Roughness=shine)
+    set_inputs(graph, shader, Base_Color=output, Metallic=edge if stage.chance(0.6) else 0.0, Roughness=shine)
 
 
 def _glow(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
     color = color_source(stage, graph, uv)
-    _set(graph, shader, Base_Color=color, Emission_Color=color, Emission_Strength=stage.log_uniform(0.5, 15))
-    stage.dimmers.append(Dimmer(shader.inputs["Emission Strength"], "default_value"))
+    set_inputs(graph, shader, Base_Color=color, Emission_Color=color, Emission_Strength=stage.log_uniform(0.5, 15))
+    stage.dimmers.append((shader.inputs["Emission Strength"], "default_value"))
 
 
 def _film(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    _set(graph, shader, Base_Color=random_color(stage), Metallic=float(stage.chance(0.7)),
-         Roughness=float(stage.rng.uniform(0, 0.4)), Thin_Film_Thickness=float(stage.rng.uniform(200, 900)))
+    set_inputs(graph, shader, Base_Color=random_color(stage), Metallic=float(stage.chance(0.7)),
+               Roughness=float(stage.rng.uniform(0, 0.4)), Thin_Film_Thickness=float(stage.rng.uniform(200, 900)))
 
 
 BUILDERS = {"plastic": _plastic, "photo": _photo, "noise": _noise, "metal": _metal, "glass": _glass, "skin": _skin,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import zipfile
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np
@@ -112,6 +111,5 @@ def glaze(thing: bpy.types.Object) -> None:
     for material in thing.data.materials:
         shader = material and next((node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED"), None)
         if shader and not shader.inputs["Alpha"].is_linked and shader.inputs["Alpha"].default_value < CLEAR:
-            values: dict[str, Any] = {"Alpha": 1.0, "Transmission Weight": 1.0, "Roughness": 0.0}
-            for name, value in values.items():
+            for name, value in (("Alpha", 1.0), ("Transmission Weight", 1.0), ("Roughness", 0.0)):
                 shader.inputs[name].default_value = value

@@ -1,10 +1,11 @@
-"""Thin things: trees with leaves, flowers, grass, hair. NumPy only."""
+"""Thin things: trees with leaves, flowers, grass, hair."""
 
 from __future__ import annotations
 
 import dataclasses
 
 import numpy as np
+from mathutils import Matrix
 
 from lfsr_core.arrays import Array
 from lfsr_lab.scenes.shared import surfaces
@@ -42,8 +43,8 @@ def tree(rng: Random) -> Plant:
 
 
 def _bent(rng: Random, start: Array, along: Array, length: float, points: int = 6) -> Array:
-    share = np.linspace(0, 1, points)[:, None]
-    return start + along * length * share + rng.normal(0, 0.12, 3) * length * share ** 2
+    part = np.linspace(0, 1, points)[:, None]
+    return start + along * length * part + rng.normal(0, 0.12, 3) * length * part ** 2
 
 
 def leaves(rng: Random, places: Array, count: int) -> Surface:
@@ -65,11 +66,12 @@ def _units(vectors: Array) -> Array:
 
 def flower(rng: Random) -> Plant:
     """A stem from (0, 0, -1) and a blossom of curved petals at its upper end."""
-    share = np.linspace(0, 1, 12)
+    part = np.linspace(0, 1, 12)
     lean = rng.normal(0, 0.25, 2)
-    path = np.stack([lean[0] * share ** 2, lean[1] * share ** 2, 2 * share - 1], -1)
+    path = np.stack([lean[0] * part ** 2, lean[1] * part ** 2, 2 * part - 1], -1)
     blossom = _blossom(rng, rng.uniform(0.15, 0.4))
-    tilt = _rotation(rng, 0.5)
+    axis, angle = rng.normal(size=3), rng.normal(0, 0.5)
+    tilt = np.array(Matrix.Rotation(angle, 3, axis))
     petals = dataclasses.replace(blossom, vertices=blossom.vertices @ tilt.T + path[-1])
     return Plant(surfaces.tube(path, rng.uniform(0.01, 0.03), 6), petals)
 
@@ -91,13 +93,6 @@ def _blossom(rng: Random, size: float) -> Surface:
     return surfaces.join(petals)
 
 
-def _rotation(rng: Random, amount: float) -> Array:
-    axis = _units(rng.normal(size=3))
-    angle = rng.normal(0, amount)
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-
-
 def fur(rng: Random, body: Surface, more: int = 1, thinner: float = 1.0) -> Surface:
     """Hair on a body: thin, tapered, drooping tubes along its rough outward direction.
 
@@ -106,20 +101,20 @@ def fur(rng: Random, body: Surface, more: int = 1, thinner: float = 1.0) -> Surf
     count, length = int(rng.integers(300, 1200)) * more, rng.uniform(0.1, 0.6)
     thickness = rng.uniform(0.003, 0.012) * thinner
     roots = body.vertices[rng.integers(len(body.vertices), size=count)]
-    share = np.linspace(0, 1, 5)
+    part = np.linspace(0, 1, 5)
     wind = rng.normal(0, 0.4, 3) - [0, 0, rng.uniform(0, 0.8)]
     out = _units(roots) + rng.normal(0, 0.2, roots.shape)
-    paths = roots[:, None] + length * (share[:, None] * out[:, None] + (share ** 2)[:, None] * wind)
-    return surfaces.strands(paths, thickness * (1.05 - share))
+    paths = roots[:, None] + length * (part[:, None] * out[:, None] + (part ** 2)[:, None] * wind)
+    return surfaces.strands(paths, thickness * (1.05 - part))
 
 
 def grass(rng: Random, half_width: float, half_depth: float) -> Surface:
     """A meadow of bent blades standing on z = 0."""
     count, height = int(rng.integers(300, 1500)), rng.uniform(0.1, 0.5)
-    share, width = np.linspace(0, 1, 4), rng.uniform(0.004, 0.02)
+    part, width = np.linspace(0, 1, 4), rng.uniform(0.004, 0.02)
     root = np.column_stack([rng.uniform(-half_width, half_width, count), rng.uniform(-half_depth, half_depth, count),
                             np.zeros(count)])
     bend = rng.normal(0, 0.25, (count, 1, 3)) * [1, 1, 0]
-    blade = share[:, None] * [0, 0, 1] + (share ** 2)[:, None] * bend
+    blade = part[:, None] * [0, 0, 1] + (part ** 2)[:, None] * bend
     paths = root[:, None] + height * rng.uniform(0.5, 1, (count, 1, 1)) * blade
-    return surfaces.strands(paths, width * (1.05 - share))
+    return surfaces.strands(paths, width * (1.05 - part))

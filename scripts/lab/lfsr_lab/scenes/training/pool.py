@@ -1,27 +1,21 @@
-"""A pool of Blender processes that take scene numbers from one list.
-
-A worker reads numbers from its standard input, one a line, and answers each with
-one record of ``lfsr_core.render.protocol``. A worker that dies costs the scene it was at, no more;
-bad input, which every scene would meet, ends the run.
-"""
+"""Make scenes one after another, or several at once, each in a Blender process of its own."""
 
 from __future__ import annotations
 
-import queue
+import functools
 import subprocess
 import sys
-import threading
 import traceback
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.render.protocol import emit, parse_progress
 
-Work = Callable[[int], dict[str, float]]
 
-
-def attempt(work: Work, index: int) -> bool:
-    """Do one scene and report how it went; False where it failed. LfsrError passes through."""
+def attempt(work: Callable[[int], dict[str, float]], index: int) -> bool:
+    """Make one scene and report its seconds; return False where it failed. LfsrError passes through."""
     try:
         emit(stage="scene", index=index, seconds=work(index))
     except LfsrError:
@@ -34,63 +28,27 @@ def attempt(work: Work, index: int) -> bool:
     return True
 
 
-def serve(work: Work) -> None:
-    """A worker's life: do the scenes whose numbers come in."""
-    for line in iter(sys.stdin.readline, ""):
-        attempt(work, int(line))
-
-
 def run_pool(command: Sequence[str], workers: int, indices: Sequence[int]) -> list[int]:
-    """Have ``workers`` processes of ``command`` do the scenes; the numbers that failed, sorted.
+    """Run ``command --first INDEX`` for every scene, ``workers`` at once; return the numbers that failed.
 
-    LfsrError where a worker met one.
+    A process that dies costs one scene. Bad input, which every scene would meet, ends the run with LfsrError.
     """
-    waiting: queue.SimpleQueue[int] = queue.SimpleQueue()
-    for index in indices:
-        waiting.put(index)
-    failed: list[int] = []
-    errors: list[str] = []
-    threads = [threading.Thread(target=_lead, args=(command, waiting, failed, errors)) for _ in range(workers)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    if errors:
-        raise LfsrError(errors[0])
-    return sorted(failed)
-
-
-def _lead(command: Sequence[str], waiting: queue.SimpleQueue[int], failed: list[int], errors: list[str]) -> None:
-    """Keep one worker busy, and replace it if it dies."""
-    worker = None
-    while not errors and not waiting.empty():
-        try:
-            index = waiting.get_nowait()
-        except queue.Empty:
-            break
-        worker = worker or subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        answer = _ask(worker, index) or _obituary(worker, index)
-        if answer["stage"] == "error":
-            errors.append(answer["message"])
-            break
-        emit(**{name: value for name, value in answer.items() if name != "dead"})
-        if answer["stage"] == "failed":
-            failed.append(index)
-        worker = None if "dead" in answer else worker
-    if worker:
-        worker.stdin.close()
-        worker.wait()
-
-
-def _obituary(worker: subprocess.Popen, index: int) -> dict[str, object]:
-    return {"stage": "failed", "index": index, "message": f"the worker ended with code {worker.wait()}", "dead": True}
-
-
-def _ask(worker: subprocess.Popen, index: int) -> dict | None:
-    """The worker's answer for one scene; None where it died."""
+    pool = ThreadPoolExecutor(max(workers, 1))
     try:
-        worker.stdin.write(f"{index}\n")
-        worker.stdin.flush()
-    except BrokenPipeError:
-        return None
-    return next((record for line in worker.stdout if (record := parse_progress(line))), None)
+        made = pool.map(functools.partial(_run_process, command), indices)
+        return [index for index, is_made in zip(indices, made, strict=True) if not is_made]
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _run_process(command: Sequence[str], index: int) -> bool:
+    result = subprocess.run([*command, "--first", str(index), "--count", "1", "--workers", "1"],
+                            stdout=subprocess.PIPE, text=True, check=False)
+    records = [record for line in result.stdout.splitlines() if (record := parse_progress(line))]
+    message = f"the process ended with code {result.returncode}"
+    ended: dict[str, Any] = {"stage": "failed", "index": index, "message": message}
+    answer = next((record for record in records if record["stage"] in ("scene", "failed", "error")), ended)
+    if answer["stage"] == "error":
+        raise LfsrError(answer["message"])
+    emit(**answer)
+    return bool(answer["stage"] == "scene")

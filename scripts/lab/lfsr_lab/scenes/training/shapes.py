@@ -1,4 +1,4 @@
-"""Bodies of the training scenes as Blender objects, each about 2 across before it is placed."""
+"""Objects of the training scenes, each about 2 across before it is placed."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from lfsr_lab.scenes.training.materials import random_material
 from lfsr_lab.scenes.training.models import glaze, load_model
 from lfsr_lab.scenes.training.stage import Stage
 
-SHAPES = {"blob": 22, "ball": 8, "box": 8, "superquadric": 9, "knot": 10, "lathe": 10, "gear": 6, "spring": 4,
-          "wire": 5, "rock": 6, "monkey": 7, "text": 5, "lattice": 4, "fur": 2}
+SHAPES: dict[str, float] = {"blob": 22, "ball": 8, "box": 8, "superquadric": 9, "knot": 10, "lathe": 10, "gear": 6,
+                            "spring": 4, "wire": 5, "rock": 6, "monkey": 7, "text": 5, "lattice": 4, "fur": 2}
 SMALL = {name: weight for name, weight in SHAPES.items() if name not in ("fur", "text")}
 MODEL_WEIGHT = 75
 CLOSED = {"blob", "ball", "box", "superquadric", "knot", "lathe", "gear", "rock"}
@@ -33,7 +33,7 @@ SURFACES: dict[str, Callable[[Random], Surface]] = {
 
 
 def random_shape(stage: Stage, kind: str | None = None, material: bpy.types.Material | None = None) -> bpy.types.Object:
-    """Object of a random or given kind with a random or given material, at the origin."""
+    """Return an object of a random or given kind with a random or given material, at the origin."""
     kind = kind or stage.pick(kinds(stage))
     if kind == "model":
         return _model(stage, material)
@@ -45,7 +45,7 @@ def random_shape(stage: Stage, kind: str | None = None, material: bpy.types.Mate
 
 
 def kinds(stage: Stage, small: bool = False) -> dict[str, float]:
-    """Kinds of shapes by weight, with models where there are any; ``small``: those that do in numbers."""
+    """Return the kinds of shapes by weight, with models if there are any; ``small``: those that may be many."""
     return (SMALL if small else SHAPES) | ({"model": MODEL_WEIGHT} if stage.models else {})
 
 
@@ -65,14 +65,14 @@ def _model(stage: Stage, material: bpy.types.Material | None) -> bpy.types.Objec
 
 def put(stage: Stage, thing: bpy.types.Object, at: Array, size: float | Array,
         turned: Array | None = None) -> bpy.types.Object:
-    """Place an object and note where; turned at random unless given."""
+    """Place an object, turned at random unless ``turned`` is given, and note where."""
     settle(thing, at, size, turn(stage) if turned is None else turned)
     stage.note("put", name=thing.name.split(".")[0], at=np.asarray(at, float), size=float(np.max(size)))
     return thing
 
 
 def copy_of(thing: bpy.types.Object) -> bpy.types.Object:
-    """Another object of the same mesh, so that memory and acceleration structure are shared."""
+    """Return another object of the same mesh, which needs no further memory."""
     twin = thing.copy()
     bpy.context.scene.collection.objects.link(twin)
     return twin
@@ -142,7 +142,7 @@ def _text(stage: Stage, material: bpy.types.Material) -> bpy.types.Object:
 
 
 def upright(stage: Stage, lean: float = 0.2) -> Array:
-    """Angles that turn a body about the vertical, and lean it a little."""
+    """Angles that turn an object about the vertical and lean it a little."""
     return np.array([*stage.rng.normal(0, lean, 2), stage.rng.uniform(-math.pi, math.pi)])
 
 

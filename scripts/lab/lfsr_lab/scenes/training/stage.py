@@ -1,4 +1,4 @@
-"""What every part of a training scene is built on: the random stream, the display window, the notes.
+"""What every part of a training scene is built on: random numbers, the display window, notes.
 
 World axes: X right, Z up, Y away from the viewer; the display plane is y = 0 with
 half-width 1, the viewer at y = -distance.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,52 +23,40 @@ DEEPEST, NEAREST = 3.0, 0.55  # limits in display half-widths and in viewing dis
 
 
 @dataclasses.dataclass
-class Dimmer:
-    """One strength to multiply when the exposure is set: ``owner.attribute``."""
-
-    owner: Any
-    attribute: str
-
-    def scale(self, factor: float) -> None:
-        """Multiply the strength."""
-        setattr(self.owner, self.attribute, getattr(self.owner, self.attribute) * factor)
-
-
-@dataclasses.dataclass
 class Stage:
-    """``front`` and ``behind``: how far objects may stand from the display plane, in scene units.
-
-    ``is_varied``: also with the layouts and lights of low-resolution sets. ``is_direct``: the
-    panel's subpixels are rendered, not elemental images. ``bright_lens``: the exposure makes
-    this quantile of the foreground lenses' brightness sensible.
-    ``pitch``: how far the camera array has climbed about the display's middle, radians.
-    """
+    """What the parts of a scene are built from: random numbers, display, depth limits, sources, notes."""
 
     rng: np.random.Generator
     profile: DisplayProfile
+    scale: int  # of the low-resolution renders; 1 with a lens sheet: the panel's subpixels are rendered
     array: CameraArray
+    # front, behind: how far objects may stand from the display plane, in scene units
     front: float
     behind: float
     textures: tuple[Path, ...]
     models: dict[Path, dict[str, str]] = dataclasses.field(default_factory=dict)
-    is_varied: bool = False
-    is_direct: bool = False
-    bright_lens: float = 0.5
-    layout: str = ""
-    pitch: float = 0.0
+    is_varied: bool = False  # with the layouts and lights of low-resolution sets
+    bright_lens: float = 0.5  # quantile of the foreground lenses' brightness that the exposure makes sensible
+    pitch: float = 0.0  # radians by which the camera array is raised about the display's middle
     notes: list[dict[str, Any]] = dataclasses.field(default_factory=list)
-    dimmers: list[Dimmer] = dataclasses.field(default_factory=list)
+    # (owner, attribute) of every strength of a light, which the exposure scales
+    dimmers: list[tuple[Any, str]] = dataclasses.field(default_factory=list)
 
     @classmethod
     def for_display(cls, rng: np.random.Generator, profile: DisplayProfile, scale: int,
                     textures: tuple[Path, ...], **options: Any) -> Stage:
-        """Stage whose depth is a random share, up to 1.5, of the low-resolution array's usable range."""
+        """Return a stage whose depth is random, up to 1.5 times the low-resolution array's usable range."""
         array = CameraArray.for_display(profile, 2.0)
         unit = 2.0 / profile.panel_mm[0]
         front, behind = (unit * depth for depth in profile.depth_range_mm(scale))
-        share = DEPTH_EXCESS * rng.uniform(0.25, 1)
-        return cls(rng, profile, array, min(front * share, NEAREST * array.distance),
-                   min(behind * share, DEEPEST), textures, **options)
+        fraction = DEPTH_EXCESS * rng.uniform(0.25, 1)
+        return cls(rng, profile, scale, array, min(front * fraction, NEAREST * array.distance),
+                   min(behind * fraction, DEEPEST), textures, **options)
+
+    @property
+    def is_direct(self) -> bool:
+        """Whether the panel's subpixels are rendered, not elemental images."""
+        return self.profile.is_woven and self.scale == 1
 
     @property
     def matrix_world(self) -> tuple[tuple[float, ...], ...]:
@@ -83,22 +72,15 @@ class Stage:
         self.notes.append({"what": what, **plain})
 
     def window(self, depth: float, widen: float = 0.0) -> tuple[float, float]:
-        """Half-width and half-height that the central view sees at y = depth.
-
-        ``widen`` = 1 gives what the outermost views see together.
-        """
+        """Half-width and half-height seen at y = depth: by the central view, or by all views with ``widen`` = 1."""
         near = (self.array.distance + depth) / self.array.distance
         reach = widen * abs(depth) / self.array.distance * self.array.spacing / 2
         return (self.array.half_width * near + reach * self.profile.views[0],
                 self.array.half_height * near + reach * self.profile.views[1])
 
-    def depth(self) -> float:
-        """Random y, more often near the display plane than at the limits."""
-        return float(self.rng.triangular(-self.front, 0, self.behind))
-
     def place(self, margin: float = 0.9) -> Array:
-        """Random point in the viewing frustum."""
-        depth = self.depth()
+        """Random point in the viewing frustum, more often near the display plane than at the limits."""
+        depth = float(self.rng.triangular(-self.front, 0, self.behind))
         width, height = self.window(depth)
         return np.array([self.rng.uniform(-width, width) * margin, depth, self.rng.uniform(-height, height) * margin])
 
@@ -110,7 +92,7 @@ class Stage:
         """Random value whose logarithm is uniform."""
         return float(math.exp(self.rng.uniform(math.log(low), math.log(high))))
 
-    def pick(self, weights: dict[str, float]) -> str:
+    def pick(self, weights: Mapping[str, float]) -> str:
         """One key, chosen by weight."""
-        share = np.array(list(weights.values()), float)
-        return list(weights)[self.rng.choice(len(weights), p=share / share.sum())]
+        values = np.array(list(weights.values()), float)
+        return list(weights)[self.rng.choice(len(weights), p=values / values.sum())]

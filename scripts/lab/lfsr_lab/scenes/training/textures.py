@@ -34,12 +34,12 @@ def prepare_textures(source: str | Path, target: str | Path, size: int) -> int:
 def _shrink(path: Path, target: Path, size: int) -> None:
     image = oiio.ImageBuf(str(path))
     if image.has_error or image.nchannels < 1:
-        raise LfsrError(f"{path} cannot be read as a picture ({image.geterror()}): remove or replace it")
+        raise LfsrError(f"{path} cannot be read as an image ({image.geterror()}): remove or replace it")
     width, height = image.oriented_width, image.oriented_height
     image = oiio.ImageBufAlgo.reorient(image)
     image = oiio.ImageBufAlgo.channels(image, (0, 1, 2) if image.nchannels >= 3 else (0, 0, 0))
-    share = min(1.0, size / max(width, height))
-    extent = oiio.ROI(0, max(1, round(width * share)), 0, max(1, round(height * share)), 0, 1, 0, 3)
+    factor = min(1.0, size / max(width, height))
+    extent = oiio.ROI(0, max(1, round(width * factor)), 0, max(1, round(height * factor)), 0, 1, 0, 3)
     small = oiio.ImageBufAlgo.resize(image, filtername="triangle", roi=extent)
     small.specmod().attribute("Compression", f"jpeg:{QUALITY}")
     if not small.write(str(target), oiio.UINT8):
