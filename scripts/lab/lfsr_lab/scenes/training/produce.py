@@ -177,13 +177,13 @@ def _render_seed(rng: np.random.Generator) -> int:
 
 def _meta(recipe: Recipe, stage: Stage, facts: dict[str, Any]) -> dict[str, Any]:
     """Enough to read the arrays and to make them again."""
-    low = {"scale": stage.scale, "validates": facts["index"] % VALIDATION_EVERY == VALIDATION_EVERY - 1,
-           "is_direct": stage.is_direct}
+    low = {"validates": facts["index"] % VALIDATION_EVERY == VALIDATION_EVERY - 1, "is_direct": stage.is_direct}
     return recipe.settings() | facts | (low if recipe.low_only else {}) | {
-        "lenses": list(stage.profile.lenses), "views": list(stage.profile.views),
+        "scale": stage.scale, "lenses": list(stage.profile.lenses), "views": list(stage.profile.views),
         "profile": stage.profile.to_dict(), "array": dataclasses.asdict(stage.array),
         "matrix_world": [list(row) for row in stage.matrix_world], "convention": "centred", "view_aperture": 1.0,
-        "layout": stage.notes[0]["name"], "scene": stage.notes, "device": recipe.device, "blender": bpy.app.version_string}
+        "layout": stage.notes[0]["name"], "scene": stage.notes, "device": recipe.device,
+        "blender": bpy.app.version_string}
 
 
 def _save(path: Path, arrays: dict[str, Array], compress: bool) -> None:
