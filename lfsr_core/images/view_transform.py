@@ -34,7 +34,7 @@ class ViewTransform:
     """
 
     def __init__(self, settings: ColorSettings, pixels: int = 0) -> None:
-        processor = _plain_processor() if _needs_no_config(settings) else _processor(settings)
+        processor = _processor(settings)
         flags = ocio.OPTIMIZATION_DEFAULT
         self._baked: ocio.CPUProcessor | None = None
         self._to_float = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_F32, flags)
@@ -73,24 +73,18 @@ class ViewTransform:
 
 
 def _processor(settings: ColorSettings) -> ocio.Processor:
-    path = find_config(settings)
+    try:
+        path = find_config(settings)
+    except LfsrError:
+        if settings == ColorSettings():  # imported light fields need no Blender
+            return _plain_processor()
+        raise
     try:
         config = ocio.Config.CreateFromFile(str(path))
         return config.getProcessor(_display_chain(config, settings))
     except ocio.Exception as error:
         raise LfsrError(f"{path} cannot be used as a colour configuration ({str(error)[:100]}): "
                         "set OCIO to another") from None
-
-
-def _needs_no_config(settings: ColorSettings) -> bool:
-    """Whether these are the default settings and there is no Blender: imported light fields need no configuration."""
-    if settings != ColorSettings():
-        return False
-    try:
-        find_config(settings)
-    except LfsrError:
-        return True
-    return False
 
 
 def _plain_processor() -> ocio.Processor:

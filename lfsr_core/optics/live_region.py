@@ -38,16 +38,11 @@ class LiveRegion:
         across, up = (self.corner[axis] + (self.profile.panel_pixels[axis] - self.size[axis]) / 2 for axis in (0, 1))
         return across, up
 
-    @property
-    def is_exact(self) -> bool:
-        """Whether the region has the panel's size."""
-        return self.size == self.profile.panel_pixels
-
     def sentence(self) -> str | None:
         """What is wrong with the region and what to do; None if nothing is."""
-        if self.is_exact:
-            return None
         (width, height), (wide, high) = self.size, self.profile.panel_pixels
+        if (width, height) == (wide, high):
+            return None
         found = f"the live window shows {width}×{height} pixels, but display {self.profile.name!r} has {wide}×{high}"
         if self.drawn != self.size:
             return (f"{found}, and its sides are not multiples of the pixel size {self.scale}, so that views mix: make "

@@ -148,7 +148,7 @@ def rays(layout: RayLayout, raster_x: Array, raster_y: Array,
     """
     width, height = layout.size
     tile_x, view_x, place_x = _split(raster_x, width, layout.views[0])
-    tile_y, view_y, place_y = _split_rows(raster_y, height, layout.views[1])
+    tile_y, view_y, place_y = _split(raster_y, height, layout.views[1], downwards=True)
     lens_x, lens_y = _lens_of_tile(layout, tile_x, tile_y)
     origin_x, target_x = _axis(layout, 0, lens_x, view_x, place_x, random_x)
     # Rows count downwards and the camera's Y upwards: the same formula, mirrored.
@@ -167,30 +167,14 @@ def directed(origin: tuple[Array, Array], target: tuple[Array, Array], distance:
     return start, direction / np.linalg.norm(direction, axis=-1, keepdims=True)
 
 
-def pixel_rays(layout: RayLayout, place: tuple[float, float] = (0.5, 0.5)) -> tuple[Array, Array]:
-    """Origins and unit directions, (H, W, 3), of one ray per pixel, rows from the top.
-
-    ``place``: where in the pixel, (rightwards, downwards) in [0, 1).
-    """
-    width, height = layout.size
-    raster_x, raster_y = np.meshgrid((np.arange(width) + place[0]) / width,
-                                     1 - (np.arange(height) + place[1]) / height)
-    return rays(layout, raster_x, raster_y)
-
-
-def _split(raster: Array, pixels: int, views: int) -> tuple[Array, Array, Array]:
-    """Tile, view and place in the pixel of raster coordinates along one axis."""
+def _split(raster: Array, pixels: int, views: int, downwards: bool = False) -> tuple[Array, Array, Array]:
+    """Tile, view and place in the pixel of raster coordinates along one axis; a pixel includes its lower edge."""
     position = np.clip(np.asarray(raster, float) * pixels, 0, pixels - 1e-9)
     index = np.floor(position).astype(int)
-    return index // views, index % views, position - index
-
-
-def _split_rows(raster_y: Array, pixels: int, views: int) -> tuple[Array, Array, Array]:
-    """As ``_split``, counted from the top; a pixel includes its own lower edge."""
-    position = np.clip(np.asarray(raster_y, float) * pixels, 0, pixels - 1e-9)
-    row = np.floor(position).astype(int)
-    index = pixels - 1 - row
-    return index // views, index % views, 1 - (position - row)
+    place = position - index
+    if downwards:
+        index, place = pixels - 1 - index, 1 - place
+    return index // views, index % views, place
 
 
 def _lens_of_tile(layout: RayLayout, tile_x: Array, tile_y: Array) -> tuple[Array, Array]:

@@ -7,7 +7,8 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.optics import eia
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eye import eye_view, gap_mm
-from lfsr_core.optics.rays import CameraArray, RayLayout, pixel_rays, view_offset
+from lfsr_core.optics.rays import CameraArray, RayLayout, view_offset
+from tests.support.rays import pixel_rays
 
 MINI = load_display("mini")
 ARRAY = CameraArray.for_display(MINI, width=MINI.panel_mm[0])  # scene units are millimetres here

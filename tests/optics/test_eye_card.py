@@ -13,7 +13,8 @@ from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.eye_card import eye_card, eye_place, eye_region
 from lfsr_core.optics.lens_card import card_rays
-from lfsr_core.optics.rays import CameraArray, RayLayout, pixel_rays
+from lfsr_core.optics.rays import CameraArray, RayLayout
+from tests.support.rays import pixel_rays
 
 PLACES = [(0, 0, 1), (0.6, -0.4, 1), (-0.9, 0.9, 1), (1.7, 0, 1), (0.2, 0.3, 0.5), (-0.5, 0.1, 2.5)]
 

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfsr_core.optics.lens_card import RIM, card_rays, lens_card
-from lfsr_core.optics.rays import CameraArray, RayLayout, pixel_rays
+from lfsr_core.optics.rays import CameraArray, RayLayout
+from tests.support.rays import pixel_rays
 
 ARRAY = CameraArray(distance=3.0, half_width=1.2, half_height=0.7, spacing=0.1)
 

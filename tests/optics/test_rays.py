@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.optics.rays import CameraArray, RayLayout, pixel_rays, rays, view_offset
+from lfsr_core.optics.rays import CameraArray, RayLayout, rays, view_offset
+from tests.support.rays import pixel_rays
 
 PROFILE = load_display("mini")
 ARRAY = CameraArray.for_display(PROFILE, width=3.0)

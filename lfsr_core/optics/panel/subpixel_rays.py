@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,16 +20,13 @@ from lfsr_core.optics.sheet import Lattice, Lenslet, Lenticular, Sheet
 Pair = tuple[Array, Array]
 
 
-@dataclasses.dataclass(frozen=True)
-class SubpixelRays:
+class SubpixelRays(NamedTuple):
     """Places in the regular light field, whole numbers at the centres of lenses and views; arrays broadcast."""
 
-    # column, row: of the lens, rows from the top
-    column: Array
-    row: Array
-    # view_x, view_y: of the view, from the left and from the top
-    view_x: Array
-    view_y: Array
+    column: Array  # of the lens
+    row: Array  # of the lens, from the top
+    view_x: Array  # from the left
+    view_y: Array  # from the top
 
 
 @dataclasses.dataclass(frozen=True)

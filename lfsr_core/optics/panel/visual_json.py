@@ -39,11 +39,6 @@ class Calibration:
     serial: str
 
     @property
-    def lenses_across(self) -> float:
-        """Number of cylinders across the panel, P."""
-        return self.lenticular(0).lenses_across(self.panel_mm[0])
-
-    @property
     def tilt(self) -> float:
         """Panel heights by which an axis leans per panel width, signed."""
         width, height = (self.numbers[name] for name in ("screenW", "screenH"))

@@ -12,7 +12,8 @@ import pytest
 from blender_addon.array import spaces
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics import eia
-from lfsr_core.optics.rays import RayLayout, pixel_rays, view_offset
+from lfsr_core.optics.rays import RayLayout, view_offset
+from tests.support.rays import pixel_rays
 from tests.support.scenes import (
     ARRAY,
     MINI,

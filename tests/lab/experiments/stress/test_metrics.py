@@ -7,10 +7,11 @@ import pytest
 
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images, to_views
-from lfsr_core.optics.rays import CameraArray, RayLayout, pixel_rays, rays
+from lfsr_core.optics.rays import CameraArray, RayLayout, rays
 from lfsr_lab.experiments.stress import metrics
 from lfsr_lab.experiments.stress.metrics import Compared
 from lfsr_lab.scenes.stress.space import Space, card_centre, card_of_motion
+from tests.support.rays import pixel_rays
 
 LENSES, VIEWS, SCALE = (8, 6), (12, 12), 4
 DISPLAY = DisplayProfile("test", (96, 72), (59.04, 44.28), LENSES, VIEWS, 500.0, 40.0)

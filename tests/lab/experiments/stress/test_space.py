@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.rays import CameraArray, RayLayout, pixel_rays, rays
+from lfsr_core.optics.rays import CameraArray, RayLayout, rays
 from lfsr_lab.experiments.stress.folder import DISPLAY_FILE
 from lfsr_lab.scenes.stress.space import Space, card_centre, card_of_motion, hole, rectangle_path
+from tests.support.rays import pixel_rays
 from tests.support.synthetic import FLAT
 
 DISPLAYS = [load_display(DISPLAY_FILE), load_display("mini"), load_display("small")]
