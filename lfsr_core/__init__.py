@@ -15,45 +15,38 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the same names once more, for type checkers
-    from lfsr_core.errors import LfsrError as LfsrError
-    from lfsr_core.exports.formats import Exported as Exported
-    from lfsr_core.exports.formats import export as export
-    from lfsr_core.exports.importing import Imported as Imported
-    from lfsr_core.exports.importing import ImportGeometry as ImportGeometry
-    from lfsr_core.exports.importing import import_views as import_views
-    from lfsr_core.exports.options import ExportOptions as ExportOptions
-    from lfsr_core.exports.page import Page as Page
-    from lfsr_core.exports.page import write_page as write_page
-    from lfsr_core.frames.contact_sheet import write_views as write_views
-    from lfsr_core.frames.frame import Frame as Frame
-    from lfsr_core.frames.frame import read_frame as read_frame
-    from lfsr_core.frames.job import Job as Job
-    from lfsr_core.frames.reference import Reference as Reference
-    from lfsr_core.frames.report import Report as Report
-    from lfsr_core.frames.report import read_report as read_report
-    from lfsr_core.frames.views import eia_to_views as eia_to_views
-    from lfsr_core.frames.views import read_views as read_views
-    from lfsr_core.frames.views import views_to_eia as views_to_eia
-    from lfsr_core.images.png import read_png as read_png
-    from lfsr_core.images.png import write_png as write_png
-    from lfsr_core.metrics.compare import Metrics as Metrics
-    from lfsr_core.metrics.compare import compare_folders as compare_folders
-    from lfsr_core.optics.display import DisplayProfile as DisplayProfile
-    from lfsr_core.optics.display import load_display as load_display
-    from lfsr_core.optics.eye import eye_view as eye_view
-    from lfsr_core.optics.rays import CameraArray as CameraArray
-    from lfsr_core.optics.rays import RayLayout as RayLayout
-    from lfsr_core.plan.options import PlanOptions as PlanOptions
-    from lfsr_core.plan.planner import Planned as Planned
-    from lfsr_core.plan.planner import make_plan as make_plan
-    from lfsr_core.reconstruct.method_name import MethodName as MethodName
-    from lfsr_core.reconstruct.options import UpscaleOptions as UpscaleOptions
-    from lfsr_core.reconstruct.second_stage import upscale_frame as upscale_frame
-    from lfsr_core.render.blender import Blender as Blender
-    from lfsr_core.render.blender import find_blender as find_blender
-    from lfsr_core.render.process import run_job as run_job
+    from lfsr_core.errors import LfsrError
+    from lfsr_core.exports.formats import Exported, export
+    from lfsr_core.exports.importing import Imported, ImportGeometry, import_views
+    from lfsr_core.exports.options import ExportOptions
+    from lfsr_core.exports.page import Page, write_page
+    from lfsr_core.frames.contact_sheet import write_views
+    from lfsr_core.frames.frame import Frame, read_frame
+    from lfsr_core.frames.job import Job
+    from lfsr_core.frames.reference import Reference
+    from lfsr_core.frames.report import Report, read_report
+    from lfsr_core.frames.views import eia_to_views, read_views, views_to_eia
+    from lfsr_core.images.png import read_png, write_png
+    from lfsr_core.metrics.compare import Metrics, compare_folders
+    from lfsr_core.optics.display import DisplayProfile, load_display
+    from lfsr_core.optics.eye import eye_view
+    from lfsr_core.optics.rays import CameraArray, RayLayout
+    from lfsr_core.plan.options import PlanOptions
+    from lfsr_core.plan.planner import Planned, make_plan
+    from lfsr_core.reconstruct.method_name import MethodName
+    from lfsr_core.reconstruct.options import UpscaleOptions
+    from lfsr_core.reconstruct.second_stage import upscale_frame
+    from lfsr_core.render.blender import Blender, find_blender
+    from lfsr_core.render.process import run_job
 
 __version__ = "0.1.0"
+__all__ = [
+    "Blender", "CameraArray", "DisplayProfile", "ExportOptions", "Exported", "Frame", "ImportGeometry", "Imported",
+    "Job", "LfsrError", "MethodName", "Metrics", "Page", "PlanOptions", "Planned", "RayLayout", "Reference",
+    "Report", "UpscaleOptions", "__version__", "compare_folders", "eia_to_views", "export", "eye_view",
+    "find_blender", "import_views", "load_display", "make_plan", "read_frame", "read_png", "read_report",
+    "read_views", "run_job", "upscale_frame", "views_to_eia", "write_page", "write_png", "write_views",
+]
 
 _MODULES = {
     "errors": "LfsrError",
@@ -81,7 +74,6 @@ _MODULES = {
     "render.process": "run_job",
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names.split()}
-__all__ = ["__version__", *_HOMES]  # noqa: PLE0604  (all are texts)
 
 
 if not TYPE_CHECKING:  # so that checkers find a misspelt name

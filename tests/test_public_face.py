@@ -17,6 +17,10 @@ def test_every_public_name_is_there_and_documented(name):
     assert isinstance(value, str) or value.__doc__
 
 
+def test_the_list_of_names_is_complete():
+    assert {*lfsr_core.__all__} == {"__version__", *lfsr_core._HOMES}
+
+
 def test_unknown_names_are_no_attributes():
     with pytest.raises(AttributeError, match="no attribute 'upscale_frames'"):
         _ = lfsr_core.upscale_frames

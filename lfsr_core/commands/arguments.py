@@ -12,7 +12,6 @@ from lfsr_core.frames.job import AUTO, DEVICES, Job, check_scene
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lens_rows import parse_rows
 from lfsr_core.optics.rays import CONVENTIONS
-from lfsr_core.render.store import with_blender
 
 if TYPE_CHECKING:
     from lfsr_core.sequence.cluster import Cluster
@@ -70,11 +69,6 @@ def make_job(arguments: argparse.Namespace, **values: Any) -> Job:
         given["rows"] = parse_rows(arguments.rows, display.lenses[1])
     given |= {"scene": check_scene(arguments.scene), "display": display} | values
     return Job(**given | {"output": str(given["output"])})
-
-
-def render(arguments: argparse.Namespace, job: Job) -> None:
-    """Run ``job`` in Blender with a progress bar."""
-    with_blender(arguments.blender, announce=False)(job)
 
 
 def add_cluster_arguments(parser: argparse.ArgumentParser, when: str = "") -> None:

@@ -19,7 +19,6 @@ from lfsr_core.commands.arguments import (
     add_scene_arguments,
     chosen_cluster,
     make_job,
-    render,
 )
 from lfsr_core.commands.renamed import add_old_option
 from lfsr_core.errors import LfsrError
@@ -27,6 +26,7 @@ from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.lens_sampling import check_count, choose_lenses
 from lfsr_core.progress import ProgressBar
+from lfsr_core.render.store import Render, with_blender
 
 if TYPE_CHECKING:
     from lfsr_core.sequence.cluster import Cluster
@@ -55,16 +55,17 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.layout == SUBPIXELS:
         raise LfsrError(f"a reference is a light field, but the layout {SUBPIXELS} renders none: choose another layout")
     job = make_job(arguments, kind="reference", scale=1, clamp_indirect=0.0)
-    cluster = chosen_cluster(arguments)
+    cluster, render = chosen_cluster(arguments), with_blender(arguments.blender, announce=False)
     _check_split(arguments, cluster)
     if arguments.lenses is not None and job.rows is not None:
         raise LfsrError(f"--lenses {arguments.lenses} and --rows {arguments.rows} were both given: leave out one")
     if arguments.lenses is not None:
         check_count(arguments.lenses, math.prod(job.display.lenses))
-        lens_list = choose_lenses(_quick_mask(arguments, job), arguments.lenses, arguments.seed)
+        print(f"choosing {arguments.lenses} lenses from a quick render", file=sys.stderr)
+        lens_list = choose_lenses(_quick_mask(render, job), arguments.lenses, arguments.seed)
         job = dataclasses.replace(job, lens_list=lens_list)
     if cluster is None:
-        render(arguments, job)
+        render(job)
     else:
         _render_on(cluster, arguments, job)
     print(f"{arguments.output}: {_count(job)} lenses, two halves of {job.spp // 2} samples")
@@ -97,16 +98,14 @@ def _count(job: Job) -> int:
     return len(job.lens_list) if job.lens_list else math.prod(job.display.lenses)
 
 
-def _quick_mask(arguments: argparse.Namespace, reference: Job) -> Array:
+def _quick_mask(render: Render, reference: Job) -> Array:
     """Foreground mask (sy, sx) from a few samples of every lens."""
     from lfsr_core.frames.foreground import foreground_mask
     from lfsr_core.images.exr import read_layers
 
-    print(f"choosing {arguments.lenses} lenses from a quick render", file=sys.stderr)
     display = reference.display
     scale = min(display.scales(), key=lambda s: abs(s - SCALE_FOR_MASK), default=1)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "mask"
-        render(arguments, dataclasses.replace(reference, kind="render", output=str(folder), scale=scale,
-                                                     spp=SAMPLES_FOR_MASK))
+        render(dataclasses.replace(reference, kind="render", output=str(folder), scale=scale, spp=SAMPLES_FOR_MASK))
         return foreground_mask(read_layers(folder / LOW_RES_FILE), display.lenses)

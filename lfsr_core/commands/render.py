@@ -17,7 +17,6 @@ from lfsr_core.commands.arguments import (
     chosen_cluster,
     make_job,
     names,
-    render,
 )
 from lfsr_core.commands.renamed import add_old_option
 from lfsr_core.errors import LfsrError
@@ -29,6 +28,7 @@ from lfsr_core.optics.depth_scale import scales_up_to
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lens_rows import rows_text
 from lfsr_core.progress import ProgressBar
+from lfsr_core.render.store import with_blender
 
 if TYPE_CHECKING:
     from lfsr_core.reconstruct.method_name import MethodName
@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.temporal_averaging is not None:
         check_averaging(arguments.temporal_averaging)
         job = dataclasses.replace(job, seed=seed_in_turn(job.seed, arguments.frame, arguments.temporal_averaging))
-    render(arguments, job)
+    with_blender(arguments.blender, announce=False)(job)
     if job.rows is not None:
         print(f"{arguments.output}: rows {rows_text(job.rows)} of {job.display.lenses[1]}; join the parts with "
               "`lfsr merge`")

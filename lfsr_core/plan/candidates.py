@@ -89,16 +89,8 @@ def candidates(display: DisplayProfile, scales: Sequence[int] | None = None, spp
                methods: Sequence[str] | None = None) -> list[Candidate]:
     """Every possible combination for a display, cheapest render first.
 
-    Parameters
-    ----------
-    display : the display
-    scales : None for those of SCALES that divide its views
-    spps : samples per pixel
-    methods : None for ``default_methods``
-
-    Raises
-    ------
-    LfsrError : for a scale that does not divide the views, samples below 1, or an unknown method
+    ``scales``: None for those of SCALES that divide the views. ``methods``: None for ``default_methods``. LfsrError for
+    a scale that does not divide the views, samples below 1, or an unknown method.
     """
     for name in methods or ():
         method(name)

@@ -62,14 +62,10 @@ class LensSample:
         """All sampled lenses, in the order of STRATA."""
         return [lens for name in STRATA for lens in self.strata[name]]
 
-    @property
-    def looked(self) -> float:
-        """Fraction of the whole sample's cost that the quick look took."""
-        return self.budget.quick / self._cost(self.budget.renders)
-
-    def done(self, renders: list[tuple[int, int]]) -> float:
-        """Fraction of the whole sample's cost that is spent after these renders, by (scale, spp)."""
-        return self._cost(renders) / self._cost(self.budget.renders)
+    def done(self, renders: list[tuple[int, int]] | None) -> float:
+        """Fraction of the sample's cost spent after these renders, by (scale, spp); None: after the quick look."""
+        spent = self.budget.quick if renders is None else self._cost(renders)
+        return spent / self._cost(self.budget.renders)
 
     def affords(self, renders: list[tuple[int, int]]) -> bool:
         """Whether these renders are within the limit."""

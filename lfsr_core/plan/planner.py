@@ -134,7 +134,7 @@ def _cost_ratio(question: Question, renders: SampleRenders, look: QuickLook, per
 def _reference(question: Question, sample: LensSample, renders: SampleRenders, report: Moving) -> SampledReference:
     """The sampled lenses at full resolution, in four independent quarters."""
     files, frames, lenses = [], [], sample.lenses
-    steps = np.linspace(sample.looked, sample.done([]), REFERENCE_PARTS + 1).tolist()
+    steps = np.linspace(sample.done(None), sample.done([]), REFERENCE_PARTS + 1).tolist()
     for part in range(REFERENCE_PARTS):
         report(f"reference of {len(lenses)} lenses, part {part + 1} of {REFERENCE_PARTS}", *steps[part:part + 2])
         quarters, frame = renders.reference(part, question.options.reference_spp, lenses)

@@ -66,15 +66,7 @@ def reach(display: DisplayProfile, scale: int) -> int:
 
 def budget(display: DisplayProfile, wanted: Sequence[Candidate], reference_spp: int, quick: float, cost_ratio: float,
            fraction: float) -> Budget:
-    """Budget of a sample.
-
-    Parameters
-    ----------
-    display, wanted : the display and the candidates to sample
-    reference_spp : samples per pixel of the whole reference
-    quick, cost_ratio : as in ``Budget``
-    fraction : of the path samples of the costliest candidate's frame, that the sample may take
-    """
+    """Budget of a sample of the candidates ``wanted``: a fraction of the path samples of the costliest one's frame."""
     lenses = math.prod(display.lenses)
     renders = {(scale, spp): (2 * reach(display, scale) + 1) ** 2 * low_pixels(display, scale) / lenses * spp
                for scale, spp in {(candidate.scale, candidate.spp) for candidate in wanted}}
@@ -90,12 +82,7 @@ def strata_masks(mask: Array, wide: Array) -> dict[str, Array]:
 def sample(masks: Mapping[str, Array], count: int, seed: int, every: bool) -> dict[str, list[Lens]]:
     """Choose random (row, column) lenses of each stratum, spread over it; at least LEAST_OF_STRATUM where it has them.
 
-    Parameters
-    ----------
-    masks : of ``strata_masks``
-    count : lenses in all, about
-    seed : of the random numbers
-    every : True samples "rest" too, which the metric of the foreground ignores
+    ``count``: lenses in all, about. ``every``: True samples "rest" too, which the metric of the foreground ignores.
     """
     random, few = np.random.default_rng(seed), max(LEAST_OF_STRATUM, count // EDGE_PART)
     sizes = {"edge": few, "rest": few if every else 0}

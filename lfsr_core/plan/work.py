@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -16,6 +14,7 @@ from lfsr_core import __version__
 from lfsr_core.files import locks
 from lfsr_core.frames.identity import PLACES, digest, job_facts
 from lfsr_core.frames.job import Job
+from lfsr_core.optics.panel.gather_cache import cache_folder
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.render.content import scene_content
 from lfsr_core.render.parts_folder import has_parts
@@ -46,7 +45,7 @@ def work_folder(folder: Path | None, job: Job, options: PlanOptions, warn: Warn)
         yield folder
         return
     facts = [sample_facts(job, options), scene_content(job.scene), __version__]
-    made = _cache() / digest(facts)
+    made = cache_folder() / "plans" / digest(facts)
     _sweep(made.parent)
     made.mkdir(parents=True, exist_ok=True)
     with (made / LOCK_FILE).open("ab") as lock:
@@ -79,11 +78,3 @@ def _sweep(folder: Path) -> None:
     for path in folder.iterdir() if folder.is_dir() else ():
         if time.time() - path.stat().st_mtime > SECONDS_CACHED:
             shutil.rmtree(path, ignore_errors=True)
-
-
-def _cache() -> Path:
-    """This program's folder for plans in the user's cache."""
-    home = Path.home()
-    places = {"win32": os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local",
-              "darwin": home / "Library" / "Caches"}
-    return Path(places.get(sys.platform) or os.environ.get("XDG_CACHE_HOME") or home / ".cache", "lfsr", "plans")

@@ -38,13 +38,9 @@ class Found:
 
 
 def plan(job: dict[str, Any], options: dict[str, Any], command: list[str], work: str) -> dict[str, Any]:
-    """Plan for the scene of a job; return data of a ``Found``.
+    """Plan for the scene of a job, with ``PlanOptions``; return data of a ``Found``.
 
-    Parameters
-    ----------
-    job, options : data of a ``Job`` and of ``PlanOptions``
-    command : words that start a render, before the job file
-    work : folder for the sample
+    ``command``: words that start a render, before the job file; ``work``: folder for the sample.
     """
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import make_plan
@@ -65,13 +61,8 @@ def animation(job: dict[str, Any], frames: list[int], second: dict[str, Any], co
     Frames of other settings are rendered again, since the panel shows what is wanted. Frames of a scene that has
     changed stay, with a warning, since a file changes with every click.
 
-    Parameters
-    ----------
-    job : data of a ``Job`` whose output is the folder of the frames' folders
-    frames : their numbers
-    second : data of a ``sequence.shot.SecondStage``
-    command : words that start a render, before the job files
-    overwrite : whether to render finished frames again
+    ``job``: its output is the folder of the frames' folders; ``second``: data of a ``sequence.shot.SecondStage``;
+    ``command``: words that start a render, before the job files; ``overwrite``: render finished frames again.
 
     Returns
     -------

@@ -14,13 +14,9 @@ from lfsr_core.render.protocol import emit_progress, emit_warning
 
 
 def upscale(folder: str, method: str, linear_exr: bool = False, views: str | None = None) -> dict[str, Any]:
-    """Finish a rendered frame folder; return the "method" and the "seconds" of each stage.
+    """Finish a rendered frame folder, and ``decode`` it into the file ``views``.
 
-    Parameters
-    ----------
-    folder, method : what to finish, and how
-    linear_exr : whether to write eia.exr too
-    views : file for ``decode``, None for none
+    Return the "method" and the "seconds" of each stage.
     """
     from lfsr_core.reconstruct.options import UpscaleOptions
     from lfsr_core.reconstruct.second_stage import upscale_frame
