@@ -107,7 +107,7 @@ def reference_recipe(scene: bpy.types.Scene) -> tuple[Recipe, Job]:
     """The finished frame to judge and the job of its reference; LfsrError where there is no such frame."""
     scene_settings.resolve(scene).check_light_field("a reference")
     recipe = frame_recipe(scene)
-    folders.check_image(recipe.folder, "to compare")
+    folders.finished_frame(scene, "to compare")
     if not recipe.is_complete:
         raise LfsrError(f"the image in {recipe.folder} was made with other settings: render the EIA again first")
     return recipe, dataclasses.replace(
@@ -134,10 +134,7 @@ def render_reference(recipe: Recipe, job: Job, lenses: int) -> Steps:
 
 
 def decode_views(folder: Path, fraction: float = 1.0) -> Steps:
-    """Decode the finished frame in ``folder`` for the preview; the result is the file of its views.
-
-    ``fraction``: of the whole task's time.
-    """
+    """Decode the finished frame in ``folder`` in a ``fraction`` of the task's time; the result is its views' file."""
     views = views_file(folder)
     with staging_folder(views) as work:
         yield second_stage_step("Decoding views", fraction, work, "decode", folder=str(folder), views=str(views))

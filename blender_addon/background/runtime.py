@@ -26,10 +26,9 @@ PYTHON_VARIABLES = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "PYTHONSAFEPATH
 
 
 def second_stage_command(module: str = "lfsr_core.cli") -> list[str]:
-    """Command line that runs ``module`` of lfsr_core in the second stage's Python; append its arguments.
+    """Command line that runs ``module`` of lfsr_core in the second stage's Python; append the module's arguments.
 
-    The default is the ``lfsr`` command. Start it with ``environment()``. LfsrError
-    where the Python that was chosen does not exist.
+    Start it with ``environment()``. LfsrError where the Python that was chosen does not exist.
     """
     chosen = chosen_python()
     start = [chosen] if chosen else [sys.executable, "-I"]

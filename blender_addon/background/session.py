@@ -19,13 +19,8 @@ from .steps import Steps, Task
 SECONDS_BETWEEN_LOOKS = 0.1
 POPUP_COLUMNS = 90
 
-
-def _forget_result(_result: Any) -> None:
-    """Do nothing: the result belongs to a file that is closed."""
-
-
 _current: Task | None = None
-_finish: Callable[[Any], None] = _forget_result
+_finish: Callable[[Any], None] | None = None  # None where the task belongs to a file that is closed
 
 
 def current() -> Task | None:
@@ -89,7 +84,8 @@ def _look() -> float | None:
         _current = None
         for warning in task.warnings[-1:]:
             notify(warning, "INFO")
-        _finish(task.result)
+        if _finish is not None:
+            _finish(task.result)
     except LfsrError as error:
         notify(". ".join(filter(None, (str(error), task.kept))), "ERROR")
     finally:
@@ -157,7 +153,7 @@ def progress_text(task: Task) -> str:
 def _opened(*_: object) -> None:
     """Another file was opened: the old one's task must change nothing in it, but its images are saved."""
     global _finish
-    _finish = _forget_result
+    _finish = None
 
 
 def register() -> None:

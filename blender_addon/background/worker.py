@@ -8,8 +8,7 @@ of the scene in memory and the seconds that it takes to open.
 
 from __future__ import annotations
 
-import contextlib
-import queue
+import collections
 import threading
 from collections.abc import Sequence
 from typing import Any
@@ -28,7 +27,7 @@ class Worker:
     def __init__(self, name: str, command: Sequence[str]) -> None:
         """Start it; LfsrError where the executable cannot be started."""
         self.name = name
-        self._records: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        self._records: collections.deque[dict[str, Any]] = collections.deque()
         try:
             self._child = Child(command, runtime.environment())
         except OSError as error:
@@ -40,11 +39,7 @@ class Worker:
 
     def records(self) -> list[dict[str, Any]]:
         """Return the records that it has written since the last call."""
-        found = []
-        with contextlib.suppress(queue.Empty):
-            while True:
-                found.append(self._records.get_nowait())
-        return found
+        return [self._records.popleft() for _ in range(len(self._records))]
 
     def running(self) -> bool:
         """Return False once it has ended and all that it wrote is in ``records``."""
@@ -66,5 +61,4 @@ class Worker:
         self._reader.join(seconds)
 
     def _read(self) -> None:
-        for record in self._child.records():
-            self._records.put(record)
+        self._records.extend(self._child.records())

@@ -51,10 +51,14 @@ def is_complete(folder: Path, job: Job, method: str) -> bool:
     return report.method == method and is_same(frame, on_any_device(job))
 
 
-def check_image(folder: Path, purpose: str) -> None:
-    """LfsrError unless ``folder`` holds the finished image of a light field; ``purpose``: as in "to preview"."""
+def finished_frame(scene: bpy.types.Scene, purpose: str) -> Path:
+    """Frame folder of the current frame; LfsrError where it has no image of a light field.
+
+    ``purpose``: for the error, as in "to preview".
+    """
+    folder = frame_folder(scene)
     if (folder / EIA_FILE).is_file():
-        return
+        return folder
     if (folder / PANEL_FILE).is_file():
         raise LfsrError(f"the image in {folder} was made by {DIRECT} and has no views {purpose}: switch that off under "
                         "Display and render the EIA again")

@@ -25,7 +25,6 @@ from ..results import preview, show_image
 from .methods import DIRECT, method_items
 from .scene_settings import AUTO_SCALE, SCALES, profile_items, qualities
 
-MAX_EYE_STEP = 10
 LIVE_SCALES = (1, 2, 4, 8)  # pixel sizes of Blender's viewport
 
 
@@ -156,10 +155,10 @@ class SceneSettings(bpy.types.PropertyGroup):
 
     eye_right: FloatProperty(
         name="Eye Right", description="Position of the eye in the viewing zone, from its left (-1) to its right (1)",
-        subtype="FACTOR", min=-1.0, max=1.0, step=MAX_EYE_STEP, update=_look, options={"SKIP_SAVE"})
+        subtype="FACTOR", min=-1.0, max=1.0, step=10, update=_look, options={"SKIP_SAVE"})
     eye_up: FloatProperty(
         name="Eye Up", description="Position of the eye in the viewing zone, from its bottom (-1) to its top (1)",
-        subtype="FACTOR", min=-1.0, max=1.0, step=MAX_EYE_STEP, update=_look, options={"SKIP_SAVE"})
+        subtype="FACTOR", min=-1.0, max=1.0, step=10, update=_look, options={"SKIP_SAVE"})
 
     live_scale: EnumProperty(
         name="Pixel Size", description="Scale of the live view: one of this many views in each direction is rendered",

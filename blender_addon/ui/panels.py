@@ -39,11 +39,9 @@ class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
             if settings.display.is_woven:
                 _draw_direct(self.layout, settings, context)
             row_if(not settings.is_direct, columns(self.layout)).prop(lfsr, "scale")
-            found = summary.display_facts(settings)
+            facts(self.layout, summary.display_facts(settings))
         except LfsrError as error:
             sentence(self.layout, str(error), "ERROR", context)
-            return
-        facts(self.layout, found)
 
 
 class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
@@ -63,10 +61,7 @@ class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("lfsr.array_fit", text="Fit to Selection")
         row.operator("lfsr.array_remove", text="", icon="TRASH")
-        self._draw_settings(context, array)
-
-    def _draw_settings(self, context: bpy.types.Context, array: bpy.types.Object) -> None:
-        column = columns(self.layout).column()
+        column = columns(layout).column()
         column.enabled = rig.why_not_editable(array) is None
         row = column.row(align=True)
         row.prop(context.scene.lfsr, "distance", text="Distance")
@@ -74,11 +69,9 @@ class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
         column.prop(context.scene.lfsr, "spacing", text="Spacing", slider=True)
         column.prop(context.scene.lfsr, "show_frustum")
         try:
-            found = summary.depth_facts(context.scene)
+            facts(layout, summary.depth_facts(scene))
         except LfsrError as error:
-            sentence(self.layout, str(error), "ERROR", context)
-            return
-        facts(self.layout, found)
+            sentence(layout, str(error), "ERROR", context)
 
 
 class LFSR_PT_check(LightFieldPanel, bpy.types.Panel):

@@ -23,7 +23,6 @@ METRICS = {"ssim_eia_fg": "SSIM Foreground", "ssim_lens_fg": "SSIM per Lens", "s
            "psnr_fg": "PSNR", "flip": "FLIP", "ssim_eia_plain": "Plain SSIM", "ssim_ceiling": "SSIM Ceiling",
            "ssim_lens_plain": "Plain per Lens", "ssim_lens_ceiling": "Lens Ceiling"}
 CAMERAS = {"one-pass": "OSL camera", "lens-card": "lens card"}
-IN_DECIBEL = ("psnr_fg",)
 
 
 def display_facts(settings: Resolved) -> Facts:
@@ -76,7 +75,7 @@ def metric_facts(scene: bpy.types.Scene) -> Facts:
 def _metrics(folder: Path, _changed: int) -> tuple[tuple[str, str], ...]:
     """Panels ask on every redraw; the file is read once per change."""
     metrics = read_report(folder).metrics
-    facts = [(title, f"{metrics[name]:.1f} dB" if name in IN_DECIBEL else f"{metrics[name]:.4f}")
+    facts = [(title, f"{metrics[name]:.1f} dB" if name == "psnr_fg" else f"{metrics[name]:.4f}")
              for name, title in METRICS.items() if isinstance(metrics.get(name), (int, float))]
     without_flip = "flip" in metrics and metrics["flip"] is None
     return (*facts, ("FLIP", "not computed")) if without_flip else tuple(facts)

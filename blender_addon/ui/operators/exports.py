@@ -12,6 +12,7 @@ from ...background import exports, session
 from ...settings import folders
 from .base import Prepared, TaskOperator
 
+PURPOSE = "to show or export"
 FORMAT_ITEMS = [(name, TITLES[name], text[0].upper() + text[1:]) for name, text in DESCRIPTIONS.items()]
 
 
@@ -23,7 +24,7 @@ class LFSR_OT_open_viewer(TaskOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Write the page, then open it."""
-        return exports.write_viewer(_finished(context.scene)), _open
+        return exports.write_viewer(folders.finished_frame(context.scene, PURPOSE)), _open
 
 
 class LFSR_OT_export(TaskOperator, bpy.types.Operator):
@@ -41,7 +42,7 @@ class LFSR_OT_export(TaskOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Export, then show where the files are."""
-        steps = exports.export(_finished(context.scene), self.format)
+        steps = exports.export(folders.finished_frame(context.scene, PURPOSE), self.format)
         return steps, lambda target: session.tell(f"Exported to {target}", "INFO")
 
 
@@ -54,13 +55,6 @@ class LFSR_MT_export(bpy.types.Menu):
         """Draw one entry per format."""
         for name, title, _ in FORMAT_ITEMS:
             self.layout.operator("lfsr.export", text=title).format = name
-
-
-def _finished(scene: bpy.types.Scene) -> Path:
-    """Frame folder of the current frame; LfsrError where it has no image of a light field."""
-    folder = folders.frame_folder(scene)
-    folders.check_image(folder, "to show or export")
-    return folder
 
 
 def _open(page: Path) -> None:

@@ -43,8 +43,7 @@ class LFSR_OT_submit(bpy.types.Operator):
         folder = submission.chosen_folder(self.directory)
         written = submission.submit(context.scene, self.farm, folder, self.parts)
         context.window_manager.clipboard = written.command
-        session.tell(f"The job is in {folder}. Next (it is in the clipboard): {written.command} . {written.note}",
-                     "INFO")
+        session.tell(f"The job is in {folder}. Next (in the clipboard): {written.command} . {written.note}", "INFO")
         return {"FINISHED"}
 
 

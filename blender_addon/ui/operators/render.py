@@ -61,8 +61,7 @@ class LFSR_OT_preview_view(TaskOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Prepared | None:
         """Decode the current frame's views unless they are there, then show one."""
         scene = context.scene
-        folder = folders.frame_folder(scene)
-        folders.check_image(folder, "to preview")
+        folder = folders.finished_frame(scene, "to preview")
         if recipes.is_decoded(folder):
             _show_view(scene.name, recipes.views_file(folder))
             return None
