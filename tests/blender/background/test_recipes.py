@@ -1,4 +1,4 @@
-"""Recipes of frames: what is asked for, and what is refused before anything is rendered."""
+"""Recipes of frames: their jobs, and what is refused before anything is rendered."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_errors_are_lfsr_errors(scene):
         recipes.frame_recipe(scene)
 
 
-def test_an_animation_shares_what_the_panel_says(scene, monkeypatch):
+def test_an_animation_is_averaged_as_the_panel_says(scene, monkeypatch):
     asked = []
     monkeypatch.setattr(recipes, "rendering_step", lambda *_, **arguments: asked.append(arguments))
     for count in (0, 2):
@@ -46,15 +46,15 @@ def test_an_animation_shares_what_the_panel_says(scene, monkeypatch):
     assert {arguments["job"]["seed"] for arguments in asked} == {scene.lfsr.seed}, "each frame's follows from it"
 
 
-def test_a_frame_of_an_animation_that_shares_is_the_panels_in_spite_of_its_seed(scene):
+def test_a_frame_of_an_averaged_animation_is_the_panels_in_spite_of_its_seed(scene):
     scene.frame_set(3)
     recipe = recipes.frame_recipe(scene)
     recipe.folder.mkdir(parents=True)
     (recipe.folder / EIA_FILE).touch()
     job = recipe.job
-    for seed, share, whole in ((0, 0, True), (2, 0, False), (2, 2, True), (2, 1, True), (1, 2, False)):
+    for seed, averaging, complete in ((0, 0, True), (2, 0, False), (2, 2, True), (2, 1, True), (1, 2, False)):
         write_frame(recipe.folder, frame_of(job.scale, samples=job.spp, seed=seed, frame=3))
         write_report(recipe.folder, Report(recipe.method, "mini", job.scale, job.spp, {}, None, 1.0,
-                                           temporal_averaging=share))
-        assert recipe.is_complete == whole
+                                           temporal_averaging=averaging))
+        assert recipe.is_complete == complete
     assert not dataclasses.replace(recipe, method="bilinear").is_complete

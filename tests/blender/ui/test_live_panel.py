@@ -1,4 +1,4 @@
-"""The panel Live says what this Blender can do and what is to be done now."""
+"""The panel Live says what this Blender can do and what to do now."""
 
 from __future__ import annotations
 

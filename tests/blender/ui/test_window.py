@@ -1,8 +1,8 @@
-"""The installed extension in a real window: what an artist does, with pictures of it.
+"""The installed extension in a real window: what an artist does, with screenshots.
 
     LFSR_WINDOW_BLENDER=DIR python -m pytest -m window
 
-DIR is the folder that scripts/window_blender.sh made. LFSR_SCREENSHOTS names a folder that keeps the pictures.
+DIR is the folder that scripts/window_blender.sh made. LFSR_SCREENSHOTS names a folder for the screenshots.
 """
 
 from __future__ import annotations

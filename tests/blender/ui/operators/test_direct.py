@@ -1,4 +1,4 @@
-"""The buttons where a panel's subpixels are rendered straight: its picture, an animation, and what they refuse."""
+"""Direct subpixel rendering: the panel image, an animation, and what the buttons refuse."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def add_on():
 @pytest.fixture(scope="module")
 def rendered(add_on, tmp_path_factory) -> Path:
     """A file whose frame 1 was rendered by the button, for a small lenticular display, while views were previewed."""
-    folder = tmp_path_factory.mktemp("straight")
+    folder = tmp_path_factory.mktemp("direct")
     write_profile(folder / "own.toml", small(cells()))
     scene = panel.artist_scene(folder)
     lfsr = scene.lfsr
@@ -44,11 +44,11 @@ def rendered(add_on, tmp_path_factory) -> Path:
     return folder / "scene.blend"
 
 
-def test_the_panels_picture_is_all_there_is(opened, rendered):
+def test_the_panel_image_is_the_only_result(opened, rendered):
     folder = panel.frame_one(rendered)
     assert {path.name for path in folder.iterdir()} == {"frame.json", "lr_eia.exr", "panel.png", "report.json"}
-    picture, frame, report = read_png(folder / PANEL_FILE), read_rendered(folder), read_report(folder)
-    assert picture.shape == (80, 120, 3) and picture.std() > 10
+    image, frame, report = read_png(folder / PANEL_FILE), read_rendered(folder), read_report(folder)
+    assert image.shape == (80, 120, 3) and image.std() > 10
     assert (frame.layout, frame.scale, frame.layers, frame.samples) == ("subpixels", 1, (), 4)
     assert (report.method, report.temporal_averaging) == ("oidn", 0)
 
@@ -84,7 +84,7 @@ def test_what_needs_a_light_field_says_so(opened, rendered, button, arguments, s
     assert not (rendered.parent / "job").exists()
 
 
-def test_a_picture_without_views_has_no_reference(opened):
+def test_an_image_without_views_has_no_reference(opened):
     opened.lfsr.straight = False
     with pytest.raises(RuntimeError, match="no views to compare"):
         bpy.ops.lfsr.render_reference()

@@ -1,4 +1,4 @@
-"""The button that finds the least that will do: its plan, using it, cancelling it with the render it started."""
+"""Find Cheapest Settings: its plan, using it, cancelling it with the render that it started."""
 
 from __future__ import annotations
 
