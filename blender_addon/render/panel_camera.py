@@ -37,7 +37,7 @@ def panel_parameters(layout: PanelLayout, clip_start: float = 0.0) -> Numbers:
     (across, down), (part_x, part_y) = display.panel_pixels, display.pixel_layout.size
     of_sheet = _cylinders(display, display.lenticular, geometry) if display.lenticular else _lenses(display, geometry)
     return {
-        "across": across, "down": down, "parts": layout.subpixels, "pixel_x": geometry.pixel[0],
+        "across": across, "down": down, "parts": display.pixel_layout.count, "pixel_x": geometry.pixel[0],
         "pixel_y": geometry.pixel[1], "part_x": part_x, "part_y": part_y,
         **{f"wave_{name}": float(value) for name, value in zip(("xx", "xy", "yx", "yy"), waves.ravel(), strict=True)},
         "phase_x": float(phases[0]), "phase_y": float(phases[1]),

@@ -19,12 +19,9 @@ def exposure_notes(shown: Array, background: Array) -> list[str]:
 
 
 def extreme_tone(shown: Array, background: Array | None = None) -> str:
-    """Return "black" or "white" if almost the whole image is, else "".
+    """Return "black" or "white" if almost the whole image (..., 3), uint8 or floats in [0, 1], is; else "".
 
-    Parameters
-    ----------
-    shown : (..., 3) display values, uint8 or floats in [0, 1]
-    background : (3,) of the same type, the colour of pixels that do not count, unless there are no others
+    Pixels of the colour ``background`` (3,) do not count, unless there are no others.
     """
     pixels = shown.reshape(-1, 3)
     if background is not None and (counted := (pixels != background).any(1)).any():

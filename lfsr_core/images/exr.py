@@ -83,17 +83,10 @@ def write_layers(path: str | Path, layers: Mapping[str, Array], half: bool = Fal
 
 
 def join_rows(paths: Sequence[str | Path], path: str | Path, half: bool = False) -> None:
-    """Join images below each other and write the result as ``write_layers`` does.
+    """Join EXR files below each other, from the top, and write the result to ``path`` as ``write_layers`` does.
 
-    Parameters
-    ----------
-    paths : EXR files of one width and with the same layers, from the top; in memory one at a time
-    path : EXR to write
-    half : store 16-bit floats
-
-    Raises
-    ------
-    LfsrError : if a file cannot be read, has other layers or another width, or if the result cannot be written
+    Only one file is in memory at a time. LfsrError if one cannot be read, has other layers or another width,
+    or if the result cannot be written.
     """
     rows = sum(size(part)[1] for part in paths)
     first, at = read_layers(paths[0]), 0

@@ -53,15 +53,10 @@ def eye_region(profile: DisplayProfile, size: tuple[int, int]) -> LiveRegion:
 
 def eye_card(layout: RayLayout, profile: DisplayProfile, eye_mm: Point, region: LiveRegion,
              radius: float = math.inf) -> LensCard:
-    """Return the lens card that shows an eye's view in a region.
+    """Return the lens card that shows the rendered views of ``layout`` to an eye.
 
-    Parameters
-    ----------
-    layout : the rendered views
-    profile : the display
-    eye_mm : (x, y, z) from the middle of the lens array, towards the viewer
-    region : from ``eye_region``
-    radius : as in ``lens_card``
+    ``eye_mm``: (x, y, z) from the middle of the lens array, towards the viewer. ``region``: from ``eye_region``.
+    ``radius``: as in ``lens_card``.
     """
     times_x, times_y = (side // region.scale for side in region.profile.views)
     lenses = layout.lenses[0] * times_x, layout.lenses[1] * times_y

@@ -62,18 +62,10 @@ def lens_card(layout: RayLayout, radius: float = math.inf) -> LensCard:
 
 def card_rays(card: LensCard, cells: Array, targets: Array, distance: float,
               random: Array | float = 0.5) -> tuple[Array, Array]:
-    """Rays of points of the card, in camera-array space: what its material computes.
+    """Rays of points of the card, as its material computes them: origins and unit directions, (..., 3) each.
 
-    Parameters
-    ----------
-    card : the constants
-    cells, targets : (..., 2) at these points
-    distance : of the display plane
-    random : (..., 2) in [0, 1), the point in the view's cell
-
-    Returns
-    -------
-    Origins and unit directions, (..., 3) each
+    ``cells``, ``targets``: (..., 2) at these points. ``distance``: of the display plane. ``random``: (..., 2) in
+    [0, 1), the point in the view's cell.
     """
     views = np.floor(cells)
     place = cells - views if card.place_in_pixel else cells

@@ -68,9 +68,9 @@ class Subpixels:
         return (1.0 if self.stripes == "white" else 1 / 3), 1.0
 
     @property
-    def is_white(self) -> bool:
-        """Whether one subpixel shows all three colours."""
-        return self.size == (1.0, 1.0)
+    def count(self) -> int:
+        """Subpixels of a pixel; 1 if one shows all three colours."""
+        return 1 if self.size == (1.0, 1.0) else 3
 
 
 @dataclasses.dataclass(frozen=True)

@@ -44,11 +44,6 @@ class PanelLayout:
         check_sheet(self.display)
 
     @property
-    def subpixels(self) -> int:
-        """Subpixels of a pixel, side by side; 1 if one shows all three colours."""
-        return _subpixels(self.display)
-
-    @property
     def size(self) -> tuple[int, int]:
         """Rendered image size in pixels, (width, height)."""
         return rendered_size(self.display)
@@ -68,12 +63,12 @@ def check_sheet(display: DisplayProfile) -> None:
 
 def rendered_size(display: DisplayProfile) -> tuple[int, int]:
     """Size in pixels, (width, height), of a render of the subpixels of a display with a lens sheet."""
-    return display.panel_pixels[0] * _subpixels(display), display.panel_pixels[1]
+    return display.panel_pixels[0] * display.pixel_layout.count, display.panel_pixels[1]
 
 
 def subpixel_table(layout: PanelLayout) -> SubpixelTable:
     """The subpixels of every pixel, from left to right in the panel's image."""
-    if layout.subpixels == 1:
+    if layout.display.pixel_layout.count == 1:
         zeros = np.zeros((PERIOD, PERIOD, 1))
         return SubpixelTable(zeros, zeros, zeros.astype(int))
     rows, columns = np.arange(PERIOD)[:, None], np.arange(PERIOD)
@@ -85,17 +80,10 @@ def subpixel_table(layout: PanelLayout) -> SubpixelTable:
 
 def panel_rays(layout: PanelLayout, raster_x: Array, raster_y: Array, random_x: Array | float = 0.5,
                random_y: Array | float = 0.5) -> tuple[Array, Array]:
-    """Rays of points of the rendered image, in camera-array space, like ``rays.rays``.
+    """Rays of points of the rendered image: origins and unit directions, (..., 3) each, in camera-array space.
 
-    Parameters
-    ----------
-    layout : which ray each pixel sends
-    raster_x, raster_y : in [0, 1), y up: the subpixel, and the place inside it
-    random_x, random_y : in [0, 1), choose the point on the lens
-
-    Returns
-    -------
-    Origins and unit directions, (..., 3) each
+    ``raster_x``, ``raster_y``, in [0, 1) and y up, are the subpixel and the place inside it; ``random_x`` and
+    ``random_y``, in [0, 1), choose the point on the lens.
     """
     display, array = layout.display, layout.array
     seen = point_rays(display, *_panel_points(layout, raster_x, raster_y))
@@ -129,20 +117,16 @@ def lens_points(display: DisplayProfile, first: Array, second: Array) -> tuple[A
 def panel_image(layout: PanelLayout, traced: Array) -> Array:
     """Panel image (H, W, 3): each subpixel takes its own channel of its ray's colour.
 
-    ``traced``: (H, W · subpixels, 3), rows from the top.
+    ``traced``: of the rendered size, rows from the top.
     """
-    if layout.subpixels == 1:
+    if layout.display.pixel_layout.count == 1:
         return traced
     width, height = layout.display.panel_pixels
-    by_pixel = traced.reshape(height, width, layout.subpixels, CHANNELS)
+    by_pixel = traced.reshape(height, width, CHANNELS, CHANNELS)
     rows, columns = _on_panel(layout, np.arange(height)[::-1], np.arange(width))
     channel = subpixel_table(layout).channel[rows[:, None] % PERIOD, columns % PERIOD]
     place = np.argsort(channel, axis=-1)  # of the subpixel that shows each colour
     return np.take_along_axis(by_pixel, place[:, :, None], 2)[:, :, 0]
-
-
-def _subpixels(display: DisplayProfile) -> int:
-    return 1 if display.pixel_layout.is_white else CHANNELS
 
 
 def _on_panel(layout: PanelLayout, rows: Array, columns: Array) -> tuple[Array, Array]:
@@ -153,12 +137,12 @@ def _on_panel(layout: PanelLayout, rows: Array, columns: Array) -> tuple[Array, 
 
 def _panel_points(layout: PanelLayout, raster_x: Array, raster_y: Array) -> tuple[Array, Array]:
     """Millimetres from the panel's centre, y up."""
-    (across, down), count = layout.display.panel_pixels, layout.subpixels
+    (across, down), pixel = layout.display.panel_pixels, layout.display.pixel_layout
     at_x, at_y = (np.clip(np.asarray(raster, float) * pixels, 0, pixels - 1e-9)
                   for raster, pixels in zip((raster_x, raster_y), layout.size, strict=True))
     index, row = np.floor(at_x).astype(int), np.floor(at_y).astype(int)
-    y, x = _on_panel(layout, row, index // count)
-    (right, up, _), (wide, high) = subpixel_table(layout), layout.display.pixel_layout.size
-    entry = y % PERIOD, x % PERIOD, index % count
+    y, x = _on_panel(layout, row, index // pixel.count)
+    (right, up, _), (wide, high) = subpixel_table(layout), pixel.size
+    entry = y % PERIOD, x % PERIOD, index % pixel.count
     return ((x + 0.5 + right[entry] + (at_x - index - 0.5) * wide) / across - 0.5) * layout.display.panel_mm[0], (
         (y + 0.5 + up[entry] + (at_y - row - 0.5) * high) / down - 0.5) * layout.display.panel_mm[1]

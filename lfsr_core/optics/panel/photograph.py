@@ -20,16 +20,9 @@ MIN_SIDE = 200  # pixels of the lit panel
 def find_homography(blue: Array, size: tuple[float, float], dots: Array, spread: float) -> Array:
     """Return the homography (3, 3) from millimetres on the plane, y up, to (column, row) in the photograph.
 
-    Parameters
-    ----------
-    blue : (H, W), the photograph's channel of the dots
-    size : of the lit part of the plane, millimetres
-    dots : (n, 2) where they are seen on the plane
-    spread : their standard deviation there
-
-    Raises
-    ------
-    LfsrError : if no panel or too few dots are found
+    ``blue`` (H, W) is the photograph's channel of the dots. On the plane, in millimetres: ``size`` of its lit part,
+    ``dots`` (n, 2) where they are seen, and ``spread``, their standard deviation.
+    LfsrError if no panel or too few dots are found.
     """
     corners = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2 * size
     matrix = fit_homography(corners, _lit_corners(blue))

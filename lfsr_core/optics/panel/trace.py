@@ -34,17 +34,10 @@ class SeenSubpixels:
 
 
 def seen_panel(panel: Array, profile: DisplayProfile, eye_mm: Point) -> Array:
-    """Return what an eye sees of a woven panel's image, about one pixel per lens of the sheet across.
+    """Return what an eye sees of a woven panel's image (H, W, 3) uint8, as in panel.png.
 
-    Parameters
-    ----------
-    panel : (H, W, 3) uint8, as in panel.png
-    profile : the display, with a lens sheet
-    eye_mm : (x, y, z) of the eye from the middle of the lenses, y up, z towards the viewer
-
-    Returns
-    -------
-    (rows, columns, 3) uint8, black beyond the panel
+    The result (rows, columns, 3) uint8 has about one pixel per lens across and is black beyond the panel. ``eye_mm``:
+    (x, y, z) from the middle of the lenses, y up, z towards the viewer.
     """
     columns, rows = _result_size(profile)
     light, count = np.zeros((rows, columns, 3)), np.zeros((rows, columns, 3))
@@ -87,7 +80,7 @@ def _seen_by_pixels(profile: DisplayProfile, eye_mm: Point, size: tuple[int, int
     x = ((np.arange(columns) + place[0]) / columns - 0.5) * width
     y = (0.5 - (np.arange(rows)[:, None] + place[1]) / rows) * height
     # A lens focuses on a whole pixel, or it would show one colour; a cylinder passes many rows anyway.
-    wide = 0.0 if profile.pixel_layout.is_white else 1.0 if profile.lenslet else 1 / 3
+    wide = 0.0 if profile.pixel_layout.count == 1 else 1.0 if profile.lenslet else 1 / 3
     points_x, points_y = np.broadcast_arrays(x, y)
     return trace(profile, eye_mm, points_x, points_y, ((place[2] - 0.5) * wide, (place[3] - 0.5) * wide))
 
@@ -135,7 +128,7 @@ def _subpixel_at(profile: DisplayProfile, x: Array, y: Array) -> SeenSubpixels:
     row = down - 1 - row if profile.flip[1] else row
     row, column = np.clip(row, 0, down - 1), np.clip(column, 0, across - 1)
     subpixels = profile.pixel_layout
-    if subpixels.is_white:
+    if subpixels.count == 1:
         return SeenSubpixels(row, column, np.full(row.shape, -1), on_panel)
     if subpixels.cells:
         return SeenSubpixels(*_nearest_subpixel(profile, (x, y), row, column), on_panel)

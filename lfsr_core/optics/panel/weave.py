@@ -15,16 +15,9 @@ AT_ONCE = 1 << 17  # subpixels: their data fit into a core's cache
 
 
 def weave(eia: Array, mapped: GatherMap) -> Array:
-    """Return the panel's image (H, W, 3) uint8.
+    """Return the panel's image (H, W, 3) uint8 of a finished EIA (rows, columns, 3) uint8 in view order.
 
-    Parameters
-    ----------
-    eia : finished EIA (rows, columns, 3) uint8 in view order
-    mapped : gather map of the display
-
-    Raises
-    ------
-    LfsrError : if the EIA is not of the size and type that the map needs
+    ``mapped``: gather map of the display. LfsrError if the EIA is not of the size and type that the map needs.
     """
     columns, rows = mapped.eia_pixels
     if eia.shape != (rows, columns, 3) or eia.dtype != np.uint8:
