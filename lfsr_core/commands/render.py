@@ -105,10 +105,10 @@ def _scales(arguments: argparse.Namespace, job: Job, method: MethodName) -> tupl
 
 
 def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) -> None:
-    from lfsr_core.sequence.cluster_shot import render_on
-    from lfsr_core.sequence.engine import FAILED, Tools, render_shot
+    from lfsr_core.sequence.animation import SecondStage, animation_of
+    from lfsr_core.sequence.cluster_animation import render_on
+    from lfsr_core.sequence.engine import FAILED, Tools, render_animation
     from lfsr_core.sequence.numbers import parse_frames
-    from lfsr_core.sequence.shot import SecondStage, shot_of
     from lfsr_core.sequence.summary import summary
 
     cluster = chosen_cluster(arguments)
@@ -117,11 +117,11 @@ def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) 
     weights = os.path.abspath(arguments.weights) if arguments.weights else None
     second = SecondStage(str(method), arguments.dilate, weights, arguments.step, arguments.linear_exr,
                          arguments.temporal_averaging or 0)
-    shot = shot_of(job, parse_frames(arguments.frames), second)
+    animation = animation_of(job, parse_frames(arguments.frames), second)
     started = time.monotonic()
     with closing(ProgressBar()) as bar:
         tools = Tools(arguments.blender, bar, bar.note, overwrite=arguments.overwrite)
-        results = render_on(cluster, shot, tools) if cluster else render_shot(shot, tools)
+        results = render_on(cluster, animation, tools) if cluster else render_animation(animation, tools)
     print(summary(results, time.monotonic() - started))
     failed = [result for result in results if result.state == FAILED]
     if failed:

@@ -1,4 +1,4 @@
-"""Renders a shot: Blender stays open over several frames, and one frame is finished while the next one renders."""
+"""Render an animation: Blender stays open over several frames, and frames are finished while the next ones render."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_part
@@ -21,7 +20,7 @@ from lfsr_core.render.blender import Starts, find_blender
 from lfsr_core.render.child import CrashError
 from lfsr_core.render.process import Listener, Warn, run_jobs
 from lfsr_core.render.staging import remove_dead
-from lfsr_core.sequence.shot import DONE, TO_RENDER, SecondStage, Shot, beside, state
+from lfsr_core.sequence.animation import DONE, TO_RENDER, Animation, SecondStage, beside, state
 
 CHUNK = 16  # frames of one Blender
 TRIES = 2  # of a frame at which Blender crashes
@@ -30,7 +29,7 @@ MADE, KEPT, FAILED = "made", "kept", "failed"
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """What became of a frame."""
+    """The outcome of a frame."""
 
     frame: int
     folder: str
@@ -43,57 +42,56 @@ class Result:
 
 @dataclasses.dataclass(frozen=True)
 class Tools:
-    """What a shot is rendered with, and who is told."""
+    """What an animation is rendered with, and who is told."""
 
-    # executable, None for the best there is, or what has Blender's command lines
-    blender: str | Starts | None = None
+    blender: str | Starts | None = None  # executable, None for the best there is, or what knows how to start Blender
     progress: Progress = silent  # called with (stage, fraction, message)
     warn: Warn = lambda sentence: None
     chunk: int = CHUNK
-    overwrite: bool = False  # frames that are done are made again
+    overwrite: bool = False  # whether to render finished frames again
 
 
 class _CancelledError(Exception):
     """The second stage is to stop."""
 
 
-def render_shot(shot: Shot, tools: Tools) -> list[Result]:
-    """Render and finish every frame of ``shot`` that is not done; what became of each, in their order.
+def render_animation(animation: Animation, tools: Tools) -> list[Result]:
+    """Render and finish every frame that is not done, and return the outcome of each frame.
 
-    A frame at which Blender crashes twice, or which cannot be finished, is left out; the others go on.
+    A frame at which Blender crashes twice, or which cannot be finished, is left out; the others continue.
 
     Raises
     ------
     LfsrError : with Blender's own sentence after bad input, or where a folder holds another render
     KeyboardInterrupt : once Blender is stopped; at most the frames in work are lost
     """
-    run = _Run(shot, tools)
+    run = _Run(animation, tools)
     try:
-        for job in shot.jobs:
+        for job in animation.jobs:
             run.take(job)
         run.finish_ready()
         run.render()
-        run.finishing.wait(run.told)
+        run.finishing.wait(run.tell)
     finally:
         run.finishing.stop()
-    return [run.result(job) for job in shot.jobs]
+    return [run.result(job) for job in animation.jobs]
 
 
 class _Run:
-    """One run over a shot."""
+    """One run over an animation."""
 
-    def __init__(self, shot: Shot, tools: Tools) -> None:
-        self.shot, self.tools = shot, tools
+    def __init__(self, animation: Animation, tools: Tools) -> None:
+        self.animation, self.tools = animation, tools
         self.waiting: list[Job] = []
-        self.rendered: list[Job] = []  # that wait for frames beside them
+        self.rendered: list[Job] = []  # that wait for neighbouring frames
         self.kept: set[str] = set()
         self.failed: dict[str, str] = {}
-        self.finishing = _Finishing(shot.second)
-        self.clock = _Clock()
+        self.finishing = _Finishing(animation.second)
+        self.count, self.since = 0, 0.0  # frames to render, and the time when rendering began
 
     def take(self, job: Job) -> None:
         """Decide what is to be done for a frame."""
-        found = TO_RENDER if self.tools.overwrite else state(self.shot, job)
+        found = TO_RENDER if self.tools.overwrite else state(self.animation, job)
         if found == TO_RENDER:
             self.waiting.append(job)
             return
@@ -104,19 +102,20 @@ class _Run:
             self.rendered.append(job)
 
     def finish_ready(self) -> None:
-        """Finish the rendered frames beside which nothing is still to be rendered."""
+        """Finish the rendered frames whose neighbours are rendered."""
         missing = {job.output for job in self.waiting}
         for job in list(self.rendered):
-            if missing.isdisjoint(beside(self.shot, job)):
+            if missing.isdisjoint(beside(self.animation, job)):
                 self.rendered.remove(job)
                 self.finishing.add(job)
 
     def render(self) -> None:
-        """Render what waits, chunk by chunk."""
+        """Render the waiting frames, chunk by chunk."""
         if not self.waiting:
             return
-        blender, crashes = self._blender(), collections.Counter[str]()
-        self.clock.start(len(self.waiting))
+        given, crashes = self.tools.blender, collections.Counter[str]()
+        blender = find_blender(given) if given is None or isinstance(given, str) else given
+        self.count, self.since = len(self.waiting), time.monotonic()
         listener = Listener(self._progress, self.tools.warn, self._rendered)
         while self.waiting:
             try:
@@ -127,9 +126,20 @@ class _Run:
                 if crashes[current.output] >= TRIES:
                     self._leave_out(self.waiting.pop(0), str(error))
 
-    def _blender(self) -> Starts:
-        given = self.tools.blender
-        return find_blender(given) if given is None or isinstance(given, str) else given
+    def tell(self, message: str, fraction: float = 0.0) -> None:
+        """Show how much of what is to be rendered is done; ``fraction``: of the frame in work."""
+        done = self.count - len(self.waiting) + (fraction if self.waiting else 0.0)
+        self.tools.progress("frames", done / self.count if self.count else 1.0, message)
+
+    def result(self, job: Job) -> Result:
+        """Return the outcome of a frame."""
+        number, sentence = job.frame or 0, self.failed.get(job.output) or self.finishing.failed.get(job.output)
+        if sentence:
+            return Result(number, job.output, FAILED, sentence)
+        seconds = read_report(job.output).seconds
+        finish = sum(value for stage, value in seconds.items() if stage != "render")
+        return Result(number, job.output, KEPT if job.output in self.kept else MADE,
+                      render=read_part(job.output).seconds.get("render", 0.0), finish=finish)
 
     def _leave_out(self, job: Job, sentence: str) -> None:
         self.failed[job.output] = sentence
@@ -138,77 +148,34 @@ class _Run:
 
     def _rendered(self, job: Job) -> None:
         self.waiting.remove(job)
-        self.clock.one_done()
         self.rendered.append(job)
         self.finish_ready()
 
     def _progress(self, stage: str, fraction: float, message: str) -> None:
         if self.waiting and stage == "render":
-            self.told(f"frame {self.waiting[0].frame}, {self.clock.left(fraction)}", fraction)
-
-    def told(self, message: str, fraction: float = 0.0) -> None:
-        """Show how much is done of what this run renders."""
-        done = self.clock.count - len(self.waiting) + (fraction if self.waiting else 0.0)
-        self.tools.progress("frames", done / self.clock.count if self.clock.count else 1.0, message)
-
-    def result(self, job: Job) -> Result:
-        """What became of a frame."""
-        sentence = self.failed.get(job.output) or self.finishing.failed.get(job.output)
-        if sentence:
-            return Result(job.frame, job.output, FAILED, sentence)
-        seconds = read_report(job.output).seconds
-        finish = sum(value for stage, value in seconds.items() if stage != "render")
-        return Result(job.frame, job.output, KEPT if job.output in self.kept else MADE,
-                      render=read_part(job.output).seconds.get("render", 0.0), finish=finish)
-
-
-class _Clock:
-    """How long the frames that wait will take, going by those that were rendered in this run."""
-
-    def __init__(self) -> None:
-        self.count = self.done = 0
-        self.since = time.monotonic()
-
-    def start(self, count: int) -> None:
-        """``count`` frames wait from now on."""
-        self.count, self.since = count, time.monotonic()
-
-    def one_done(self) -> None:
-        """One of them is rendered."""
-        self.done += 1
-
-    def left(self, fraction: float) -> str:
-        """In words; ``fraction``: of the frame in work."""
-        done = self.done + fraction
-        if done < 0.05:
-            return f"{self.done + 1} of {self.count}"
-        seconds = (time.monotonic() - self.since) / done * (self.count - done)
-        return f"{self.done + 1} of {self.count}, {duration(seconds)} left"
+            rendered = self.count - len(self.waiting)
+            told, done = f"frame {self.waiting[0].frame}, {rendered + 1} of {self.count}", rendered + fraction
+            if done >= 0.05:
+                seconds = (time.monotonic() - self.since) / done * (self.count - done)
+                told += f", {duration(seconds)} left"
+            self.tell(told, fraction)
 
 
 class _Finishing:
-    """The second stage of one frame after the other, beside Blender; what waits lies on the disk, not in memory."""
+    """The second stage of one frame after the other, beside Blender; waiting frames are on disk, not in memory."""
 
     def __init__(self, second: SecondStage) -> None:
         self.second, self.failed = second, dict[str, str]()
         self._thread = ThreadPoolExecutor(1, "lfsr-finish")
-        self._work: list[tuple[Job, Future[Any]]] = []
+        self._work: list[tuple[Job, Future[None]]] = []
         self._stopped = threading.Event()
 
     def add(self, job: Job) -> None:
-        """Finish the rendered frame of ``job`` when those before it are."""
+        """Finish the rendered frame of ``job`` after those before it."""
         self._work.append((job, self._thread.submit(self._finish, job)))
 
-    def _finish(self, job: Job) -> None:
-        options = dataclasses.replace(self.second.options, progress=self._look)
-        upscale_frame(Path(job.output), self.second.method, options)
-
-    def _look(self, *_: object) -> None:
-        if self._stopped.is_set():
-            raise _CancelledError
-
     def wait(self, told: Callable[[str], None]) -> None:
-        """Until all are finished; errors become sentences in ``failed``."""
+        """Wait until all are finished; errors become sentences in ``failed``."""
         for job, work in self._work:
             if not work.done():
                 told(f"finishing frame {job.frame}")
@@ -218,13 +185,21 @@ class _Finishing:
                 self.failed[job.output] = str(error)
 
     def stop(self) -> None:
-        """End at the next step of the frame in work."""
+        """Stop at the next step of the frame in work."""
         self._stopped.set()
         self._thread.shutdown(wait=True, cancel_futures=True)
 
+    def _finish(self, job: Job) -> None:
+        options = dataclasses.replace(self.second.options, progress=self._check_stopped)
+        upscale_frame(Path(job.output), self.second.method, options)
+
+    def _check_stopped(self, *_: object) -> None:
+        if self._stopped.is_set():
+            raise _CancelledError
+
 
 def duration(seconds: float) -> str:
-    """In the two largest of hours, minutes and seconds."""
+    """Return a time in the two largest of hours, minutes and seconds."""
     whole = round(seconds)
     if whole >= 3600:
         return f"{whole // 3600} h {whole % 3600 // 60} min"

@@ -1,4 +1,4 @@
-"""The table that ends the rendering of a shot."""
+"""The table of outcomes after an animation."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from lfsr_core.sequence.engine import FAILED, KEPT, MADE, Result, duration
 
 
 def summary(results: Sequence[Result], seconds: float) -> str:
-    """A line per frame, and one of all; ``seconds`` passed."""
+    """Return a line per frame and one for all; ``seconds`` is the time that has passed."""
     return f"{table(results)}\n{counts(results, seconds)}"
 
 
 def table(results: Sequence[Result]) -> str:
-    """A line per frame below a line of titles."""
+    """Return a line per frame, below a line of titles."""
     return "\n".join([f"{'frame':>7}  {'state':6}  {'render':>9}  {'finish':>9}", *map(_line, results)])
 
 
 def counts(results: Sequence[Result], seconds: float) -> str:
-    """How many frames are in which state after ``seconds``."""
+    """Return how many frames are in which state after ``seconds``."""
     found = [f"{sum(result.state == state for result in results)} {state}" for state in (MADE, KEPT, FAILED)]
     return f"{len(results)} frames: {', '.join(found)}, in {duration(seconds)}"
 

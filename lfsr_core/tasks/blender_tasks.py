@@ -14,8 +14,8 @@ from lfsr_core.records import from_data, to_data
 from lfsr_core.render.protocol import emit_progress, emit_warning
 
 if TYPE_CHECKING:
+    from lfsr_core.sequence.animation import Animation
     from lfsr_core.sequence.engine import Result
-    from lfsr_core.sequence.shot import Shot
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,34 +61,34 @@ def animation(job: dict[str, Any], frames: list[int], second: dict[str, Any], co
     Frames of other settings are rendered again, since the panel shows what is wanted. Frames of a scene that has
     changed stay, with a warning, since a file changes with every click.
 
-    ``job``: its output is the folder of the frames' folders; ``second``: data of a ``sequence.shot.SecondStage``;
+    ``job``: its output is the folder of the frames' folders; ``second``: data of a ``sequence.animation.SecondStage``;
     ``command``: words that start a render, before the job files; ``overwrite``: render finished frames again.
 
     Returns
     -------
     "table", a line per frame; "sentence", the outcome; "failed", the first failed frame's sentence or None
     """
-    from lfsr_core.sequence.engine import FAILED, Tools, render_shot
-    from lfsr_core.sequence.shot import SecondStage, shot_of
+    from lfsr_core.sequence.animation import SecondStage, animation_of
+    from lfsr_core.sequence.engine import FAILED, Tools, render_animation
     from lfsr_core.sequence.summary import counts, table
 
     started = time.monotonic()
-    shot = shot_of(from_data(Job, job, "job of the animation"), frames,
-                   from_data(SecondStage, second, "second stage of the animation"), lenient=True)
+    animation = animation_of(from_data(Job, job, "job of the animation"), frames,
+                             from_data(SecondStage, second, "second stage of the animation"), lenient=True)
     blender = RenderCommand(tuple(command))
-    results = render_shot(shot, Tools(blender, emit_progress, emit_warning, overwrite=overwrite))
-    _warn_of_older(shot, results)
+    results = render_animation(animation, Tools(blender, emit_progress, emit_warning, overwrite=overwrite))
+    _warn_of_older(animation, results)
     failed = [f"frame {result.frame}: {result.error}" for result in results if result.state == FAILED]
     return {"table": table(results), "sentence": counts(results, time.monotonic() - started),
             "failed": failed[0] if failed else None}
 
 
-def _warn_of_older(shot: Shot, results: Sequence[Result]) -> None:
+def _warn_of_older(animation: Animation, results: Sequence[Result]) -> None:
+    from lfsr_core.sequence.animation import is_older
     from lfsr_core.sequence.engine import KEPT
-    from lfsr_core.sequence.shot import is_older
 
-    older = [job.frame for job, result in zip(shot.jobs, results, strict=True)
-             if result.state == KEPT and is_older(shot, job)]
+    older = [job.frame for job, result in zip(animation.jobs, results, strict=True)
+             if result.state == KEPT and is_older(animation, job)]
     if older:
         count = "1 frame is" if len(older) == 1 else f"{len(older)} frames (from {older[0]}) are"
         emit_warning(f"{count} older than this file. Turn on Overwrite to render again")

@@ -1,4 +1,4 @@
-"""A shot on real worker processes: the same pictures, whoever dies, and a sentence where a worker sees nothing."""
+"""An animation on real worker processes: the same images, whoever dies, and a sentence where a worker sees nothing."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from lfsr_core.optics.lens_rows import check_cover
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import run_job
 from lfsr_core.sequence.cluster import PLACE_FILE, RESOURCE, Cluster
-from lfsr_core.sequence.cluster_reference import ROWS, SAMPLES, Split, reference_on, shares
-from lfsr_core.sequence.cluster_shot import render_on
-from lfsr_core.sequence.engine import KEPT, MADE, Tools, render_shot
+from lfsr_core.sequence.cluster_animation import render_on
+from lfsr_core.sequence.cluster_reference import ROWS, SAMPLES, Split, part_jobs, reference_on
+from lfsr_core.sequence.engine import KEPT, MADE, Tools, render_animation
+from tests.support.animations import animation, pictures, played_tools, states
 from tests.support.noisy_renders import JOB
 from tests.support.played_blender import played_blender
-from tests.support.shots import pictures, played_tools, shot, states
 from tests.support.synthetic import fails
 
 distributed = pytest.importorskip("distributed") if not os.environ.get("CI") else __import__("distributed")
@@ -48,19 +48,19 @@ def scheduler(tmp_path_factory):
 def alone(tmp_path_factory):
     """Pictures of one process."""
     folder = tmp_path_factory.mktemp("alone")
-    render_shot(shot(folder, FRAMES), played_tools(folder, 3))
+    render_animation(animation(folder, FRAMES), played_tools(folder, 3))
     return pictures(folder / "film")
 
 
 def test_workers_make_the_pictures_of_one_process(scheduler, tmp_path, alone):
     seen = []
     told = dataclasses.replace(played_tools(tmp_path, 1), progress=lambda *state: seen.append(state))
-    results = render_on(Cluster(scheduler.scheduler_address), shot(tmp_path, FRAMES), told)
+    results = render_on(Cluster(scheduler.scheduler_address), animation(tmp_path, FRAMES), told)
     assert states(results) == [MADE] * 3 and [result.frame for result in results] == list(FRAMES)
     assert pictures(tmp_path / "film") == alone
     assert seen[-1] == ("frames", 1.0, "3 of 3")
     assert sorted(path.name for path in (tmp_path / "film").iterdir()) == ["0001", "0002", "0003"]
-    again = render_on(Cluster(scheduler.scheduler_address), shot(tmp_path, FRAMES), Tools("/must/not/run"))
+    again = render_on(Cluster(scheduler.scheduler_address), animation(tmp_path, FRAMES), Tools("/must/not/run"))
     assert states(again) == [KEPT] * 3
 
 
@@ -89,7 +89,7 @@ def test_a_dead_workers_frames_are_made_by_others(scheduler, tmp_path, alone):
     killed: list[int] = []
     thread = threading.Thread(target=kill_first_worker, args=(tmp_path, killed), daemon=True)
     thread.start()
-    results = render_on(Cluster(scheduler.scheduler_address), shot(tmp_path, FRAMES),
+    results = render_on(Cluster(scheduler.scheduler_address), animation(tmp_path, FRAMES),
                         Tools(slow(tmp_path / "blender"), chunk=1))
     thread.join(5)
     assert killed and states(results) == [MADE] * 3 and pictures(tmp_path / "film") == alone
@@ -101,8 +101,8 @@ def test_a_worker_that_does_not_see_the_folder(scheduler, tmp_path):
     """What lies behind a descriptor of this process nobody else sees under that name."""
     shown = os.open(tmp_path, os.O_RDONLY)
     try:
-        with pytest.raises(LfsrError, match=r"the worker tcp://\S+ does not see the folder /proc/\S+/film: share"):
-            render_on(Cluster(scheduler.scheduler_address), shot(Path(f"/proc/self/fd/{shown}"), FRAMES),
+        with pytest.raises(LfsrError, match=r"the worker tcp://\S+ does not see the folder /proc/\S+/film: make"):
+            render_on(Cluster(scheduler.scheduler_address), animation(Path(f"/proc/self/fd/{shown}"), FRAMES),
                       Tools("/must/not/run"))
     finally:
         os.close(shown)
@@ -111,7 +111,7 @@ def test_a_worker_that_does_not_see_the_folder(scheduler, tmp_path):
 
 def test_blenders_own_sentence_arrives(scheduler, tmp_path):
     with pytest.raises(LfsrError, match="'/must/not/run' was not found"):
-        render_on(Cluster(scheduler.scheduler_address), shot(tmp_path, (1,)), Tools("/must/not/run"))
+        render_on(Cluster(scheduler.scheduler_address), animation(tmp_path, (1,)), Tools("/must/not/run"))
 
 
 def test_the_command_on_workers_of_this_machine(tmp_path, alone):
@@ -152,43 +152,43 @@ def test_a_reference_by_rows_is_that_of_one_process(scheduler, reference):
         # As references are stored, which the played Blender does not care for.
         np.testing.assert_array_equal(found, whole.astype(np.float16))
     assert read_part(folder / "rows").rows is None and not list(folder.glob(".rows*"))
-    assert [message for stage, _, message in seen if stage == "reference"] == [f"{k} of 3 shares" for k in (1, 2, 3)]
+    assert [message for stage, _, message in seen if stage == "reference"] == [f"{k} of 3 parts" for k in (1, 2, 3)]
 
 
-def test_a_reference_by_samples_has_all_of_them_and_goes_on_from_shares_that_are_there(scheduler, reference):
+def test_a_reference_by_samples_has_all_of_them_and_continues_from_parts_that_are_there(scheduler, reference):
     job, folder = reference
     job = dataclasses.replace(job, output=str(folder / "samples"))
-    wanted = shares(job, SAMPLES, 3)
-    assert [share.spp for share in wanted] == [6, 8, 8] and len({share.seed for share in wanted}) == 3
-    for share in wanted:
-        run_job(share, find_blender(str(folder / "blender")))
-    parts = [halves(Path(share.output)) for share in wanted]
+    wanted = part_jobs(job, SAMPLES, 3)
+    assert [part.spp for part in wanted] == [6, 8, 8] and len({part.seed for part in wanted}) == 3
+    for part in wanted:
+        run_job(part, find_blender(str(folder / "blender")))
+    made = [halves(Path(part.output)) for part in wanted]
     reference_on(Cluster(scheduler.scheduler_address), job, Split(SAMPLES, 3), "/must/not/run", lambda *_: None)
     assert read_part(folder / "samples").samples == 22
     for half, found in enumerate(halves(folder / "samples")):
-        expected = sum(share.spp * part[half] for share, part in zip(wanted, parts, strict=True)) / 22
+        expected = sum(part.spp * images[half] for part, images in zip(wanted, made, strict=True)) / 22
         np.testing.assert_allclose(found, expected, atol=2e-3)
     pairs = zip(halves(folder / "samples"), halves(folder / "alone"), strict=True)
-    assert max(np.var(image - true) for image, true in pairs) < np.var(parts[0][0] - parts[1][0]), "less noise"
+    assert max(np.var(image - true) for image, true in pairs) < np.var(made[0][0] - made[1][0]), "less noise"
 
 
 @given(st.integers(2, 400), st.integers(1, 12), st.sampled_from([ROWS, SAMPLES]))
-def test_shares_are_the_whole(reference, spp, count, by):
+def test_parts_are_the_whole(reference, spp, count, by):
     job = dataclasses.replace(reference[0], spp=spp)
     count = min(count, spp // 2) if by == SAMPLES else count
-    jobs = shares(job, by, count)
-    assert len({share.output for share in jobs}) == count and all(share.spp >= 2 for share in jobs)
+    jobs = part_jobs(job, by, count)
+    assert len({part.output for part in jobs}) == count and all(part.spp >= 2 for part in jobs)
     if by == ROWS:
-        check_cover((share.rows for share in jobs), job.display.lenses[1])
+        check_cover((part.rows for part in jobs), job.display.lenses[1])
     else:
-        assert sum(share.spp for share in jobs) == spp and len({share.seed for share in jobs}) == count
+        assert sum(part.spp for part in jobs) == spp and len({part.seed for part in jobs}) == count
 
 
 @pytest.mark.parametrize(("options", "sentence"), [
     (["--workers", "2", "--rows", "1/2"], "--rows 1/2 renders a part already"),
     (["--parts", "2"], "--parts was given without --workers"),
     (["--workers", "1", "--split", "samples", "--parts", "9", "--spp", "4"], "by samples they must be 1 to 2")])
-def test_bad_shares(tmp_path, capsys, options, sentence):
+def test_bad_parts(tmp_path, capsys, options, sentence):
     (tmp_path / "scene.glb").touch()
     assert sentence in fails(["reference", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "r"), "--display", "mini",
                               *options], capsys)

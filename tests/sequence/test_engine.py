@@ -18,10 +18,10 @@ import pytest
 from lfsr_core.cli import main
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame, write_frame
-from lfsr_core.sequence.engine import FAILED, KEPT, MADE, Tools, render_shot
-from lfsr_core.sequence.shot import SecondStage
+from lfsr_core.sequence.animation import SecondStage
+from lfsr_core.sequence.engine import FAILED, KEPT, MADE, Tools, render_animation
+from tests.support.animations import animation, pictures, played_tools, states
 from tests.support.played_blender import played_blender
-from tests.support.shots import pictures, played_tools, shot, states
 from tests.support.synthetic import fails
 
 FRAMES = range(1, 4)
@@ -30,7 +30,7 @@ FRAMES = range(1, 4)
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     folder = tmp_path_factory.mktemp("finished")
-    results = render_shot(shot(folder, FRAMES), played_tools(folder, 2))
+    results = render_animation(animation(folder, FRAMES), played_tools(folder, 2))
     return folder, results
 
 
@@ -51,7 +51,7 @@ def test_every_frame_is_made_once(finished):
     assert states(results) == [MADE] * 3 and [result.frame for result in results] == list(FRAMES)
     assert all(result.render > 0 and result.finish > 0 for result in results)
     assert sorted(path.name for path in (folder / "film").iterdir()) == [f"000{frame}" for frame in FRAMES]
-    assert states(render_shot(shot(folder, FRAMES), NO_BLENDER)) == [KEPT] * 3
+    assert states(render_animation(animation(folder, FRAMES), NO_BLENDER)) == [KEPT] * 3
 
 
 def cut(path: Path) -> None:
@@ -69,7 +69,7 @@ DAMAGES = {
 def test_a_broken_frame_is_made_again(made, damage):
     before = pictures(made / "film")
     DAMAGES[damage](made / "film" / "0002")
-    assert states(render_shot(shot(made, FRAMES), played_tools(made, 2))) == [KEPT, MADE, KEPT]
+    assert states(render_animation(animation(made, FRAMES), played_tools(made, 2))) == [KEPT, MADE, KEPT]
     assert pictures(made / "film") == before and len(before) == 3
 
 
@@ -79,37 +79,37 @@ def test_a_broken_frame_is_made_again(made, damage):
 def test_a_frame_that_lacks_its_picture_is_not_rendered_again(made, damage):
     before = pictures(made / "film")
     damage(made / "film" / "0002")
-    assert states(render_shot(shot(made, FRAMES), NO_BLENDER)) == [KEPT, MADE, KEPT]
+    assert states(render_animation(animation(made, FRAMES), NO_BLENDER)) == [KEPT, MADE, KEPT]
     assert pictures(made / "film") == before
 
 
 def test_another_method_finishes_the_same_renders(made):
-    assert states(render_shot(shot(made, FRAMES, SecondStage("light")), NO_BLENDER)) == [MADE] * 3
+    assert states(render_animation(animation(made, FRAMES, SecondStage("light")), NO_BLENDER)) == [MADE] * 3
 
 
 def test_overwrite_makes_all_again(made):
     before = pictures(made / "film")
     again = Tools(played_blender(made / "blender"), overwrite=True)
-    assert states(render_shot(shot(made, FRAMES, seed=7), again)) == [MADE] * 3
+    assert states(render_animation(animation(made, FRAMES, seed=7), again)) == [MADE] * 3
     after = pictures(made / "film")
     assert all(after[name] != before[name] for name in before)
 
 
 def test_frames_of_another_render_are_refused(made):
     with pytest.raises(LfsrError, match="with seed 5, but seed 9 was asked for: give --overwrite"):
-        render_shot(shot(made, FRAMES, seed=9), NO_BLENDER)
+        render_animation(animation(made, FRAMES, seed=9), NO_BLENDER)
 
 
 def test_frames_of_a_scene_that_has_changed_are_refused(made):
     folder = made / "film" / "0002"
     write_frame(folder, dataclasses.replace(read_frame(folder), content="of yesterday"))
     with pytest.raises(LfsrError, match="0002 was rendered before .* was changed: give --overwrite"):
-        render_shot(shot(made, FRAMES), NO_BLENDER)
+        render_animation(animation(made, FRAMES), NO_BLENDER)
 
 
 def test_a_folder_that_is_a_frame_is_no_place_for_frames(made):
     with pytest.raises(LfsrError, match="0001 is a frame folder itself"):
-        shot(made, (1,), output=str(made / "film" / "0001"))
+        animation(made, (1,), output=str(made / "film" / "0001"))
 
 
 def crashing(path: Path, frames: tuple[int, ...], times: int) -> str:
@@ -133,14 +133,14 @@ os.execv({inner!r}, sys.argv)
 
 def test_a_frame_that_crashed_once_is_tried_again(tmp_path):
     tools = Tools(crashing(tmp_path / "blender", (1, 2), 1), chunk=1)
-    assert states(render_shot(shot(tmp_path, (1, 2)), tools)) == [MADE, MADE]
+    assert states(render_animation(animation(tmp_path, (1, 2)), tools)) == [MADE, MADE]
     assert not list((tmp_path / "film").rglob("blender.log"))
 
 
 def test_a_frame_that_always_crashes_is_left_out(tmp_path, capsys):
     warned = []
     tools = Tools(crashing(tmp_path / "blender", (2,), 99), warn=warned.append, chunk=1)
-    results = render_shot(shot(tmp_path, FRAMES), tools)
+    results = render_animation(animation(tmp_path, FRAMES), tools)
     assert states(results) == [MADE, FAILED, MADE]
     assert "signal 11" in results[1].error and len(warned) == 1 and "frame 2 is left out" in warned[0]
     command = ["render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "again"), "--frames", "1-2", "--display",
@@ -155,7 +155,7 @@ def test_a_frame_that_cannot_be_finished_does_not_stop_the_others(made):
     for name in ("0001", "0002"):
         (made / "film" / name / "eia.png").unlink()
     (made / "film" / "0001" / "eia.png" / "x").mkdir(parents=True)
-    results = render_shot(shot(made, FRAMES), NO_BLENDER)
+    results = render_animation(animation(made, FRAMES), NO_BLENDER)
     assert states(results) == [FAILED, MADE, KEPT] and "eia.png cannot be written" in results[0].error
 
 
@@ -185,7 +185,7 @@ noisy_renders.render = render
 def test_an_interrupted_run_loses_only_the_frame_in_work(tmp_path, number):
     blender = Path(played_blender(tmp_path / "blender"))
     blender.write_text(blender.read_text().replace(IMPORT, IMPORT + SLOW))
-    shot(tmp_path, FRAMES)
+    animation(tmp_path, FRAMES)
     film = tmp_path / "film"
     command = [sys.executable, "-m", "lfsr_core.cli", "render", str(tmp_path / "scene.glb"), "-o", str(film),
                "--frames", "1-3", "--display", "mini", "--scale", "2", "--method", "bicubic", "--seed", "5",

@@ -1,4 +1,4 @@
-"""Frames of a shot that share: each is finished when those beside it are rendered, and again when more are there."""
+"""Temporal averaging: a frame is finished when its neighbours are rendered, and again when more are there."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.report import read_report
 from lfsr_core.reconstruct.options import UpscaleOptions
 from lfsr_core.reconstruct.second_stage import upscale_frame
-from lfsr_core.sequence.engine import KEPT, MADE, Tools, render_shot
-from lfsr_core.sequence.shot import SecondStage
+from lfsr_core.sequence.animation import SecondStage
+from lfsr_core.sequence.engine import KEPT, MADE, Tools, render_animation
+from tests.support.animations import animation, pictures, states
 from tests.support.played_blender import played_blender
-from tests.support.shots import pictures, shot
 from tests.support.synthetic import fails
 
-SHARING = SecondStage("bicubic", temporal_averaging=1)
+AVERAGED = SecondStage("bicubic", temporal_averaging=1)
 
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     folder = tmp_path_factory.mktemp("shared")
-    render_shot(shot(folder, range(1, 4), SHARING), Tools(played_blender(folder / "blender"), chunk=2))
+    render_animation(animation(folder, range(1, 4), AVERAGED), Tools(played_blender(folder / "blender"), chunk=2))
     return folder
 
 
@@ -40,12 +40,12 @@ def neighbours(folder):
 
 def test_every_frame_has_noise_of_its_own_and_sees_those_beside_it(finished):
     frames = [read_frame(path) for path in sorted((finished / "film").glob("0*"))]
-    assert [frame.seed for frame in frames] == [5, 6, 7], "as many in turn as share, from the job's on"
+    assert [frame.seed for frame in frames] == [5, 6, 7], "one for each averaged frame, from the job's on"
     assert neighbours(finished) == [(2, 3), (1, 3), (1, 2)]
 
 
 def test_alone_every_frame_has_the_same_noise(tmp_path):
-    assert {job.seed for job in shot(tmp_path, range(1, 4)).jobs} == {5}
+    assert {job.seed for job in animation(tmp_path, range(1, 4)).jobs} == {5}
 
 
 def test_the_picture_is_that_of_the_second_stage_alone(made):
@@ -58,14 +58,14 @@ def test_the_picture_is_that_of_the_second_stage_alone(made):
 
 def test_a_frame_is_finished_again_when_more_lie_beside_it(made):
     tools = Tools(str(made / "blender"))
-    assert [result.state for result in render_shot(shot(made, range(1, 4), SHARING), tools)] == [KEPT] * 3
-    assert [result.state for result in render_shot(shot(made, range(1, 5), SHARING), tools)] == [KEPT, KEPT, MADE, MADE]
+    assert states(render_animation(animation(made, range(1, 4), AVERAGED), tools)) == [KEPT] * 3
+    assert states(render_animation(animation(made, range(1, 5), AVERAGED), tools)) == [KEPT, KEPT, MADE, MADE]
     assert neighbours(made) == [(2, 3), (1, 3), (2, 4), (2, 3)]
 
 
-def test_frames_that_did_not_share_are_refused(made):
+def test_frames_of_other_seeds_are_refused(made):
     with pytest.raises(LfsrError, match="seed 6, but seed 5 was asked for"):
-        render_shot(shot(made, (2,)), Tools("/must/not/run"))
+        render_animation(animation(made, (2,)), Tools("/must/not/run"))
 
 
 @pytest.mark.parametrize("words, sentence", [

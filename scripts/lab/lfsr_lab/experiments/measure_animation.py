@@ -31,8 +31,8 @@ from lfsr_core.optics.display import load_display
 from lfsr_core.records import write_record
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import Listener, run_jobs
+from lfsr_core.sequence.animation import SecondStage, animation_of
 from lfsr_core.sequence.numbers import parse_frames
-from lfsr_core.sequence.shot import SecondStage, shot_of
 
 ROOT = Path(__file__).resolve().parents[4]
 BLENDER, RENDER, LFSR = "Blender's own", "our render alone", "lfsr render --frames"
@@ -139,7 +139,7 @@ def table(found: dict[str, list[Cost]], given: argparse.Namespace) -> str:
 
 def our_render(job: Job, frames: str) -> None:
     """Render as the engine does, and finish nothing."""
-    jobs = shot_of(job, parse_frames(frames), SecondStage("bicubic")).jobs
+    jobs = animation_of(job, parse_frames(frames), SecondStage("bicubic")).jobs
     run_jobs(jobs, find_blender(None), Listener())
 
 

@@ -1,4 +1,4 @@
-"""Shots of a synthetic light field, and a Blender that is played by a script."""
+"""Animations of a synthetic light field, and a Blender that is played by a script."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+from lfsr_core.sequence.animation import Animation, SecondStage, animation_of
 from lfsr_core.sequence.engine import Result, Tools
-from lfsr_core.sequence.shot import SecondStage, Shot, shot_of
 from tests.support.noisy_renders import JOB
 from tests.support.played_blender import played_blender
 
 SECOND = SecondStage("bicubic")
 
 
-def shot(folder: Path, frames: range | tuple[int, ...], second: SecondStage = SECOND, **changes) -> Shot:
-    """Frames of a scene file in ``folder``, to be rendered into its ``film``."""
+def animation(folder: Path, frames: range | tuple[int, ...], second: SecondStage = SECOND, **changes) -> Animation:
+    """An animation of a scene file in ``folder``, to be rendered into its ``film``."""
     scene = folder / "scene.glb"
     if not scene.exists():
         scene.write_text("a scene")
     job = dataclasses.replace(JOB, **{"scene": str(scene), "output": str(folder / "film"), "scale": 2} | changes)
-    return shot_of(job, frames, second)
+    return animation_of(job, frames, second)
 
 
 def played_tools(folder: Path, chunk: int) -> Tools:
@@ -33,5 +33,5 @@ def states(results: Sequence[Result]) -> list[str]:
 
 
 def pictures(folder: Path) -> dict[str, bytes]:
-    """Bytes of every finished picture under ``folder``, by its frame."""
+    """Bytes of every finished image under ``folder``, by its frame."""
     return {path.parent.name: path.read_bytes() for path in folder.glob("*/eia.png")}
