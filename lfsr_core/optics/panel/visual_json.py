@@ -38,31 +38,6 @@ class Calibration:
     cells: tuple[tuple[float, ...], ...]  # offsets in the order of OFFSETS, in pixels
     serial: str
 
-    @property
-    def tilt(self) -> float:
-        """Panel heights by which an axis leans per panel width, signed."""
-        width, height = (self.numbers[name] for name in ("screenW", "screenH"))
-        tilt = height / (width * self.numbers["slope"])
-        return -tilt if self.is_on("flipImageX") else tilt
-
-    @property
-    def panel_mm(self) -> tuple[float, float]:
-        """Width and height of the panel."""
-        width, height = (self.numbers[name] / self.numbers["DPI"] * INCH for name in ("screenW", "screenH"))
-        return width, height
-
-    def is_on(self, name: str) -> bool:
-        """Whether the switch ``name`` of the calibration is on."""
-        return self.numbers[name] >= 0.5
-
-    def lenticular(self, shift: float) -> Lenticular:
-        """The lens sheet, moved by ``shift`` panel widths to the right."""
-        pitch = INCH / self.numbers["pitch"]
-        width, height = self.numbers["screenW"], self.numbers["screenH"]
-        plain = Lenticular(pitch, self.tilt * width / height, self.numbers["center"],
-                           reversed=not self.is_on("invView"))
-        return dataclasses.replace(plain, center=plain.center - shift * plain.lenses_across(self.panel_mm[0]))
-
 
 def read_calibration(path: str | Path) -> Calibration:
     """Read a visual.json; LfsrError names the field, its value and what was expected."""
@@ -85,21 +60,25 @@ def read_calibration(path: str | Path) -> Calibration:
 def profile_from_calibration(calibration: Calibration, name: str) -> DisplayProfile:
     """Return the display profile of a calibration, with the light field that loses nothing on the display."""
     numbers = calibration.numbers
-    pixels = (int(numbers["screenW"]), int(numbers["screenH"]))
-    # Without flips the stripes begin with red; two flips cancel.
-    forward = calibration.is_on("flipImageX") == calibration.is_on("flipSubp")
+    mirrored, bgr, inverted = (numbers[switch] >= 0.5 for switch in ("flipImageX", "flipSubp", "invView"))
+    width, height = numbers["screenW"], numbers["screenH"]
+    pixels, panel_mm = (int(width), int(height)), (width / numbers["DPI"] * INCH, height / numbers["DPI"] * INCH)
+    tilt = height / (width * numbers["slope"])  # panel heights by which an axis leans per panel width
+    sheet = Lenticular(INCH / numbers["pitch"], (-tilt if mirrored else tilt) * width / height, numbers["center"],
+                       reversed=not inverted)
     if calibration.cells:
         subpixels = Subpixels(cells=calibration.cells, cell_rule=RULES[calibration.mode])
-        sheet = calibration.lenticular(0)
     else:
-        subpixels = Subpixels("rgb" if forward else "bgr")
-        sheet = calibration.lenticular((1 if forward else -1) / (3 * pixels[0]))
-    lenses, views = proposed_light_field(PanelShape(pixels, calibration.panel_mm), sheet)
+        # Without flips the stripes begin with red; two flips cancel.
+        subpixels = Subpixels("rgb" if mirrored == bgr else "bgr")
+        third = (1 if mirrored == bgr else -1) / (3 * pixels[0])
+        sheet = dataclasses.replace(sheet, center=sheet.center - third * sheet.lenses_across(panel_mm[0]))
+    lenses, views = proposed_light_field(PanelShape(pixels, panel_mm), sheet)
     serial = f" {calibration.serial}" if calibration.serial else ""
     return DisplayProfile(
-        name, pixels, calibration.panel_mm, lenses, views, DISTANCE_BY_HEIGHT * calibration.panel_mm[1],
-        numbers["viewCone"], ei_order="direct", description=f"Lenticular display{serial}, from its calibration.",
-        subpixels=subpixels, lenticular=sheet)
+        name, pixels, panel_mm, lenses, views, DISTANCE_BY_HEIGHT * panel_mm[1], numbers["viewCone"],
+        ei_order="direct", description=f"Lenticular display{serial}, from its calibration.", subpixels=subpixels,
+        lenticular=sheet)
 
 
 def _number(path: str | Path, data: Mapping[str, Any], name: str, default: float | None) -> float:

@@ -37,9 +37,9 @@ def new_unit(folder):
 
 
 def test_golden_figures_of_a_real_third_generation_unit(tmp_path):
-    calibration = read_calibration(new_unit(tmp_path))
-    assert calibration.lenticular(0).lenses_across(calibration.panel_mm[0]) == pytest.approx(600.892, abs=5e-4)
-    assert calibration.tilt == pytest.approx(-0.0818233, abs=1e-7)
+    profile = profile_from_calibration(read_calibration(new_unit(tmp_path)), "new")
+    assert profile.lenticular.lenses_across(profile.panel_mm[0]) == pytest.approx(600.892, abs=5e-4)
+    assert profile.lenticular.slant * 2160 / 3840 == pytest.approx(-0.0818233, abs=1e-7)
 
 
 def formula(numbers, channel, row, column, cells=None):
