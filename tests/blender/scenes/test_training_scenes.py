@@ -176,7 +176,7 @@ def test_a_write_that_breaks_leaves_nothing(parts, tmp_path):
     produce, _ = parts
     unwritable = np.array([lambda: 0], object)
     with pytest.raises(Exception, match="pickle"):
-        produce._save(tmp_path / "scene_000000.npz", {"lr_1": np.zeros(9), "meta": unwritable}, compress=False)
+        produce._save(tmp_path / "scene_000000.npz", {"lr_1": np.zeros(9), "meta": unwritable})
     assert list(tmp_path.iterdir()) == []
 
 
@@ -229,7 +229,7 @@ def test_a_low_resolution_set_has_independent_renders_and_a_clean_target(low_set
     color = {name: np.clip(arrays[f"color_{name}"].astype(np.float64), 0, 2) for name in names}
     assert not np.array_equal(color["16_0"], color["16_1"])
     errors = [((color[name] - color["target"]) ** 2).mean() for name in ("1_0", "16_0")]
-    assert errors[1] < errors[0] and errors[1] < 0.02
+    assert errors[1] < errors[0] / 2
 
 
 def test_every_tenth_scene_validates(low_set):

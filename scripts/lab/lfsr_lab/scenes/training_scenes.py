@@ -59,7 +59,6 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--device", default="CPU", choices=("CPU", "OPTIX"))
     parser.add_argument("--threads", type=int, help="CPU threads per process")
     parser.add_argument("--workers", type=int, default=1, help="processes side by side")
-    parser.add_argument("--compress", action="store_true", help="smaller files, slower to write and read")
     parser.add_argument("--prepare-textures", nargs=2, metavar=("PHOTOS", "SMALL"), help="only shrink photographs")
     parser.add_argument("--prepare-models", nargs=2, metavar=("ARCHIVES", "MODELS"),
                         help="only unpack the models of Sweet Home 3D's .sh3f files")
@@ -80,8 +79,8 @@ def recipe_of(options: argparse.Namespace) -> Recipe:
         load_display(options.display).low_views(options.scale)
     samples = _samples(options.spps or ("1,4,16" if options.low_only else "1,4,16,64"))
     return Recipe(options.output, options.seed, options.display, options.scale, samples, reference,
-                  find_textures(options.textures), options.device, options.threads, options.compress,
-                  options.low_only, find_models(options.models))
+                  find_textures(options.textures), options.device, options.threads, options.low_only,
+                  find_models(options.models))
 
 
 def _samples(text: str) -> tuple[int, ...]:

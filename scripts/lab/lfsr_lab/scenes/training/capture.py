@@ -18,7 +18,7 @@ from lfsr_lab.scenes.training.stage import Stage
 
 EXPOSURE_SAMPLES = 4
 BRIGHTNESS = (0.06, 0.5)  # scene-linear, of the median foreground lens
-VARIED_BRIGHTNESS = (0.04, 0.9)
+VARIED_BRIGHTNESS = (0.05, 1.0)
 OF_BRIGHT_LENS = 3.0  # times brighter, where another lens than the median counts
 LEAST_COVERED = 0.02  # of a foreground lens
 PANEL_TILE = (12, 6)  # pixels that count as a lens in an image of subpixels

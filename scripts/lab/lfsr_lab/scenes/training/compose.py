@@ -10,7 +10,6 @@ from lfsr_lab.scenes.training.stage import Stage
 
 FROM_ABOVE = ("hero", "assembly", "pile", "woods", "bouquet", "meadow", "crowd")
 OWN_BACKGROUND = ("wall", "street", "window")
-FOG = 0.07  # probability
 
 
 def compose(stage: Stage) -> None:
@@ -26,5 +25,5 @@ def compose(stage: Stage) -> None:
         elif name in FROM_ABOVE and stage.chance(0.6):
             stage.pitch = stage.rng.uniform(0, math.radians(35))
             stage.note("pitch", angle=stage.pitch)
-    if stage.is_varied and stage.chance(FOG):
+    if stage.is_varied and stage.chance(0.07):
         hard_layouts.fog(stage)

@@ -15,8 +15,7 @@ SORTS = (((16, 12), (40, 40), 14.76, 500.0, 0.6), ((12, 8), (80, 80), 7.38, 1000
 RENDERED_VIEWS = (5, 6, 8, 10, 10, 10, 12, 16, 20)  # per lens and axis, of low-resolution sets
 RENDERED_PIXELS = (32_000, 46_000)
 MORE_PIXELS, MANY_VIEWS = 1.35, 12  # factor from so many views on
-WIDTH_MM = 300.0
-PANEL_PIXELS = (132, 96)
+WIDTH_MM, PANEL_PIXELS = 300.0, (132, 96)  # of the display, of a panel of subpixels
 KINDS = {"both": 0.76, "horizontal": 0.14, "subpixels": 0.1}  # parallax, or a panel with a lens sheet
 
 

@@ -71,7 +71,6 @@ def crowd(stage: Stage) -> None:
         at[2] = floor + size * 0.8 if is_standing else at[2]
         turned = readable(stage) if figure.type == "FONT" else upright(stage, 0.05) if is_standing else turn(stage)
         settle(figure, at, size * stage.rng.uniform(0.7, 1.2), turned)
-    stage.note("crowd", size=size, standing=is_standing)
     if is_standing:
         floor_at(stage, floor)
 
@@ -121,7 +120,7 @@ def interior(stage: Stage) -> None:
     least = stage.window(-front, 1.0)  # else cameras see the walls from outside
     width, height = (max(side * stage.rng.uniform(1.02, 1.5), most) for side, most in
                      zip(stage.window(0.0), least, strict=True))
-    is_closed = stage.array.spacing / 2 * max(stage.profile.views) < min(width, height)
+    is_closed = stage.camera_reach < min(width, height)
     front = stage.array.distance + 0.4 if is_closed else front
     middle, half = np.array([0, (behind - front) / 2, 0]), np.array([width, (behind + front) / 2, height])
     for axis in range(3):

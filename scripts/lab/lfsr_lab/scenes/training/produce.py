@@ -60,7 +60,6 @@ class Recipe:
     textures: tuple[Path, ...] = ()
     device: str = "CPU"
     threads: int | None = None
-    compress: bool = False
     low_only: bool = False
     models: dict[Path, dict[str, str]] = dataclasses.field(default_factory=dict)
 
@@ -93,7 +92,7 @@ def produce(recipe: Recipe, index: int) -> dict[str, float]:
     facts["p"] = capture.occupancy(capture.lens_means(stage, arrays["color_target" if recipe.low_only else "ref_a"]))
     with _timed(facts["seconds"], "write"):
         text = json.dumps(_meta(recipe, stage, facts), allow_nan=False)
-        _save(recipe.path(index), arrays | {"meta": np.array(text)}, recipe.compress)
+        _save(recipe.path(index), arrays | {"meta": np.array(text)})
     return facts["seconds"]
 
 
@@ -186,6 +185,6 @@ def _meta(recipe: Recipe, stage: Stage, facts: dict[str, Any]) -> dict[str, Any]
         "blender": bpy.app.version_string}
 
 
-def _save(path: Path, arrays: dict[str, Array], compress: bool) -> None:
+def _save(path: Path, arrays: dict[str, Array]) -> None:
     with atomic_path(path) as temporary, temporary.open("wb") as file:
-        (np.savez_compressed if compress else np.savez)(file, **arrays)
+        np.savez_compressed(file, **arrays)

@@ -23,7 +23,6 @@ from lfsr_lab.scenes.training.stage import Stage
 SHAPES: dict[str, float] = {"blob": 22, "ball": 8, "box": 8, "superquadric": 9, "knot": 10, "lathe": 10, "gear": 6,
                             "spring": 4, "wire": 5, "rock": 6, "monkey": 7, "text": 5, "lattice": 4, "fur": 2}
 SMALL = {name: weight for name, weight in SHAPES.items() if name not in ("fur", "text")}
-MODEL_WEIGHT = 75
 CLOSED = {"blob", "ball", "box", "superquadric", "knot", "lathe", "gear", "rock"}
 SURFACES: dict[str, Callable[[Random], Surface]] = {
     "blob": surfaces.blob, "superquadric": surfaces.superquadric, "knot": surfaces.torus_knot,
@@ -46,7 +45,7 @@ def random_shape(stage: Stage, kind: str | None = None, material: bpy.types.Mate
 
 def kinds(stage: Stage, small: bool = False) -> dict[str, float]:
     """Return the kinds of shapes by weight, with models if there are any; ``small``: those that may be many."""
-    return (SMALL if small else SHAPES) | ({"model": MODEL_WEIGHT} if stage.models else {})
+    return (SMALL if small else SHAPES) | ({"model": 130} if stage.models else {})
 
 
 def _model(stage: Stage, material: bpy.types.Material | None) -> bpy.types.Object:

@@ -59,6 +59,11 @@ class Stage:
         return self.profile.is_woven and self.scale == 1
 
     @property
+    def camera_reach(self) -> float:
+        """Distance of the outermost views from the array's middle."""
+        return self.array.spacing / 2 * max(self.profile.views)
+
+    @property
     def matrix_world(self) -> tuple[tuple[float, ...], ...]:
         """Camera-array space (+X right, +Y up, +Z to the display) to world, row by row."""
         sine, cosine, distance = math.sin(self.pitch), math.cos(self.pitch), self.array.distance
