@@ -167,13 +167,8 @@ def fuzz(folder: Path, kind: str, content: bytes, cases: int) -> None:
     every_outcome_is_success_or_a_sentence()
 
 
+@pytest.mark.parametrize("cases", [CASES, pytest.param(MANY_CASES, marks=pytest.mark.long)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_damaged_data_is_read_or_refused_in_a_sentence(tmp_path, good, bounded, kind):
+def test_damaged_data_is_read_or_refused_in_a_sentence(tmp_path, good, bounded, kind, cases):
     attempt(tmp_path, kind, good[KINDS[kind][0]])
-    fuzz(tmp_path, kind, good[KINDS[kind][0]], CASES)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("kind", KINDS)
-def test_much_damaged_data_is_read_or_refused_in_a_sentence(tmp_path, good, bounded, kind):
-    fuzz(tmp_path, kind, good[KINDS[kind][0]], MANY_CASES)
+    fuzz(tmp_path, kind, good[KINDS[kind][0]], cases)

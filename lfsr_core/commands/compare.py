@@ -1,8 +1,9 @@
-"""``lfsr compare DIR REFDIR``."""
+"""``lfsr compare DIR REFDIR``: metrics against a reference."""
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,22 +12,6 @@ if TYPE_CHECKING:
 
 NAME = "compare"
 HELP = "measure a finished frame against a reference: print a table, write report.json"
-
-MEANING = {
-    "p": "fraction of the lenses that show foreground",
-    "ssim_eia": "SSIM of the whole EIA (split: the reference's noise cancels)",
-    "ssim_eia_fg": "the same, foreground elemental images only",
-    "ssim_lens": "mean SSIM of single elemental images (split)",
-    "ssim_lens_fg": "the same, foreground lenses only",
-    "psnr_fg": "PSNR in dB of foreground elemental images (split)",
-    "ssim_views_fg": "SSIM of the decoded views, foreground (split)",
-    "ssim_eia_plain": "ordinary SSIM against the mean of the halves, as in the paper",
-    "ssim_ceiling": "ordinary SSIM of one half of the reference against the other",
-    "ssim_lens_plain": "mean ordinary SSIM of single elemental images against the mean of the halves",
-    "ssim_lens_ceiling": "the same, one half of the reference against the other",
-    "flip": "mean FLIP difference, 0 is identical",
-    "recall": "fraction of the reference's foreground lenses in the mask",
-}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,8 +29,9 @@ def run(arguments: argparse.Namespace) -> None:
 
 def table(metrics: Metrics) -> list[str]:
     """One line per known metric (value, 95 % interval of a sample of lenses, meaning), then one per note."""
-    lines = [f"{name:17} {getattr(metrics, name):8.4f}{_spread(metrics, name):10}  {meaning}"
-             for name, meaning in MEANING.items() if getattr(metrics, name) is not None]
+    lines = [f"{field.name:17} {value:8.4f}{_spread(metrics, field.name):10}  {field.metadata['meaning']}"
+             for field in dataclasses.fields(metrics) if field.metadata
+             and (value := getattr(metrics, field.name)) is not None]
     return [*lines, *metrics.notes]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,10 @@ from lfsr_core.reconstruct.second_stage import finished_linear, read_finished_li
 MIN_SAMPLES = 8
 
 
+def _metric(meaning: str) -> Any:
+    return dataclasses.field(default=None, metadata={"meaning": meaning})
+
+
 @dataclasses.dataclass(frozen=True)
 class Metrics:
     """How close a finished frame is to its reference, see docs/reference/metrics.md; None: not measured.
@@ -30,22 +35,19 @@ class Metrics:
     ``ssim_views_fg``; one of sampled lenses has ``ssim_lens_plain``, ``ssim_lens_ceiling``, ``lenses`` and ``ci95``.
     """
 
-    p: float | None = None  # fraction of the lenses that show foreground
-    # split SSIM of the whole EIA, and of its foreground elemental images
-    ssim_eia: float | None = None
-    ssim_eia_fg: float | None = None
-    # split SSIM of each elemental image on its own, mean over all lenses and over foreground lenses
-    ssim_lens: float | None = None
-    ssim_lens_fg: float | None = None
-    psnr_fg: float | None = None  # split PSNR in dB of the foreground
-    ssim_views_fg: float | None = None  # split SSIM of the decoded views, foreground
-    # ordinary SSIM against the mean of the reference's halves, and of one half against the other
-    ssim_eia_plain: float | None = None
-    ssim_ceiling: float | None = None
-    ssim_lens_plain: float | None = None
-    ssim_lens_ceiling: float | None = None
-    flip: float | None = None  # mean FLIP difference, 0: identical
-    recall: float | None = None  # fraction of the reference's foreground lenses in the frame's mask
+    p: float | None = _metric("fraction of the lenses that show foreground")
+    ssim_eia: float | None = _metric("SSIM of the whole EIA (split: the reference's noise cancels)")
+    ssim_eia_fg: float | None = _metric("the same, foreground elemental images only")
+    ssim_lens: float | None = _metric("mean SSIM of single elemental images (split)")
+    ssim_lens_fg: float | None = _metric("the same, foreground lenses only")
+    psnr_fg: float | None = _metric("PSNR in dB of foreground elemental images (split)")
+    ssim_views_fg: float | None = _metric("SSIM of the decoded views, foreground (split)")
+    ssim_eia_plain: float | None = _metric("ordinary SSIM against the mean of the halves, as in the paper")
+    ssim_ceiling: float | None = _metric("ordinary SSIM of one half of the reference against the other")
+    ssim_lens_plain: float | None = _metric("mean ordinary SSIM of elemental images against the mean of the halves")
+    ssim_lens_ceiling: float | None = _metric("the same, one half of the reference against the other")
+    flip: float | None = _metric("mean FLIP difference, 0 is identical")
+    recall: float | None = _metric("fraction of the reference's foreground lenses in the mask")
     lenses: int | None = None  # lenses of the sample
     # half-widths of the 95 % confidence intervals of a sample, by metric
     ci95: dict[str, float | None] = dataclasses.field(default_factory=dict)

@@ -9,7 +9,6 @@ import sys
 
 import pytest
 
-from lfsr_core.cli import main
 from tests.support.synthetic import fails
 
 LFSR = [sys.executable, "-m", "lfsr_core.cli"]
@@ -72,8 +71,3 @@ def test_output_that_is_a_full_disk_is_one_sentence(tmp_path):
                               check=False)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1 and "free some space" in done.stderr, done.stderr
-
-
-def test_path_of_an_input_may_be_absent(capsys, tmp_path):
-    assert main(["views", str(tmp_path / "absent")]) == 2
-    assert "does not exist" in capsys.readouterr().err

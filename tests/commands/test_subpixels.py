@@ -1,4 +1,4 @@
-"""``--layout subpixels`` on the command line, with a played Blender: pictures, an animation, and what is refused."""
+"""``--layout subpixels`` on the command line, with a played Blender: images, an animation, and what is refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The choice of the least that will do: properties of pure functions."""
+"""The choice of the cheapest candidate that reaches the target: properties of pure functions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PlanOptions of a plan."""
+"""Options of a plan."""
 
 from __future__ import annotations
 

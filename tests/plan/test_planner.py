@@ -203,11 +203,6 @@ def test_a_visible_world_is_rendered_once_and_reused(tmp_path):
     assert 50 < planned.sample.seconds < 100
 
 
-def test_view_by_view_is_refused(tmp_path):
-    with pytest.raises(LfsrError, match="view-by-view"):
-        plan(dataclasses.replace(JOB, layout="view-by-view"), OPTIONS, render, tmp_path)
-
-
 def test_an_empty_scene_is_refused(tmp_path):
     def empty(job: Job) -> None:
         render(job)
@@ -226,12 +221,7 @@ def test_recovery_is_judged_and_timed_like_any_method(tmp_path):
     assert all(0 < row.seconds < 60 for row in rows.values())
 
 
-def test_stage_time_grows_with_the_frame(tmp_path):
-    planned = plan(JOB, dataclasses.replace(OPTIONS, scales=(4,), spps=(4,)), render, tmp_path / "sample")
-    assert all(row.seconds > 1.0 for row in planned.rated), "the scene takes a second to open"
-
-
-def test_black_picture_is_no_perfect_one(tmp_path):
+def test_a_black_image_is_no_perfect_one(tmp_path):
     def black(job):
         render(job)
         for path in Path(job.output).glob("*.exr"):
