@@ -38,17 +38,12 @@ def _of_view(low: LowResEIA, frame: Frame, row: int, column: int) -> Array:
     """Disparity (sy, sx) of the view at ``row``, ``column`` of the low-resolution EIA."""
     assert low.position is not None, "the caller has checked it"
     hit = low.alpha[:, :, row, column, 0] > 0
-    depth = np.where(hit, _depth(low.position[:, :, row, column], frame), np.inf)
-    array = frame.array
+    to_array = np.linalg.inv(np.asarray(frame.matrix_world, float))
+    distance = low.position[:, :, row, column] @ to_array[2, :3] + to_array[2, 3]  # from the camera plane
+    depth, array = np.where(hit, distance, np.inf), frame.array
     pixel = 2 * array.half_width / frame.display.lenses[0]
     disparity = (array.distance / np.maximum(depth, 1e-6 * array.distance) - 1) * array.spacing / pixel
     return np.asarray(disparity, np.float32)
-
-
-def _depth(position: Array, frame: Frame) -> Array:
-    """Distance of world positions (..., 3) from the camera plane, along its axis."""
-    to_array = np.linalg.inv(np.asarray(frame.matrix_world, float))
-    return np.asarray(position @ to_array[2, :3] + to_array[2, 3])
 
 
 def _from_the_middle(seen: Array, right: float, down: float) -> Array:

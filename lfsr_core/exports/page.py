@@ -7,13 +7,12 @@ fetches nothing, so it opens from a disk.
 from __future__ import annotations
 
 import base64
-import contextlib
 import dataclasses
 import html
 import json
 import re
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -119,7 +118,8 @@ def fewer_views(pixels: Array, profile: DisplayProfile) -> Array:
 
 def loss(pixels: Array, encoded: bytes, lenses: tuple[int, int]) -> float:
     """Mean difference, of 255, between a WebP file and (H, W, 3), in elemental images that show something."""
-    with _temporary("eia.webp") as path:
+    with tempfile.TemporaryDirectory(prefix="lfsr-") as folder:
+        path = Path(folder, "eia.webp")
         path.write_bytes(encoded)
         decoded = np.asarray(oiio.ImageInput.open(str(path)).read_image("uint8"))[..., :3]
     difference = to_elemental_images(np.where(decoded > pixels, decoded - pixels, pixels - decoded), lenses)
@@ -131,19 +131,14 @@ def encode_webp(pixels: Array, quality: int) -> bytes:
     """Encode uint8 (H, W, 3) as WebP; quality 100 is lossless."""
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint8")
     spec.attribute("compression", "lossless" if quality == BEST else f"webp:{quality}")
-    with _temporary("eia.webp") as path:
+    with tempfile.TemporaryDirectory(prefix="lfsr-") as folder:
+        path = Path(folder, "eia.webp")
         output = oiio.ImageOutput.create(str(path))
         if not (output and output.open(str(path), spec) and output.write_image(pixels) and output.close()):
             reason = output.geterror() if output else oiio.geterror()
             raise LfsrError(f"the EIA cannot be written as WebP ({reason.strip()[:100]}): free some space for "
                             "temporary files")
         return path.read_bytes()
-
-
-@contextlib.contextmanager
-def _temporary(name: str) -> Iterator[Path]:
-    with tempfile.TemporaryDirectory(prefix="lfsr-") as folder:
-        yield Path(folder, name)
 
 
 def _page(profile: DisplayProfile, frames: list[Frame], images: list[str]) -> str:

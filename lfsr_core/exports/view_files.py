@@ -58,7 +58,7 @@ def find_views(folder: Path, columns: int | None = None) -> ViewFiles:
     if not folder.is_dir():
         raise LfsrError(f"{folder} is no folder, expected one of views: check the path")
     names = sorted(path.name for path in folder.iterdir())
-    places = _hci(names, columns) or _plain(names) or _pleno(names) or _stanford(names)
+    places = _hci(names, columns) or _numbered(names) or _stanford(names)
     if places:
         return _grid(folder, places)
     raise LfsrError(f"{folder} has no views with known names, such as input_Cam000.png (HCI), out_00_00_-1.5_2.5_.png "
@@ -105,12 +105,11 @@ def _directed(numbers: Array, coordinates: Array) -> list[int]:
     return [int(number) for number in (numbers.max() - numbers if falls else numbers - numbers.min())]
 
 
-def _pleno(names: list[str]) -> dict[Place, str]:
-    return {(int(match[2]), int(match[1])): name for match, name in _matching(r"(\d+)_(\d+)\.(?:ppm|png)", names)}
-
-
-def _plain(names: list[str]) -> dict[Place, str]:
-    return {(int(match[1]), int(match[2])): name for match, name in _matching(r"view_(\d+)_(\d+)\.png", names)}
+def _numbered(names: list[str]) -> dict[Place, str]:
+    """Files named by row and column, as our exports are, or by column and row, as in JPEG Pleno."""
+    ours, pleno = (_matching(pattern, names) for pattern in (r"view_(\d+)_(\d+)\.png", r"(\d+)_(\d+)\.(?:ppm|png)"))
+    return ({(int(match[1]), int(match[2])): name for match, name in ours}
+            or {(int(match[2]), int(match[1])): name for match, name in pleno})
 
 
 def _matching(pattern: str, names: list[str]) -> list[tuple[re.Match[str], str]]:

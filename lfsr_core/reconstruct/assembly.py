@@ -65,15 +65,8 @@ class Assembly:
 def upscale_all(assembly: Assembly, step: int | None, finish: Finish, clock: StageClock, progress: Progress) -> None:
     """Finish every lens of the assembly, in several threads and in any order.
 
-    Upscalers that are not thread-safe run one call at a time.
-
-    Parameters
-    ----------
-    assembly : lenses and what finishes them
-    step : elemental images per call; None: as many as suit the upscaler
-    finish : called with lenses (n, 2) and their elemental images (n, py, px, 3), scene-linear
-    clock : times the stage "upscale"
-    progress : called after every part
+    Upscalers that are not thread-safe run one call at a time. ``step``: as of ``Assembly.parts``. ``finish``: called
+    with lenses (n, 2) and their elemental images (n, py, px, 3), scene-linear.
     """
     parts = assembly.parts(step)
     workers = max(1, min(os.cpu_count() or 1, MAX_WORKERS, len(parts)))
@@ -101,15 +94,9 @@ def filled(size: tuple[int, int], color: Array) -> Array:
 
 
 def place(buffer: Array, grid: tuple[int, int], lenses: Array, images: Array, flipped: bool) -> None:
-    """Copy elemental images into an EIA.
+    """Copy EIs ``images`` (n, py, px, C) of ``lenses`` (n, 2) into an EIA (H, W, C) with a ``grid`` (sx, sy) of lenses.
 
-    Parameters
-    ----------
-    buffer : the EIA (H, W, C), changed
-    grid : its lenses (sx, sy)
-    lenses : (n, 2) rows and columns
-    images : elemental images of those lenses, (n, py, px, C)
-    flipped : reverse the pixels of each image in both axes, the order of a panel behind lenses
+    ``flipped``: reverse the pixels of each EI in both axes, the order of a panel behind lenses.
     """
     slots = to_elemental_images(buffer, grid)
     for (row, column), image in zip(lenses, _reversed(images) if flipped else images, strict=True):

@@ -53,7 +53,7 @@ class StageClock:
 
 def peak_bytes() -> int | None:
     """Most memory that this process has held so far, in bytes; None on Windows, which does not report it."""
-    if sys.platform == "win32":
-        return None
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else peak * 1024
+    if sys.platform != "win32":
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return peak if sys.platform == "darwin" else peak * 1024
+    return None

@@ -35,7 +35,10 @@ class Neighbour:
 
 def neighbours_of(folder: Path, frame: Frame, count: int) -> list[Neighbour]:
     """Rendered frames ``near`` the one in ``folder``, from the folders beside it."""
-    return [_neighbour(beside, frame) for beside in numbered_beside(folder, count)]
+    wanted = {name: vars(frame)[name] for name in COMMON}
+    others = {beside: read_frame(beside) for beside in numbered_beside(folder, count)}
+    return [Neighbour(beside, int(beside.name), not first_difference(vars(other), wanted), other.seed == frame.seed)
+            for beside, other in others.items()]
 
 
 def numbered_beside(folder: Path, count: int, planned: Iterable[int] = ()) -> list[Path]:
@@ -69,12 +72,6 @@ def averaging_notes(neighbours: Sequence[Neighbour]) -> list[str]:
             [str(each.number) for each in neighbours if not each.same_rays]}
     return [f"frames {', '.join(frames)} were not averaged, because {reason}" for reason, frames in reasons.items()
             if frames]
-
-
-def _neighbour(folder: Path, frame: Frame) -> Neighbour:
-    other = read_frame(folder)
-    other_rays = first_difference(vars(other), {name: vars(frame)[name] for name in COMMON})
-    return Neighbour(folder, int(folder.name), not other_rays, frame.seed == other.seed)
 
 
 def _is_rendered(folder: Path) -> bool:

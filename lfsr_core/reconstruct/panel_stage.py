@@ -35,16 +35,11 @@ NEED_LENSES = ("dilate", "weights", "step", "linear_exr", "temporal_averaging")
 ROWS_AT_ONCE, MOST_WORKERS = 64, 8
 
 
-def check_panel_method(method: MethodName) -> None:
-    """LfsrError for a method that needs elemental images."""
+def check_panel_finish(method: MethodName, options: UpscaleOptions) -> None:
+    """LfsrError where ``method`` or one of the ``options`` needs elemental images."""
     if method.text not in PANEL_METHODS:
         raise LfsrError(f"method {method.text!r} needs elemental images, which the layout {SUBPIXELS} does not have: "
                         f"choose one of {', '.join(PANEL_METHODS)}")
-
-
-def check_panel_finish(method: MethodName, options: UpscaleOptions) -> None:
-    """LfsrError where ``method`` or one of the ``options`` needs elemental images."""
-    check_panel_method(method)
     for name in (name for name in NEED_LENSES if getattr(options, name)):
         raise LfsrError(f"--{name.replace('_', '-')} is for elemental images, which the layout {SUBPIXELS} does not "
                         "have: leave it out")
@@ -52,7 +47,6 @@ def check_panel_finish(method: MethodName, options: UpscaleOptions) -> None:
 
 def finish_panel(folder: Path, frame: Frame, method: MethodName, progress: Progress = silent) -> Report:
     """Finish a frame folder after direct subpixel rendering: write panel.png and report.json."""
-    check_panel_method(method)
     clock = StageClock(frame.seconds)
     progress("load", 0.0, LOW_RES_FILE)
     with clock("load"):

@@ -11,13 +11,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Cleaner, Upscaler
 from lfsr_core.reconstruct.method_name import BOTH, RECOVERY, MethodName
-from lfsr_core.reconstruct.methods.denoise import (
-    as_rendered,
-    denoise_at_half,
-    denoise_both_ways,
-    denoise_low_resolution,
-    mean_of_both,
-)
+from lfsr_core.reconstruct.methods import denoise
 from lfsr_core.reconstruct.methods.epipolar import Recovering
 from lfsr_core.reconstruct.methods.interpolation import Interpolation, NoUpscaling
 from lfsr_core.reconstruct.networks import catalogue
@@ -28,15 +22,15 @@ CLASSICAL: dict[str, Upscaler] = {
     "bicubic": Interpolation("bicubic", "cubic"),
     "lanczos": Interpolation("lanczos", "lanczos"),
     "bicubic-eia": Interpolation("bicubic-eia", "cubic", crosstalk=True),
-    "none": NoUpscaling(),
+    "none": NoUpscaling("none", "nearest"),
 }
 PREFILTERS: dict[str, Callable[[LowResEIA], LowResEIA]] = {
-    "oidn": denoise_low_resolution,
-    "oidn-fast": functools.partial(denoise_low_resolution, fast=True),
-    "oidn-guided": functools.partial(denoise_low_resolution, guided=True),
-    "oidn-half": denoise_at_half,
-    BOTH: denoise_both_ways,
-    "oidn-render": as_rendered,
+    "oidn": denoise.denoise_low_resolution,
+    "oidn-fast": functools.partial(denoise.denoise_low_resolution, fast=True),
+    "oidn-guided": functools.partial(denoise.denoise_low_resolution, guided=True),
+    "oidn-half": denoise.denoise_at_half,
+    BOTH: denoise.denoise_both_ways,
+    "oidn-render": denoise.as_rendered,
 }
 
 
@@ -58,23 +52,16 @@ class Method:
 
 def method(name: str | MethodName, weights: str | Path | None = None, *, upscaler: Upscaler | None = None,
            block: int | None = None) -> Method:
-    """Load a method.
+    """Load the method of a name such as "oidn+bicubic", see ``MethodName.parse``.
 
-    Parameters
-    ----------
-    name : such as "oidn+bicubic", see ``MethodName.parse``
-    weights : file for its network instead of the shipped one
-    upscaler : used instead of the one in the name
-    block : as of ``epipolar.Recovering``
-
-    Raises
-    ------
-    LfsrError : for a wrong name, weights without a network, or "epi" after what does more than interpolate
+    ``weights``: file for its network instead of the shipped one. ``upscaler``: instead of the one in the name.
+    ``block``: as of ``epipolar.Recovering``. LfsrError for a wrong name, weights without a network, or "epi" after an
+    upscaler that does more than interpolate.
     """
     name = MethodName.parse(name)
     prefilters = tuple(PREFILTERS[part] for part in name.prefilters)
     if BOTH in name.prefilters and not name.mixes(BOTH):
-        prefilters += (mean_of_both,)
+        prefilters += (denoise.mean_of_both,)
     upscaler = upscaler or _load(name, weights)
     if not name.recovers:
         return Method(name, prefilters, upscaler)

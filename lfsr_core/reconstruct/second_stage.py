@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from pathlib import Path
 
@@ -61,9 +62,8 @@ def upscale_frame(folder: str | Path, method: str | MethodName, options: Upscale
     show = _view_transform(run)
     assembly, replaced = _prepare(run)
     pixels, linear = _panel_images(run, show, assembly)
-    panel = _woven(run, pixels)
+    _write_panel(run, pixels)
     with run.clock("write"):
-        _write_panel(run, panel)
         _write(run, pixels, linear, assembly.mask)
     report = _report(run, assembly, replaced, _exposure_notes(run, show, assembly, pixels))
     write_report(run.folder, report)
@@ -103,27 +103,15 @@ def linear_and_mask(folder: str | Path, method: Method, options: UpscaleOptions 
     run = _begin(folder, method, options)
     assembly, _ = _prepare(run)
     result = filled(assembly.size, run.background)
-
-    def finish(lenses: Array, images: Array) -> None:
-        place(result, run.frame.rays.tiles, lenses, images, flipped=False)
-
+    finish = functools.partial(place, result, run.frame.rays.tiles, flipped=False)
     upscale_all(assembly, options.step, finish, run.clock, options.progress)
     return result, assembly.mask
 
 
 def finished_lenses(low: LowResEIA, mask: Array, method: Method, lenses: Array) -> Array:
-    """Finish a few lenses, as in a whole frame.
+    """Finished EIs (n, py, px, 3) float32, scene-linear, of a few ``lenses`` (n, 2), as in a whole frame.
 
-    Parameters
-    ----------
-    low : the rendered EIA, before any prefilter
-    mask : (n,) bool, foreground ``lenses``; the others are filled in
-    method : finishes the foreground
-    lenses : (n, 2) rows and columns
-
-    Returns
-    -------
-    (n, py, px, 3) float32, scene-linear
+    ``low``: as rendered, before any prefilter. ``mask`` (n,) bool: lenses in the foreground; the others are filled in.
     """
     ready = prepared(low, method)
     images = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
@@ -174,7 +162,10 @@ def _prepare(run: _Run) -> tuple[Assembly, int]:
     with clock("load"):
         layers, replaced = clean(read_layers(run.folder / LOW_RES_FILE))
         low = low_resolution(layers, frame, read_world(run.folder, frame))
-    low = _average_frames(run, low)
+    if run.options.temporal_averaging:
+        progress("average", 0.0, "neighbouring frames")
+        with clock("share"):
+            low = average_frames(low, (read_low(each.folder) for each in run.neighbours if each.usable))
     with clock("mask"):
         mask = foreground_mask(layers, frame.rays.tiles, run.options.dilate)
         mask = mask if run.options.selection else np.ones_like(mask)
@@ -183,14 +174,6 @@ def _prepare(run: _Run) -> tuple[Assembly, int]:
     with clock("upscale"):
         low = prepared(low, run.method)
     return Assembly(low, mask, fill, run.method.upscaler, _filler(run.method, frame.scale)), replaced
-
-
-def _average_frames(run: _Run, low: LowResEIA) -> LowResEIA:
-    if not run.options.temporal_averaging:
-        return low
-    run.options.progress("average", 0.0, "neighbouring frames")
-    with run.clock("share"):
-        return average_frames(low, (read_low(each.folder) for each in run.neighbours if each.usable))
 
 
 def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[Array, Array | None]:
@@ -213,23 +196,19 @@ def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[A
     return pixels, linear
 
 
-def _woven(run: _Run, pixels: Array) -> Array | None:
-    """Image of a panel with a lens sheet; None where the EIA is the panel's image."""
-    display = run.frame.display
-    if not display.is_woven:
-        return None
+def _write_panel(run: _Run, pixels: Array) -> None:
+    """Weave the EIA for a panel with a lens sheet; without one the EIA is the image of the panel."""
+    path = run.folder / PANEL_FILE
+    if not run.frame.display.is_woven:
+        path.unlink(missing_ok=True)
+        return
     run.options.progress("weave", 0.0, PANEL_FILE)
     with run.clock("map"):
-        mapped = cached_gather_map(display)
+        mapped = cached_gather_map(run.frame.display)
     with run.clock("weave"):
-        return weave(pixels, mapped)
-
-
-def _write_panel(run: _Run, panel: Array | None) -> None:
-    if panel is None:
-        (run.folder / PANEL_FILE).unlink(missing_ok=True)
-    else:
-        write_png(run.folder / PANEL_FILE, panel)
+        panel = weave(pixels, mapped)
+    with run.clock("write"):
+        write_png(path, panel)
 
 
 def _write(run: _Run, pixels: Array, linear: Array | None, mask: Array) -> None:

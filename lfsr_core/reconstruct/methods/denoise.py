@@ -25,7 +25,7 @@ from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct.encoding import encode
 from lfsr_core.reconstruct.methods import oidn
-from lfsr_core.reconstruct.methods.guides import Denoiser, Guides, blend, guides_of, smooth_step
+from lfsr_core.reconstruct.methods.guides import Guides, blend, guides_of, smooth_step
 from lfsr_core.reconstruct.methods.interpolation import interpolated
 from lfsr_core.reconstruct.methods.rectangles import Box, rectangles, span
 
@@ -39,22 +39,10 @@ VERSION = 8  # of the result: figures measured with another version are out of d
 
 def denoise_eia(color: Array, albedo: Array | None = None, normal: Array | None = None, *,
                 fast: bool = False) -> Array:
-    """Denoise one image.
+    """Denoise one image (H, W, 3), scene-linear >= 0; LfsrError where the library is missing or fails.
 
-    Parameters
-    ----------
-    color : (H, W, 3), scene-linear >= 0, any range
-    albedo : (H, W, 3) in [0, 1], without noise
-    normal : (H, W, 3) in [-1, 1], without noise; only used together with ``albedo``
-    fast : half the time, a little less accurate
-
-    Returns
-    -------
-    (H, W, 3) float32, scene-linear >= 0
-
-    Raises
-    ------
-    LfsrError : where the library is missing or fails
+    ``albedo`` in [0, 1] and ``normal`` in [-1, 1]: guides without noise; a normal without albedo is not used.
+    ``fast``: half the time, a little less accurate.
     """
     guides = {"albedo": albedo, "normal": normal} if albedo is not None else {}
     images = {name: np.asarray(image, np.float32) for name, image in guides.items() if image is not None}
@@ -128,8 +116,8 @@ def mean_of_both(low: LowResEIA) -> LowResEIA:
 
 def _guides(low: LowResEIA, part: Box) -> Guides | None:
     denoise = functools.partial(_denoised, guides={}, parallax=low.parallax, fast=True)
-    denoiser = Denoiser(denoise, _pixels_of_a_lens(low.color, low.parallax))
-    return guides_of({name: layer[part] for name, layer in low.layers.items()}, low.samples, denoiser)
+    layers = {name: layer[part] for name, layer in low.layers.items()}
+    return guides_of(layers, low.samples, denoise, _pixels_of_a_lens(low.color, low.parallax))
 
 
 def _pixels_of_a_lens(color: Array, parallax: tuple[bool, bool]) -> tuple[int, int]:

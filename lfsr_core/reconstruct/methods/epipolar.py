@@ -22,14 +22,7 @@ from lfsr_core.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Cleaner
 from lfsr_core.reconstruct.encoding import decode, encode
-from lfsr_core.reconstruct.methods.interpolation import (
-    EIS_IN_CACHE,
-    apply_matrices,
-    finish_in_steps,
-    interpolated,
-    kernel_matrix,
-    per_channel,
-)
+from lfsr_core.reconstruct.methods.interpolation import EIS_IN_CACHE, averaged, finish_in_steps, interpolated
 from lfsr_core.reconstruct.methods.rectangles import Box
 from lfsr_core.reconstruct.methods.shear import sheared
 
@@ -51,21 +44,14 @@ STEP, MAX_WORKERS = 24, 8
 VERSION = 3  # of the result: figures measured with another version are out of date
 
 
-@dataclasses.dataclass(frozen=True)
-class LostDetail:
-    """What a method loses of a low-resolution EIA; only valid in ``covered`` lenses."""
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RecoverableEIA(LowResEIA):
+    """A low-resolution EIA with the detail that a method would lose in the ``covered`` lenses."""
 
     cleaned: Array  # what the method interpolates, (sy, sx, h, w, 3) encoded
     lost: Array  # detail missing in it, (sy, sx, h, w, 3) encoded
     line: Array  # index into LINES along which a lens lost most, (sy, sx) int
     covered: Array  # lenses where the foreground shows, (sy, sx) bool
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class RecoverableEIA(LowResEIA):
-    """A low-resolution EIA with the ``detail`` that a method would lose."""
-
-    detail: LostDetail
 
 
 class Recovering:
@@ -92,7 +78,8 @@ class Recovering:
         for part in self._parts(covered):
             lost[part], line[part] = _lost_detail(low.rendered[part], cleaned[part], covered[part],
                                                   self._upscaler.kernel, low.factors)
-        return RecoverableEIA(**vars(low) | {"detail": LostDetail(cleaned, lost, line, covered)})
+        found = {"cleaned": cleaned, "lost": lost, "line": line, "covered": covered}
+        return RecoverableEIA(**vars(low) | found)
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
         """Finished EIs of ``lenses``; ``low`` as of ``prepare``."""
@@ -100,19 +87,18 @@ class Recovering:
         return finish_in_steps(low, np.asarray(lenses), EIS_IN_CACHE, lambda part, _: self._encoded(low, part))
 
     def _encoded(self, low: RecoverableEIA, lenses: Array) -> Array:
-        (rows, columns), detail = lenses.T, low.detail
-        cleaned, lost = detail.cleaned[rows, columns], detail.lost[rows, columns]
-        rest = ~detail.covered[rows, columns]
+        rows, columns = lenses.T
+        cleaned, lost, rest = low.cleaned[rows, columns], low.lost[rows, columns], ~low.covered[rows, columns]
         if rest.any():
             cleaned[rest] = self._upscaler.clean(low, lenses[rest])
         finished = interpolated(cleaned, self._upscaler.kernel, low.factors)
-        some, steep = lost.any((1, 2, 3)), STEEPNESS[detail.line[rows, columns]]
+        some, steep = lost.any((1, 2, 3)), STEEPNESS[low.line[rows, columns]]
         inside = some & (np.abs(steep) <= STEEPEST)
         if inside.any():
             finished[inside] += interpolated(lost[inside], KERNEL, low.factors)
         for slope in np.unique(steep[some & ~inside]):
             chosen = some & (steep == slope)
-            finished[chosen] += sheared(detail.lost, detail.covered, lenses[chosen], low.factors, float(slope))
+            finished[chosen] += sheared(low.lost, low.covered, lenses[chosen], low.factors, float(slope))
         return finished
 
     def _parts(self, covered: Array) -> list[Box]:
@@ -133,17 +119,6 @@ class Recovering:
         with threadpool_limits(1, "blas"), ThreadPoolExecutor(workers) as pool:
             list(pool.map(work, [lenses[start:start + STEP] for start in range(0, len(lenses), STEP)]))
         return cleaned
-
-
-def averaged(images: Array, kernel: str, factors: tuple[int, int]) -> Array:
-    """Low-resolution EIs (sy, sx, h, w, 3) after interpolation and averaging back to their own pixels."""
-    down, across = (_blur(kernel, *axis) for axis in zip(images.shape[2:4], factors[::-1], strict=True))
-    flat = images.reshape(-1, *images.shape[2:])
-    return apply_matrices(flat, down, per_channel(across, images.shape[-1])).reshape(images.shape)
-
-
-def _blur(kernel: str, size: int, scale: int) -> Array:
-    return np.asarray(kernel_matrix(kernel, size, scale).reshape(size, scale, size).mean(1))
 
 
 def _lost_detail(rendered: Array, cleaned: Array, covered: Array, kernel: str,

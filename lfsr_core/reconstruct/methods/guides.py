@@ -35,12 +35,7 @@ CLEANED_WIDTH = 1.5
 DETAIL = (0.16, 0.3)
 
 
-@dataclasses.dataclass(frozen=True)
-class Denoiser:
-    """What decides how much is detail."""
-
-    denoise: Callable[[Array], Array]  # takes and returns EIs (sy, sx, h, w, 3) in [0, 1]
-    pixels: tuple[int, int]  # (h, w) of a lens in the image that it denoises
+Denoise = Callable[[Array], Array]  # takes and returns EIs (sy, sx, h, w, 3) in [0, 1]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,14 +50,16 @@ class Guides:
         return {name: images[lenses] for name, images in self.images.items()}
 
 
-def guides_of(layers: Mapping[str, Array], samples: int, denoiser: Denoiser) -> Guides | None:
+def guides_of(layers: Mapping[str, Array], samples: int, denoise: Denoise,
+              pixels: tuple[int, int]) -> Guides | None:
     """Guides from the rendered layers "albedo" and "normal" (sy, sx, h, w, 3); None without albedo.
 
-    ``samples`` per pixel: the fewer, the more is smoothed and the less counts as detail.
+    ``samples`` per pixel: the fewer, the more is smoothed and the less counts as detail. ``pixels``: (h, w) of a lens
+    in the image that ``denoise`` makes of EIs.
     """
     if "albedo" not in layers:
         return None
-    made = {name: _made(in_unit(name, layers[name]), samples, denoiser) for name in GUIDES if name in layers}
+    made = {name: _made(in_unit(name, layers[name]), samples, denoise, pixels) for name in GUIDES if name in layers}
     images = {name: from_unit(name, image) for name, (image, _) in made.items()}
     return Guides(images, np.maximum.reduce([detail for _, detail in made.values()]))
 
@@ -77,12 +74,12 @@ def from_unit(name: str, images: Array) -> Array:
     return images if name == "albedo" else images * 2 - 1
 
 
-def _made(images: Array, samples: int, denoiser: Denoiser) -> tuple[Array, Array]:
+def _made(images: Array, samples: int, denoise: Denoise, pixels: tuple[int, int]) -> tuple[Array, Array]:
     """Smoothed EIs (sy, sx, h, w, 3), and the certainty (sy, sx) that each shows detail."""
     result, doubt, detail = _smoothed(images, samples)
     detail *= 1 - doubt
-    for found in rectangles(doubt > 0, denoiser.pixels):
-        kept, sure = _kept(denoiser.denoise(images[found.outer])[found.crop], samples)
+    for found in rectangles(doubt > 0, pixels):
+        kept, sure = _kept(denoise(images[found.outer])[found.crop], samples)
         weight = doubt[found.inner]
         result[found.inner] = blend(result[found.inner], kept, weight)
         detail[found.inner] = np.maximum(detail[found.inner], weight * sure)

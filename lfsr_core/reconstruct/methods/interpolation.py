@@ -50,18 +50,9 @@ KERNELS: dict[str, tuple[int, Callable[[Array], Array]]] = {
 
 @functools.lru_cache(maxsize=64)
 def kernel_matrix(kernel: str, size: int, scale: int, margin: int = 0) -> Array:
-    """Matrix that upscales a row of samples at half-pixel centres and repeats its ends.
+    """Weights (size·scale, size + 2·margin) float32 that upscale a row of samples at half-pixel centres.
 
-    Parameters
-    ----------
-    kernel : of KERNELS
-    size : samples to upscale
-    scale : values per sample
-    margin : further samples at either end, which are only looked at
-
-    Returns
-    -------
-    Weights (size·scale, size + 2·margin), float32
+    ``margin``: further samples at either end, which are only looked at; beyond them the last sample is repeated.
     """
     reach, weight = KERNELS[kernel]
     places = (np.arange(size * scale) + 0.5) / scale - 0.5 + margin
@@ -84,18 +75,9 @@ def per_channel(weights: Array, channels: int) -> Array:
 
 
 def apply_matrices(images: Array, down: Array, across: Array, out: Array | None = None) -> Array:
-    """Apply one matrix along each axis of every image.
+    """Apply ``down`` (H, h) to the columns and ``across`` (w·C, W·C) to the rows of ``images`` (N, h, w, C).
 
-    Parameters
-    ----------
-    images : (N, h, w, C)
-    down : (H, h), for columns of pixels
-    across : (w·C, W·C), for rows of pixels, as of ``per_channel``
-    out : (N, H, W, C), contiguous, for the result
-
-    Returns
-    -------
-    (N, H, W, C)
+    ``across``: as of ``per_channel``. Returns (N, H, W, C), in ``out`` if given, which must be contiguous.
     """
     count, rows, columns, channels = images.shape
     tall = (down @ images.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
@@ -105,38 +87,31 @@ def apply_matrices(images: Array, down: Array, across: Array, out: Array | None 
 
 def interpolated(images: Array, kernel: str, factors: tuple[int, int], margin: int = 0,
                  out: Array | None = None) -> Array:
-    """Upscale elemental images, in whatever domain they are.
+    """Upscale ``images`` (N, h + 2·margin, w + 2·margin, C) by ``factors`` (horizontal, vertical).
 
-    Parameters
-    ----------
-    images : (N, h + 2·margin, w + 2·margin, C)
-    kernel : of KERNELS
-    factors : values per sample, (horizontal, vertical)
-    margin : pixels around each image that are only looked at
-    out : (N, h·vertical, w·horizontal, C), contiguous, for the result
-
-    Returns
-    -------
-    (N, h·vertical, w·horizontal, C)
+    ``margin``: pixels around each image that are only looked at. Returns (N, h·vertical, w·horizontal, C), in ``out``
+    if given, which must be contiguous.
     """
     _, rows, columns, channels = images.shape
     down = kernel_matrix(kernel, rows - 2 * margin, factors[1], margin)
     return apply_matrices(images, down, _column_matrix(kernel, columns - 2 * margin, factors[0], margin, channels), out)
 
 
+def averaged(images: Array, kernel: str, factors: tuple[int, int]) -> Array:
+    """Low-resolution EIs (sy, sx, h, w, 3) after interpolation and averaging back to their own pixels."""
+    down, across = (_blur(kernel, *axis) for axis in zip(images.shape[2:4], factors[::-1], strict=True))
+    flat = images.reshape(-1, *images.shape[2:])
+    return apply_matrices(flat, down, per_channel(across, images.shape[-1])).reshape(images.shape)
+
+
+def _blur(kernel: str, size: int, scale: int) -> Array:
+    return np.asarray(kernel_matrix(kernel, size, scale).reshape(size, scale, size).mean(1))
+
+
 def finish_in_steps(low: LowResEIA, lenses: Array, step: int, upscale: Callable[[Array, Array], Array]) -> Array:
-    """Finish ``step`` EIs at a time, so that they stay in a core's cache.
+    """Finished EIs (N, h·s, w·s, C) float32, scene-linear, made ``step`` at a time, to stay in a core's cache.
 
-    Parameters
-    ----------
-    low : the low-resolution EIA
-    lenses : (N, 2) rows and columns
-    step : EIs per call of ``upscale``
-    upscale : of a few lenses and an array for the result, returns encoded EIs
-
-    Returns
-    -------
-    EIs (N, h·s, w·s, C) float32, scene-linear
+    ``upscale``: takes a few of the ``lenses`` (N, 2) and an array that it may use for the result, returns encoded EIs.
     """
     result = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
     for start in range(0, len(lenses), step):
@@ -169,24 +144,14 @@ class Interpolation:
         return encode(low.color[lenses[:, 0], lenses[:, 1]])
 
 
-@dataclasses.dataclass(frozen=True)
-class NoUpscaling:
+class NoUpscaling(Interpolation):
     """The EIs as they are, for renders at scale 1."""
-
-    name: str = "none"
-    kernel: str = "nearest"
-    thread_safe: bool = True
-    notes: tuple[str, ...] = ()
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
         if low.scale != 1:
             raise LfsrError(f"method {self.name!r} does not upscale, but the frame was rendered at scale {low.scale}: "
                             "choose an upscaling method, or render at scale 1")
         return np.asarray(low.color[lenses[:, 0], lenses[:, 1]])
-
-    def clean(self, low: LowResEIA, lenses: Array) -> Array:
-        """EIs (N, h, w, 3) of ``lenses`` (N, 2), encoded."""
-        return encode(self(low, lenses))
 
 
 def _gather(images: Array, lenses: Array, margin: int) -> Array:

@@ -42,23 +42,9 @@ SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
 
 def denoise(color: Array, albedo: Array | None = None, normal: Array | None = None, *,
             hdr: bool = False, clean_aux: bool = False, quality: str = "high") -> Array:
-    """Denoise an image on the CPU, with the parameters of ``pyoidn.denoise``.
+    """Denoise an image (H, W, 3) on the CPU, with the parameters of ``pyoidn.denoise``.
 
-    Parameters
-    ----------
-    color, albedo, normal : (H, W, 3)
-    hdr : colour may exceed 1
-    clean_aux : albedo and normal have no noise
-    quality : one of QUALITIES
-
-    Returns
-    -------
-    Denoised colour, (H, W, 3) float32
-
-    Raises
-    ------
-    ImportError : where Blender's library is missing or does not load
-    RuntimeError : where it fails
+    ImportError where Blender's library is missing or does not load, RuntimeError where it fails.
     """
     library = _load()
     given = {"color": color, "albedo": albedo, "normal": normal, "output": np.empty(color.shape, np.float32)}

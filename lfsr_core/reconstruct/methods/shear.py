@@ -14,19 +14,10 @@ LENS_KERNEL = "cubic"  # across lenses, along a line
 
 
 def sheared(images: Array, covered: Array, lenses: Array, factors: tuple[int, int], steep: float) -> Array:
-    """Interpolate elemental images along epipolar lines of one slope.
+    """EIs (N, h·vertical, w·horizontal, 3) of ``lenses`` (N, 2), interpolated along lines of ``steep`` lenses per view.
 
-    Parameters
-    ----------
-    images : (sy, sx, h, w, 3), in whatever domain they are
-    covered : (sy, sx) bool, lenses to interpolate from
-    lenses : (N, 2), lenses to make
-    factors : views per rendered view, (horizontal, vertical)
-    steep : lenses per view of the lines
-
-    Returns
-    -------
-    (N, h·vertical, w·horizontal, 3)
+    ``images`` (sy, sx, h, w, 3): rendered EIs. ``covered`` (sy, sx) bool: lenses to interpolate from. ``factors``:
+    views per rendered view, (horizontal, vertical).
     """
     (sy, sx, h, w, _), reach, covered = images.shape, _lens_reach(steep), covered.astype(np.float32)
     around = np.arange(-reach, reach + 1)

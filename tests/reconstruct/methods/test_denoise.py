@@ -16,7 +16,7 @@ from lfsr_core.reconstruct.methods.denoise import (
     mean_of_both,
     shown_part,
 )
-from lfsr_core.reconstruct.methods.guides import Denoiser, guides_of
+from lfsr_core.reconstruct.methods.guides import guides_of
 from tests.support.prerequisites import needs_bpy
 
 RANDOM = np.random.default_rng(0)
@@ -134,7 +134,7 @@ def test_part_holds_every_lens_that_shows_something(corner):
 def test_guides_are_smoothed_first():
     low = low_resolution()
     low = dataclasses.replace(low, albedo=0.5 + low.albedo / 10)
-    guides = guides_of({"albedo": low.albedo}, low.samples, Denoiser(lambda images: images, (8, 8)))
+    guides = guides_of({"albedo": low.albedo}, low.samples, lambda images: images, (8, 8))
     assert not guides.detail.any() and not np.allclose(guides.images["albedo"], low.albedo, atol=1e-3)
     expected = denoise_eia(whole(low.color), whole(guides.images["albedo"]))
     np.testing.assert_allclose(whole(denoise_low_resolution(low, guided=True).color), expected, atol=1e-5)

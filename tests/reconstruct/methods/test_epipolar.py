@@ -10,8 +10,8 @@ import pytest
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.encoding import decode, encode
-from lfsr_core.reconstruct.methods.epipolar import LINES, Recovering, averaged, lost_fraction
-from lfsr_core.reconstruct.methods.interpolation import interpolated
+from lfsr_core.reconstruct.methods.epipolar import LINES, Recovering, lost_fraction
+from lfsr_core.reconstruct.methods.interpolation import averaged, interpolated
 from lfsr_core.reconstruct.methods.shear import sheared
 from lfsr_core.reconstruct.registry import CLASSICAL, method
 
@@ -56,7 +56,7 @@ def test_noise_alone_is_no_detail(seed):
     assert share.max() == 0
     low = light_field(np.zeros((SY, SX, SIDE, SIDE), np.float32), seed)
     image, recovering, ready = recovered(low)
-    assert not ready.detail.lost.any() and recovering.notes == ()
+    assert not ready.lost.any() and recovering.notes == ()
     np.testing.assert_allclose(image, 0.5, atol=1e-6)
 
 
@@ -88,7 +88,7 @@ def test_mirrored_light_fields_have_mirrored_lines():
 def test_detail_comes_back_with_less_noise_than_was_rendered(step):
     detail = 0.1 * texture(step)
     low = light_field(detail)
-    lost = recovered(low)[2].detail.lost
+    lost = recovered(low)[2].lost
     before = np.mean(detail**2)
     rendered = np.mean((encode(low.noisy) - 0.5 - detail[..., None]) ** 2)
     after = np.mean((lost - detail[..., None])[1:-1, 1:-1] ** 2)
@@ -99,7 +99,7 @@ def test_upscaled_detail_keeps_its_mean_over_each_rendered_pixel():
     low = light_field(0.1 * texture((1, 1)))
     image, _, ready = recovered(low)
     rendered = image.reshape(SY, SX, SIDE, SCALE, SIDE, SCALE, 3).mean((3, 5))
-    close = np.corrcoef((rendered - 0.5).ravel(), ready.detail.lost.ravel())[0, 1]
+    close = np.corrcoef((rendered - 0.5).ravel(), ready.lost.ravel())[0, 1]
     assert close > 0.95
 
 
@@ -129,7 +129,7 @@ def test_lenses_without_foreground_stay_as_they_are():
     low = light_field(0.1 * texture((1, 1)), alpha=alpha)
     low.noisy[:, :4] = 5.0
     image, _, ready = recovered(low)
-    assert not ready.detail.lost[:, :4].any() and ready.detail.lost[:, 5:].any()
+    assert not ready.lost[:, :4].any() and ready.lost[:, 5:].any()
     np.testing.assert_allclose(image.reshape(SY, SX, -1)[:, :4], 0.5, atol=1e-6)
     # What such a lens shows has no say in the others.
     low.noisy[:, :4] = 0.0
@@ -144,7 +144,7 @@ def test_blocks_see_nothing_of_each_other():
         rows = [np.concatenate([blocks[n] for n in order[start:start + 2]], 1) for start in (0, 2)]
         low = light_field(np.concatenate(rows, 0))
         low.noisy[:] = decode(np.float32(0.5) + np.concatenate(rows, 0)[..., None])
-        return Recovering(CLASSICAL["bilinear"], side).prepare(low).detail.lost
+        return Recovering(CLASSICAL["bilinear"], side).prepare(low).lost
 
     one, other = of([0, 1, 2, 3]), of([3, 2, 1, 0])
     np.testing.assert_array_equal(one[:side, :side], other[side:, side:])

@@ -2,14 +2,13 @@ import numpy as np
 import pytest
 
 from lfsr_core.reconstruct.methods import guides
-from lfsr_core.reconstruct.methods.guides import Denoiser
 
 RANDOM = np.random.default_rng(0)
 LENSES, VIEWS = (3, 4), (10, 12)
 
 
 def guides_of(layers, samples, clean=lambda images: images):
-    return guides.guides_of(layers, samples, Denoiser(clean, VIEWS))
+    return guides.guides_of(layers, samples, clean, VIEWS)
 
 
 def blind(images):
