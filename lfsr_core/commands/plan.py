@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.json:
         write_record(arguments.json, plan_report(planned, options, job))
     if planned.choice.chosen is not None:
-        print(render_command(arguments, planned.choice.chosen.candidate.options))
+        print(render_command(arguments, planned.choice.chosen.options))
 
 
 def render_command(arguments: argparse.Namespace, options: tuple[str, ...]) -> str:

@@ -52,13 +52,17 @@ class Candidate:
 
 
 @dataclasses.dataclass(frozen=True)
-class Rated:
+class Rated(Candidate):
     """A candidate with its predicted time and its accuracy."""
 
-    candidate: Candidate
     seconds: float  # predicted for a whole frame
     estimate: Estimate | None = None  # accuracy, None where it was not measured
     note: str = ""  # why it was not measured, or BETWEEN
+
+    @property
+    def candidate(self) -> Candidate:
+        """The candidate alone."""
+        return Candidate(self.scale, self.spp, self.method)
 
     @property
     def low(self) -> float:
@@ -152,19 +156,19 @@ def choose(rated: Sequence[Rated], target: float, most_seconds: float = math.inf
         return Choice(None, None, "no candidate could be measured: allow more seconds, scales or methods")
     best = max(measured, key=lambda row: row.low)
     passing = [row for row in measured if all(other.low >= target for other in chain(row, rated)
-                                              if other.candidate.spp >= row.candidate.spp)]
+                                              if other.spp >= row.spp)]
     if not passing:
         return Choice(None, best, _limit(best, rated, target, most_seconds))
     least = min(row.seconds for row in passing)
     near = [row for row in passing if row.seconds <= AS_GOOD * least]
-    return Choice(min(near, key=lambda row: (row.candidate.steps, row.seconds)), best)
+    return Choice(min(near, key=lambda row: (row.steps, row.seconds)), best)
 
 
 def chain(row: Rated, rated: Iterable[Rated]) -> list[Rated]:
     """Measured candidates of the same scale and method, fewest samples first."""
-    wanted = (row.candidate.scale, row.candidate.method)
-    same = [other for other in rated if (other.candidate.scale, other.candidate.method) == wanted]
-    return sorted((other for other in same if other.estimate is not None), key=lambda other: other.candidate.spp)
+    wanted = (row.scale, row.method)
+    same = [other for other in rated if (other.scale, other.method) == wanted]
+    return sorted((other for other in same if other.estimate is not None), key=lambda other: other.spp)
 
 
 def _limit(best: Rated, rated: Sequence[Rated], target: float, most_seconds: float) -> str:
@@ -176,10 +180,10 @@ def _limit(best: Rated, rated: Sequence[Rated], target: float, most_seconds: flo
                 "look at more lenses (--lenses)")
     means = [row.estimate.mean for row in chain(best, rated) if row.estimate is not None and row.note != BETWEEN]
     if asymptote(means) >= target:
-        return f"noise: accuracy still grows with the samples; try more than {best.candidate.spp}"
-    if best.candidate.scale == 1:
+        return f"noise: accuracy still grows with the samples; try more than {best.spp}"
+    if best.scale == 1:
         return "noise: more samples hardly help at full resolution; try another method"
-    return (f"upscaling: at scale {best.candidate.scale} even many more samples would stay below the target; "
+    return (f"upscaling: at scale {best.scale} even many more samples would stay below the target; "
             "choose a smaller scale or another method")
 
 

@@ -111,11 +111,11 @@ class Measurements:
     def rated(self) -> list[Rated]:
         """All candidates as known so far, cheapest first."""
         times, display = self.times(), self.question.display
-        rows = [Rated(candidate, times.seconds(candidate, display),
-                      self._estimate(self.scores[candidate].values) if candidate in self.scores else None,
-                      self._notes.get(candidate, "")) for candidate in self.question.wanted]
-        rows += [Rated(candidate, times.seconds(candidate, display), self._estimate(values), BETWEEN)
-                 for candidate, values in self._between()]
+        found = [(candidate, self.scores[candidate].values if candidate in self.scores else None,
+                  self._notes.get(candidate, "")) for candidate in self.question.wanted]
+        found += [(candidate, values, BETWEEN) for candidate, values in self._between()]
+        rows = [Rated(**vars(candidate), seconds=times.seconds(candidate, display), note=note,
+                      estimate=None if values is None else self._estimate(values)) for candidate, values, note in found]
         return sorted(rows, key=lambda row: row.seconds)
 
     def times(self) -> TimeModel:
@@ -131,11 +131,11 @@ class Measurements:
         if least > options.limit:
             return "takes too long"
         chosen = choose(self.rated(), options.target, options.limit).chosen
-        confirms = chosen and chosen.candidate.scale == scale and all(
+        confirms = chosen and chosen.scale == scale and all(
             spp <= other for key, other in self.sample.budget.renders
-            if key == scale and other > chosen.candidate.spp)
+            if key == scale and other > chosen.spp)
         if chosen and least > chosen.seconds and not confirms:
-            return f"not needed: costs more than {chosen.candidate.name}"
+            return f"not needed: costs more than {chosen.name}"
         if not self.sample.affords([*self._measured, (scale, spp)]):
             return "not measured: beyond the sample's budget (--budget)"
         return ""

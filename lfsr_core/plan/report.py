@@ -7,7 +7,6 @@ import math
 
 from lfsr_core.frames.job import Job
 from lfsr_core.plan.candidates import BETWEEN, Choice, Rated
-from lfsr_core.plan.estimate import Estimate
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.planner import Planned, SampleFacts
 
@@ -51,33 +50,16 @@ def sentence(choice: Choice, options: PlanOptions) -> str:
     target = f"{options.metric} {options.target:g}"
     if choice.chosen is not None:
         row = choice.chosen
-        return (f"{row.candidate.name} reaches {target} with 95 % confidence ({_accuracy(row)}) in about "
+        return (f"{row.name} reaches {target} with 95 % confidence ({_accuracy(row)}) in about "
                 f"{row.seconds:.0f} s")
     if choice.best is None:
         return f"nothing reaches {target}: {choice.limit}"
-    return (f"nothing reaches {target} with 95 % confidence; best is {choice.best.candidate.name} "
+    return (f"nothing reaches {target} with 95 % confidence; best is {choice.best.name} "
             f"({_accuracy(choice.best)}). Limit: {choice.limit}")
 
 
 def _accuracy(row: Rated) -> str:
     return "not measured" if row.estimate is None else f"{row.estimate.mean:.3f}, at least {row.estimate.low:.3f}"
-
-
-@dataclasses.dataclass(frozen=True)
-class CandidateReport:
-    """One candidate in the report."""
-
-    scale: int
-    spp: int
-    method: str
-    seconds: float  # predicted for a whole frame
-    estimate: Estimate | None  # accuracy, None where it was not measured
-    note: str  # why it was not measured, or BETWEEN
-
-    @classmethod
-    def of(cls, row: Rated) -> CandidateReport:
-        """Report of a rated candidate."""
-        return cls(**vars(row.candidate), seconds=row.seconds, estimate=row.estimate, note=row.note)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,9 +72,9 @@ class PlanReport:
     seed: int
     options: PlanOptions
     sample: SampleFacts
-    candidates: tuple[CandidateReport, ...]  # cheapest first
-    chosen: CandidateReport | None  # the cheapest that reaches the target, None if there is none
-    best: CandidateReport | None  # the measured candidate with the highest lower bound, None if none was measured
+    candidates: tuple[Rated, ...]  # cheapest first
+    chosen: Rated | None  # the cheapest that reaches the target, None if there is none
+    best: Rated | None  # the measured candidate with the highest lower bound, None if none was measured
     limit: str  # why no candidate reaches the target, else empty
     sentence: str  # the outcome
 
@@ -100,15 +82,12 @@ class PlanReport:
 def plan_report(planned: Planned, options: PlanOptions, job: Job) -> PlanReport:
     """Report of a finished plan."""
     choice = planned.choice
-    chosen, best = (None if row is None else CandidateReport.of(row) for row in (choice.chosen, choice.best))
-    return PlanReport(job.scene, job.display.name, job.seed, options, planned.sample,
-                      tuple(map(CandidateReport.of, planned.rated)), chosen, best, choice.limit,
-                      sentence(choice, options))
+    return PlanReport(job.scene, job.display.name, job.seed, options, planned.sample, planned.rated, choice.chosen,
+                      choice.best, choice.limit, sentence(choice, options))
 
 
 def _row(row: Rated, choice: Choice, options: PlanOptions) -> tuple[str, ...]:
     known = ("–", "–") if row.estimate is None else (f"{row.estimate.mean:.3f}", f"{row.estimate.low:.3f}")
     note = row.note or ("reaches it" if row.low >= options.target else "")
-    candidate = row.candidate
-    return ("→" if row is choice.chosen else "", str(candidate.scale), str(candidate.spp), candidate.method,
-            f"{row.seconds:.1f}", *known, note)
+    mark = "→" if row is choice.chosen else ""
+    return mark, str(row.scale), str(row.spp), row.method, f"{row.seconds:.1f}", *known, note

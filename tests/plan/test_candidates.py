@@ -19,7 +19,7 @@ METHODS = ("bilinear", "oidn+bilinear", "bicubic")
 
 def rated(scale: int, spp: int, method: str, seconds: float, low: float | None, mean: float | None = None) -> Rated:
     known = None if low is None else Estimate(low + 0.01 if mean is None else mean, low, low + 0.02, 0.005, 30)
-    return Rated(Candidate(scale, spp, method), seconds, known)
+    return Rated(scale, spp, method, seconds, known)
 
 
 @st.composite

@@ -120,8 +120,8 @@ def test_plans_are_held_against_whole_frames(bench, tmp_path, capsys, monkeypatc
 
 def test_a_plan_that_promises_too_much_is_found_out():
     cheap, costly = Candidate(4, 4, "bilinear"), Candidate(4, 16, "bilinear")
-    rows = (Rated(cheap, 1.0, Estimate(0.96, 0.95, 0.97, 0.005, 30)),
-            Rated(costly, 4.0, Estimate(0.97, 0.96, 0.98, 0.005, 30)))
+    rows = (Rated(**vars(cheap), seconds=1.0, estimate=Estimate(0.96, 0.95, 0.97, 0.005, 30)),
+            Rated(**vars(costly), seconds=4.0, estimate=Estimate(0.97, 0.96, 0.98, 0.005, 30)))
     sample = SampleFacts({"foreground": 30}, 90, "s1-spp16 oidn", 100.0, 4.0, 1.0, 0.04, 0.04, 1.5, True, 0.02, 0.01)
     known = {cheap: Actual(0.94, 1.1), costly: Actual(0.965, 4.4)}
     wrong = judge(Planned(rows, Choice(rows[0], rows[1]), sample), known, Case("toy", 0, 0.95, MINI))
