@@ -39,10 +39,11 @@ def fit(scene: bpy.types.Scene, profile: DisplayProfile, items: Collection[bpy.t
     """Move the scene's array in front of ``items``, in its present direction; add one if there is none."""
     rig.check_editable(scene)
     array = rig.find(scene)
+    # Rotation from a new array, which looks along +Y with Z up.
+    turn = mathutils.Matrix.Identity(3)
     if array is not None:
         rig.check_editable(array)
-    # A new array looks along +Y with Z up.
-    turn = _view_turn(array) if array else mathutils.Matrix.Identity(3)
+        turn = array.matrix_world.to_3x3().normalized() @ mathutils.Matrix.Rotation(-math.pi / 2, 3, "X")
     placed = _fitted(items, profile, turn)
     array = array or _new_array(scene)
     put(array, placed)
@@ -113,11 +114,6 @@ def _first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placeme
     except LfsrError:
         # Without a subject: a display about one unit wide at the origin.
         return placement.fit_array(np.array([-0.4, -0.1, -0.2]), np.array([0.4, 0.1, 0.2]), profile)
-
-
-def _view_turn(array: bpy.types.Object) -> mathutils.Matrix:
-    """Rotation to ``array`` from an array that looks along +Y with Z up."""
-    return array.matrix_world.to_3x3().normalized() @ mathutils.Matrix.Rotation(-math.pi / 2, 3, "X")
 
 
 def _fitted(items: Collection[bpy.types.Object], profile: DisplayProfile, turn: mathutils.Matrix) -> Placement:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import bpy
 import numpy as np
@@ -19,13 +20,21 @@ def frames(scene: bpy.types.Scene) -> Iterator[int]:
     if not is_animated():
         yield scene.frame_current
         return
-    before = scene.frame_current, scene.frame_subframe
-    try:
+    with same_frame(scene):
         for number in chosen(*frame_range(scene)):
             scene.frame_set(number)
             yield number
+
+
+@contextmanager
+def same_frame(scene: bpy.types.Scene) -> Iterator[None]:
+    """Restore the current frame of ``scene`` after the block, if it changed."""
+    before = scene.frame_current, scene.frame_subframe
+    try:
+        yield
     finally:
-        scene.frame_set(before[0], subframe=before[1])
+        if (scene.frame_current, scene.frame_subframe) != before:
+            scene.frame_set(before[0], subframe=before[1])
 
 
 def is_animated() -> bool:

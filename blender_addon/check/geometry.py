@@ -22,16 +22,6 @@ TOLERANCE = 1e-3      # of the display's distance
 
 
 @dataclasses.dataclass(frozen=True)
-class View:
-    """What a scene's array shows."""
-
-    scene: bpy.types.Scene
-    display: DisplayProfile
-    array: CameraArray
-    scale: int  # by which the views are divided
-
-
-@dataclasses.dataclass(frozen=True)
 class Extent:
     """Extent of an object in camera-array space."""
 
@@ -55,13 +45,12 @@ def find(scene: bpy.types.Scene, display: DisplayProfile, placed: rig.Placement,
          subject: set[bpy.types.Object]) -> Iterator[Problem]:
     """Problems of the visible objects of ``subject``, by name; ``placed``: the camera array and its world matrix."""
     array, matrix = placed
-    view = View(scene, display, array, resolve(scene).scale)
     corners = world_corners(subject)
     inverse = np.linalg.inv(np.array(matrix))
     for item in sorted(corners, key=lambda item: item.name):
         extent = extent_of(np.concatenate(corners[item]) @ inverse[:3, :3].T + inverse[:3, 3], array)
         if extent.visible:
-            yield from _problems(item, extent, view)
+            yield from _problems(item, extent, scene, display, array)
 
 
 def world_corners(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, list[Array]]:
@@ -82,9 +71,9 @@ def extent_of(points: Array, array: CameraArray) -> Extent:
     return Extent(float(depths.min()), float(depths.max()), seen.min(0), seen.max(0))
 
 
-def _problems(item: bpy.types.Object, extent: Extent, view: View) -> Iterator[Problem]:
-    scene, distance = view.scene, view.array.distance
-    near, far = rig.usable_depth(view.array, view.display)
+def _problems(item: bpy.types.Object, extent: Extent, scene: bpy.types.Scene, display: DisplayProfile,
+              array: CameraArray) -> Iterator[Problem]:
+    distance, (near, far) = array.distance, rig.usable_depth(array, display)
     margin = TOLERANCE * distance
     # A floor or a room begins beside the viewer, or in front of the usable depth, and ends behind the display.
     through = extent.far > (distance if extent.near <= 0 else far) and extent.near < near
@@ -99,7 +88,8 @@ def _problems(item: bpy.types.Object, extent: Extent, view: View) -> Iterator[Pr
     elif extent.far > far + margin:
         yield _problem("depth", item, f"It reaches {length(scene, extent.far)} from the viewing position. The "
                        f"display blurs what is farther than {length(scene, far)}.")
-    thickness, seen = sorted(item.dimensions)[1], finest(view, extent)  # of a rod; of a sheet, its shorter side
+    thickness = sorted(item.dimensions)[1]  # of a rod; of a sheet, its shorter side
+    seen = finest(extent, display, array, resolve(scene).scale)
     if 0 < thickness < seen:
         yield _problem("thin", item, f"It is {length(scene, thickness)} thick, but at its depth the rendered views "
                        f"show nothing finer than {length(scene, seen)}. Choose a smaller scale or move it nearer to "
@@ -110,10 +100,9 @@ def _problem(code: str, item: bpy.types.Object, reason: str, fix: str = "") -> P
     return Problem(code, item.name, reason, fix, is_object=True)
 
 
-def finest(view: View, extent: Extent) -> float:
+def finest(extent: Extent, display: DisplayProfile, array: CameraArray, scale: int) -> float:
     """Return the width, at the object's depth, of one pixel of the rendered array: a lens or a cell of views."""
-    array = view.array
     depth = min(max(array.distance, extent.near), extent.far)
-    lens = 2 * array.half_width / view.display.lenses[0] * depth / array.distance
-    cell = view.scale * array.spacing * abs(depth - array.distance) / array.distance
+    lens = 2 * array.half_width / display.lenses[0] * depth / array.distance
+    cell = scale * array.spacing * abs(depth - array.distance) / array.distance
     return max(lens, cell)

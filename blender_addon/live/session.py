@@ -43,11 +43,6 @@ def message(kind: str = PANEL) -> str:
     return _on[kind].message if kind in _on else ""
 
 
-def view(kind: str = PANEL) -> live_scene.View | None:
-    """Return the view that is shown, None if none is."""
-    return _on[kind].view if kind in _on else None
-
-
 def start(scene: bpy.types.Scene, kind: str = PANEL) -> None:
     """Open the live window of ``scene``; LfsrError if it cannot be shown."""
     if is_on(kind):
@@ -115,8 +110,8 @@ def _look() -> float | None:
             continue
         try:
             keep_up(kind)
-            shown = view(kind)
-            _say(kind, (shown.region.sentence() if shown and kind == PANEL else None) or "")
+            view = _on[kind].view
+            _say(kind, (view.region.sentence() if view and kind == PANEL else None) or "")
         except LfsrError as error:
             _say(kind, str(error))
     return SECONDS_BETWEEN_LOOKS if _on else None

@@ -5,14 +5,12 @@ Blender evaluates animation again when a render starts, which would replace the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 
 import bpy
 
 from .overrides import overridden
-
-PASS_INDEX = "pass_index"
 
 
 @contextmanager
@@ -22,29 +20,21 @@ def resting(scene: bpy.types.Scene) -> Iterator[None]:
     This mutes all keyframes and drivers of the scene itself, which keeps its values of this frame, and those
     of the pass index of objects.
     """
+    indices = (curve for item in bpy.data.objects if item.is_editable for curve in _curves(item)
+               if curve.data_path == "pass_index")
     with ExitStack() as stack:
         for marker in scene.timeline_markers:
             stack.enter_context(overridden(marker, {"camera": None}))
-        stack.enter_context(_muted(scene, lambda path: True))
-        for item in bpy.data.objects:
-            if item.animation_data and item.is_editable:
-                stack.enter_context(_muted(item, lambda path: path == PASS_INDEX))
+        for curve in [*_curves(scene), *indices]:
+            stack.enter_context(overridden(curve, {"mute": True}))
         yield
 
 
-@contextmanager
-def _muted(owner: bpy.types.ID, wanted: Callable[[str], bool]) -> Iterator[None]:
-    """Mute curves and drivers of ``owner`` whose data path is ``wanted`` inside the block."""
+def _curves(owner: bpy.types.ID) -> Iterator[bpy.types.FCurve]:
+    """Curves of drivers, of the action, and of the strips of the nonlinear animation of ``owner``."""
     animation = owner.animation_data
-    with ExitStack() as stack:
-        for curve in _curves(animation) if animation else ():
-            if wanted(curve.data_path):
-                stack.enter_context(overridden(curve, {"mute": True}))
-        yield
-
-
-def _curves(animation: bpy.types.AnimData) -> Iterator[bpy.types.FCurve]:
-    """Curves of drivers, of the action, and of the strips of the nonlinear animation."""
+    if animation is None:
+        return
     yield from animation.drivers
     strips = [strip for track in animation.nla_tracks for strip in track.strips]
     for holder in (animation, *strips):

@@ -9,8 +9,6 @@ from __future__ import annotations
 import dataclasses
 import shutil
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -28,19 +26,10 @@ WIDEST_TILE = 8192  # Cycles limits the time of a tile, not of an image: a band 
 
 def render_in_bands(scene: bpy.types.Scene, rows: Part, path: Path, progress: Progress | None,
                     parts: ImageParts) -> float:
-    """Render an image, or some of its rows, in bands if it takes long.
+    """Render ``rows`` of the image that ``scene`` is set up for into an EXR file, in bands if it takes long.
 
-    Parameters
-    ----------
-    scene : scene that is set up for the whole image
-    rows : rows of the image to render
-    path : EXR file to write
-    progress : called with the fraction of ``rows`` that is done, None for nobody
-    parts : caches finished bands, and has those of an earlier run
-
-    Returns
-    -------
-    Seconds of rendering, including those of cached bands.
+    ``parts`` caches finished bands and has those of an earlier run. Returns the seconds of rendering, with
+    those of cached bands.
     """
     pace = Pace(scene.render.resolution_x, rows.size, scene.cycles.samples)
     # The same for the trial and for every band: another value would make Cycles build the scene again.
@@ -123,7 +112,8 @@ class _Image:
     def _render(self, band: Part, path: Path, progress: Progress | None) -> _Done:
         first = self.asked.first
         shown = border(Part(first + band.first, first + band.last), self.scene.render.resolution_y)
-        with overridden(self.scene.render, shown), _watched() as seen:
+        seen = _Seen()
+        with overridden(self.scene.render, shown), heard(seen.look):
             seconds = render_to(self.scene, path, progress)
         is_whole = seen.whole or seconds < self.pace.timeout
         sampling = time.perf_counter() - seen.since if seen.since else seconds
@@ -155,16 +145,9 @@ class _Seen:
     since: float = 0.0  # time of its first sample, 0 before that
     whole: bool = False  # whether the last sample is done
 
-
-@contextmanager
-def _watched() -> Iterator[_Seen]:
-    seen = _Seen()
-
-    def look(statistics: str) -> None:
+    def look(self, statistics: str, *_: object) -> None:
+        """Read one of Cycles' statistics lines."""
         fraction = sample_fraction(statistics)
         if fraction is not None:
-            seen.since = seen.since or time.perf_counter()
-            seen.whole = seen.whole or fraction >= 1
-
-    with heard(look):
-        yield seen
+            self.since = self.since or time.perf_counter()
+            self.whole = self.whole or fraction >= 1

@@ -16,7 +16,7 @@ from lfsr_core.optics.panel.panel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
 
 from ..array.spaces import Matrix, to_blender
-from .overrides import overridden
+from .overrides import new_data, overridden
 from .portal import new_screen
 from .wiring import Wiring
 
@@ -34,15 +34,12 @@ def clip_plane(scene: bpy.types.Scene, layout: RayLayout | PanelLayout, matrix_w
     if farthest <= depth:
         yield False
         return
-    made: list[bpy.types.ID] = []
-    try:
+    with new_data() as made:
         screen = _screen(made, _half_side(layout, depth), PAST * farthest)
         screen.matrix_world = frame @ mathutils.Matrix.Translation((0, 0, -depth))
         scene.collection.objects.link(screen)
         with overridden(scene.cycles, {"transparent_max_bounces": scene.cycles.transparent_max_bounces + 1}):
             yield True
-    finally:
-        bpy.data.batch_remove(made)
 
 
 def _farthest(frame: mathutils.Matrix) -> float:

@@ -25,10 +25,10 @@ from . import devices, passes
 from .bands import border, render_in_bands
 from .clip_plane import clip_plane
 from .lens_card import card_camera
-from .osl_camera import set_ray_layout
+from .osl_camera import layout_parameters, layout_source, set_shader
 from .output import render_to
-from .overrides import overridden
-from .panel_camera import set_panel_layout
+from .overrides import new_data, overridden
+from .panel_camera import panel_parameters, panel_source
 from .progress import Progress
 
 LEAST_PIXELS = 4        # Blender renders nothing narrower
@@ -46,11 +46,6 @@ class RenderSettings:
     clamp_indirect: float | None = None  # largest radiance of an indirect path; None: Cycles' default, 0: unclamped
     world_visible: bool = False  # adds the environment pass
     half: bool = False  # 16-bit floats instead of 32-bit ones
-
-    def __post_init__(self) -> None:
-        if self.samples < 1:
-            raise LfsrError(f"samples per pixel is {self.samples}, but it must be at least 1")
-        passes.check_layers(self.layers)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -132,28 +127,27 @@ def encoded_camera(scene: bpy.types.Scene, shot: Shot) -> Iterator[None]:
         with card_camera(scene, shot.light_field, shot.matrix_world, shot.clip_start):
             yield
         return
-    with temporary_camera(scene, shot.matrix_world, shot.layout.array.distance) as camera:
-        if isinstance(shot.layout, PanelLayout):
-            set_panel_layout(camera.data, shot.layout, shot.clip_start)
+    layout = shot.layout
+    with temporary_camera(scene, shot.matrix_world, layout.array.distance) as camera:
+        if isinstance(layout, PanelLayout):
+            set_shader(camera.data, panel_source(layout), panel_parameters(layout, shot.clip_start))
         else:
-            set_ray_layout(camera.data, shot.layout, shot.clip_start)
+            set_shader(camera.data, layout_source(layout), layout_parameters(layout, shot.clip_start))
         yield
 
 
 @contextmanager
 def temporary_camera(scene: bpy.types.Scene, matrix_world: Matrix, distance: float) -> Iterator[bpy.types.Object]:
     """Make a new camera at the array's origin the scene's camera inside the block."""
-    data = bpy.data.cameras.new("LFSR array")
-    camera = bpy.data.objects.new("LFSR array", data)
-    try:
+    with new_data() as made:
+        data = bpy.data.cameras.new("LFSR array")
+        camera = bpy.data.objects.new("LFSR array", data)
+        made += [data, camera]
         camera.matrix_world = to_blender(matrix_world)
         data.clip_start, data.clip_end = distance * NEAR, distance * FAR
         scene.collection.objects.link(camera)
         with overridden(scene, {"camera": camera}):
             yield camera
-    finally:
-        bpy.data.objects.remove(camera)
-        bpy.data.cameras.remove(data)
 
 
 @contextmanager

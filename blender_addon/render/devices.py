@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import bpy
 
@@ -67,20 +67,14 @@ def enabled(device: str) -> Iterator[None]:
     if device not in known:
         raise LfsrError(f"device is {device!r}, but this Blender knows only {', '.join(['CPU', *known])}: "
                         "choose one of them")
-    with overridden(preferences, {"compute_device_type": device}):
+    with overridden(preferences, {"compute_device_type": device}), ExitStack() as stack:
         preferences.refresh_devices()
-        found = [item for item in preferences.devices if item.type == device]
-        if not found:
+        if all(item.type != device for item in preferences.devices):
             raise LfsrError(f"device is {device!r}, but this machine has none that Blender can use: "
                             "render on the CPU or check the driver")
-        before = [(item, item.use) for item in preferences.devices]
-        try:
-            for item, _ in before:
-                item.use = item.type == device
-            yield
-        finally:
-            for item, use in before:
-                item.use = use
+        for item in preferences.devices:
+            stack.enter_context(overridden(item, {"use": item.type == device}))
+        yield
 
 
 def _preferences() -> bpy.types.AddonPreferences:

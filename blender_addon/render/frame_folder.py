@@ -20,7 +20,7 @@ from lfsr_core.optics.lens_rows import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.render.parts import ImageParts, Part, remove_others
 
-from ..array import placement
+from ..array import motion, placement
 from ..scene.light import has_light, is_certain, is_meant, lit
 from ..scene.subject import find_subject, has_background_meshes
 from . import animation, devices, passes, world
@@ -70,12 +70,14 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
 @contextmanager
 def prepared(scene: bpy.types.Scene, job: Job, warn: Warn = print) -> Iterator[Frame]:
     """Set ``scene`` to the job's frame, light it and index its objects inside the block; yield the Frame."""
-    with _at_frame(scene, job.frame):
+    with motion.same_frame(scene):
+        if job.frame is not None:
+            scene.frame_set(job.frame)
         subject = find_subject(scene, job.subject)
         with animation.resting(scene), passes.pass_indices(subject):
             own_light = _has_own_light(scene, job, subject, warn)
             with lit(scene, own_light):
-                frame = describe(scene, job, subject, own_light)
+                frame = _frame(scene, job, subject, own_light)
                 yield dataclasses.replace(frame, world_apart=_world_apart(scene, frame, job, warn))
 
 
@@ -95,20 +97,8 @@ def _has_own_light(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Obje
     return False
 
 
-def describe(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], own_light: bool = True) -> Frame:
-    """Return the frame that ``job`` asks for.
-
-    Parameters
-    ----------
-    scene : scene at the frame's time
-    job : what to render
-    subject : objects of the foreground
-    own_light : False if the scene's light was added for this render
-
-    Raises
-    ------
-    LfsrError if the array cannot be placed, or if the scene's colours cannot be reproduced.
-    """
+def _frame(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], own_light: bool) -> Frame:
+    """The frame that ``job`` asks for; LfsrError if the array cannot be placed or colours cannot be reproduced."""
     array, matrix_world = placement.place_array(scene, job.display, subject)
     layers = job.layers
     world_visible = _world_visible(scene, job, own_light)
@@ -124,18 +114,6 @@ def describe(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], o
         clip=placement.clip_of(scene), world_visible=world_visible, color=color_settings(scene, world_visible),
         scene=os.path.basename(job.scene or bpy.data.filepath), subject=job.subject or "", camera=job.camera or "",
         blender=bpy.app.version_string, device=job.device)
-
-
-@contextmanager
-def _at_frame(scene: bpy.types.Scene, number: int | None) -> Iterator[None]:
-    before = scene.frame_current, scene.frame_subframe
-    try:
-        if number is not None:
-            scene.frame_set(number)
-        yield
-    finally:
-        if number is not None:
-            scene.frame_set(before[0], subframe=before[1])
 
 
 def _device(job: Job) -> str:

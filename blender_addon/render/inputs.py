@@ -30,15 +30,7 @@ class Opened:
 
 
 def inputs(scene: bpy.types.Scene, job: Job, frame: Frame, content: str) -> dict[str, str]:
-    """Return a digest of each kind of input, by a name for messages.
-
-    Parameters
-    ----------
-    scene : scene to render
-    job : what to render of it
-    frame : frame of the job
-    content : digest of the scene's file
-    """
+    """Return a digest of each kind of input, by a name for messages; ``content``: digest of the scene's file."""
     settings = job_facts(job) | to_data(dataclasses.replace(frame, seconds={}))
     # The panel renders copies of its file: their content counts, not their path.
     settings |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail}

@@ -21,7 +21,7 @@ from lfsr_core.optics.rays import RayLayout
 
 from ..array.spaces import Matrix, to_blender
 from ..scene.volumes import distance_to_volume
-from .overrides import overridden
+from .overrides import new_data, overridden
 from .portal import new_screen
 from .wiring import Wiring
 
@@ -54,8 +54,7 @@ def card_camera(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix,
     # Cycles asks at the card which volumes a path begins in.
     card = lens_card(layout, distance_to_volume(scene, frame.translation))
     place = place_of(layout, frame.translation.length, clip_start)
-    made: list[bpy.types.ID] = []
-    try:
+    with new_data() as made:
         camera = new_camera(made, card, layout, place)
         screen = new_card(made, card, layout.array.distance, place)
         for item, behind in ((camera, place.gap), (screen, place.gap / 2)):
@@ -65,8 +64,6 @@ def card_camera(scene: bpy.types.Scene, layout: RayLayout, matrix_world: Matrix,
         with (overridden(scene, {"camera": camera}), overridden(
                 scene.cycles, {"transparent_max_bounces": scene.cycles.transparent_max_bounces + 1})):
             yield camera
-    finally:
-        bpy.data.batch_remove(made)
 
 
 def place_of(layout: RayLayout, far: float, clip_start: float = 0.0) -> Place:

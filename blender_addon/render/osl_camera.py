@@ -19,11 +19,6 @@ from . import devices
 SOURCE = Path(__file__).with_name("ray_layout.osl")
 
 
-def set_ray_layout(camera: bpy.types.Camera, layout: RayLayout, clip_start: float = 0.0) -> None:
-    """Make ``camera`` send the rays of ``layout`` from the depth ``clip_start``; LfsrError if it does not compile."""
-    set_shader(camera, layout_source(layout), layout_parameters(layout, clip_start))
-
-
 def layout_source(layout: RayLayout) -> str:
     """Return the OSL source with the lens list of ``layout`` as constants."""
     if layout.lens_list is None:
@@ -47,7 +42,7 @@ def listed(values: Iterable[str]) -> str:
 
 
 def layout_parameters(layout: RayLayout, clip_start: float = 0.0) -> dict[str, int | float]:
-    """Return the values of the shader's parameters."""
+    """Return the values of the shader's parameters; rays start at the depth ``clip_start``."""
     array = layout.array
     pairs = {"lenses": layout.lenses, "views": layout.views, "tiles": layout.tiles}
     numbers = {f"{name}_{axis}": pair[i] for name, pair in pairs.items() for i, axis in enumerate("xy")}
@@ -59,7 +54,7 @@ def layout_parameters(layout: RayLayout, clip_start: float = 0.0) -> dict[str, i
 
 
 def set_shader(camera: bpy.types.Camera, source: str, parameters: Mapping[str, Any]) -> None:
-    """Compile OSL ``source`` for ``camera`` and set its parameters."""
+    """Compile OSL ``source`` for ``camera`` and set its parameters; LfsrError if it does not compile."""
     bytecode = compile_osl(source)
     camera.type = "CUSTOM"
     camera.custom_mode = "INTERNAL"

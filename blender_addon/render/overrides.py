@@ -1,10 +1,12 @@
-"""Change settings for one render and restore them afterwards."""
+"""Change settings or add data for one render, and undo that afterwards."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
+
+import bpy
 
 
 @contextmanager
@@ -21,6 +23,16 @@ def overridden(owner: Any, values: Mapping[str, Any]) -> Iterator[None]:
         yield
     finally:
         _set(owner, before)
+
+
+@contextmanager
+def new_data() -> Iterator[list[bpy.types.ID]]:
+    """Yield a list of new data, which is removed from the file after the block."""
+    made: list[bpy.types.ID] = []
+    try:
+        yield made
+    finally:
+        bpy.data.batch_remove(made)
 
 
 def _set(owner: Any, values: Mapping[str, Any]) -> None:

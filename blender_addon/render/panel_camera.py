@@ -1,26 +1,19 @@
-"""Set the OSL shader for the rays of a panel's subpixels on a camera."""
+"""The OSL shader for the rays of a panel's subpixels: its source and its parameters."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
 
-import bpy
-
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.panel_rays import PanelLayout, subpixel_table
 from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice, elemental_waves
 from lfsr_core.optics.sheet import Lenticular
 
-from .osl_camera import listed, set_shader, with_constants
+from .osl_camera import listed, with_constants
 
 SOURCE = Path(__file__).with_name("panel_layout.osl")
 Numbers = dict[str, int | float]
-
-
-def set_panel_layout(camera: bpy.types.Camera, layout: PanelLayout, clip_start: float = 0.0) -> None:
-    """Make ``camera`` send the rays of ``layout`` from the depth ``clip_start``; LfsrError if it does not compile."""
-    set_shader(camera, panel_source(layout), panel_parameters(layout, clip_start))
 
 
 def panel_source(layout: PanelLayout) -> str:

@@ -7,19 +7,9 @@ from contextlib import ExitStack, contextmanager
 
 import bpy
 
-from lfsr_core.errors import LfsrError, did_you_mean
-from lfsr_core.frames.job import LAYERS
-
 from .overrides import overridden
 
 FOREGROUND, BACKGROUND = 1, 2
-
-
-def check_layers(layers: Sequence[str]) -> None:
-    """Raise LfsrError for the first unknown layer."""
-    for name in layers:
-        if name not in LAYERS:
-            raise LfsrError(f"unknown layer {name!r}: {did_you_mean(name, LAYERS)}The layers are {', '.join(LAYERS)}")
 
 
 @contextmanager

@@ -14,16 +14,13 @@ _SAMPLES = re.compile(r"(?:Rendered (\d+)/(\d+) Tiles, )?Sample (\d+)/(\d+)")
 
 
 @contextmanager
-def heard(listener: Callable[[str], None]) -> Iterator[None]:
-    """Call ``listener`` with each of Cycles' statistics lines inside the block."""
-    def handler(statistics: str, *_: object) -> None:
-        listener(statistics)
-
-    bpy.app.handlers.render_stats.append(handler)
+def heard(listener: Callable[..., None]) -> Iterator[None]:
+    """Call ``listener`` with each of Cycles' statistics lines, and more, inside the block."""
+    bpy.app.handlers.render_stats.append(listener)
     try:
         yield
     finally:
-        bpy.app.handlers.render_stats.remove(handler)
+        bpy.app.handlers.render_stats.remove(listener)
 
 
 @contextmanager
@@ -39,7 +36,7 @@ def following(progress: Progress | None) -> Iterator[None]:
     stopped: list[BaseException] = []
     done, said = 0.0, ""
 
-    def follow(statistics: str) -> None:
+    def follow(statistics: str, *_: object) -> None:
         nonlocal done, said
         fraction, before = sample_fraction(statistics), said
         done, said = done if fraction is None else fraction, doing(statistics)

@@ -20,7 +20,7 @@ from .. import compat
 from ..array.spaces import Matrix, to_blender
 from .cycles import RenderSettings, cycles_settings
 from .output import render_to
-from .overrides import overridden
+from .overrides import new_data, overridden
 from .wiring import Wiring
 
 NAME = "LFSR World"
@@ -56,13 +56,11 @@ def _nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
 @contextmanager
 def white_to_camera(scene: bpy.types.Scene) -> Iterator[None]:
     """Show camera rays a world of radiance 1 inside the block; all other rays see the scene's own."""
-    made = scene.world.copy()
-    try:
-        _show_white(made)
-        with overridden(scene, {"world": made}):
+    with new_data() as made:
+        made.append(scene.world.copy())
+        _show_white(made[0])
+        with overridden(scene, {"world": made[0]}):
             yield
-    finally:
-        bpy.data.worlds.remove(made)
 
 
 def _show_white(world: bpy.types.World) -> None:
@@ -86,9 +84,10 @@ def _show_white(world: bpy.types.World) -> None:
 def render_world(scene: bpy.types.Scene, image: WorldImage, matrix_world: Matrix, settings: RenderSettings,
                  path: Path) -> float:
     """Render only the world of ``scene``, seen from the array, into ``path``; return the seconds."""
-    alone = bpy.data.scenes.new(NAME)
-    camera = _camera(alone, image, matrix_world)
-    try:
+    with new_data() as made:
+        alone = bpy.data.scenes.new(NAME)
+        made.append(alone)
+        made += _camera(alone, image, matrix_world)
         alone.world = scene.world
         alone.frame_current, alone.frame_subframe = scene.frame_current, scene.frame_subframe
         # Nothing is lit, so Cycles needs no importance map of the world.
@@ -96,11 +95,6 @@ def render_world(scene: bpy.types.Scene, image: WorldImage, matrix_world: Matrix
         with (overridden(scene.world.cycles, unlit), cycles_settings(alone, settings, image.size),
               overridden(alone.render, _seen(image))):
             return render_to(alone, path)
-    finally:
-        data = camera.data
-        bpy.data.scenes.remove(alone)
-        bpy.data.objects.remove(camera)
-        bpy.data.cameras.remove(data)
 
 
 def _seen(image: WorldImage) -> dict[str, object]:
@@ -108,8 +102,8 @@ def _seen(image: WorldImage) -> dict[str, object]:
             "pixel_aspect_y": max(1.0, image.aspect)}
 
 
-def _camera(scene: bpy.types.Scene, image: WorldImage, matrix_world: Matrix) -> bpy.types.Object:
-    """Ordinary camera for the directions of ``image``."""
+def _camera(scene: bpy.types.Scene, image: WorldImage, matrix_world: Matrix) -> list[bpy.types.ID]:
+    """Data of an ordinary camera for the directions of ``image``."""
     data = bpy.data.cameras.new(NAME)
     camera = bpy.data.objects.new(NAME, data)
     camera.matrix_world = to_blender(matrix_world)
@@ -117,4 +111,4 @@ def _camera(scene: bpy.types.Scene, image: WorldImage, matrix_world: Matrix) -> 
     data.lens = SENSOR_MM / 2 / image.reach[0]
     scene.collection.objects.link(camera)
     scene.camera = camera
-    return camera
+    return [data, camera]

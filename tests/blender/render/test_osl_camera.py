@@ -40,7 +40,8 @@ def test_every_parameter_of_the_shader_is_set_and_no_other(scene):
 def test_new_parameters_replace_those_of_an_older_layout(scene):
     camera = bpy.data.cameras.new("camera")
     camera.cycles_custom["left_over"] = 1.0
-    osl_camera.set_ray_layout(camera, RayLayout.for_display(MINI, ARRAY))
+    layout = RayLayout.for_display(MINI, ARRAY)
+    osl_camera.set_shader(camera, osl_camera.layout_source(layout), osl_camera.layout_parameters(layout))
     assert "left_over" not in camera.cycles_custom
 
 
