@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -105,8 +104,3 @@ def _stop() -> None:
         emit_last(stage="cancelled", message="stopped by a signal")
     finally:  # also if writing fails because nobody listens any more
         os._exit(EXIT_CANCELLED)
-
-
-def script_arguments() -> list[str]:
-    """Return the script's own arguments: those after ``--`` under Blender, else all."""
-    return sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else sys.argv[1:]

@@ -18,12 +18,11 @@ sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4)
 import bpy
 from mathutils import Vector
 
-from blender_addon.headless.main import script_arguments
 from blender_addon.scene.light import add_light
 from lfsr_core.errors import LfsrError
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, emit
 from lfsr_lab.scenes.shared.objects import add_object
-from lfsr_lab.scenes.shared.script import leave, save
+from lfsr_lab.scenes.shared.script import leave, save, script_arguments
 
 HELMET, VASE, TREE, HEAD = "FlightHelmet.gltf", "GlassVaseFlowers.gltf", "japaneseMaple.obj", "head.glb"
 # By scene the HDRI and its models: where their middles stand, y away from the viewer, longest side, turn in radians.

@@ -21,10 +21,10 @@ import mathutils
 
 from blender_addon.array import placement, rig
 from blender_addon.array.spaces import to_blender
-from blender_addon.headless.main import script_arguments
 from blender_addon.scene.open import open_scene
 from blender_addon.scene.subject import find_subject
 from lfsr_core.optics.display import DisplayProfile
+from lfsr_lab.scenes.shared.script import script_arguments
 
 
 def main(job: dict) -> None:

@@ -11,10 +11,14 @@ from typing import Any, NoReturn
 
 import bpy
 
-from blender_addon.headless.main import script_arguments
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, read_json
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, emit
+
+
+def script_arguments() -> list[str]:
+    """Return the script's own arguments: those after ``--`` under Blender, else all."""
+    return sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else sys.argv[1:]
 
 
 def save(path: Path) -> None:
