@@ -33,14 +33,6 @@ def _setting(group: str, **values: object) -> Fix:
     return fix
 
 
-def _enable_cycles(_scene: bpy.types.Scene, _target: str) -> None:
-    bpy.ops.preferences.addon_enable(module="cycles")
-
-
-def _add_array(scene: bpy.types.Scene, _target: str) -> None:
-    add(scene, scene_settings.display_of(scene))
-
-
 def _add_light(scene: bpy.types.Scene, _target: str) -> None:
     add_light(scene).name = "Light Field World"
 
@@ -74,7 +66,9 @@ def _no_focus(_scene: bpy.types.Scene, target: str) -> None:
 
 
 FIXES: dict[str, Fix] = {
-    "cycles": _enable_cycles, "engine": _setting("render", engine="CYCLES"), "array": _add_array, "light": _add_light,
+    "cycles": lambda _scene, _target: bpy.ops.preferences.addon_enable(module="cycles"),
+    "array": lambda scene, _target: add(scene, scene_settings.display_of(scene)), "light": _add_light,
+    "engine": _setting("render", engine="CYCLES"),
     "script": _setting("cycles", device="CPU", shading_system=True), "dirty": _pack, "background": _to_background,
     "filter": _setting("cycles", pixel_filter_type="BOX"), "denoiser": _setting("cycles", use_denoising=False),
     "motion": _setting("render", use_motion_blur=False), "focus": _no_focus}

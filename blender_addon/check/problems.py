@@ -1,7 +1,4 @@
-"""Check a scene before rendering: what will go wrong on its display.
-
-Each check is a generator of problems; ``fixes`` holds what their buttons do.
-"""
+"""Check a scene before rendering: what will go wrong on its display."""
 
 from __future__ import annotations
 

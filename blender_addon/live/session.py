@@ -1,7 +1,4 @@
-"""The live views that are on: buttons start and stop them, a timer updates them, and no saved file holds them.
-
-Only the identity of the shown scene is stored, since undo and reloads replace everything else.
-"""
+"""Start, update and stop the live views, and keep them out of saved files."""
 
 from __future__ import annotations
 
@@ -11,6 +8,7 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 
+from ..render import devices
 from . import scene as live_scene
 from . import window as live_window
 from .scene import EYE, PANEL
@@ -30,6 +28,7 @@ class _Shown:
     message: str = ""  # what is wrong or what to do next
 
 
+# Only the identity of the scene is stored: undo and reloads replace everything else.
 _on: dict[str, _Shown] = {}
 
 
@@ -47,8 +46,7 @@ def start(scene: bpy.types.Scene, kind: str = PANEL) -> None:
     """Open the live window of ``scene``; LfsrError if it cannot be shown."""
     if is_on(kind):
         raise LfsrError("the live view is on already: press Stop Live first")
-    if bpy.context.preferences.addons.get("cycles") is None:
-        raise LfsrError("Cycles is switched off in Blender's preferences: switch the Cycles Render Engine add-on on")
+    devices.cycles_preferences()
     live_scene.view_of(scene, LARGE, kind)
     live_window.open_window(kind)
     _on[kind] = _Shown(scene.session_uid)

@@ -1,7 +1,4 @@
-"""Mute keyframes, drivers and camera markers that would change the settings of a render.
-
-Blender evaluates animation again when a render starts, which would replace the values that were set for it.
-"""
+"""Mute keyframes, drivers and camera markers that would change the settings of a render."""
 
 from __future__ import annotations
 
@@ -17,8 +14,8 @@ from .overrides import overridden
 def resting(scene: bpy.types.Scene) -> Iterator[None]:
     """Mute what animates the settings of a render inside the block; ``scene`` must be at the frame to render.
 
-    This mutes all keyframes and drivers of the scene itself, which keeps its values of this frame, and those
-    of the pass index of objects.
+    Blender evaluates animation again when a render starts. This mutes all keyframes and drivers of the scene
+    itself, which keeps its values of this frame, and those of the pass index of objects.
     """
     indices = (curve for item in bpy.data.objects if item.is_editable for curve in _curves(item)
                if curve.data_path == "pass_index")

@@ -17,8 +17,7 @@ from lfsr_core.optics.rays import RayLayout
 
 from ..array.spaces import Matrix, to_blender
 from .overrides import new_data, overridden
-from .portal import new_screen
-from .wiring import Wiring
+from .wiring import Wiring, new_screen
 
 NAME = "LFSR Clip Plane"
 SPARE = 1.5   # size of the plane, as a multiple of what the views see
@@ -35,7 +34,10 @@ def clip_plane(scene: bpy.types.Scene, layout: RayLayout | PanelLayout, matrix_w
         yield False
         return
     with new_data() as made:
-        screen = _screen(made, _half_side(layout, depth), PAST * farthest)
+        # Every ray passes through a square of this size at the depth.
+        array, reach = layout.array, layout.reach
+        half = SPARE * (reach + (reach + max(array.half_width, array.half_height)) * depth / array.distance)
+        screen = _screen(made, half, PAST * farthest)
         screen.matrix_world = frame @ mathutils.Matrix.Translation((0, 0, -depth))
         scene.collection.objects.link(screen)
         with overridden(scene.cycles, {"transparent_max_bounces": scene.cycles.transparent_max_bounces + 1}):
@@ -50,12 +52,6 @@ def _farthest(frame: mathutils.Matrix) -> float:
             matrix = toward @ instance.matrix_world
             depths += [-(matrix @ mathutils.Vector(corner)).z for corner in instance.object.bound_box]
     return max(depths)
-
-
-def _half_side(layout: RayLayout | PanelLayout, depth: float) -> float:
-    """Half the side of a square at ``depth`` that every ray passes through."""
-    array, reach = layout.array, layout.reach
-    return SPARE * (reach + (reach + max(array.half_width, array.half_height)) * depth / array.distance)
 
 
 def _screen(made: list[bpy.types.ID], half: float, past: float) -> bpy.types.Object:

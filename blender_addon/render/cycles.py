@@ -165,6 +165,11 @@ def cycles_settings(scene: bpy.types.Scene, settings: RenderSettings, size: tupl
         yield
 
 
+def pixel_aspect(ratio: float) -> dict[str, float]:
+    """Return the render settings for pixels ``ratio`` times as high as wide; one of the two aspects is 1."""
+    return {"pixel_aspect_x": max(1.0, 1 / ratio), "pixel_aspect_y": max(1.0, ratio)}
+
+
 def _render_values(size: tuple[int, int]) -> dict[str, object]:
     return {"engine": "CYCLES", "film_transparent": True, "resolution_x": size[0], "resolution_y": size[1],
             "resolution_percentage": 100, "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0, "use_border": False,

@@ -51,7 +51,7 @@ def resolved(device: str, able: Collection[str] = GPU_TYPES) -> str:
 
 
 def _found(kind: str) -> bool:
-    preferences = _preferences()
+    preferences = cycles_preferences()
     known = {item[0] for item in preferences.get_device_types(bpy.context)}
     return kind in known and any(item.type == kind for item in preferences.get_devices_for_type(kind))
 
@@ -62,7 +62,7 @@ def enabled(device: str) -> Iterator[None]:
     if device == "CPU":
         yield
         return
-    preferences = _preferences()
+    preferences = cycles_preferences()
     known = [item[0] for item in preferences.get_device_types(bpy.context) if item[0] != "NONE"]
     if device not in known:
         raise LfsrError(f"device is {device!r}, but this Blender knows only {', '.join(['CPU', *known])}: "
@@ -77,8 +77,9 @@ def enabled(device: str) -> Iterator[None]:
         yield
 
 
-def _preferences() -> bpy.types.AddonPreferences:
+def cycles_preferences() -> bpy.types.AddonPreferences:
+    """Return the preferences of Cycles; LfsrError if its add-on is switched off."""
     addon = bpy.context.preferences.addons.get("cycles")
     if addon is None:
-        raise LfsrError("Cycles is switched off in Blender's preferences: switch the Cycles add-on on")
+        raise LfsrError("Cycles is switched off in Blender's preferences: switch the Cycles Render Engine add-on on")
     return addon.preferences

@@ -22,8 +22,7 @@ from lfsr_core.optics.rays import RayLayout
 from ..array.spaces import Matrix, to_blender
 from ..scene.volumes import distance_to_volume
 from .overrides import new_data, overridden
-from .portal import new_screen
-from .wiring import Wiring
+from .wiring import Wiring, new_screen
 
 NAME = "LFSR Lens Card"
 CELL, LENS = "cell", "lens"   # attributes of the mesh

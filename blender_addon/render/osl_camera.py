@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,21 +24,19 @@ def layout_source(layout: RayLayout) -> str:
     if layout.lens_list is None:
         return SOURCE.read_text(encoding="utf-8")
     rows, columns = ([str(lens[axis]) for lens in layout.lens_list] for axis in (0, 1))
-    return with_constants(SOURCE, {"LISTED": str(len(layout.lens_list)), "LENS_ROWS": listed(rows),
-                                   "LENS_COLUMNS": listed(columns)})
+    return with_constants(SOURCE, "LISTED", {"LENS_ROWS": rows, "LENS_COLUMNS": columns})
 
 
-def with_constants(path: Path, values: Mapping[str, str]) -> str:
-    """Return the OSL source in ``path`` with constants in place of its own; parameters cannot be arrays."""
+def with_constants(path: Path, counted: str, arrays: Mapping[str, Sequence[str]]) -> str:
+    """Return the OSL source in ``path`` with ``arrays``, of ``counted`` values each, as constants.
+
+    Parameters of a shader cannot be arrays.
+    """
     source = path.read_text(encoding="utf-8")
-    for name, value in values.items():
-        source = re.sub(rf"#define {name} .*", f"#define {name} {value}", source)
+    for name, values in arrays.items():
+        source = re.sub(rf"#define {counted} .*", f"#define {counted} {len(values)}", source)
+        source = re.sub(rf"#define {name} .*", f"#define {name} {{ {', '.join(values)} }}", source)
     return source
-
-
-def listed(values: Iterable[str]) -> str:
-    """Return an OSL array of ``values``."""
-    return "{ " + ", ".join(values) + " }"
 
 
 def layout_parameters(layout: RayLayout, clip_start: float = 0.0) -> dict[str, int | float]:

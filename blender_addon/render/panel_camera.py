@@ -10,7 +10,7 @@ from lfsr_core.optics.panel.panel_rays import PanelLayout, subpixel_table
 from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice, elemental_waves
 from lfsr_core.optics.sheet import Lenticular
 
-from .osl_camera import listed, with_constants
+from .osl_camera import with_constants
 
 SOURCE = Path(__file__).with_name("panel_layout.osl")
 Numbers = dict[str, int | float]
@@ -20,7 +20,7 @@ def panel_source(layout: PanelLayout) -> str:
     """Return the OSL source with the subpixels of ``layout`` as constants."""
     table = subpixel_table(layout)
     right, up = ([f"{value:.9f}" for value in offsets.ravel()] for offsets in (table.right, table.up))
-    return with_constants(SOURCE, {"OFFSETS": str(len(right)), "RIGHT": listed(right), "UP": listed(up)})
+    return with_constants(SOURCE, "OFFSETS", {"RIGHT": right, "UP": up})
 
 
 def panel_parameters(layout: PanelLayout, clip_start: float = 0.0) -> Numbers:

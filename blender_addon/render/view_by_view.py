@@ -27,7 +27,7 @@ from lfsr_core.render.parts import ImageParts, Part
 
 from .. import compat
 from ..array.spaces import to_blender
-from .cycles import RenderSettings, Shot, cycles_settings, temporary_camera
+from .cycles import RenderSettings, Shot, cycles_settings, pixel_aspect, temporary_camera
 from .output import listed, render_to, unfinished
 from .overrides import overridden
 from .progress import Progress, one_of
@@ -47,9 +47,11 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
     if "denoised" in settings.layers:
         raise LfsrError("the layer denoised would be denoised view by view, which loses detail: choose another layout, "
                         "or the method 'oidn'")
+    # A pixel has the proportions of a lens.
+    ratio = (layout.array.half_height / layout.lenses[1]) / (layout.array.half_width / layout.lenses[0])
     views = _Views(layout.views[0] * layout.views[1], Path(path).with_name("views.exr"), parts)
     with (unfinished(path) as target, temporary_camera(scene, shot.matrix_world, layout.array.distance) as camera,
-          cycles_settings(scene, settings, layout.lenses), overridden(scene.render, pixel_aspect(layout)),
+          cycles_settings(scene, settings, layout.lenses), overridden(scene.render, pixel_aspect(ratio)),
           overridden(scene.render.image_settings, compat.one_part_exr()),
           overridden(scene.cycles, _filter(layout)), _folder(target.parent) as folder):
         for number in views.missing():
@@ -149,12 +151,6 @@ def open_aperture(camera: bpy.types.Camera, layout: RayLayout) -> None:
     # Cycles' aperture radius is lens / (2 · f-stop), with the lens in thousandths of a scene unit; the corners of a
     # square lie on it.
     camera.dof.aperture_fstop = camera.lens * 1e-3 / (height * math.sqrt(2))
-
-
-def pixel_aspect(layout: RayLayout) -> dict[str, float]:
-    """Return the render settings for pixels of a lens's proportions; one of the two aspects is 1."""
-    ratio = (layout.array.half_height / layout.lenses[1]) / (layout.array.half_width / layout.lenses[0])
-    return {"pixel_aspect_x": max(1.0, 1 / ratio), "pixel_aspect_y": max(1.0, ratio)}
 
 
 def assemble(layout: RayLayout, views: list[Array]) -> Array:

@@ -1,11 +1,15 @@
-"""Build node trees: add nodes and link them."""
+"""Build node trees, and screens whose material sends camera rays elsewhere."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
 
+from .. import compat
+
+HIDDEN_FROM = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 COLUMN, ROW, ROWS = 190, 170, 4  # distances between nodes, and nodes in a column
 
 
@@ -48,3 +52,28 @@ class Wiring:
         for socket, value in zip(node.inputs, values, strict=False):
             self.link(value, socket)
         return node.outputs[0]
+
+
+# Adds nodes for a ray: the sockets of its position and direction.
+Ray = Callable[[Wiring], tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]]
+
+
+def new_screen(made: list[bpy.types.ID], name: str, ray: Ray) -> bpy.types.Object:
+    """Return an object with an empty mesh that sends camera rays on as ``ray``, by a Ray Portal BSDF.
+
+    Only the camera sees it. It is in no scene; all new data is added to ``made``.
+    """
+    mesh = bpy.data.meshes.new(name)
+    screen = bpy.data.objects.new(name, mesh)
+    material = bpy.data.materials.new(name)
+    made += [mesh, screen, material]
+    for kind in HIDDEN_FROM:
+        setattr(screen, f"visible_{kind}", False)
+    compat.use_nodes(material)
+    material.node_tree.nodes.clear()
+    wiring = Wiring(material.node_tree)
+    position, direction = ray(wiring)
+    portal = wiring.node("ShaderNodeBsdfRayPortal", Position=position, Direction=direction)
+    wiring.node("ShaderNodeOutputMaterial", Surface=portal.outputs[0])
+    mesh.materials.append(material)
+    return screen

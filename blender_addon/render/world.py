@@ -17,8 +17,8 @@ import bpy
 from lfsr_core.optics.world_view import WorldImage
 
 from .. import compat
-from ..array.spaces import Matrix, to_blender
-from .cycles import RenderSettings, cycles_settings
+from ..array.spaces import Matrix
+from .cycles import RenderSettings, cycles_settings, pixel_aspect, temporary_camera
 from .output import render_to
 from .overrides import new_data, overridden
 from .wiring import Wiring
@@ -87,28 +87,14 @@ def render_world(scene: bpy.types.Scene, image: WorldImage, matrix_world: Matrix
     with new_data() as made:
         alone = bpy.data.scenes.new(NAME)
         made.append(alone)
-        made += _camera(alone, image, matrix_world)
         alone.world = scene.world
         alone.frame_current, alone.frame_subframe = scene.frame_current, scene.frame_subframe
         # Nothing is lit, so Cycles needs no importance map of the world.
         unlit = {"sampling_method": "NONE"} if scene.world.is_editable else {}
-        with (overridden(scene.world.cycles, unlit), cycles_settings(alone, settings, image.size),
-              overridden(alone.render, _seen(image))):
+        seen = {"film_transparent": False, "use_persistent_data": False} | pixel_aspect(image.aspect)
+        with (overridden(scene.world.cycles, unlit), temporary_camera(alone, matrix_world, 1.0) as camera,
+              cycles_settings(alone, settings, image.size), overridden(alone.render, seen)):
+            lens = camera.data
+            lens.type, lens.sensor_fit, lens.sensor_width = "PERSP", "HORIZONTAL", SENSOR_MM
+            lens.lens = SENSOR_MM / 2 / image.reach[0]
             return render_to(alone, path)
-
-
-def _seen(image: WorldImage) -> dict[str, object]:
-    return {"film_transparent": False, "use_persistent_data": False, "pixel_aspect_x": max(1.0, 1 / image.aspect),
-            "pixel_aspect_y": max(1.0, image.aspect)}
-
-
-def _camera(scene: bpy.types.Scene, image: WorldImage, matrix_world: Matrix) -> list[bpy.types.ID]:
-    """Data of an ordinary camera for the directions of ``image``."""
-    data = bpy.data.cameras.new(NAME)
-    camera = bpy.data.objects.new(NAME, data)
-    camera.matrix_world = to_blender(matrix_world)
-    data.type, data.sensor_fit, data.sensor_width = "PERSP", "HORIZONTAL", SENSOR_MM
-    data.lens = SENSOR_MM / 2 / image.reach[0]
-    scene.collection.objects.link(camera)
-    scene.camera = camera
-    return [data, camera]

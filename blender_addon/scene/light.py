@@ -67,12 +67,12 @@ def _plain_world(world: bpy.types.World | None) -> float:
 
 
 @contextmanager
-def lit(scene: bpy.types.Scene, is_own: bool, name: str = DEFAULT_LIGHT) -> Iterator[None]:
-    """Light ``scene`` inside the block with the world image ``name``, unless ``is_own``: it has light of its own."""
+def lit(scene: bpy.types.Scene, is_own: bool) -> Iterator[None]:
+    """Light ``scene`` inside the block with a world image, unless ``is_own``: it has light of its own."""
     if is_own:
         yield
         return
-    before, world = scene.world, add_light(scene, name)
+    before, world = scene.world, add_light(scene)
     try:
         yield
     finally:

@@ -19,12 +19,9 @@ def distance_to_volume(scene: bpy.types.Scene, point: mathutils.Vector) -> float
 
 
 def _is_volume(item: bpy.types.Object) -> bool:
-    return item.type == "VOLUME" or any(_has_volume(slot.material) for slot in item.material_slots)
-
-
-def _has_volume(material: bpy.types.Material | None) -> bool:
-    nodes = material.node_tree.nodes if material is not None and material.node_tree is not None else ()
-    return any(node.inputs["Volume"].is_linked for node in nodes if node.bl_idname == "ShaderNodeOutputMaterial")
+    trees = (slot.material.node_tree for slot in item.material_slots if slot.material is not None)
+    outputs = (node for tree in trees if tree for node in tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial")
+    return item.type == "VOLUME" or any(node.inputs["Volume"].is_linked for node in outputs)
 
 
 def _distance(item: bpy.types.Object, point: mathutils.Vector) -> float:
