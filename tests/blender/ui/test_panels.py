@@ -130,7 +130,7 @@ def test_with_problems_of_every_kind(scene):
     check.refresh(scene)
     drawn = draw_all()["Scene Check"]
     assert {"lfsr.check_scene", "lfsr.check_fix"} <= operators(drawn)
-    assert "Pixel Filter" in labels(drawn) and "Nothing in the scene shines" in labels(drawn)
+    assert "Pixel Filter" in labels(drawn) and "The scene has no light" in labels(drawn)
 
 
 def test_while_a_task_runs(scene, monkeypatch):
