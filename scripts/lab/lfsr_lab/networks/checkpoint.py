@@ -1,7 +1,7 @@
 """Weights as safetensors with a provenance file beside them.
 
-The header of ``NAME-xS.safetensors`` says format version, architecture, scale,
-options and a SHA-256 over the tensors; ``NAME-xS.json`` says how they were made.
+The header of ``NAME-xS.safetensors`` holds format version, architecture, scale,
+options and a SHA-256 over the tensors; ``NAME-xS.json`` holds how they were made.
 Nothing is ever unpickled.
 """
 
@@ -25,19 +25,10 @@ from lfsr_core.reconstruct.networks.weights_file import FORMAT, MAX_BYTES, VERSI
 
 def save(path: str | Path, network: nn.Module, scale: int, provenance: Mapping[str, Any],
          options: Mapping[str, Any] | None = None) -> None:
-    """Write weights and, beside them, how they were made.
+    """Write the weights of ``network``, trained at ``scale``, to ``path``, and a JSON file of the same stem.
 
-    Parameters
-    ----------
-    path : of the weights; the JSON file has the same stem
-    network : whose tensors are written
-    scale : that it was trained at
-    provenance : how it was trained, for the JSON file beside the file's own facts
-    options : its hyper-parameters, for the header
-
-    Raises
-    ------
-    LfsrError : if the file would reach 1 MB or a value is not finite
+    ``provenance`` (how it was trained) goes into the JSON file, ``options`` (hyper-parameters) into the header too.
+    LfsrError if the file would reach 1 MB or a value is not finite.
     """
     path = Path(path)
     tensors = {name: value.detach().cpu().contiguous().numpy() for name, value in network.state_dict().items()}
@@ -52,8 +43,10 @@ def save(path: str | Path, network: nn.Module, scale: int, provenance: Mapping[s
 
 
 def load_into(network: nn.Module, path: str | Path, scale: int) -> nn.Module:
-    """The same network with the tensors of ``path``; LfsrError unless version, architecture,
-    scale, shapes and hash all fit."""
+    """Load the tensors of ``path`` into ``network`` and return it.
+
+    LfsrError unless version, architecture, scale, shapes and hash all fit.
+    """
     path = Path(path)
     header, tensors = read(path)
     expected = {"architecture": type(network).__name__, "scale": str(scale)}

@@ -1,4 +1,4 @@
-"""Networks of others that ours are compared with, by the names that ``lfsr`` knows them by. Imports no PyTorch."""
+"""Networks of others that ours are compared with, by method name; this module does not import PyTorch."""
 
 from __future__ import annotations
 

@@ -9,11 +9,7 @@ from torch import Tensor, nn
 def aligned_deconvolution(inputs: int, outputs: int, kernel: int, scale: int) -> nn.ConvTranspose2d:
     """Return a deconvolution from (h, w) to exactly (scale·h, scale·w), its kernel centred on the pixel's footprint.
 
-    Parameters
-    ----------
-    inputs, outputs : channels
-    kernel : its side in output pixels
-    scale : stride
+    ``inputs``, ``outputs``: channels. ``kernel``: its side in output pixels. ``scale``: stride.
     """
     padding = (kernel - scale + 1) // 2
     return nn.ConvTranspose2d(inputs, outputs, kernel, scale, padding, output_padding=2 * padding - kernel + scale)

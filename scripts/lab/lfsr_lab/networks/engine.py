@@ -57,11 +57,16 @@ def make_engine(network: nn.Module, *, device: str = "auto", step: int | None = 
     ``step``: elemental images per call, None for the best of PIXELS_PER_STEP.
     LfsrError for an unknown or absent device, or a step below 1.
     """
-    if device not in DEVICES:
-        raise LfsrError(f"device is {device!r}, but it must be one of {', '.join(DEVICES)}")
     if step is not None and step < 1:
         raise LfsrError(f"step is {step}, but it must be 1 or more elemental images per call")
-    on_gpu = device != "cpu" and torch.cuda.is_available()
-    if device == "cuda" and not on_gpu:
+    return Engine(network.eval(), choose_device(device), step)
+
+
+def choose_device(name: str) -> torch.device:
+    """Return the device "cpu", "cuda" or "auto"; LfsrError for another name, or if CUDA is absent."""
+    if name not in DEVICES:
+        raise LfsrError(f"device is {name!r}, but it must be one of {', '.join(DEVICES)}")
+    on_gpu = name != "cpu" and torch.cuda.is_available()
+    if name == "cuda" and not on_gpu:
         raise LfsrError("device 'cuda' is not available on this machine: choose cpu or auto")
-    return Engine(network.eval(), torch.device("cuda" if on_gpu else "cpu"), step)
+    return torch.device("cuda" if on_gpu else "cpu")

@@ -1,4 +1,4 @@
-"""Training: photographs or rendered EIAs in, weights with provenance out.
+"""Train networks on photographs or rendered EIAs; write weights with their provenance.
 
 Needs torch, OpenCV, safetensors and, for the loss curve, matplotlib; neither
 OpenImageIO nor OpenColorIO, so it runs on a bare GPU machine.

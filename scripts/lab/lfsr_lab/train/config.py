@@ -1,4 +1,4 @@
-"""What a training run is: a TOML file of known keys."""
+"""Configs of training runs: TOML files with known keys."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from lfsr_lab.networks.lightfield import LightFieldConfig
 
 CONFIG_FOLDER = Path(__file__).parent / "configs"
-MOST_BYTES = 100_000  # of a config's file
+MAX_BYTES = 100_000  # of a config's file
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,14 +25,14 @@ class TrainConfig:
 
     network: str
     photographs: str  # folder of images, or cache file of --prepare-photographs
-    validation: str = ""  # the same, to measure on
+    validation: str = ""  # the same, for validation
     validation_scenes: str = ""  # folder of rendered light fields (*.npz), scored per EI as well
     scale: int = 4
     seed: int = 0
     crop: int = 256  # side of a high-resolution crop in pixels
     crops_per_photograph: int = 16  # in an epoch
-    downsample: str = "box"  # what a low-resolution render is; or "bicubic"
-    linear_light: bool = True  # downsample light instead of encoded values
+    downsample: str = "box"  # as a low-resolution render does; or "bicubic"
+    linear_light: bool = True  # downsample linear light instead of encoded values
     augment: bool = True
     epochs: int = 100
     batch: int = 8
@@ -41,14 +41,14 @@ class TrainConfig:
     adversarial: float = 0.0  # weight of the adversarial term; 0 trains without a discriminator
     validate_every: int = 10  # epochs
     checkpoint_every: int = 10  # epochs
-    # Weights of the same architecture to begin with, as a generator that meets its adversary
-    # (SRGAN, arXiv 1609.04802, section 3.2); empty: random ones.
+    # Initial weights of the same architecture, as for a generator before adversarial training (SRGAN, arXiv
+    # 1609.04802, section 3.2); empty: random ones.
     start: str = ""
 
     def __post_init__(self) -> None:
         problems = (
-            (self.crop % self.scale or self.crop <= 0, f"crop {self.crop} is no multiple of scale {self.scale}",
-             "choose a crop that is"),
+            (self.crop % self.scale or self.crop <= 0, f"crop {self.crop} is not a multiple of scale {self.scale}",
+             "choose one that is"),
             (self.downsample not in ("box", "bicubic"), f"downsample {self.downsample!r} is unknown",
              "choose box or bicubic"),
             (self.schedule not in ("constant", "cosine"), f"schedule {self.schedule!r} is unknown",
@@ -65,7 +65,7 @@ class TrainConfig:
 
 @dataclasses.dataclass(frozen=True)
 class LightFieldTrainConfig:
-    """Training of a network of ours on rendered scenes."""
+    """Training of one of our networks on rendered scenes."""
 
     network: str
     scenes: str  # folder of *.npz of training_scenes.py
@@ -75,11 +75,11 @@ class LightFieldTrainConfig:
     steps_per_epoch: int = 250
     batch: int = 1  # whole scenes, at one sample count
     rate: float = 2e-3
-    view_weight: float = 0.5  # of the loss over decoded views, beside 1 for the EIA
+    view_weight: float = 0.5  # of the loss over decoded views; that of the EIA is 1
     pixel_weight: float = 10.0  # of the squared error
     clean_inputs: bool = False  # the ablation that trains on downsampled references instead of renders
-    without: str = ""  # inputs to leave out, with commas
-    # Another architecture than the registered one: 0 (blocks: -1) leaves it.
+    without: str = ""  # inputs to leave out, separated by commas
+    # Changes of the registered architecture; 0 (blocks: -1) keeps it.
     width: int = 0
     body_width: int = 0
     blocks: int = -1
@@ -94,7 +94,7 @@ class LightFieldTrainConfig:
         return LightFieldConfig(**self.options())
 
     def options(self) -> dict[str, Any]:
-        """The same as plain values, for the header of the weights."""
+        """Size and inputs as plain values, for the header of the weights."""
         options = dict(catalogue.spec(self.network).options)
         options["inputs"] = tuple(name for name in options["inputs"] if name not in self.without.split(","))
         if options.get("second_base") not in options["inputs"]:
@@ -105,7 +105,7 @@ class LightFieldTrainConfig:
 
 
 def load_config(name: str, settings: Sequence[str] = ()) -> TrainConfig | LightFieldTrainConfig:
-    """Config of a TOML file or of a built-in name such as "paper"; ``settings`` are "key=value".
+    """Read the config of a TOML file or of a built-in name such as "paper"; ``settings`` are "key=value".
 
     LfsrError for a missing file, an unknown key (with the nearest) or a wrong type.
     """
@@ -113,13 +113,13 @@ def load_config(name: str, settings: Sequence[str] = ()) -> TrainConfig | LightF
     for setting in settings:
         key, separator, text = setting.partition("=")
         if not separator:
-            raise LfsrError(f"setting {setting!r} is not key=value: write for example epochs=10")
+            raise LfsrError(f"setting {setting!r} is not of the form key=value: write for example epochs=10")
         values[key.strip()] = _parse(text.strip())
     return from_values(values, name)
 
 
 def from_values(values: dict[str, Any], origin: str) -> TrainConfig | LightFieldTrainConfig:
-    """Config of plain values, of the kind its network needs; LfsrError names what is unknown, missing or mistyped."""
+    """Return the config of plain values that the network needs; LfsrError for an unknown, missing or mistyped key."""
     known = catalogue.NETWORKS.get(values.get("network", ""))
     kind = LightFieldTrainConfig if known and known.light_field else TrainConfig
     hints = get_type_hints(kind)
@@ -137,7 +137,7 @@ def from_values(values: dict[str, Any], origin: str) -> TrainConfig | LightField
 
 
 def builtin_configs() -> list[str]:
-    """Names that ``load_config`` knows without a path."""
+    """Names of the configs that ship with the package."""
     return sorted(path.stem for path in CONFIG_FOLDER.glob("*.toml"))
 
 
@@ -147,7 +147,7 @@ def _read_toml(name: str) -> dict[str, Any]:
     if not path.exists():
         raise LfsrError(f"there is no training config {name!r}: give a TOML file or one of "
                         f"{', '.join(builtin_configs())}")
-    content = read_bytes(path, "a training config", MOST_BYTES)
+    content = read_bytes(path, "a training config", MAX_BYTES)
     try:
         return tomllib.loads(content.decode("utf-8"))
     except (ValueError, RecursionError) as error:
@@ -155,7 +155,7 @@ def _read_toml(name: str) -> dict[str, Any]:
 
 
 def _parse(text: str) -> Any:
-    """Value of a command-line setting: TOML where it is TOML, a plain word otherwise."""
+    """Value of a command-line setting: parsed if it is TOML, else the text itself."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):

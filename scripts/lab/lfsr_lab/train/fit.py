@@ -1,7 +1,7 @@
-"""Fitting one of our networks to the scene at hand: a few reference lenses, seconds to a minute.
+"""Fit one of our networks to one scene, from a few reference lenses, in seconds to a minute.
 
-The result serves that scene only, also over an animation; it is reported apart
-from the general weights, on lenses that the fit has not seen.
+The weights serve that scene only, also over an animation. Their gain is measured on
+lenses that the fit has not seen.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ from lfsr_lab.networks.lightfield import LightFieldNet, conserve, display_values
 from lfsr_lab.networks.networks import load
 from lfsr_lab.train.ssim import split_error_map, split_ssim_map
 
-BATCH, RATE, HELD_OUT_SHARE, LEAST_LENSES = 16, 5e-4, 4, 8
+BATCH, RATE, MIN_LENSES = 16, 5e-4, 8
+LENSES_PER_TEST_LENS = 4  # one lens in four tests the fit
 STEPS_PER_MESSAGE = 25
 
 
@@ -48,15 +49,15 @@ class FitOptions:
         if not catalogue.spec(self.network).light_field:
             raise LfsrError(f"network {self.network!r} was trained on photographs and cannot be fitted: "
                             "choose refine or light")
-        if not (self.lenses >= LEAST_LENSES and self.seconds >= 0 and 0 <= self.seed < 2**32):
-            raise LfsrError(f"fitting {str(self.lenses)[:20]} lenses for {self.seconds} s from seed "
-                            f"{str(self.seed)[:20]} cannot be: give at least {LEAST_LENSES} lenses, no less than 0 "
-                            "seconds, and a seed from 0 to 4294967295")
+        if not (self.lenses >= MIN_LENSES and self.seconds >= 0 and 0 <= self.seed < 2**32):
+            raise LfsrError(f"cannot fit {str(self.lenses)[:20]} lenses for {self.seconds} s from seed "
+                            f"{str(self.seed)[:20]}: give at least {MIN_LENSES} lenses, at least 0 seconds and a seed "
+                            "from 0 to 4294967295")
 
 
 @dataclasses.dataclass(frozen=True)
 class Fitted:
-    """What a fit did; the provenance of its weights."""
+    """Result of a fit, and the provenance of its weights."""
 
     network: str
     fitted_to: str  # frame folder
@@ -64,24 +65,24 @@ class Fitted:
     seconds: float
     steps: int
     seed: int
-    unseen_lenses: int  # the reference's other foreground lenses, which check it
+    unseen_lenses: int  # the reference's other foreground lenses, which test the fit
     before: float  # mean split SSIM of the unseen lenses with the general weights
     after: float
 
 
 @dataclasses.dataclass(frozen=True)
 class Lenses:
-    """N foreground lenses, ready to learn from."""
+    """Training data of N foreground lenses."""
 
     features: Tensor  # (N, C, h, w) network inputs
     base: Tensor  # (N, 3, h, w), what the network corrects
     light: Tensor  # (N, 3, 1, 1) rendered mean light
     halves: tuple[Tensor, Tensor]  # of the reference, (N, 3, h·s, w·s) sRGB values
-    behind: Tensor  # scene-linear, what shows of a world apart, (N, 3, h·s, w·s), or (N, 3, 1, 1) zeros without one
+    behind: Tensor  # scene-linear light of a separate world, (N, 3, h·s, w·s), or (N, 3, 1, 1) zeros without one
     scale: int
 
     def take(self, index: Array) -> Lenses:
-        """The lenses of ``index``."""
+        """Select the lenses of ``index``."""
         chosen = torch.from_numpy(index)
         return dataclasses.replace(self, features=self.features[chosen], base=self.base[chosen],
                                    light=self.light[chosen], behind=self.behind[chosen],
@@ -90,32 +91,27 @@ class Lenses:
 
 def fit(folder: str | Path, reference: str | Path, output: str | Path, options: FitOptions | None = None,
         progress: Progress = silent) -> Fitted:
-    """Go on training a network of ours on a few lenses of a reference.
+    """Continue training one of our networks on a few lenses of a reference; return its gain on other lenses.
 
     Parameters
     ----------
     folder : frame folder, rendered with albedo and normal
-    reference : reference folder of the same frame, whole or sampled
+    reference : reference folder of the same frame, of all or of sampled lenses
     output : weights file to write, .safetensors
     options : network, number of lenses, time and seed
-    progress : hears of every few steps
-
-    Returns
-    -------
-    What it gained on lenses it has not seen.
+    progress : called every few steps
 
     Raises
     ------
-    LfsrError
-        The folders do not fit each other, a layer is missing or there are too few lenses.
+    LfsrError : if the folders do not fit each other, a layer is missing or there are too few lenses
     """
     options = options or FitOptions()
     data = lenses_of(Path(folder), Path(reference), options.network)
     order = np.random.default_rng(options.seed).permutation(len(data.features))
-    count = min(options.lenses, len(order) - max(1, len(order) // HELD_OUT_SHARE))
-    if count < LEAST_LENSES:
-        raise LfsrError(f"{reference} shows {len(order)} foreground lenses, but a fit needs {LEAST_LENSES} and some to "
-                        "check it: render a reference of more lenses")
+    count = min(options.lenses, len(order) - max(1, len(order) // LENSES_PER_TEST_LENS))
+    if count < MIN_LENSES:
+        raise LfsrError(f"{reference} shows {len(order)} foreground lenses, but a fit needs {MIN_LENSES} and some to "
+                        "test it: render a reference of more lenses")
     seen, unseen = data.take(order[:count]), data.take(order[count:])
     network, entry = load(options.network, data.scale), catalogue.spec(options.network)
     assert isinstance(network, LightFieldNet)
@@ -129,7 +125,7 @@ def fit(folder: str | Path, reference: str | Path, output: str | Path, options: 
 
 
 def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
-    """Foreground lenses of ``reference``, as network ``name`` sees them in ``folder``; LfsrError if they differ."""
+    """Read the foreground lenses of ``reference`` and the network's inputs in ``folder``; LfsrError if they differ."""
     frame = read_frame(folder)
     check_reference(frame, read_frame(reference))
     low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame, read_world(folder, frame))
@@ -152,7 +148,7 @@ def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
 
 
 def score(network: LightFieldNet, data: Lenses) -> float:
-    """Mean split SSIM of the EIs as the second stage makes them."""
+    """Mean split SSIM of the finished EIs."""
     with torch.no_grad():
         parts = [_ssim(network, data.take(index)) * len(index)
                  for index in np.array_split(np.arange(len(data.base)), -(-len(data.base) // BATCH))]
@@ -160,7 +156,7 @@ def score(network: LightFieldNet, data: Lenses) -> float:
 
 
 def finished_images(network: LightFieldNet, data: Lenses) -> Tensor:
-    """EIs (N, 3, h·s, w·s) as the second stage makes them, sRGB values."""
+    """Finished EIs (N, 3, h·s, w·s) in sRGB values, as the second stage computes them."""
     clean = conserve(network(data.features, data.base), data.light)
     return display_values(upscale(clean, data.scale), data.behind)
 
@@ -170,13 +166,13 @@ def _ssim(network: LightFieldNet, data: Lenses) -> Tensor:
 
 
 def _error(network: LightFieldNet, data: Lenses) -> Tensor:
-    """The loss of training, see split_error_map."""
+    """The loss of ``split_error_map``."""
     guide = display_values(upscale(data.base, data.scale), data.behind)
     return split_error_map(finished_images(network, data), *data.halves, guide).mean()
 
 
 def _descend(network: LightFieldNet, seen: Lenses, seconds: float, progress: Progress) -> tuple[LightFieldNet, int]:
-    """Gradient steps for ``seconds``; the network and their number."""
+    """Do gradient steps for ``seconds``; return the network and the number of steps."""
     network = copy.deepcopy(network).train()
     optimizer = torch.optim.Adam(network.parameters(), RATE)
     started, steps, rng = time.monotonic(), 0, np.random.default_rng(torch.initial_seed() % 2**32)

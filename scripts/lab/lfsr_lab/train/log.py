@@ -1,4 +1,4 @@
-"""Training log: one JSON line per epoch, and its curves as a picture."""
+"""Training log: one JSON line per epoch, and its curves as an image."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, system_errors
 
-LOG_NAME, PICTURE_NAME = "log.jsonl", "loss.png"
+LOG_NAME, IMAGE_NAME = "log.jsonl", "loss.png"
 NO_CURVE = {"epoch", "seconds"}
 
 
 class TrainLog:
-    """Log of a run in ``folder``; lines after epoch ``keep_epochs`` are dropped, because they will come again."""
+    """Log of a run in ``folder``; lines after epoch ``keep_epochs`` are dropped, because a resumed run repeats them."""
 
     def __init__(self, folder: str | Path, keep_epochs: int = 0) -> None:
         self._folder = Path(folder)
@@ -31,18 +31,18 @@ class TrainLog:
             file.write(json.dumps(line) + "\n")
 
     def last_validation(self) -> dict[str, float]:
-        """Figures of the latest validated epoch, without its losses."""
+        """Validation metrics of the latest validated epoch."""
         validated = [line for line in self.lines if any("." in key for key in line)]
         return {key: value for key, value in validated[-1].items() if "." in key} if validated else {}
 
     def draw(self) -> None:
-        """Write loss.png: losses on a logarithmic axis, validation figures below them."""
+        """Write loss.png: losses on a logarithmic axis, validation metrics below them."""
         if self.lines:
-            draw_curves(self.lines, self._folder / PICTURE_NAME)
+            draw_curves(self.lines, self._folder / IMAGE_NAME)
 
 
 def read_log(path: str | Path) -> list[dict[str, Any]]:
-    """Lines of a log; LfsrError if one is no JSON."""
+    """Read the lines of a log; LfsrError if one is not JSON."""
     try:
         return [json.loads(line) for line in Path(path).read_text(encoding="utf-8").splitlines()]
     except (OSError, json.JSONDecodeError, UnicodeDecodeError) as error:
@@ -50,7 +50,7 @@ def read_log(path: str | Path) -> list[dict[str, Any]]:
 
 
 def draw_curves(lines: list[dict[str, Any]], path: str | Path) -> None:
-    """One curve per loss (upper half, log axis) and per validation figure, named "data.metric" (lower half)."""
+    """Draw a curve per loss (upper half, log axis) and per validation metric, named "data.metric" (lower half)."""
     from matplotlib.figure import Figure
 
     names = list(dict.fromkeys(key for line in lines for key in line if key not in NO_CURVE))

@@ -1,7 +1,7 @@
 """The training loop: steps of a task, with a log, checkpoints, resumption and a clean stop.
 
-A task says what a step is; the loop knows no network. Losses stay on the device
-until an epoch ends, so a GPU never waits for Python.
+A task defines a step; the loop knows no network. Losses stay on the device
+until an epoch ends, so that a GPU never waits for Python.
 """
 
 from __future__ import annotations
@@ -33,22 +33,22 @@ class Task(Protocol):
     """What is trained."""
 
     def identity(self) -> dict[str, Any]:
-        """Plain values that must agree for a run to be resumed."""
+        """Plain values that must be equal for a run to be resumed."""
 
     def begin(self, epoch: int) -> int:
-        """Prepare an epoch, whose content must depend on its number alone; the number of its steps."""
+        """Prepare an epoch, whose content must depend on its number alone; return its number of steps."""
 
     def step(self, index: int) -> dict[str, Tensor]:
-        """Train on one batch; detached scalar losses, still on the device."""
+        """Train on one batch; return detached scalar losses, still on the device."""
 
     def validate(self) -> dict[str, float]:
-        """Figures for the log."""
+        """Metrics for the log."""
 
     def state(self) -> dict[str, Any]:
-        """What training changes, in tensors, numbers, strings, lists and dicts only."""
+        """Everything that training changes, as tensors, numbers, strings, lists and dicts only."""
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go back to a ``state``."""
+        """Return to a ``state``."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ class Schedule:
 class Position:
     """Where a run stands."""
 
-    epoch: int = 0  # whole epochs that are done
-    step: int = 0  # steps of the next epoch that are done
+    epoch: int = 0  # finished epochs
+    step: int = 0  # finished steps of the next epoch
     sums: dict[str, Any] = field(default_factory=dict)  # losses summed over those steps
     seconds: float = 0.0
 
@@ -81,7 +81,7 @@ class Outcome:
 
 
 class Stop:
-    """``asked`` turns True when SIGINT or SIGTERM comes, or when something sets it."""
+    """``asked`` becomes True on SIGINT or SIGTERM, or when it is set."""
 
     def __init__(self) -> None:
         self.asked = False
@@ -91,7 +91,7 @@ class Stop:
         """Catch the signals inside the block; a second one interrupts at once."""
         try:
             before = {number: signal.signal(number, self._ask) for number in (signal.SIGINT, signal.SIGTERM)}
-        except ValueError:  # not the main thread: no signal comes here
+        except ValueError:  # other threads than the main one get no signals
             before = {}
         try:
             yield
@@ -107,33 +107,18 @@ class Stop:
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a run is watched and steered."""
+    """Resumption, progress and a way to stop a run."""
 
-    resume: bool = False  # go on from the checkpoint in the output folder
+    resume: bool = False  # continue from the checkpoint in the output folder
     progress: Progress = silent
     stop: Stop = field(default_factory=Stop)
 
 
 def run(task: Task, schedule: Schedule, output: str | Path, options: RunOptions | None = None) -> Outcome:
-    """Train ``task``; log.jsonl, loss.png and checkpoint.pt appear in ``output``.
+    """Train ``task``, writing log.jsonl, loss.png and checkpoint.pt to the folder ``output``.
 
-    A resumed run ends as an uninterrupted one would.
-
-    Parameters
-    ----------
-    task : what a step is
-    schedule : how long, and how often to validate and to save
-    output : folder to write to
-    options : resumption, progress and a way to stop it
-
-    Returns
-    -------
-    How it ended.
-
-    Raises
-    ------
-    LfsrError
-        The checkpoint is of another run, or there is one and ``options.resume`` is off.
+    A resumed run ends as an uninterrupted one would. LfsrError if the folder holds a checkpoint of
+    another run, or any checkpoint and ``options.resume`` is off.
     """
     options = options or RunOptions()
     output = Path(output)
@@ -153,7 +138,7 @@ def run(task: Task, schedule: Schedule, output: str | Path, options: RunOptions 
 
 
 def _train_epoch(task: Task, position: Position, schedule: Schedule, options: RunOptions) -> None:
-    """Do the steps that are left of the current epoch; ends early when a stop is asked."""
+    """Do the remaining steps of the current epoch, or fewer if a stop is asked for."""
     started, steps = time.monotonic(), task.begin(position.epoch)
     while position.step < steps and not options.stop.asked:
         for name, loss in task.step(position.step).items():
@@ -176,17 +161,17 @@ def _finish_epoch(task: Task, position: Position, schedule: Schedule, log: Train
 
 
 def save_checkpoint(task: Task, output: Path, position: Position) -> None:
-    """Write checkpoint.pt, whole or not at all."""
+    """Write checkpoint.pt, leaving no partial file."""
     content = {"version": CHECKPOINT_VERSION, "run": _fingerprint(task), "position": vars(position),
                "state": task.state()}
-    buffer = io.BytesIO()  # of a full disk PyTorch's own writer says nothing that a user could read
+    buffer = io.BytesIO()  # PyTorch's own writer has no readable error for a full disk
     torch.save(content, buffer)
     with atomic_path(output / CHECKPOINT) as temporary:
         temporary.write_bytes(buffer.getvalue())
 
 
 def load_checkpoint(path: Path) -> dict[str, Any]:
-    """Content of a checkpoint; LfsrError if it is damaged or of another version. Runs no code from it."""
+    """Read a checkpoint without running code from it; LfsrError if it is damaged or of another version."""
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
         version = content["version"]
@@ -207,7 +192,7 @@ def _start(task: Task, output: Path, resume: bool) -> Position:
             raise LfsrError(f"{path} does not exist, so there is nothing to resume: start without --resume")
         return Position()
     if not resume:
-        raise LfsrError(f"{output} already holds a training run: pass --resume to go on or choose another --output")
+        raise LfsrError(f"{output} already holds a training run: pass --resume to continue or choose another --output")
     content = load_checkpoint(path)
     if content["run"] != _fingerprint(task):
         raise LfsrError(f"{path} was written by a run with other settings or data: resume with the same ones or "

@@ -1,4 +1,4 @@
-"""One training run from config to weights with provenance."""
+"""One training run, from its config to weights with provenance."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ import numpy as np
 import torch
 
 from lfsr_core import __version__
-from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_lab.networks import checkpoint
 from lfsr_lab.networks.cost import multiply_adds, parameters
+from lfsr_lab.networks.engine import choose_device
 from lfsr_lab.train.config import LightFieldTrainConfig, TrainConfig
 from lfsr_lab.train.lightfields.data import load_scenes
 from lfsr_lab.train.lightfields.task import LightFieldTask, digest
@@ -33,15 +33,15 @@ SCENE_SETTINGS = "settings.json"
 
 @dataclass(frozen=True)
 class Trained:
-    """What a run leaves."""
+    """Result of a run."""
 
-    weights: Path | None  # file written, None if the run was stopped before its end
+    weights: Path | None  # file written; None if the run was stopped early
     outcome: Outcome
 
 
 @dataclass(frozen=True)
 class PhotographFacts:
-    """Which photographs a run saw."""
+    """Photographs of a run."""
 
     files: int
     megapixels: float
@@ -56,7 +56,7 @@ class PhotographFacts:
 
 @dataclass(frozen=True)
 class ComparatorData:
-    """What a comparator was trained on and, if anything, validated on."""
+    """Training and validation photographs of a comparator."""
 
     photographs: PhotographFacts
     validation: PhotographFacts | None
@@ -64,17 +64,17 @@ class ComparatorData:
 
 @dataclass(frozen=True)
 class SceneData:
-    """What a network of ours was trained on."""
+    """Training scenes of one of our networks."""
 
-    scenes: int  # how many
+    scenes: int  # their number
     sha256: str
-    settings: Any  # of training_scenes.py, None if the folder does not say
-    validation: list[str]  # scenes kept apart
+    settings: Any  # of training_scenes.py; None if the folder has none
+    validation: list[str]  # scenes used for validation only
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """How weights came to be; ``checkpoint.save`` writes it beside them."""
+    """How weights were made; ``checkpoint.save`` writes it beside them."""
 
     network: str
     config: TrainConfig | LightFieldTrainConfig
@@ -90,23 +90,9 @@ class Provenance:
 
 def train(config: TrainConfig | LightFieldTrainConfig, output: str | Path, device: str = "auto",
           options: RunOptions | None = None) -> Trained:
-    """Train as ``config`` says.
+    """Train the network of ``config``; write weights, log, curves and checkpoint to the folder ``output``.
 
-    Parameters
-    ----------
-    config : network, data and recipe
-    output : folder for weights, log, curves and checkpoint
-    device : "cpu", "cuda" or "auto"
-    options : resumption, progress and a way to stop it
-
-    Returns
-    -------
-    The weights and how the run went.
-
-    Raises
-    ------
-    LfsrError
-        Data, device or a checkpoint do not fit.
+    ``device``: "cpu", "cuda" or "auto". LfsrError if data, device or a checkpoint do not fit.
     """
     chosen = choose_device(device)
     torch.backends.cudnn.benchmark = True
@@ -158,17 +144,7 @@ def _provenance(task: ComparatorTask | LightFieldTask, outcome: Outcome,
         multiply_adds_per_low_pixel=multiply_adds(task.network, COUNTED_EI, COUNTED_EI))
 
 
-def choose_device(name: str) -> torch.device:
-    """Device "cpu", "cuda" or "auto"; LfsrError if CUDA is asked for and absent."""
-    if name not in ("auto", "cpu", "cuda"):
-        raise LfsrError(f"device {name!r} is unknown: choose cpu, cuda or auto")
-    available = torch.cuda.is_available()
-    if name == "cuda" and not available:
-        raise LfsrError("device 'cuda' is not available on this machine: choose cpu or auto")
-    return torch.device("cuda" if available and name != "cpu" else "cpu")
-
-
 def _command() -> str:
-    """This process's command line as a user types it."""
+    """This process's command line, as a user types it."""
     program = Path(sys.argv[0]).name
     return shlex.join([*(["lfsr"] if program in ("lfsr", "cli.py") else ["python", program]), *sys.argv[1:]])

@@ -1,8 +1,8 @@
-"""Quality on the training device, as losses and for validation; published figures come from ``lfsr_core.metrics``.
+"""SSIM and PSNR on the training device, for losses and validation; published values come from ``lfsr_core.metrics``.
 
-Against two noisy halves of one reference the reference's own noise cancels
-(variance by cov(a, b), squared mean by mean(a)·mean(b), docs/reference/metrics.md),
-so a noisy target biases neither value nor gradient. Images are (B, C, H, W) in [0, 1].
+The noise of a reference cancels between its two halves (variance by cov(a, b), squared
+mean by mean(a)·mean(b), docs/reference/metrics.md), so a noisy target biases neither
+value nor gradient. Images are (B, C, H, W) in [0, 1].
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ TILE = 40
 
 
 def blur(maps: Tensor) -> Tensor:
-    """The window of SSIM, borders reflected: (B, C, H, W) -> the same."""
+    """Blur (B, C, H, W) by the window of SSIM, with reflected borders."""
     return _Blur.apply(maps)
 
 
 class _Blur(torch.autograd.Function):
-    """Banded matrix products: on a CPU ten times faster than one-channel convolutions, and so is the gradient."""
+    """Blur by banded matrix products: on a CPU ten times faster than one-channel convolutions, gradient included."""
 
     @staticmethod
     def forward(ctx: Any, maps: Tensor) -> Tensor:
@@ -35,7 +35,7 @@ class _Blur(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, gradient: Tensor) -> Tensor:
-        """The transpose of ``forward``: blurred over the padded size, the border folded back."""
+        """Transpose of ``forward``: blur over the padded size, then fold the border back."""
         maps, = ctx.saved_tensors
         padded = _both_ways(F.pad(gradient, (2 * SSIM_BORDER,) * 4))
         return torch.ops.aten.reflection_pad2d_backward(padded, maps, (SSIM_BORDER,) * 4)
@@ -46,7 +46,7 @@ def _both_ways(padded: Tensor) -> Tensor:
 
 
 def _along_last(padded: Tensor) -> Tensor:
-    """(..., n + 2·border) -> (..., n), in tiles so that the band fills its matrix."""
+    """(..., n + 2·border) -> (..., n), in tiles, so that the band fills its matrix."""
     length = padded.shape[-1] - 2 * SSIM_BORDER
     tile = min(TILE, length)
     count = -(-length // tile)
@@ -81,13 +81,12 @@ def split_ssim_map(x: Tensor, a: Tensor, b: Tensor) -> Tensor:
 
 
 def split_error_map(x: Tensor, a: Tensor, b: Tensor, guide: Tensor) -> Tensor:
-    """What SSIM punishes, as a loss for noisy halves: local split errors of structure and of mean, normalised.
+    """Loss like 1 - SSIM for noisy halves: local split errors of structure and of mean, normalised.
 
-    1 - SSIM is near their sum over the energies of image and reference. With few samples
-    the reference's own energy is too noisy for a denominator: small values count too
-    much, and a network learns to sharpen. So the energy of ``guide`` stands for it, a
-    cleaner if softer picture, and all energies are constants: what is left is linear in
-    the reference.
+    1 - SSIM is close to their sum divided by the energies of image and reference. With few
+    samples the reference's energy is too noisy for a denominator: small values weigh too much,
+    and a network learns to sharpen. The energy of ``guide``, a cleaner but softer image, replaces
+    it. All energies are constants, so the loss is linear in the reference.
     """
     mean_x, xx, xm = _blurred(x, x * x, x * ((a + b) / 2))
     mean_a, mean_b, ab, mean_g, gg = _blurred(a, b, a * b, guide, guide * guide)
@@ -99,7 +98,7 @@ def split_error_map(x: Tensor, a: Tensor, b: Tensor, guide: Tensor) -> Tensor:
 
 
 def ssim(image: Tensor, reference: Tensor) -> Tensor:
-    """Plain SSIM, borders left out, mean over channels, one value per image: as scikit-image with the same window."""
+    """Plain SSIM without borders, mean over channels, one value per image; equals scikit-image's."""
     inside = slice(SSIM_BORDER, -SSIM_BORDER)
     return split_ssim_map(image, reference, reference)[..., inside, inside].mean((1, 2, 3))
 

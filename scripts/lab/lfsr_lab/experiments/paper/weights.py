@@ -175,9 +175,10 @@ def fitted(config: TrainConfig, steps: float, photographs: int) -> TrainConfig:
 
 def _seconds_per_step(settings: Settings, config: TrainConfig) -> tuple[float, int]:
     """Seconds of one batch on this device, and the number of photographs."""
+    from lfsr_lab.networks.engine import choose_device
     from lfsr_lab.train.photographs.data import load_photographs
     from lfsr_lab.train.photographs.task import ComparatorTask
-    from lfsr_lab.train.session import LONG_SIDE, choose_device
+    from lfsr_lab.train.session import LONG_SIDE
 
     photographs = load_photographs(config.photographs, LONG_SIDE)
     task = ComparatorTask(config, photographs, None, choose_device(settings.device))

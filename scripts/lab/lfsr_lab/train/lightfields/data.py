@@ -1,4 +1,4 @@
-"""Rendered training scenes as batches: real Monte Carlo noise, two reference halves."""
+"""Batches of rendered training scenes, with real Monte Carlo noise and two reference halves."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.reconstruct.networks.numpy_network import ENCODED, MAX_LOG2_SAMPLES
 from lfsr_lab.networks.lightfield import LightFieldConfig, encode
 
-DENOISED = ("oidn", "guided")  # the two pictures of oidn-both
+DENOISED = ("oidn", "guided")  # the two images of oidn-both
 LAYER_CHANNELS = {"color": slice(0, 3), "alpha": slice(3, 4), "albedo": slice(4, 7), "normal": slice(7, 10)}
 
 
@@ -34,7 +34,7 @@ class Scene:
 
 @dataclasses.dataclass
 class Batch:
-    """Inputs of B scenes as N = B·sy·sx elemental images, and the pictures they should become."""
+    """Inputs of B scenes as N = B·sy·sx elemental images, and their reference halves."""
 
     layers: dict[str, Tensor]  # (N, C, h, w) each; "guide" is the colour of the render with most samples, denoised
     samples: int
@@ -43,7 +43,7 @@ class Batch:
 
 
 def load_scenes(folder: str | Path) -> list[Scene]:
-    """Every ``*.npz`` of scripts/lab/lfsr_lab/scenes/training_scenes.py in ``folder``, sorted by name."""
+    """Read every ``*.npz`` of training_scenes.py in ``folder``, sorted by name; LfsrError if there is none."""
     paths = sorted(Path(folder).glob("*.npz"))
     if not paths:
         raise LfsrError(f"{folder} holds no training scenes (*.npz): render some with training_scenes.py")
@@ -51,7 +51,7 @@ def load_scenes(folder: str | Path) -> list[Scene]:
 
 
 def load_scene(path: Path) -> Scene:
-    """One scene file; LfsrError if it is not one."""
+    """Read one scene file; LfsrError if it is not one."""
     try:
         with np.load(path) as data:
             meta = json.loads(str(data["meta"]))
@@ -64,7 +64,7 @@ def load_scene(path: Path) -> Scene:
 
 
 def _bounded_albedo(low: Array) -> Array:
-    """(H, W, 10) with albedo at most 1: Cycles adds emission to it."""
+    """(H, W, 10) with albedo limited to 1, because Cycles adds emission to it."""
     return np.concatenate([low[..., :4], np.minimum(low[..., 4:7], 1), low[..., 7:]], -1)
 
 
@@ -74,18 +74,9 @@ def _planes(array: Array) -> Tensor:
 
 def make_batch(scenes: list[Scene], samples: int, device: torch.device | str = "cpu",
                rng: np.random.Generator | None = None) -> Batch:
-    """Batch of equal-shaped scenes.
+    """Return a batch on ``device`` of scenes of one shape, rendered with ``samples`` per pixel.
 
-    Parameters
-    ----------
-    scenes : of one shape and one set of sample counts
-    samples : per pixel, of the renders to take
-    device : where the batch lies
-    rng : augments all of them alike; None leaves them as they are
-
-    Returns
-    -------
-    The layers by lens and both halves of the reference.
+    ``rng`` augments all scenes alike; None leaves them as they are.
     """
     low, denoised, guide, halves = (torch.stack(planes).to(device).float() for planes in (
         [scene.low[samples] for scene in scenes], [scene.denoised[samples] for scene in scenes],
@@ -99,7 +90,7 @@ def make_batch(scenes: list[Scene], samples: int, device: torch.device | str = "
 
 
 def _augment(low: Tensor, clean: Tensor, halves: Tensor, lenses: tuple[int, int], rng: np.random.Generator):
-    """Mirrors, transposition, exposure and tint: each maps a light field to a light field."""
+    """Mirror, transpose, change exposure and tint: each maps a light field to a light field."""
     normal_x, normal_y = 7, 8
     low = low.clone()
     if rng.random() < 0.5:
@@ -134,7 +125,7 @@ def from_eis(eis: Tensor, lenses: tuple[int, int]) -> Tensor:
 
 
 def network_inputs(layers: dict[str, Tensor], samples: int, config: LightFieldConfig) -> tuple[Tensor, Tensor]:
-    """Features (N, C, h, w) and base (N, 3, h, w) of ``config`` from linear layers of EIs."""
+    """Compute the features (N, C, h, w) and base (N, 3, h, w) of ``config`` from linear layers of EIs."""
     values = {name: encode(layers[name]) if name in ENCODED else layers[name] for name in config.inputs}
     level = torch.full_like(layers["alpha"], float(np.log2(samples)) / MAX_LOG2_SAMPLES)
     base = values[config.base] if config.base in values else encode(layers[config.base])

@@ -1,4 +1,4 @@
-"""Training of our networks on rendered light fields: one more task of the training loop."""
+"""Task of the training loop: our networks on rendered light fields."""
 
 from __future__ import annotations
 
@@ -20,23 +20,24 @@ from lfsr_lab.train.lightfields.data import Batch, Scene, from_eis, make_batch, 
 from lfsr_lab.train.ssim import blur, masked_mean, split_error_map
 
 EMA_DECAY = 0.998
-VALIDATION_SHARE = 12
+SCENES_PER_VALIDATION = 12
 WARM_UP_STEPS = 200
-LEAST_RATE = 0.01
+MIN_RATE = 0.01
 SAMPLE_WEIGHT = 0.4
-MOST_DARKENING = 0.1
+MAX_DARKENING = 0.1
 RIVAL = "oidn"
 
 
 def loss_terms(output: Tensor, batch: Batch) -> dict[str, Tensor]:
     """Losses of upscaled output (N, 3, H', W') over foreground EIs.
 
-    ``eia`` and ``views``: normalised errors of what metrics see, near 1 - SSIM;
+    ``eia`` and ``views``: normalised errors of display values, close to 1 - SSIM;
     ``pixel``: split squared error in the working domain, where highlights count.
     """
     raw = from_eis(output.float(), batch.lenses)
     halves = [encode(half) for half in batch.halves.unbind(1)]
-    guide = upscale(encode(batch.layers["guide"]), raw.shape[-1] // _width(batch))
+    width = batch.layers["guide"].shape[-1] * batch.lenses[0]
+    guide = upscale(encode(batch.layers["guide"]), raw.shape[-1] // width)
     guide = display_values(from_eis(guide, batch.lenses))
     lost = noise_darkening(*batch.halves.unbind(1))
     a, b = (display_values(half) + lost for half in halves)
@@ -47,30 +48,25 @@ def loss_terms(output: Tensor, batch: Batch) -> dict[str, Tensor]:
 
 
 def noise_darkening(a: Tensor, b: Tensor) -> Tensor:
-    """What the sRGB curve takes from the mean of a noisy half, to second order: -½·f''(x)·σ², f = 1.055·x^(1/2.4).
+    """Loss of mean brightness of a noisy half through the sRGB curve: -½·f''(x)·σ², f = 1.055·x^(1/2.4).
 
-    ``a``, ``b`` (B, 3, H, W) scene-linear; σ² of a half from their differences nearby.
+    ``a``, ``b`` (B, 3, H, W) scene-linear; σ² of a half comes from their differences nearby.
     """
     variance, level = blur((a - b).square() / 2), blur((a + b) / 2).clamp_min(0.01)
     curvature = 1.055 / 2.4 * (1 - 1 / 2.4) * level ** (1 / 2.4 - 2)
-    return (curvature / 2 * variance).clamp_max(MOST_DARKENING) * (level < 1)
+    return (curvature / 2 * variance).clamp_max(MAX_DARKENING) * (level < 1)
 
 
 def foreground(batch: Batch, shape: torch.Size) -> Tensor:
-    """(B, 1, H, W) mask of EIs that any ray of the low-resolution render hit."""
+    """Mask (B, 1, H, W) of EIs in which any ray of the low-resolution render hit something."""
     hit = batch.layers["alpha"].amax((1, 2, 3), keepdim=True) > 0
     sx, sy = batch.lenses
     size = (shape[-2] // sy, shape[-1] // sx)
     return from_eis(hit.float().expand(-1, 1, *size), batch.lenses)
 
 
-def _width(batch: Batch) -> int:
-    """Low-resolution columns of the whole EIA."""
-    return batch.layers["guide"].shape[-1] * batch.lenses[0]
-
-
 def _views_error(images: tuple[Tensor, ...], mask: Tensor, lenses: tuple[int, int], stride: int = 3) -> Tensor:
-    """Mean normalised error of every ``stride``-th decoded view: small pictures, one pixel per lens."""
+    """Mean normalised error of every ``stride``-th decoded view: small images, one pixel per lens."""
     px, py = mask.shape[-1] // lenses[0], mask.shape[-2] // lenses[1]
     rows = torch.arange(torch.randint(stride, ()).item(), py, stride)
     columns = torch.arange(torch.randint(stride, ()).item(), px, stride)
@@ -83,19 +79,19 @@ def _views_error(images: tuple[Tensor, ...], mask: Tensor, lenses: tuple[int, in
 
 
 def _clean(batch: Batch, scale: int) -> Batch:
-    """The ablation: low resolution by downsampling the reference instead of rendering."""
+    """Replace the render by the downsampled reference, for the ablation ``clean_inputs``."""
     low = to_eis(torch.nn.functional.avg_pool2d(batch.halves.mean(1), scale), batch.lenses)
     return dataclasses.replace(batch, layers=batch.layers | {"color": low, "oidn": low})
 
 
 class LightFieldTask:
-    """A light-field network on scenes of training_scenes.py; every VALIDATION_SHARE-th scene validates."""
+    """A light-field network on scenes of training_scenes.py; every SCENES_PER_VALIDATION-th scene validates."""
 
     def __init__(self, config: LightFieldTrainConfig, scenes: list[Scene], device: torch.device) -> None:
         torch.manual_seed(config.seed)
         self.config, self.device = config, device
-        self.validation = scenes[::VALIDATION_SHARE]
-        self.training = [scene for index, scene in enumerate(scenes) if index % VALIDATION_SHARE]
+        self.validation = scenes[::SCENES_PER_VALIDATION]
+        self.training = [scene for index, scene in enumerate(scenes) if index % SCENES_PER_VALIDATION]
         self._groups = _by_shape(self.training)
         self._identity = {**dataclasses.asdict(config), "scenes": digest(scenes)}
         self.network = LightFieldNet(config.architecture).to(device)
@@ -105,7 +101,7 @@ class LightFieldTask:
 
     @property
     def finished(self) -> LightFieldNet:
-        """The network to keep when the run has ended: the moving average."""
+        """The network to save when the run has ended: the moving average."""
         return self.average
 
     @property
@@ -114,7 +110,7 @@ class LightFieldTask:
         return self.config.options()
 
     def yardstick(self) -> dict[str, float]:
-        """Nothing to add to the provenance: ``validate`` measures OIDN beside the network."""
+        """No further metrics: ``validate`` measures OIDN as well."""
         return {}
 
     def identity(self) -> dict[str, Any]:
@@ -127,7 +123,7 @@ class LightFieldTask:
         return self.config.steps_per_epoch
 
     def step(self, index: int) -> dict[str, Tensor]:
-        """One update on a random batch that depends on the numbers of epoch and step alone."""
+        """Do one update on a random batch that depends on the numbers of epoch and step alone."""
         self._rng = np.random.default_rng((self.config.seed, self._epoch, index))
         torch.manual_seed(int(self._rng.integers(2**63)))
         self._set_rate(self._epoch * self.config.steps_per_epoch + index)
@@ -136,7 +132,7 @@ class LightFieldTask:
             batch = _clean(batch, self.config.scale)
         terms = loss_terms(self.run(self.network, batch), batch)
         loss = terms["eia"] + self.config.view_weight * terms["views"] + self.config.pixel_weight * terms["pixel"]
-        # Errors shrink with the samples; all sample counts should matter alike.
+        # Errors shrink with the samples, but all sample counts should weigh alike.
         loss = loss * batch.samples**SAMPLE_WEIGHT
         self._optimizer.zero_grad(set_to_none=True)
         loss.backward()
@@ -157,7 +153,7 @@ class LightFieldTask:
         features, base = network_inputs(batch.layers, batch.samples, self.config.architecture)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
             clean = network(features, base)
-        # Eight bits of mantissa would show in smooth gradients: the last steps stay in single precision.
+        # The last steps stay in single precision: eight bits of mantissa would show in smooth gradients.
         clean = conserve(clean.float(), batch.layers["color"].mean((2, 3), keepdim=True))
         return upscale(clean, self.config.scale)
 
@@ -176,7 +172,7 @@ class LightFieldTask:
         return {name: round(float(np.mean(values)), 5) for name, values in sums.items()}
 
     def state(self) -> dict[str, Any]:
-        """What a checkpoint holds."""
+        """Content of a checkpoint."""
         return {"network": self.network.state_dict(), "average": self.average.state_dict(),
                 "optimizer": self._optimizer.state_dict()}
 
@@ -187,10 +183,10 @@ class LightFieldTask:
         self._optimizer.load_state_dict(state["optimizer"])
 
     def _set_rate(self, step: int) -> None:
-        """Linear warm-up, then a cosine to LEAST_RATE of the full rate."""
+        """Linear warm-up, then a cosine to MIN_RATE of the full rate."""
         total = self.config.epochs * self.config.steps_per_epoch
         warm = min(1.0, (step + 1) / min(WARM_UP_STEPS, 1 + total // 10))
-        cosine = LEAST_RATE + (1 - LEAST_RATE) * (1 + math.cos(math.pi * step / total)) / 2
+        cosine = MIN_RATE + (1 - MIN_RATE) * (1 + math.cos(math.pi * step / total)) / 2
         for group in self._optimizer.param_groups:
             group["lr"] = self.config.rate * warm * cosine
 
@@ -200,7 +196,7 @@ class LightFieldTask:
 
 
 def digest(scenes: list[Scene]) -> str:
-    """SHA-256 over names and reference pixels: which data a run saw."""
+    """SHA-256 over names and reference pixels of the scenes."""
     state = hashlib.sha256()
     for scene in scenes:
         state.update(scene.name.encode() + scene.halves[:, :, ::7, ::7].contiguous().numpy().tobytes())

@@ -1,4 +1,4 @@
-"""Photographs for training: decoded once, kept as bytes on the device, cropped there."""
+"""Photographs for training: decoded once, stored as bytes on the device and cropped there."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Photographs:
 
     @property
     def digest(self) -> str:
-        """Hexadecimal digits; the same photographs under the same names give the same."""
+        """Hexadecimal digits, equal for the same photographs under the same names."""
         state = hashlib.sha256()
         for name, image in zip(self.names, self.images, strict=True):
             state.update(f"{name} {image.shape}\n".encode())
@@ -40,7 +40,7 @@ class Photographs:
 
 
 def load_photographs(source: str | Path, long_side: int | None = None) -> Photographs:
-    """Photographs of a folder or of a cache file; larger ones are reduced by areas to ``long_side``.
+    """Read the photographs of a folder or a cache file; larger ones are reduced by areas to ``long_side``.
 
     LfsrError if there are none or one cannot be decoded.
     """
@@ -55,7 +55,7 @@ def load_photographs(source: str | Path, long_side: int | None = None) -> Photog
 
 
 def write_cache(photographs: Photographs, path: str | Path, quality: int = 92) -> int:
-    """Write photographs into one .npz, as JPEG or, with ``quality`` above 100, lossless; returns its bytes."""
+    """Write photographs into one .npz, as JPEG or, with ``quality`` above 100, lossless; return its size in bytes."""
     encoded = {f"image{index:04d}": _encode(image, quality) for index, image in enumerate(photographs.images)}
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, format=np.array(CACHE_FORMAT), names=np.array(photographs.names), **encoded)
@@ -65,7 +65,7 @@ def write_cache(photographs: Photographs, path: str | Path, quality: int = 92) -
 def _encode(image: Array, quality: int) -> Array:
     suffix, options = ".webp", [cv2.IMWRITE_WEBP_QUALITY, 101]
     if quality <= 100:
-        # Full colour resolution: a network trained on subsampled colour would learn to blur it.
+        # Full colour resolution: trained on subsampled colour, a network would learn to blur it.
         suffix = ".jpg"
         options = [cv2.IMWRITE_JPEG_QUALITY, quality,
                    cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
@@ -107,7 +107,7 @@ def _to_rgb(image: Array | None, path: Path) -> Array:
 
 @dataclass(frozen=True)
 class Crops:
-    """Which crops an epoch has."""
+    """Crops of an epoch."""
 
     size: int  # side in pixels
     per_photograph: int
@@ -116,10 +116,10 @@ class Crops:
 
 
 class CropSampler:
-    """Random crops of photographs, cut on the device that holds them.
+    """Random crops of photographs, cut on the device that stores them.
 
-    What epoch e contains depends on (seed, e) alone, so a resumed run sees what
-    an uninterrupted one would have. LfsrError if a photograph is smaller than a crop.
+    Epoch e depends on (seed, e) alone, so a resumed run sees the same crops as
+    an uninterrupted one. LfsrError if a photograph is smaller than a crop.
     """
 
     def __init__(self, photographs: Photographs, crops: Crops, device: torch.device) -> None:
@@ -135,7 +135,7 @@ class CropSampler:
         self._crops, self._ramp = crops, torch.arange(crops.size, device=device)
 
     def epoch(self, index: int, batch: int) -> EpochOfCrops:
-        """Crops of epoch ``index`` in batches; a last, smaller batch is dropped unless it is the only one."""
+        """Return the crops of epoch ``index`` in batches; a smaller last batch is dropped unless it is the only one."""
         rng = np.random.default_rng([self._crops.seed, index])
         photograph = rng.permutation(np.repeat(np.arange(len(self._sizes)), self._crops.per_photograph))
         room = self._sizes[photograph] - self._crops.size + 1
@@ -174,9 +174,9 @@ class EpochOfCrops:
 
 
 def downsample(high: Tensor, scale: int, kind: str = "box", linear_light: bool = True) -> Tensor:
-    """(N, 3, H, W) sRGB-encoded -> (N, 3, H/s, W/s), by areas or antialiased bicubic, clipped to [0, 1].
+    """Downsample sRGB values (N, 3, H, W) -> (N, 3, H/s, W/s), by areas or antialiased bicubic, clipped to [0, 1].
 
-    In linear light a box is exactly what a low-resolution render averages.
+    In linear light a box averages exactly as a low-resolution render does.
     """
     values = srgb_decode(high) if linear_light else high
     if kind == "box":

@@ -1,4 +1,4 @@
-"""The paper's recipe as a task: a network on photographs, with or without an adversary."""
+"""Task of the training loop: a comparator on photographs, with or without a discriminator, as in the paper."""
 
 from __future__ import annotations
 
@@ -31,18 +31,8 @@ class ComparatorTask:
                  device: torch.device, more_figures: Callable[[nn.Module], dict[str, float]] | None = None) -> None:
         """Load everything on the device and build the untrained network.
 
-        Parameters
-        ----------
-        config : recipe
-        photographs : to train on
-        validation : to measure PSNR and SSIM on, None to measure neither
-        device : where all of it lies
-        more_figures : what else to measure of the network at each validation
-
-        Raises
-        ------
-        LfsrError
-            A photograph is smaller than a crop, or the weights to start with do not fit.
+        ``validation`` are photographs for PSNR and SSIM, or None; ``more_figures`` computes further metrics.
+        LfsrError if a photograph is smaller than a crop, or the initial weights do not fit.
         """
         torch.manual_seed(config.seed)
         self.config, self.device = config, device
@@ -65,7 +55,7 @@ class ComparatorTask:
 
     @property
     def finished(self) -> nn.Module:
-        """The network to keep when the run has ended."""
+        """The network to save when the run has ended."""
         return self.network
 
     @property
@@ -97,7 +87,7 @@ class ComparatorTask:
         return len(self._crops)
 
     def step(self, index: int) -> dict[str, Tensor]:
-        """One batch: the discriminator first, where there is one, then the network."""
+        """Train on one batch: the discriminator first, if there is one, then the network."""
         assert self._crops is not None, "begin(epoch) comes first"
         high = self._crops[index]
         low = downsample(high, self.config.scale, self.config.downsample, self.config.linear_light)
@@ -111,7 +101,7 @@ class ComparatorTask:
     def _adversarial_step(self, discriminator: Discriminator, high: Tensor, fake: Tensor,
                           mse: Tensor) -> dict[str, Tensor]:
         high, fake = (images.contiguous(memory_format=self._layout) for images in (high, fake))
-        # Half precision only where it pays: the discriminator does 99 % of the arithmetic.
+        # Half precision only for the discriminator, which does 99 % of the arithmetic.
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
             judged = discriminator_loss(discriminator, high, fake)
         self._update(self._adversary, judged)
@@ -139,7 +129,7 @@ class ComparatorTask:
 
     @torch.no_grad()
     def yardstick(self) -> dict[str, float]:
-        """The same figures for bicubic interpolation, for the provenance."""
+        """Mean PSNR and SSIM of bicubic interpolation, for the provenance."""
         with torch.backends.cudnn.flags(enabled=True, allow_tf32=False):
             scores = [_quality(F.interpolate(low, high.shape[2:], mode="bicubic"), high)
                       for low, high in self._validation]
@@ -153,7 +143,7 @@ class ComparatorTask:
         return state
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Undo to a ``state``."""
+        """Return to a ``state``."""
         self.network.load_state_dict(state["network"])
         self._optimizer.load_state_dict(state["optimizer"])
         if self.discriminator is not None:
@@ -178,7 +168,7 @@ def _quality(image: Tensor, high: Tensor) -> Tensor:
 
 
 def _means(name: str, scores: list[Tensor]) -> dict[str, float]:
-    """Mean of every quality under ``name``; nothing without photographs."""
+    """Mean PSNR and SSIM, named after ``name``; empty without photographs."""
     if not scores:
         return {}
     psnrs, ssims = torch.stack(scores).unbind(1)
@@ -192,5 +182,5 @@ def discriminator_loss(discriminator: nn.Module, real: Tensor, fake: Tensor) -> 
 
 
 def adversarial_loss(discriminator: nn.Module, fake: Tensor) -> Tensor:
-    """Generator's term: -log D(G(x)), which keeps a gradient where the discriminator is sure."""
+    """Generator's loss -log D(G(x)), which has a gradient even if the discriminator is certain."""
     return F.softplus(-discriminator(fake).float()).mean()
