@@ -13,12 +13,12 @@ from lfsr_lab.experiments.chart.records import (
     Chart,
     ChartSettings,
     MethodCost,
-    Metrics,
     SceneRow,
     Spread,
     UsedReference,
 )
-from lfsr_lab.experiments.environment import Environment
+from lfsr_lab.experiments.engine.accuracy import Figures
+from lfsr_lab.experiments.engine.environment import Environment
 
 # name: (accuracy without noise, noise at one sample, seconds of the second stage)
 LOW_METHODS = {"oidn+bilinear": (0.96, 0.22, 0.7), "bicubic": (0.97, 0.6, 0.1), "nearest": (0.85, 0.62, 0.08),
@@ -57,11 +57,11 @@ def _cell(role: str, method: str, samples: int, slowness: float) -> Cell:
     value = best - noise * (0.7 + 0.1 * slowness) * samples**-0.5
     render = slowness * (0.8 + 0.09 * samples * (16 if role == DIRECT else 1))
     metrics = dict.fromkeys((*METRIC_NAMES, "recall"), value) | {"flip": (1 - value) / 4, "psnr_fg": 40 * value}
-    return measured_cell(role, method, samples, render, (second, second * 1.1, second * 1.2), Metrics(**metrics))
+    return measured_cell(role, method, samples, render, (second, second * 1.1, second * 1.2), metrics)
 
 
 def measured_cell(role: str, method: str, samples: int, render: float, second: tuple[float, ...],
-                  metrics: Metrics) -> Cell:
+                  metrics: Figures) -> Cell:
     """A cell of these times and metrics."""
     return Cell(role, method, 1 if role == DIRECT else 4, samples, (render,), 0.9, second,
                 {"load": 0.1, "mask": 0.0, "upscale": second[0] - 0.05, "assemble": 0.0, "color": 0.0, "write": 0.05},

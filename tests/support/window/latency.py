@@ -30,7 +30,7 @@ from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.metrics.split_ssim import split_mse, split_ssim
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import flip_order
-from lfsr_lab.experiments import plots
+from lfsr_lab.experiments.engine import plots
 from tests.support.window.desktop import Window, blender_window
 from tests.support.window.latency_chart import TIMES, Line, draw, table
 from tests.support.window.pictures import SCENE

@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lfsr_lab.experiments import plots
+from lfsr_lab.experiments.engine import plots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

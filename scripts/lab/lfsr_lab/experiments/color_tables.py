@@ -17,7 +17,7 @@ from lfsr_core.arrays import Array
 from lfsr_core.images.baked_color import BRIGHTEST, STOPS
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.images.view_transform import MIN_BAKED_PIXELS, ViewTransform, find_config
-from lfsr_lab.experiments.tables import markdown_table
+from lfsr_lab.experiments.engine.report import markdown_table
 
 PROMISED_STEPS, PROMISED_SHARE = 3, 0.999  # of 255: no colour further off, and so many within one
 COLORS, SEED = 1 << 18, 1  # the tables were tried on others

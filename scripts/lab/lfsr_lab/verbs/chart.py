@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Measure, then write the tables and pictures and name them."""
     from lfsr_lab.experiments.chart.overall import Overall, costs
     from lfsr_lab.experiments.chart.run import measure, write_pages
-    from lfsr_lab.experiments.environment import check_packages
+    from lfsr_lab.experiments.engine.environment import check_packages
 
     check_packages()
     settings = _settings(arguments)

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Measure what is missing and write tables, curves and pictures."""
-    from lfsr_lab.experiments.environment import check_packages
+    from lfsr_lab.experiments.engine.environment import check_packages
 
     check_packages()
     from lfsr_core.optics.display import load_display

@@ -11,7 +11,7 @@ import pytest
 from lfsr_lab.experiments.chart import findings, panels, tables
 from lfsr_lab.experiments.chart import page as chart_page
 from lfsr_lab.experiments.chart.analysis import METRICS
-from lfsr_lab.experiments.chart.records import LOW, Metrics, Point
+from lfsr_lab.experiments.chart.records import LOW, Point
 from tests.support.chart_example import LOW_METHODS, example, scene_row
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -81,7 +81,7 @@ def test_the_headline_counts_what_the_analysis_found(chart):
 def test_where_a_reference_shows_only_some_lenses_all_scenes_are_judged_lens_by_lens(chart):
     whole, sampled = chart.scenes[:2]
     known = ("p", "ssim_lens", "ssim_lens_fg", "psnr_fg", "flip")
-    cells = tuple(dataclasses.replace(cell, metrics=Metrics(**{name: cell.value(name) for name in known}))
+    cells = tuple(dataclasses.replace(cell, metrics={name: cell.value(name) for name in known})
                   for cell in sampled.cells)
     mixed = dataclasses.replace(chart, scenes=(whole, scene_row("Sampled", cells)))
     assert (chart.metric, mixed.metric) == ("ssim_eia_fg", "ssim_lens_fg")

@@ -10,8 +10,9 @@ from lfsr_core.cli import main
 from lfsr_core.errors import LfsrError
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.registry import method
-from lfsr_lab.experiments.chart import measure, renders
+from lfsr_lab.experiments.chart import cells as chart_cells
 from lfsr_lab.experiments.chart.settings import Settings, default_methods
+from lfsr_lab.experiments.engine import accuracy, timing
 from tests.support.chart_bench import arguments, bench, main_fails, measured
 from tests.support.chart_example import example
 from tests.support.prerequisites import needs_bpy
@@ -23,20 +24,20 @@ LENSES = tuple((row, column) for row in range(2, 8) for column in range(3, 11))
 @pytest.fixture
 def no_start(monkeypatch):
     """Starting programs is tested once; elsewhere it would only take time."""
-    monkeypatch.setattr(measure, "_process_seconds", lambda command: 1.25)
+    monkeypatch.setattr(chart_cells, "_process_seconds", lambda command: 1.25)
 
 
 @pytest.fixture
 def counted(monkeypatch):
     """Names of the methods that were really run and timed."""
     runs = []
-    real = measure.upscale_frame
+    real = timing.upscale_frame
 
     def run(folder, name):
         runs.append(name)
         return real(folder, name)
 
-    monkeypatch.setattr(measure, "upscale_frame", run)
+    monkeypatch.setattr(timing, "upscale_frame", run)
     return runs
 
 
@@ -62,7 +63,7 @@ def test_every_cell_is_measured_and_the_renders_are_left_as_they_were(tmp_path, 
     assert {path: path.read_bytes() for path in before} == before
     assert set(capsys.readouterr().out.split()) == {str(folder / f"chart.{kind}") for kind in
                                                     ("json", "html", "svg", "md")}
-    assert not list(folder.rglob(".chart-*"))
+    assert not list(folder.rglob(".scratch-*"))
 
 
 def test_what_is_measured_is_not_measured_again_unless_asked_or_changed(tmp_path, counted, no_start):
@@ -88,7 +89,7 @@ def test_times_are_taken_afresh_without_the_metrics(tmp_path, counted, no_start,
     main(arguments(folder))
     before = measured(folder)["scenes"][0]["cells"]
     counted.clear()
-    monkeypatch.setattr(measure, "compare", None)
+    monkeypatch.setattr(accuracy, "compare", None)
     assert main(arguments(folder, "--retime", "all")) == 0
     assert counted == [name for cell in before for name in [cell["method"]] * 3], "one run is not counted"
     after = measured(folder)["scenes"][0]["cells"]
@@ -103,7 +104,7 @@ def test_renders_are_timed_afresh_once_and_kept(tmp_path, no_start, monkeypatch)
     folder = bench(tmp_path)
     (tmp_path / "vase.blend").touch()
     times = iter([5.0, 6.0, 7.0, 8.0, 9.0, 10.0])
-    monkeypatch.setattr(renders, "_timed_again", lambda *_: next(times))
+    monkeypatch.setattr(timing, "_timed_again", lambda *_: next(times))
     words = [word for word in arguments(folder, "--render-repeats", "2", scenes=(str(tmp_path / "vase.blend"),))
              if word != "--only-measure"]
 
@@ -123,17 +124,17 @@ def test_renders_are_timed_afresh_once_and_kept(tmp_path, no_start, monkeypatch)
 
 def test_an_interrupted_chart_goes_on_where_it_stopped(tmp_path, counted, no_start, monkeypatch):
     folder = bench(tmp_path)
-    real = measure.finished_linear
+    real = chart_cells.finished_linear
 
     def stop_at_oidn(copy, name):
         if name == "oidn":
             raise KeyboardInterrupt
         return real(copy, name)
 
-    monkeypatch.setattr(measure, "finished_linear", stop_at_oidn)
+    monkeypatch.setattr(chart_cells, "finished_linear", stop_at_oidn)
     assert main(arguments(folder)) == 130
-    assert not (folder / "chart.json").exists() and not list(folder.rglob(".chart-*"))
-    monkeypatch.setattr(measure, "finished_linear", real)
+    assert not (folder / "chart.json").exists() and not list(folder.rglob(".scratch-*"))
+    monkeypatch.setattr(chart_cells, "finished_linear", real)
     counted.clear()
     assert main(arguments(folder)) == 0
     assert counted == ["oidn"] * 2
@@ -145,8 +146,8 @@ def test_sampled_lenses_have_intervals_and_no_views(tmp_path, no_start):
     scene = measured(folder)["scenes"][0]
     assert scene["reference"]["lenses"] == len(LENSES)
     for cell in scene["cells"]:
-        assert cell["metrics"]["ssim_views_fg"] is None and cell["ci95"]["ssim_lens_fg"] > 0
-        assert cell["metrics"]["ssim_eia_fg"] is None and cell["metrics"]["ssim_lens_fg"] is not None
+        assert "ssim_views_fg" not in cell["metrics"] and cell["ci95"]["ssim_lens_fg"] > 0
+        assert "ssim_eia_fg" not in cell["metrics"] and cell["metrics"]["ssim_lens_fg"] is not None
 
 
 def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, no_start, capsys):
@@ -171,7 +172,7 @@ def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, no_start, capsys)
     (("--repeats", "0"), "repeats is 0"),
     (("--scale", "3"), "scale is 3"),
     (("--display", "nowhere"), "nowhere"),
-    (("--display", "small"), "rendered with display mini"),
+    (("--display", "small"), "display mini"),
 ])
 def test_bad_input_is_refused_in_a_sentence(tmp_path, capsys, more, said):
     assert said in main_fails(arguments(bench(tmp_path), *more), capsys)
@@ -207,15 +208,15 @@ def test_our_method_must_be_measured(tmp_path):
 
 
 def test_cost_of_networks():
-    assert measure.method_cost("oidn+bicubic", 4, (10, 10)).parameters is None
-    cost = measure.method_cost("oidn+espcn", 4, (10, 10))
+    assert chart_cells.method_cost("oidn+bicubic", 4, (10, 10)).parameters is None
+    cost = chart_cells.method_cost("oidn+espcn", 4, (10, 10))
     assert cost.multiply_adds_per_low_pixel == 75 * 64 + 9 * 64 * 32 + 9 * 32 * 48
     assert cost.parameters == 76 * 64 + (9 * 64 + 1) * 32 + (9 * 32 + 1) * 48
 
 
 @pytest.mark.parametrize(("name", "expected"), [("oidn-both+refine+epi", 2992), ("light", 12400)])
 def test_cost_of_our_networks_is_their_formula(name, expected):
-    assert measure.method_cost(name, 4, (10, 10)).multiply_adds_per_low_pixel == expected
+    assert chart_cells.method_cost(name, 4, (10, 10)).multiply_adds_per_low_pixel == expected
 
 
 @needs_bpy

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.cli import main
-from lfsr_lab.experiments.chart import measure, overall
+from lfsr_lab.experiments.chart import cells, overall
 from lfsr_lab.experiments.chart.settings import Settings
 from tests.support.chart_bench import arguments, bench, main_fails, measured
 from tests.support.chart_example import example
@@ -18,7 +18,7 @@ from tests.support.synthetic import write_render
 @pytest.fixture(autouse=True)
 def no_start(monkeypatch):
     """Starting programs is tested once; elsewhere it would only take time."""
-    monkeypatch.setattr(measure, "_process_seconds", lambda command: 1.25)
+    monkeypatch.setattr(cells, "_process_seconds", lambda command: 1.25)
 
 
 def test_the_run_of_one_scene_leaves_the_others_on_the_page(tmp_path, capsys):
@@ -49,9 +49,9 @@ def test_renders_of_another_seed_lie_beside_the_others_and_other_subjects_are_re
     assert measured(folder)["settings"]["seed"] == 7
     assert {path.name for path in (folder / "vase" / "cells").iterdir()} == {
         f"s2-spp{samples}-seed7-{name}.json" for samples in (1, 4) for name in ("bicubic", "nearest")}
-    assert "was rendered with subject everything but the world" in main_fails(
+    assert "was rendered with no subject, but subject Vase" in main_fails(
         arguments(folder, "--subject", "Vase"), capsys)
-    assert "but it must be visible" in main_fails(arguments(folder, "--world-visible"), capsys)
+    assert "but visible world was asked for" in main_fails(arguments(folder, "--world-visible"), capsys)
 
 
 def test_overall_progress_grows_to_its_end_and_tells_the_time_left(monkeypatch):

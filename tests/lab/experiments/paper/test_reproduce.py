@@ -20,12 +20,12 @@ from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.second_stage import linear_and_mask, upscale_frame
 from lfsr_core.records import from_data, to_data
 from lfsr_core.render import store
+from lfsr_lab.experiments.engine.plots import save
 from lfsr_lab.experiments.paper import page, quality, renders, settings, timing, weights
 from lfsr_lab.experiments.paper.cells import Cells
 from lfsr_lab.experiments.paper.figure import CROPS_SEEN
 from lfsr_lab.experiments.paper.figures import figure9, figure11
 from lfsr_lab.experiments.paper.records import SplitError
-from lfsr_lab.experiments.plots import save
 from tests.support.synthetic import MINI, write_reference, write_render
 from tests.support.training_photographs import pictures
 

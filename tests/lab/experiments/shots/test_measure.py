@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_lab.experiments.environment import environment
+from lfsr_lab.experiments.engine.environment import environment
 from lfsr_lab.experiments.shots.__main__ import main
 from lfsr_lab.experiments.shots.measure import Figures, Truth, Window, compare, neighbours
 from lfsr_lab.experiments.shots.renders import CHANGING, FIXED, Bench, Settings

@@ -11,7 +11,7 @@ from itertools import groupby
 from lfsr_lab.experiments.chart.analysis import RIVAL, STRETCH, TARGET, mean_points, pareto_front
 from lfsr_lab.experiments.chart.panels import label
 from lfsr_lab.experiments.chart.records import DIRECT, Analysis, Chart, Duel, Key, Point, SceneRow
-from lfsr_lab.experiments.plots import time_text
+from lfsr_lab.experiments.engine.plots import time_text
 
 LITTLE_MORE, LEAST_GAIN = 1.15, 0.005  # steps of advice smaller than these are not worth a line
 

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from lfsr_core.progress import ProgressBar
 from lfsr_core.render.store import is_complete
-from lfsr_lab.experiments.chart.settings import CELL_FOLDER, DIRECT_METHODS, REFERENCE_FOLDER, Settings, render_folder
+from lfsr_lab.experiments.chart.settings import CELL_FOLDER, DIRECT_METHODS, Settings, render_folder
+from lfsr_lab.experiments.engine.renders import REFERENCE
 
 CELL_SAMPLES = 8  # a cell takes about as long as so many samples of every pixel at full resolution
 STAGE, LEAST_FRACTION, LEAST_SECONDS = "chart", 0.01, 5.0  # below them time left is a guess
@@ -74,7 +75,7 @@ def costs(settings: Settings, scenes: Sequence[Path]) -> dict[Hashable, float]:
 
 
 def _of_scene(settings: Settings, folder: Path) -> Iterator[tuple[Hashable, float]]:
-    display, reference = settings.profile, folder / REFERENCE_FOLDER
+    display, reference = settings.profile, folder / REFERENCE
     pixels = math.prod(display.lenses) * math.prod(display.views)
     if not (is_complete(reference, "reference") or settings.only_measure):
         share = 1.0 if settings.lenses is None else settings.lenses / math.prod(display.lenses)

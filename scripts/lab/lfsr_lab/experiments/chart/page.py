@@ -9,9 +9,8 @@ from lfsr_lab.experiments.chart.analysis import RIVAL, STRETCH, TARGET
 from lfsr_lab.experiments.chart.panels import drawn, label, panels
 from lfsr_lab.experiments.chart.records import DIRECT, LOW, Analysis, Cell, Chart, Duel
 from lfsr_lab.experiments.chart.tables import known_metrics, metric_text, needs
-from lfsr_lab.experiments.page import inline_svg, page_html
-from lfsr_lab.experiments.plots import time_text
-from lfsr_lab.experiments.tables import count
+from lfsr_lab.experiments.engine.plots import time_text
+from lfsr_lab.experiments.engine.report import count, inline_svg, page_html
 
 LOSSES_SHOWN = 6
 

@@ -8,10 +8,10 @@ import statistics
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from lfsr_lab.experiments import plots
 from lfsr_lab.experiments.chart.analysis import RIVAL, curves, mean_points, pareto_front, points, sign_of
 from lfsr_lab.experiments.chart.records import DIRECT, LOW, Cell, Chart, Key, Point, SceneRow
-from lfsr_lab.experiments.plots import Curve
+from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.engine.plots import Curve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

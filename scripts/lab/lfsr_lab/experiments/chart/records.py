@@ -10,11 +10,11 @@ from typing import Literal
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json
 from lfsr_core.records import from_data
-from lfsr_lab.experiments.environment import Environment
+from lfsr_lab.experiments.engine.accuracy import MAIN_METRICS, Figures
+from lfsr_lab.experiments.engine.environment import Environment
 
 FORMAT = 1
 LOW, DIRECT, CEILING = "low", "direct", "ceiling"
-MAIN_METRICS = ("ssim_eia_fg", "ssim_lens_fg")  # whole EIAs; else lenses each on its own, which every reference gives
 Role = Literal["low", "direct", "ceiling"]
 Key = tuple[str, str]
 """Role and method of a curve."""
@@ -42,25 +42,6 @@ class ChartSettings:
 
 
 @dataclasses.dataclass(frozen=True)
-class Metrics:
-    """Every metric of docs/reference/metrics.md; None stands for what is not known."""
-
-    p: float | None = None
-    ssim_eia: float | None = None
-    ssim_eia_fg: float | None = None
-    ssim_lens: float | None = None
-    ssim_lens_fg: float | None = None
-    psnr_fg: float | None = None
-    ssim_views_fg: float | None = None
-    ssim_eia_plain: float | None = None
-    ssim_ceiling: float | None = None
-    ssim_lens_plain: float | None = None
-    ssim_lens_ceiling: float | None = None
-    flip: float | None = None
-    recall: float | None = None
-
-
-@dataclasses.dataclass(frozen=True)
 class Spread:
     """Seconds end to end: the median, and from the least to the most that render and second stage took."""
 
@@ -82,8 +63,8 @@ class Cell:
     second_stage_seconds: tuple[float, ...]  # of every run of the second stage
     stage_seconds: dict[str, float]  # medians of the second stage's parts; "upscale" is the method itself
     seconds: Spread  # end to end
-    metrics: Metrics  # how near it comes to the reference
-    ci95: dict[str, float | None]  # half-widths of the metrics' 95 % intervals, as far as they are known
+    metrics: Figures  # how near it comes to the reference
+    ci95: Figures  # half-widths of the metrics' 95 % intervals, as far as they are known
     notes: tuple[str, ...]  # sentences of the second stage
     load_average: float | None  # how busy the machine was
     device: str  # what Cycles ran on
@@ -105,7 +86,7 @@ class Cell:
 
     def value(self, metric: str) -> float | None:
         """One metric."""
-        return getattr(self.metrics, metric)
+        return self.metrics.get(metric)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,17 +9,27 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import Frame, read_frame
+from lfsr_core.frames.job import Job
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import write_record
-from lfsr_lab.experiments.chart import page, panels, renders, tables
+from lfsr_lab.experiments.chart import page, panels, tables
 from lfsr_lab.experiments.chart.analysis import METRICS, analyse
-from lfsr_lab.experiments.chart.measure import Effort, KeptCell, Target, cell, fresh_seconds, method_cost
+from lfsr_lab.experiments.chart.cells import (
+    Effort,
+    MeasuredCell,
+    cell,
+    fresh_seconds,
+    low_job,
+    method_cost,
+    read_target,
+    reference_job,
+    wanted_renders,
+)
 from lfsr_lab.experiments.chart.overall import Overall
 from lfsr_lab.experiments.chart.records import (
     CEILING,
     DIRECT,
     FORMAT,
-    LOW,
     Cell,
     Chart,
     MethodCost,
@@ -29,17 +39,19 @@ from lfsr_lab.experiments.chart.records import (
     UsedReference,
     read_chart,
 )
-from lfsr_lab.experiments.chart.settings import Settings, render_folder
-from lfsr_lab.experiments.environment import environment
-from lfsr_lab.experiments.page import write_text
+from lfsr_lab.experiments.chart.settings import Settings
+from lfsr_lab.experiments.engine.accuracy import Target
+from lfsr_lab.experiments.engine.environment import environment
+from lfsr_lab.experiments.engine.renders import Store, sampled
+from lfsr_lab.experiments.engine.report import write_report
+from lfsr_lab.experiments.engine.timing import render_seconds
 
 CHART = "chart"  # stem of the files' names
 MOST_STEM = 60  # characters of it
-PAGES = {".html": page.page, ".svg": panels.picture, ".md": tables.markdown}
 
 
 def measure(settings: Settings, scenes: Sequence[Path], overall: Overall) -> tuple[Chart, str]:
-    """Measure ``scenes``, as far as they are not; what is known is written as JSON after every one.
+    """Measure ``scenes`` as far as they are not; what is known is written as JSON after every one.
 
     Other scenes that were measured with the same settings in this folder stay in the chart. ``overall`` is told of
     every step. LfsrError where not one scene can be measured.
@@ -50,9 +62,10 @@ def measure(settings: Settings, scenes: Sequence[Path], overall: Overall) -> tup
     """
     _check_names(scenes)
     names = [scene.stem for scene in scenes]
-    kept, stem = _before(settings, names)
-    run, costs = _Run(settings, overall, stem), ()
-    rows = {row.scene: None if row.scene in names else row for row in kept}  # each stays in its place
+    before, stem = _before(settings, names)
+    store = Store(settings.folder, settings.blender, not settings.only_measure, overall)
+    run, costs = _Run(settings, store, overall, stem), ()
+    rows = {row.scene: None if row.scene in names else row for row in before}  # each stays in its place
     for scene in scenes:
         row = rows[scene.stem] = run.scene(scene)
         if row is not None:
@@ -63,8 +76,14 @@ def measure(settings: Settings, scenes: Sequence[Path], overall: Overall) -> tup
     return run.write(rows.values(), costs), stem
 
 
+def write_pages(folder: Path, chart: Chart, stem: str = CHART) -> list[Path]:
+    """Write what people read beside the JSON file, and return the paths of all files."""
+    return write_report(folder, stem, None, {".html": page.page(chart), ".svg": panels.picture(chart),
+                                             ".md": tables.markdown(chart)})
+
+
 def _before(settings: Settings, names: Sequence[str]) -> tuple[tuple[SceneRow, ...], str]:
-    """Scenes of an earlier run with the same settings, and the stem of this run's files."""
+    """Return the scenes of an earlier run with the same settings, and the stem of this run's files."""
     path = settings.folder / f"{CHART}.json"
     try:
         before = read_chart(path) if path.exists() else None
@@ -77,12 +96,6 @@ def _before(settings: Settings, names: Sequence[str]) -> tuple[tuple[SceneRow, .
     return (), f"{CHART}-{'-'.join(names)}"[:MOST_STEM]
 
 
-def write_pages(folder: Path, chart: Chart, stem: str = CHART) -> list[Path]:
-    """Write what people read beside the JSON file, and name all of it."""
-    return [folder / f"{stem}.json", *(write_text(folder / f"{stem}{suffix}", make(chart))
-                                       for suffix, make in PAGES.items())]
-
-
 def _check_names(scenes: Sequence[Path]) -> None:
     names = [scene.stem for scene in scenes]
     for name in names:
@@ -92,68 +105,73 @@ def _check_names(scenes: Sequence[Path]) -> None:
 
 @dataclasses.dataclass
 class _Run:
-    """One run: its settings, who follows it, the stem of its files, and sentences on what it had to leave out."""
+    """One run: its settings, store and progress, the stem of its files, and sentences on what was left out."""
 
     settings: Settings
+    store: Store
     overall: Overall
     stem: str
     skipped: list[str] = dataclasses.field(default_factory=list)
 
     def write(self, rows: Iterable[SceneRow | None], costs: tuple[MethodCost, ...]) -> Chart:
-        """Write the chart as far as it is known; only now is it known whether PyTorch was needed."""
+        """Write the chart as far as it is known; the environment knows only now whether PyTorch was needed."""
         known = tuple(row for row in rows if row is not None)
         chart = Chart(FORMAT, self.settings.figures, environment(), costs, tuple(self.skipped), known)
         write_record(self.settings.folder / f"{self.stem}.json", chart)
         return chart
 
     def scene(self, path: Path) -> SceneRow | None:
-        """Row of one scene; None if its reference is missing and may not be made, or no method finishes a render."""
-        settings, folder = self.settings, renders.reference(self.settings, path, self.overall)
-        if folder is None:
+        """Return the row of one scene; None if its reference is missing, or if no method finishes a render."""
+        if self._reference(path) is None:
             return self._skip(f"{path.stem} has no reference")
         made = list(self._renders(path))
-        mask = renders.widest_mask(settings.folder / path.stem, settings.scale, settings.profile.lenses)
-        target = Target.read(folder, mask)
-        cells = tuple(found for role, render in made for found in self._cells(path, role, render, target))
+        target = read_target(self.settings, path)
+        cells = tuple(found for role, folder in made for found in self._cells(path, role, folder, target))
         if not cells:
             return self._skip(f"{path.stem} has no render that a method could finish")
         frame = target.reference.frame
         lenses = None if frame.lens_list is None else len(frame.lens_list)
         return SceneRow(path.stem, frame.blender, float(target.mask.mean()),
                         UsedReference(frame.samples, lenses, sum(frame.seconds.values())), cells,
-                        tuple(analyse(cells, settings.ours, metric) for metric in METRICS))
+                        tuple(analyse(cells, self.settings.ours, metric) for metric in METRICS))
 
     def costs(self, scene: Path, row: SceneRow) -> Iterator[MethodCost]:
-        """What every method that was measured costs; its start is timed on the first scene's first render."""
-        settings, measured = self.settings, {cell.method for cell in row.cells if cell.role != DIRECT}
-        folder = render_folder(settings.folder / scene.stem, settings.scale, row.cells[0].samples, settings.seed)
+        """Yield what every method that was measured costs; its start is timed on the first scene's first render."""
+        settings, known = self.settings, {cell.method for cell in row.cells if cell.role != DIRECT}
+        folder = Path(low_job(settings, scene, settings.scale, row.cells[0].samples).output)
         for name in settings.methods:
-            if name in measured:
+            if name in known:
                 self.overall.begin(name, f"{name} in a process of its own")
-                again = name in settings.again or name in settings.retime
-                seconds = fresh_seconds(folder, name, settings.folder, again)
+                seconds = fresh_seconds(folder, name, self.store, name in (*settings.again, *settings.retime))
                 yield method_cost(name, settings.scale, settings.profile.low_views(settings.scale), seconds)
 
-    def _renders(self, scene: Path) -> Iterator[tuple[Role, Path]]:
-        """Role and frame folder of every render, the cheap ones first."""
+    def _reference(self, scene: Path) -> Path | None:
+        """Return the folder of the reference; one that is there may have any lenses and samples."""
         settings = self.settings
-        wanted = [(LOW, settings.scale, samples) for samples in settings.spps]
-        wanted += [(DIRECT, 1, samples) for samples in settings.direct_spps]
-        wanted += [(CEILING, settings.scale, settings.ceiling_spp)] if settings.ceiling_spp else []
-        for role, scale, samples in wanted:
-            folder = render_folder(settings.folder / scene.stem, scale, samples, settings.seed)
-            self.overall.begin(folder, f"{scene.stem}: scale {scale}, {samples} samples")
-            folder = renders.low_render(settings, scene, scale, samples, self.overall)
+        most = low_job(settings, scene, settings.scale, max(settings.spps))
+        job = sampled(reference_job(settings, scene), settings.lenses, lambda: self._render(scene, most))
+        self.overall.begin(Path(job.output), f"{scene.stem}: reference of {job.spp} samples")
+        return self.store.render(job)
+
+    def _renders(self, scene: Path) -> Iterator[tuple[Role, Path]]:
+        for role, job in wanted_renders(self.settings, scene):
+            folder = self._render(scene, job)
             if folder is None:
-                self._skip(f"{scene.stem} has no render at scale {scale} with {samples} samples")
+                self._skip(f"{scene.stem} has no render at scale {job.scale} with {job.spp} samples")
             else:
                 yield role, folder
 
+    def _render(self, scene: Path, job: Job) -> Path | None:
+        self.overall.begin(Path(job.output), f"{scene.stem}: scale {job.scale}, {job.spp} samples")
+        return self.store.render(job)
+
     def _cells(self, scene: Path, role: Role, folder: Path, target: Target) -> Iterator[Cell]:
-        """Every method on one render."""
+        """Yield the cells of every method on one render."""
         settings, frame = self.settings, read_frame(folder)
+        job = low_job(settings, scene, frame.scale, frame.samples)
         # The ceiling's time is on no axis.
-        seconds = [frame.seconds["render"]] if role == CEILING else renders.seconds_of(settings, scene, folder)
+        seconds = [frame.seconds["render"]] if role == CEILING else render_seconds(
+            job, self.store, settings.render_repeats, settings.retime_renders)
         for name in settings.direct_methods if role == DIRECT else settings.methods:
             parsed = MethodName.parse(name)
             missing = parsed.untrained(frame.scale)
@@ -176,9 +194,10 @@ class _Run:
             self.overall.note(f"skipped: {sentence}")
 
 
-def _cell(role: Role, frame: Frame, render_seconds: tuple[float, ...], kept: KeptCell) -> Cell:
-    second = kept.times.second_stage_seconds
-    median = statistics.median(statistics.median(render_seconds) + seconds for seconds in second)
-    return Cell(role, kept.method, frame.scale, frame.samples, render_seconds, frame.seconds.get("open", 0.0),
-                seconds=Spread(median, min(render_seconds) + min(second), max(render_seconds) + max(second)),
-                metrics=kept.metrics, ci95=kept.ci95, device=frame.device, **dataclasses.asdict(kept.times))
+def _cell(role: Role, frame: Frame, render: tuple[float, ...], found: MeasuredCell) -> Cell:
+    second = found.times.second_stage_seconds
+    median = statistics.median(statistics.median(render) + seconds for seconds in second)
+    return Cell(role, found.method, frame.scale, frame.samples, render, frame.seconds.get("open", 0.0),
+                seconds=Spread(median, min(render) + min(second), max(render) + max(second)),
+                metrics=found.accuracy.metrics, ci95=found.accuracy.ci95, device=frame.device,
+                **dataclasses.asdict(found.times))

@@ -14,8 +14,7 @@ from lfsr_lab.experiments.chart.records import ChartSettings
 
 DENOISER, AS_RENDERED = "oidn", "none"
 DIRECT_METHODS = (AS_RENDERED, DENOISER)
-LAYERS = ("albedo", "normal")
-REFERENCE_FOLDER, CELL_FOLDER, TIMES_FOLDER, FRESH_FOLDER = "reference", "cells", "render-times", "fresh-process"
+CELL_FOLDER, FRESH_FOLDER = "cells", "fresh-process"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

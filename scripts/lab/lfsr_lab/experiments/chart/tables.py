@@ -6,7 +6,7 @@ import statistics
 from collections.abc import Callable, Iterator, Sequence
 
 from lfsr_lab.experiments.chart.records import DIRECT, Cell, Chart, Duel, MethodCost, SceneRow
-from lfsr_lab.experiments.tables import UNKNOWN, count, markdown_table, number
+from lfsr_lab.experiments.engine.report import UNKNOWN, count, markdown_table, number
 
 METRICS = ("ssim_eia", "ssim_eia_fg", "ssim_lens", "ssim_lens_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain",
            "ssim_ceiling", "ssim_lens_plain", "ssim_lens_ceiling", "flip")

@@ -16,8 +16,8 @@ from pathlib import Path
 
 from lfsr_lab.experiments.displays.kinds import FULL_WIDTH, kind
 from lfsr_lab.experiments.displays.run import Settings, compare, write_pages
-from lfsr_lab.experiments.environment import check_packages
-from lfsr_lab.experiments.script import exit_code
+from lfsr_lab.experiments.engine.environment import check_packages
+from lfsr_lab.experiments.engine.report import exit_code
 
 
 def main(argv: Sequence[str] | None = None) -> int:

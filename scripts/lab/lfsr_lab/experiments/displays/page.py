@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from lfsr_lab.experiments.displays.measure import Accuracy, Point
 from lfsr_lab.experiments.displays.ways import DIRECT, NAMES, OTHER, OURS, STRAIGHT, USUAL
-from lfsr_lab.experiments.environment import Environment
-from lfsr_lab.experiments.plots import (
+from lfsr_lab.experiments.engine.environment import Environment
+from lfsr_lab.experiments.engine.plots import (
     COLORS,
     MARKERS,
     Curve,
@@ -21,7 +21,7 @@ from lfsr_lab.experiments.plots import (
     time_axis,
     value_axis,
 )
-from lfsr_lab.experiments.tables import markdown_table, number
+from lfsr_lab.experiments.engine.report import markdown_table, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

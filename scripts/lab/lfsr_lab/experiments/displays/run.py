@@ -15,9 +15,9 @@ from lfsr_lab.experiments.displays.measure import Point, Target, finish, seen
 from lfsr_lab.experiments.displays.page import Comparison, Row
 from lfsr_lab.experiments.displays.renders import Shelf
 from lfsr_lab.experiments.displays.ways import USUAL, Way, measured_at
-from lfsr_lab.experiments.environment import environment, load_average
-from lfsr_lab.experiments.page import write_text
-from lfsr_lab.experiments.plots import svg
+from lfsr_lab.experiments.engine.environment import environment, load_average
+from lfsr_lab.experiments.engine.plots import svg
+from lfsr_lab.experiments.engine.report import write_text
 
 RESULTS, TABLE = "displays.json", "displays.md"
 PICTURES = {page.WOVEN: "displays.svg", page.TRACED: "displays-traced.svg"}

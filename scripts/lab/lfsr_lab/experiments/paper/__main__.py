@@ -20,13 +20,12 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.optics.display import load_display
 from lfsr_core.records import from_data, to_data
-from lfsr_lab.experiments.environment import check_packages, environment
-from lfsr_lab.experiments.page import write_text
+from lfsr_lab.experiments.engine.environment import check_packages, environment
+from lfsr_lab.experiments.engine.plots import save
+from lfsr_lab.experiments.engine.report import exit_code, write_text
 from lfsr_lab.experiments.paper import page, renders, settings
 from lfsr_lab.experiments.paper.figure import Figure
 from lfsr_lab.experiments.paper.records import Results
-from lfsr_lab.experiments.plots import save
-from lfsr_lab.experiments.script import exit_code
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet

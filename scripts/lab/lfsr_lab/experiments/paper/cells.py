@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 from lfsr_lab.experiments import cells
-from lfsr_lab.experiments.environment import load_average
+from lfsr_lab.experiments.engine.environment import load_average
 from lfsr_lab.experiments.paper.settings import VERSION, Settings
 
 Record = TypeVar("Record")

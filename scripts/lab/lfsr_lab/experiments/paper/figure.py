@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from lfsr_lab.experiments import plots, tables
+from lfsr_lab.experiments.engine import plots, tables
 from lfsr_lab.experiments.paper.records import Results, Row
 from lfsr_lab.experiments.paper.settings import Settings
 from lfsr_lab.experiments.paper.verdict import Difference, paired

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lfsr_core.errors import LfsrError
-from lfsr_lab.experiments.environment import Environment
+from lfsr_lab.experiments.engine.environment import Environment
 from lfsr_lab.experiments.paper.figure import Figure
 from lfsr_lab.experiments.paper.figures import figure9, figure10, figure11, frames, tables
 from lfsr_lab.experiments.paper.records import Results

@@ -30,7 +30,7 @@ from lfsr_core.plan.candidates import Candidate
 from lfsr_core.plan.times import path_samples, render_seconds
 from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
 from lfsr_lab.experiments.cells import Cells
-from lfsr_lab.experiments.chart.renders import known_seconds
+from lfsr_lab.experiments.engine.timing import known_seconds
 
 REFERENCE = "reference"
 RENDER_FOLDER = re.compile(r"s(\d+)-spp(\d+)")

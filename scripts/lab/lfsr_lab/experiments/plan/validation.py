@@ -30,9 +30,9 @@ from lfsr_core.records import write_record
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import run_job
 from lfsr_core.render.store import Render
+from lfsr_lab.experiments.engine.report import markdown_table
 from lfsr_lab.experiments.plan.actual import REFERENCE, Actual, actual, renders, replay, scenes
 from lfsr_lab.experiments.plan.records import Summary, Validation, Verdict
-from lfsr_lab.experiments.tables import markdown_table
 
 TARGETS = (0.8, 0.85, 0.9, 0.925, 0.95, 0.97)
 CANDIDATE_COLUMNS = ("scene", "candidate", "actual", "estimate", "least", "most", "bounds below", "seconds: predicted "

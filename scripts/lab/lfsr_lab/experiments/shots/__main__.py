@@ -16,8 +16,8 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.optics.display import load_display
-from lfsr_lab.experiments.environment import check_packages, environment
-from lfsr_lab.experiments.script import exit_code
+from lfsr_lab.experiments.engine.environment import check_packages, environment
+from lfsr_lab.experiments.engine.report import exit_code
 from lfsr_lab.experiments.shots.measure import cost_of_sharing
 from lfsr_lab.experiments.shots.renders import NAMES, Bench, Settings
 from lfsr_lab.experiments.shots.report import Found, Report, write_report

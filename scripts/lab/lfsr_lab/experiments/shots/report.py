@@ -9,9 +9,9 @@ from typing import Any
 
 from lfsr_core.files import write_json
 from lfsr_core.records import to_data
-from lfsr_lab.experiments import plots, tables
-from lfsr_lab.experiments.environment import Environment
-from lfsr_lab.experiments.page import write_text
+from lfsr_lab.experiments.engine import plots, tables
+from lfsr_lab.experiments.engine.environment import Environment
+from lfsr_lab.experiments.engine.report import write_text
 from lfsr_lab.experiments.shots.measure import Figures
 from lfsr_lab.experiments.shots.renders import NAMES, Settings
 from lfsr_lab.experiments.shots.ways import ALONE, FITS, FIXED_ALONE, SHARED

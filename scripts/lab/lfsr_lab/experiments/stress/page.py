@@ -14,13 +14,12 @@ from lfsr_core.frames.reference import Reference
 from lfsr_core.images.png import write_png
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.reconstruct.second_stage import finished_linear
-from lfsr_lab.experiments.page import inline_svg, write_page
-from lfsr_lab.experiments.plots import COLORS, sheet, svg
+from lfsr_lab.experiments.engine.plots import COLORS, sheet, svg
+from lfsr_lab.experiments.engine.report import inline_svg, number, write_page
 from lfsr_lab.experiments.stress.dials import choose_dials, label
 from lfsr_lab.experiments.stress.folder import BASELINE, Bench
 from lfsr_lab.experiments.stress.records import Cell, DialReport, Report
 from lfsr_lab.experiments.stress.report import LEGEND
-from lfsr_lab.experiments.tables import number
 
 if TYPE_CHECKING:
     from markupsafe import Markup

@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.records import to_data, write_record
-from lfsr_lab.experiments.environment import environment
-from lfsr_lab.experiments.page import write_text
+from lfsr_lab.experiments.engine.environment import environment
+from lfsr_lab.experiments.engine.report import markdown_table, write_text
 from lfsr_lab.experiments.stress.dials import Dial, breaking_point, label
 from lfsr_lab.experiments.stress.folder import BASELINE, Bench
 from lfsr_lab.experiments.stress.records import FORMAT, Cell, DialReport, Report
-from lfsr_lab.experiments.tables import markdown_table
 
 REPORT_FILE, TABLE_FILE = "stress.json", "stress.md"
 LEGEND = ("A number is the first value of the dial where the method breaks: **b** below bicubic, **s** 0.05 below its "

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_lab.experiments import plots
+from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.engine.report import markdown_table, number
 from lfsr_lab.experiments.paper import quality, timing, weights
 from lfsr_lab.experiments.paper.cells import Cells, highest
 from lfsr_lab.experiments.paper.figure import Figure, cautions, gains, main_metric, measured, metric, scenes_of
@@ -17,7 +18,6 @@ from lfsr_lab.experiments.paper.records import NetworkTimes, Results, Row
 from lfsr_lab.experiments.paper.renders import Shot
 from lfsr_lab.experiments.paper.settings import Settings
 from lfsr_lab.experiments.paper.verdict import Difference, overall, paired, sentence, span
-from lfsr_lab.experiments.tables import markdown_table, number
 
 NETWORK = "paper"
 DEPTHS = {"paper": 2, **{f"paper-{n}": n for n in (3, 4, 5, 6)}}

@@ -15,7 +15,8 @@ from lfsr_core.images.png import read_png, write_png
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import horizontal_epi, to_elemental_images
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
-from lfsr_lab.experiments import plots
+from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.engine.report import markdown_table, number
 from lfsr_lab.experiments.paper import quality, renders
 from lfsr_lab.experiments.paper.cells import FOLDER, Cells
 from lfsr_lab.experiments.paper.figure import Figure, cautions, differences
@@ -23,7 +24,6 @@ from lfsr_lab.experiments.paper.records import Results
 from lfsr_lab.experiments.paper.renders import Shot
 from lfsr_lab.experiments.paper.settings import Settings
 from lfsr_lab.experiments.paper.verdict import Difference, overall, sentence
-from lfsr_lab.experiments.tables import markdown_table, number
 
 ID = "fig11"
 PAIRS = (("bicubic", "bicubic-eia"), ("paper", "paper-eia"), ("fsrcnn", "fsrcnn-eia"))

@@ -12,7 +12,8 @@ from lfsr_core.arrays import Array
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import to_elemental_images
-from lfsr_lab.experiments import plots
+from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.engine.report import markdown_table
 from lfsr_lab.experiments.paper import quality
 from lfsr_lab.experiments.paper.cells import FOLDER, Cells
 from lfsr_lab.experiments.paper.figure import Figure, cautions, gains, known, main_metric, metric, scenes_of
@@ -20,7 +21,6 @@ from lfsr_lab.experiments.paper.records import Results, Row
 from lfsr_lab.experiments.paper.renders import Shot
 from lfsr_lab.experiments.paper.settings import Settings
 from lfsr_lab.experiments.paper.verdict import Difference, overall, sentence
-from lfsr_lab.experiments.tables import markdown_table
 
 ID = "fig9"
 METHODS = ("bicubic", "paper", "paper-gan")

@@ -10,7 +10,8 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.options import UpscaleOptions
 from lfsr_core.reconstruct.second_stage import panel_image
-from lfsr_lab.experiments import plots
+from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.engine.report import markdown_table, number
 from lfsr_lab.experiments.paper import quality, renders, timing, weights
 from lfsr_lab.experiments.paper.cells import Cells
 from lfsr_lab.experiments.paper.figure import Figure
@@ -26,7 +27,6 @@ from lfsr_lab.experiments.paper.verdict import (
     sentence,
     single_runs,
 )
-from lfsr_lab.experiments.tables import markdown_table, number
 
 NETWORK = "paper"
 KINDS = ("with", "without")

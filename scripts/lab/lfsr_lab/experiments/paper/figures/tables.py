@@ -8,6 +8,7 @@ from pathlib import Path
 
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.networks import catalogue
+from lfsr_lab.experiments.engine.report import markdown_table, number
 from lfsr_lab.experiments.paper import quality, renders, weights
 from lfsr_lab.experiments.paper.cells import Cells
 from lfsr_lab.experiments.paper.figure import Figure, cautions, gains, known, measured, metric
@@ -15,7 +16,6 @@ from lfsr_lab.experiments.paper.records import FrameTimes, Results, Row
 from lfsr_lab.experiments.paper.renders import Shot
 from lfsr_lab.experiments.paper.settings import Settings
 from lfsr_lab.experiments.paper.verdict import Difference, overall, sentence, single_runs
-from lfsr_lab.experiments.tables import markdown_table, number
 from lfsr_lab.networks import comparators
 
 DIRECT, BY_VIEW, FEW_SAMPLES = "direct", "view by view + fsrcnn", "1 sample + oidn"

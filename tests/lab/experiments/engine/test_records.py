@@ -6,7 +6,7 @@ import dataclasses
 
 import pytest
 
-from lfsr_lab.experiments.cells import Cells
+from lfsr_lab.experiments.engine.records import Records
 
 
 @dataclasses.dataclass(frozen=True)
@@ -15,9 +15,9 @@ class Kept:
     seconds: float
 
 
-@pytest.fixture(params=["fingerprint", "inputs", None])
-def cells(tmp_path, request):
-    return Cells(tmp_path, Kept, key=request.param)
+@pytest.fixture
+def cells(tmp_path):
+    return Records(tmp_path, Kept)
 
 
 def test_a_record_is_measured_once_per_fingerprint(cells):
@@ -28,10 +28,11 @@ def test_a_record_is_measured_once_per_fingerprint(cells):
     assert cells.read("one", {"weights": "x"}) is None and cells.read("two", {"weights": "x"}) is None
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"fingerprint": {"a": 1}, "name": 3, "seconds": 1.0}',
-                                  '{"fingerprint": {"a": 1}, "name": "n"}'])
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}",
+                                  '{"fingerprint": {"a": 1}, "record": {"name": 3, "seconds": 1.0}}',
+                                  '{"fingerprint": {"a": 1}, "record": {"name": "n"}}'])
 def test_a_damaged_file_is_measured_again(tmp_path, text):
-    cells = Cells(tmp_path, Kept)
+    cells = Records(tmp_path, Kept)
     cells.path("one").write_text(text)
     assert cells.read("one", {"a": 1}) is None
     assert cells.get("one", {"a": 1}, lambda: Kept("n", 2.0)) == cells.read("one", {"a": 1})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lfsr_lab.experiments.chart.intervals import BLOCK, block_interval, lens_intervals
+from lfsr_lab.experiments.engine.intervals import BLOCK, block_interval, lens_intervals
 from tests.support.synthetic import MINI, light_field
 
 SHAPE = (15, 24)

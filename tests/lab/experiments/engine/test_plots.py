@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.text import Text
 
-from lfsr_lab.experiments import plots
-from lfsr_lab.experiments.plots import Curve
+from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.engine.plots import Curve
 
 SVG = "{http://www.w3.org/2000/svg}"
 CURVES = [Curve(f"method{index}+part (ours)", color, marker, (1, 4, 16), (0.5, 0.8 + index / 1000, 0.9 + index / 1000),

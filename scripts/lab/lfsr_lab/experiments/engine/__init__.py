@@ -1,0 +1,1 @@
+"""One engine for all studies: cells, renders, records, accuracy, report."""

@@ -1,0 +1,139 @@
+"""The store of a study: scenes, renders and references in one folder, each made once."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.arrays import Mask
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import write_json
+from lfsr_core.frames.foreground import foreground_mask
+from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
+from lfsr_core.frames.identity import RAYS, check_same
+from lfsr_core.frames.job import Job
+from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.optics.lens_sampling import choose_lenses
+from lfsr_core.progress import ProgressBar
+from lfsr_core.records import read_record, write_record
+from lfsr_core.render.blender import find_blender
+from lfsr_core.render.process import Listener, run_jobs
+from lfsr_core.render.store import Bar, is_complete, with_blender
+from lfsr_lab.scenes import scene_script
+from lfsr_lab.scenes.running import run_script
+
+SETTINGS_FILE, SCENE_FILE, REFERENCE = "settings.json", "scene.blend", "reference"
+LAYERS = ("albedo", "normal")
+
+
+@dataclasses.dataclass(frozen=True)
+class Store:
+    """A folder of scenes and renders."""
+
+    folder: Path
+    blender: str | None = None  # executable, None for the best there is
+    may_render: bool = True  # False: a render that is missing is left out
+    bar: Bar | None = None  # shows progress, None for a bar of its own
+
+    def claim(self, settings: Any) -> None:
+        """Record the settings of a new folder; LfsrError if it was begun with other ones."""
+        path = self.folder / SETTINGS_FILE
+        if path.exists():
+            found = read_record(path, type(settings), "the settings of a study")
+            for field in dataclasses.fields(settings):
+                if getattr(found, field.name) != getattr(settings, field.name):
+                    raise LfsrError(f"{self.folder} was begun with other settings ({field.name} differs, see "
+                                    f"{SETTINGS_FILE} there): choose another folder or the same settings")
+        write_record(path, settings)
+
+    def build(self, script: str, wanted: Mapping[Path, Mapping[str, Any]], **shared: Any) -> None:
+        """Write the scene files that are missing, all in one Blender.
+
+        Parameters
+        ----------
+        script : name of the script of lfsr_lab.scenes that builds them
+        wanted : what the script is told of each scene, by the file to write
+        shared : what it is told of all
+        """
+        missing = [{**facts, "path": str(path.resolve())} for path, facts in wanted.items() if not path.exists()]
+        if not missing:
+            return
+        print(f"building {len(missing)} scenes", flush=True)
+        for path in wanted:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory() as name:
+            job = Path(name) / "scenes.json"
+            write_json(job, {**shared, "scenes": missing})
+            run_script(find_blender(self.blender), scene_script(script), job, list(wanted))
+
+    def render(self, job: Job) -> Path | None:
+        """Return the folder of a render or reference, made if it is missing; None where it is and may not be made.
+
+        LfsrError where the folder holds another render. A reference that is there may have any samples and lenses.
+        """
+        folder = Path(job.output)
+        if not is_complete(folder, job.kind):
+            if not self.may_render:
+                return None
+            with_blender(self.blender, announce=self.bar is None, bar=self.bar)(job)
+        check_render(job)
+        return folder
+
+    def rendered(self, job: Job) -> Path:
+        """Return the folder of a render or reference, made if it is missing."""
+        folder = self.render(job)
+        if folder is None:
+            raise LfsrError(f"{job.output} is not rendered, and no render may be made: run it without --only-measure")
+        return folder
+
+    def render_all(self, jobs: Sequence[Job], done: Callable[[Job], object] = lambda job: None) -> None:
+        """Render what is missing of ``jobs`` in one Blender; ``done`` is called with each job that is rendered."""
+        missing = [job for job in jobs if not is_complete(Path(job.output), job.kind)]
+        if missing:
+            bar = self.bar or ProgressBar()
+            bar.note(f"rendering {len(missing)} images in {self.folder}")
+            try:
+                run_jobs(missing, find_blender(self.blender), Listener(bar, bar.note, done))
+            finally:
+                bar.close()
+        for job in jobs:
+            check_render(job)
+
+
+def check_render(job: Job) -> None:
+    """LfsrError with the first difference unless the job's folder holds its render; a subject only if it is named."""
+    names = (*RAYS, "world_visible", *(["subject"] if job.subject else []))
+    check_same(Path(job.output), job, names=names)
+
+
+def reference_of(job: Job, samples: int, folder: Path, **changes: Any) -> Job:
+    """Return the reference of a render's scene and display: every view, indirect light not clamped."""
+    return dataclasses.replace(job, output=str(folder), kind="reference", scale=1, spp=samples, layers=(),
+                               clamp_indirect=0.0, **changes)
+
+
+def sampled(reference: Job, count: int | None, render: Callable[[], Path | None]) -> Job:
+    """Return the reference of ``count`` lenses, chosen by the foreground of ``render()``; of all lenses for None."""
+    folder = None if count is None or is_complete(Path(reference.output), "reference") else render()
+    if count is None or folder is None:
+        return reference
+    return dataclasses.replace(reference, lens_list=choose_lenses(foreground(folder), count))
+
+
+def foreground(folder: Path) -> Mask:
+    """Return the lenses (sy, sx) of a render that see the foreground."""
+    return foreground_mask(clean(read_layers(folder / LOW_RES_FILE))[0], read_frame(folder).rays.tiles)
+
+
+def frame_digest(folder: Path) -> str:
+    """Return a short hash of a render's frame.json: another render has another one."""
+    return digest((folder / FRAME_FILE).read_bytes())
+
+
+def digest(data: bytes) -> str:
+    """Return a short hash of bytes, as a part of a fingerprint."""
+    return hashlib.sha256(data).hexdigest()[:16]

@@ -1,0 +1,137 @@
+"""Times: of renders that are repeated, of the second stage, and of rivals that take turns."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import shutil
+import statistics
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.frames.frame import FRAME_FILE, read_frame
+from lfsr_core.frames.job import Job
+from lfsr_core.frames.report import Report
+from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_lab.experiments.engine.environment import load_average
+from lfsr_lab.experiments.engine.records import Records
+from lfsr_lab.experiments.engine.renders import Store
+
+REPEATS_FOLDER = "render-times"
+STAGES = ("load", "mask", "upscale", "assemble", "color", "write")
+Seconds = dict[str, tuple[float, ...]]
+"""Seconds of every run, by the name of what was run."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Repeats:
+    """Seconds of renders that were repeated only to time them."""
+
+    alone: bool = False  # whether the time of the stored render does not count
+    repeats: tuple[float, ...] = ()
+
+    def counted(self, first: float) -> list[float]:
+        """Return all seconds that count, with those of the stored render, ``first``."""
+        return [*(() if self.alone else (first,)), *self.repeats]
+
+
+def render_seconds(job: Job, store: Store, count: int = 1, retime: bool = False) -> list[float]:
+    """Return the Cycles seconds of a render that is there, repeated until ``count`` are known.
+
+    With ``retime`` only those of repeats count, because the machine was busy when the stored one was made.
+    """
+    folder = Path(job.output)
+    records, mark, known = _repeats(folder)
+    first = mark["first"]
+    if retime and not known.alone:
+        known = Repeats(alone=True)
+    while len(known.counted(first)) < count and store.may_render:
+        known = dataclasses.replace(known, repeats=(*known.repeats, _timed_again(job, store)))
+        records.write(folder.name, mark, known)
+    return known.counted(first) or [first]
+
+
+def known_seconds(folder: Path) -> list[float]:
+    """Return the Cycles seconds of a render and of its repeats, as far as they are known."""
+    _, mark, known = _repeats(folder)
+    return known.counted(mark["first"]) or [mark["first"]]
+
+
+def _repeats(folder: Path) -> tuple[Records[Repeats], dict[str, float], Repeats]:
+    records = Records(folder.parent / REPEATS_FOLDER, Repeats)
+    mark = {"first": read_frame(folder).seconds["render"]}
+    return records, mark, records.read(folder.name, mark) or Repeats()
+
+
+def _timed_again(job: Job, store: Store) -> float:
+    with tempfile.TemporaryDirectory(prefix=".again-", dir=store.folder) as name:
+        return read_frame(store.rendered(dataclasses.replace(job, output=str(Path(name) / "frame")))).seconds["render"]
+
+
+@dataclasses.dataclass(frozen=True)
+class StageTimes:
+    """Seconds of the second stage."""
+
+    second_stage_seconds: tuple[float, ...]  # of every run
+    stage_seconds: dict[str, float]  # medians of its parts
+    notes: tuple[str, ...]  # its sentences
+    load_average: float | None  # of the machine, before the runs
+
+
+def second_stage_times(folder: Path, name: str, repeats: int, warm: bool) -> StageTimes:
+    """Time the second stage of a frame folder, which is written to; without ``warm`` one run first does not count."""
+    if not warm:
+        upscale_frame(folder, name)
+    load = load_average()
+    runs = [_timed(folder, name) for _ in range(repeats)]
+    stages = {stage: statistics.median(report.seconds[stage] for _, report in runs) for stage in STAGES}
+    return StageTimes(tuple(seconds for seconds, _ in runs), stages, runs[-1][1].notes, load)
+
+
+def _timed(folder: Path, name: str) -> tuple[float, Report]:
+    started = time.perf_counter()
+    report = upscale_frame(folder, name)
+    return round(time.perf_counter() - started, 4), report
+
+
+@contextmanager
+def scratch_copy(folder: Path) -> Iterator[Path]:
+    """Yield a temporary folder beside ``folder`` with the same render, so that ``folder`` stays as it is."""
+    with tempfile.TemporaryDirectory(prefix=".scratch-", dir=folder.parent) as name:
+        for file in (FRAME_FILE, *read_frame(folder).render_files):
+            try:
+                os.link(folder / file, Path(name) / file)
+            except OSError:  # another file system, or one without links
+                shutil.copyfile(folder / file, Path(name) / file)
+        yield Path(name)
+
+
+def take_turns(functions: Mapping[str, Callable[[], Any]], repeats: int) -> Seconds:
+    """Return the seconds of every call, ``repeats`` per function in turn, after one call each that does not count.
+
+    What else the machine does then hits all alike. A function must return only when its work is done.
+    """
+    for function in functions.values():
+        function()
+    seconds: dict[str, list[float]] = {name: [] for name in functions}
+    for _ in range(repeats):
+        for name, function in functions.items():
+            started = time.perf_counter()
+            function()
+            seconds[name].append(round(time.perf_counter() - started, 6))
+    return {name: tuple(times) for name, times in seconds.items()}
+
+
+def median_ms(seconds: Sequence[float]) -> float:
+    """Return the median in milliseconds."""
+    return 1e3 * statistics.median(seconds)
+
+
+def cpu_seconds() -> float:
+    """Return the processor seconds of this process so far, on all cores."""
+    times = os.times()
+    return times.user + times.system
