@@ -11,16 +11,12 @@ import functools
 import sys
 import types
 import typing
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.files import read_json, write_json
-
-if TYPE_CHECKING:
-    import cattrs
 
 Record = TypeVar("Record")
 MOST_VALUE, MOST_PLACE, MOST_RULE = 50, 70, 90  # characters in a sentence
@@ -36,7 +32,8 @@ def from_data(cls: type[Record], data: Any, source: str) -> Record:
     LfsrError for an unknown or missing field, a value of another type, or a number that is not finite.
     """
     try:
-        return _converter().structure(data, cls)
+        record: Record = _value(data, cls)
+        return record
     except _WrongError as error:
         place = _end("".join(reversed(error.places)).removeprefix("."), MOST_PLACE)
         rest = f"{place or 'it'} {error}" if error.of_value else f"{place}: {error}" if place else str(error)
@@ -47,7 +44,11 @@ def from_data(cls: type[Record], data: Any, source: str) -> Record:
 
 def to_data(record: Any) -> Any:
     """Return the JSON-ready data of a record: objects, lists, text, numbers, true, false and null."""
-    return _converter().unstructure(record)
+    if dataclasses.is_dataclass(record):
+        return {_key(field): to_data(getattr(record, field.name)) for field in dataclasses.fields(record) if field.init}
+    if isinstance(record, Mapping):
+        return {key: to_data(value) for key, value in record.items()}
+    return [to_data(value) for value in record] if isinstance(record, (list, tuple)) else record
 
 
 def read_record(path: str | Path, cls: type[Record], what: str) -> Record:
@@ -76,34 +77,15 @@ def _value_error(value: Any, rule: str) -> _WrongError:
     return _WrongError(f"is {_start(repr(value), MOST_VALUE)}, but it must be {_start(rule, MOST_RULE)}", of_value=True)
 
 
-@contextmanager
-def _at(place: str) -> Iterator[None]:
-    try:
-        yield
-    except _WrongError as error:
-        error.places.append(place)
-        raise
-
-
-@functools.cache
-def _converter() -> cattrs.Converter:
-    """Return a converter whose hooks check every value."""
-    import cattrs  # slow to import, and scripts inside Blender that read no record do not need it
-
-    converter = cattrs.Converter(unstruct_collection_overrides={tuple: list})
-    converter.register_unstructure_hook_factory(dataclasses.is_dataclass, _unstructured)
-    hooks: dict[Callable[[Any], bool], Callable[[Any, Any], Any]] = {
-        dataclasses.is_dataclass: _record, _origin(tuple): _tuple, _origin(dict): _dict,
-        _origin(typing.Literal): _literal, _origin(typing.Union, types.UnionType): _union}
-    for kind in PLAIN:
-        converter.register_structure_hook(kind, _plain)
-    for fits, hook in hooks.items():
-        converter.register_structure_hook_func(fits, hook)
-    return converter
-
-
-def _origin(*kinds: Any) -> Callable[[Any], bool]:
-    return lambda cls: typing.get_origin(cls) in kinds
+def _value(value: Any, kind: Any) -> Any:
+    """Return ``value`` if it is of the type ``kind``, else raise _WrongError."""
+    if kind is Any:
+        return value
+    if kind in PLAIN:
+        return _plain(value, kind)
+    if dataclasses.is_dataclass(kind):
+        return _record(value, kind)
+    return COMPOSED[typing.get_origin(kind)](value, typing.get_args(kind))
 
 
 def _plain(value: Any, cls: type) -> Any:
@@ -126,7 +108,7 @@ def _encodes(text: str) -> bool:
         return False
 
 
-def _record(data: Any, cls: type) -> Any:
+def _record(data: Any, cls: Any) -> Any:
     if not isinstance(data, dict):
         raise _value_error(data, "an object")
     fields = {_key(field): field for field in dataclasses.fields(cls) if field.init}
@@ -137,19 +119,8 @@ def _record(data: Any, cls: type) -> Any:
     for key, field in fields.items():
         if key not in data and field.default is field.default_factory is dataclasses.MISSING:
             raise _WrongError(f"field {key!r} is missing; every {cls.__name__} needs it")
-    hints, values = _hints(cls), {}
-    for key, value in data.items():
-        name = fields[key].name
-        with _at(f".{key}"):
-            values[name] = _converter().structure(value, hints[name])
-    return cls(**values)
-
-
-def _unstructured(cls: Any) -> Callable[[Any], Any]:
-    from cattrs.gen import make_dict_unstructure_fn, override
-
-    keys: dict[str, Any] = {field.name: override(rename=_key(field)) for field in dataclasses.fields(cls)}
-    return make_dict_unstructure_fn(cls, _converter(), **keys)
+    hints = _hints(cls)
+    return cls(**{fields[key].name: _item(f".{key}", value, hints[fields[key].name]) for key, value in data.items()})
 
 
 def _key(field: dataclasses.Field[Any]) -> str:
@@ -160,8 +131,7 @@ def _key(field: dataclasses.Field[Any]) -> str:
 _hints = functools.cache(typing.get_type_hints)
 
 
-def _tuple(data: Any, cls: Any) -> tuple[Any, ...]:
-    kinds = typing.get_args(cls)
+def _tuple(data: Any, kinds: tuple[Any, ...]) -> tuple[Any, ...]:
     if not isinstance(data, (list, tuple)):
         raise _value_error(data, "a list")
     if kinds[-1] is Ellipsis:
@@ -171,30 +141,35 @@ def _tuple(data: Any, cls: Any) -> tuple[Any, ...]:
     return tuple(_item(f"[{index}]", value, kind) for index, (value, kind) in enumerate(zip(data, kinds, strict=True)))
 
 
-def _dict(data: Any, cls: Any) -> dict[str, Any]:
+def _dict(data: Any, kinds: tuple[Any, ...]) -> dict[str, Any]:
     if not isinstance(data, dict) or not all(isinstance(key, str) for key in data):
         raise _value_error(data, "an object")
-    return {key: _item(f".{key}", value, typing.get_args(cls)[1]) for key, value in data.items()}
+    return {key: _item(f".{key}", value, kinds[1]) for key, value in data.items()}
 
 
-def _item(place: str, value: Any, kind: Any) -> Any:
-    with _at(place):
-        return _converter().structure(value, kind)
-
-
-def _literal(value: Any, cls: Any) -> Any:
-    choices = typing.get_args(cls)
+def _literal(value: Any, choices: tuple[Any, ...]) -> Any:
     if not any(value == choice and type(value) is type(choice) for choice in choices):
         raise _value_error(value, f"one of {', '.join(map(str, choices))}")
     return value
 
 
-def _union(value: Any, cls: Any) -> Any:
-    """Return None where that is allowed, else a value of the one other type."""
-    kinds = [kind for kind in typing.get_args(cls) if kind is not type(None)]
-    if len(kinds) != 1:
-        raise TypeError(f"{cls} is a choice of several types, which records do not have")
-    return None if value is None else _converter().structure(value, kinds[0])
+def _optional(value: Any, kinds: tuple[Any, ...]) -> Any:
+    """Return None, or a value of the one other type."""
+    [kind] = [kind for kind in kinds if kind is not types.NoneType]
+    return None if value is None else _value(value, kind)
+
+
+COMPOSED: dict[Any, Callable[[Any, tuple[Any, ...]], Any]] = {
+    tuple: _tuple, dict: _dict, typing.Literal: _literal, typing.Union: _optional, types.UnionType: _optional}
+
+
+def _item(place: str, value: Any, kind: Any) -> Any:
+    """Return a value inside another; an error carries its ``place``."""
+    try:
+        return _value(value, kind)
+    except _WrongError as error:
+        error.places.append(place)
+        raise
 
 
 def _start(text: str, most: int) -> str:

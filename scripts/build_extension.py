@@ -33,7 +33,6 @@ CORE_FILES = ("pyproject.toml", "README.md", "LICENSE")
 # What the second stage imports and Blender's Python does not bring everywhere; pip adds what these need themselves.
 RUNTIME_WHEELS = {
     "threadpoolctl": "one BLAS thread per worker: cores would wait for each other without it",
-    "cattrs": "records to and from JSON",
 }
 # Left out, since Blender brings them: NumPy, OpenImageIO, OpenColorIO, Open Image Denoise (libOpenImageDenoise, read by
 # lfsr_core/reconstruct/methods/oidn.py). Left out, since bound to one Python version each: flip-evaluator, without

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
-import os
 import re
 import shutil
 import sys
@@ -14,6 +13,7 @@ from typing import Protocol
 from lfsr_core.errors import LfsrError
 from lfsr_core.render.child import output_of
 
+PACKAGES = Path(__file__).resolve().parents[2]  # folder of lfsr_core
 OLDEST_BLENDER, SECONDS_TO_ANSWER = (4, 5), 60
 
 
@@ -32,7 +32,7 @@ class Blender:
 
     def command(self, *job_files: Path) -> list[str]:
         """Return the command line that runs the render jobs in ``job_files`` one after the other."""
-        return self.script_command(_entry_script(), os.pathsep.join(_package_folders()), *map(str, job_files))
+        return self.script_command(_entry_script(), str(PACKAGES), *map(str, job_files))
 
     def script_command(self, script: Path, *arguments: str) -> list[str]:
         """Return the command line that runs a Python ``script`` inside Blender."""
@@ -57,12 +57,6 @@ def find_blender(executable: str | None = None) -> Blender:
         raise LfsrError(f"{path} is Blender {'.'.join(map(str, version))}, but 4.5 or newer is needed: "
                         "give another with --blender PATH")
     return Blender(path)
-
-
-def _package_folders() -> list[str]:
-    """Return the folders of lfsr_core and of the pure Python packages that it needs inside Blender."""
-    found = (importlib.util.find_spec(name) for name in ("lfsr_core", "cattrs"))
-    return list(dict.fromkeys(str(Path(spec.origin).parents[1]) for spec in found if spec and spec.origin))
 
 
 def _entry_script() -> Path:

@@ -18,8 +18,7 @@ import bpy
 REPOSITORY, NAME = "user_default", "lfsr"
 MODULE = f"bl_ext.{REPOSITORY}.{NAME}"
 FORMATS = ("quilt", "hci", "stanford", "stereo", "views", "sway", "pleno")
-FOREIGN = ("cv2", "torch", "pyoidn", "onnxruntime", "av", "PIL", "lfsr_core", "flip_evaluator", "threadpoolctl",
-           "cattrs")
+FOREIGN = ("cv2", "torch", "pyoidn", "onnxruntime", "av", "PIL", "lfsr_core", "flip_evaluator", "threadpoolctl")
 
 
 def install(folder: Path, archive: str) -> dict[str, object]:
