@@ -84,7 +84,7 @@ def _check_output() -> None:
     except io.UnsupportedOperation:  # another Python program reads it
         return
     os.write(output, b"")
-    if hasattr(select, "poll"):
+    if sys.platform != "win32" and hasattr(select, "poll"):
         poll = select.poll()
         poll.register(output, 0)
         if any(event & select.POLLERR for _, event in poll.poll(0)):

@@ -13,24 +13,19 @@ OLDEST_PYTHON = (3, 11)
 NEEDED = ("numpy", "OpenImageIO", "PyOpenColorIO", "lfsr_core.reconstruct.second_stage")
 
 
-def report() -> str:
-    """Versions and denoiser in one line; ImportError or OSError if something needed is missing."""
-    for name in NEEDED:
-        importlib.import_module(name)
-    found = [f"Python {platform.python_version()}", f"LFSR {__version__}"]
-    return ", ".join([*found, "Open Image Denoise"] if denoise.is_available() else found)
-
-
 def main() -> int:
-    """Print the report, or what is missing; return the exit code."""
+    """Print versions and denoiser, or what is missing; return the exit code."""
     if sys.version_info < OLDEST_PYTHON:
         print(f"Python {platform.python_version()} is too old, {'.'.join(map(str, OLDEST_PYTHON))} or newer is needed")
         return 2
     try:
-        print(report())
+        for name in NEEDED:
+            importlib.import_module(name)
     except (ImportError, OSError) as error:
         print(f"{type(error).__name__}: {error}")
         return 2
+    found = [f"Python {platform.python_version()}", f"LFSR {__version__}"]
+    print(", ".join([*found, "Open Image Denoise"] if denoise.is_available() else found))
     return 0
 
 
