@@ -27,6 +27,7 @@ NAME = "LFSR World"
 # Per pixel of the image; a pixel of the light field sees 36. More change it by 4e-4 (rms of sRGB values).
 SAMPLES = 4
 SENSOR_MM = 36.0
+CLIP = 0.1, 1000.0  # scene units; only rounding depends on it
 _UNSUITED_COORDINATES = {"Window", "Camera"}
 
 
@@ -94,7 +95,8 @@ def render_world(scene: bpy.types.Scene, image: WorldImage, matrix_world: Matrix
         seen = {"film_transparent": False, "use_persistent_data": False} | pixel_aspect(image.aspect)
         with (overridden(scene.world.cycles, unlit), temporary_camera(alone, matrix_world, 1.0) as camera,
               cycles_settings(alone, settings, image.size), overridden(alone.render, seen)):
-            lens = camera.data
+            camera.name, lens = NAME, camera.data  # files name the camera
             lens.type, lens.sensor_fit, lens.sensor_width = "PERSP", "HORIZONTAL", SENSOR_MM
             lens.lens = SENSOR_MM / 2 / image.reach[0]
+            lens.clip_start, lens.clip_end = CLIP
             return render_to(alone, path)
