@@ -30,7 +30,10 @@ def bake(to_float: Apply, to_bytes: Apply) -> ocio.CPUProcessor | None:
 
     ``to_float``, ``to_bytes``: the exact chain, (..., W, 3) scene-linear to display values.
     """
-    table = ocio.GroupTransform([_shaper(), _table(to_float)])
+    low, width = STOPS[0], STOPS[1] - STOPS[0]
+    shaper = ocio.LogAffineTransform(logSideSlope=[1 / width] * 3, logSideOffset=[-low / width] * 3,
+                                     linSideSlope=[1.0] * 3, linSideOffset=[2.0**low] * 3)
+    table = ocio.GroupTransform([shaper, _table(to_float)])
     processor = ocio.Config.CreateRaw().getProcessor(table).getOptimizedCPUProcessor(
         ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, ocio.OPTIMIZATION_DEFAULT)
     colors = _random_colors()
@@ -45,12 +48,6 @@ def _is_accurate(steps: Array) -> bool:
     """Whether a table with errors of ``steps`` of 255 can replace its chain."""
     few = np.mean(steps >= MAX_STEPS) <= MAX_FRACTION
     return bool(steps.max() <= MAX_STEPS and few and np.mean(steps <= 1) >= MIN_WITHIN_ONE)
-
-
-def _shaper() -> ocio.LogAffineTransform:
-    low, high = STOPS
-    return ocio.LogAffineTransform(logSideSlope=[1 / (high - low)] * 3, logSideOffset=[-low / (high - low)] * 3,
-                                   linSideSlope=[1.0] * 3, linSideOffset=[2.0**low] * 3)
 
 
 def _table(to_float: Apply) -> ocio.Lut3DTransform:

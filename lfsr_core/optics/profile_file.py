@@ -17,19 +17,16 @@ def write_profile(path: str | Path, profile: DisplayProfile) -> None:
     if path.suffix != ".toml":
         raise LfsrError(f"{path} cannot be a display profile, because its name does not end in .toml: add the ending")
     with atomic_path(path) as temporary:
-        temporary.write_text(as_toml(profile), encoding="utf-8")
+        data = profile.to_dict()
+        lines = _lines({"format": data.pop("format", 1), **data}, "")
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
         if load_display(temporary) != profile:
             raise LfsrError(f"display {profile.name!r} cannot be written so that it reads back the same: choose a "
                             "plainer name")
 
 
-def as_toml(profile: DisplayProfile) -> str:
-    """The profile as TOML text: its own fields, then a table for each nested record."""
-    data = profile.to_dict()
-    return "\n".join(_lines({"format": data.pop("format", 1), **data}, "")) + "\n"
-
-
 def _lines(data: dict[str, Any], table: str) -> list[str]:
+    """Lines of TOML: the plain values of ``data``, then a table for each nested record."""
     plain = {key: value for key, value in data.items() if not isinstance(value, dict) and value is not None}
     lines = [f"{key} = {_value(value)}" for key, value in plain.items()]
     for key, value in data.items():

@@ -102,8 +102,11 @@ class RayLayout:
     def shown_lenses(self) -> Array:
         """Row and column on the display of the lens that each tile shows, (rows, columns, 2)."""
         across, down = self.tiles
-        columns, rows = _lens_of_tile(self, *np.meshgrid(np.arange(across), np.arange(down)))
-        return np.stack([rows, columns], -1)
+        if self.lens_list is None:
+            return np.moveaxis(np.indices((down, across)), 0, -1)
+        # Tiles after the last listed lens repeat it, so that the image is a full rectangle.
+        number = np.minimum(np.arange(across * down), len(self.lens_list) - 1).reshape(down, across)
+        return np.take(self.lens_list, number, axis=0)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -149,10 +152,10 @@ def rays(layout: RayLayout, raster_x: Array, raster_y: Array,
     width, height = layout.size
     tile_x, view_x, place_x = _split(raster_x, width, layout.views[0])
     tile_y, view_y, place_y = _split(raster_y, height, layout.views[1], downwards=True)
-    lens_x, lens_y = _lens_of_tile(layout, tile_x, tile_y)
-    origin_x, target_x = _axis(layout, 0, lens_x, view_x, place_x, random_x)
+    lens = layout.shown_lenses[tile_y, tile_x]
+    origin_x, target_x = _axis(layout, 0, lens[..., 1], view_x, place_x, random_x)
     # Rows count downwards and the camera's Y upwards: the same formula, mirrored.
-    origin_y, target_y = _axis(layout, 1, lens_y, view_y, place_y, 1 - np.asarray(random_y, float))
+    origin_y, target_y = _axis(layout, 1, lens[..., 0], view_y, place_y, 1 - np.asarray(random_y, float))
     return directed((origin_x, -origin_y), (target_x, -target_y), layout.array.distance)
 
 
@@ -175,15 +178,6 @@ def _split(raster: Array, pixels: int, views: int, downwards: bool = False) -> t
     if downwards:
         index, place = pixels - 1 - index, 1 - place
     return index // views, index % views, place
-
-
-def _lens_of_tile(layout: RayLayout, tile_x: Array, tile_y: Array) -> tuple[Array, Array]:
-    if layout.lens_list is None:
-        return tile_x, tile_y
-    listed = np.asarray(layout.lens_list)
-    # Tiles after the last listed lens repeat it, so that the image is a full rectangle.
-    chosen = listed[np.minimum(tile_y * layout.tiles[0] + tile_x, len(listed) - 1)]
-    return chosen[..., 1], chosen[..., 0]
 
 
 def _axis(layout: RayLayout, axis: int, lens: Array, view: Array, place: Array,
