@@ -12,9 +12,8 @@ from lfsr_core.frames.frame import EIA_FILE, SUBPIXELS, frame_folder
 from lfsr_core.frames.job import Job
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import to_data
-from lfsr_core.render.parts_folder import parts_folder
 from lfsr_core.render.process import DERIVED_FILES
-from lfsr_core.render.staging import publish, staging_folder
+from lfsr_core.render.staging import parts_folder, publish, staging_folder
 
 from ..settings import folders, scene_settings
 from . import runtime

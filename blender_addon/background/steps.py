@@ -21,7 +21,7 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.records import to_data
-from lfsr_core.render.parts_folder import parts_sentence
+from lfsr_core.render.staging import parts_sentence
 
 from . import runtime
 from .worker import Worker

@@ -14,7 +14,7 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, write_frame
 from lfsr_core.frames.job import Job
-from lfsr_core.frames.world import finished_layout
+from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale
 from lfsr_core.optics.lens_rows import pixel_rows
 from lfsr_core.optics.world_view import WorldImage

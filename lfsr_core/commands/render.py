@@ -107,9 +107,8 @@ def _scales(arguments: argparse.Namespace, job: Job, method: MethodName) -> tupl
 def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) -> None:
     from lfsr_core.sequence.animation import SecondStage, animation_of
     from lfsr_core.sequence.cluster_animation import render_on
-    from lfsr_core.sequence.engine import FAILED, Tools, render_animation
+    from lfsr_core.sequence.engine import FAILED, Tools, render_animation, summary
     from lfsr_core.sequence.numbers import parse_frames
-    from lfsr_core.sequence.summary import summary
 
     cluster = chosen_cluster(arguments)
     # Workers start in folders of their own.

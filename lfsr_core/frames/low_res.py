@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import LOW_RES_FILE, Frame
+from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, Frame
+from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.optics.eia import to_elemental_images
-from lfsr_core.optics.world_view import WorldView
+from lfsr_core.optics.rays import RayLayout
+from lfsr_core.optics.world_view import WorldImage, WorldView
 
 RENDERED_LAYERS = ("albedo", "normal", "position")
 LAYERS = (*RENDERED_LAYERS, "denoised", "noisy", "guided")
@@ -97,7 +100,7 @@ def over_background(layers: Mapping[str, Array], frame: Frame) -> Array:
 def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView | None = None) -> LowResEIA:
     """Return the low-resolution EIA in the layers of lr_eia.exr; LfsrError where their size is not the frame's.
 
-    ``world``: the result of ``frames.world.read_world`` for the same folder.
+    ``world``: the result of ``read_world`` for the same folder.
     """
     width, height = frame.rays.size
     shape = layers["color"].shape
@@ -117,3 +120,25 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
     tiles: dict[str, Any] = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
     return LowResEIA(**tiles, samples=frame.samples, scale=frame.scale, parallax=frame.display.parallax, world=world,
                      places=frame.rays.shown_lenses if frame.world_apart else None)
+
+
+def finished_layout(frame: Frame) -> RayLayout:
+    """Return the rays of every view of the frame's display."""
+    return RayLayout.for_display(frame.display, frame.array, convention=frame.convention,
+                                 view_aperture=frame.view_aperture)
+
+
+def read_world(folder: str | Path, frame: Frame) -> WorldView | None:
+    """Read what the frame's display sees of the world; None where it is hidden or part of the render.
+
+    LfsrError where its file is missing or of another size.
+    """
+    if not frame.world_apart:
+        return None
+    path, layout = Path(folder) / WORLD_FILE, finished_layout(frame)
+    pixels = clean(read_layers(path))[0]["color"][..., :3]
+    width, height = WorldImage.of(layout).size
+    if pixels.shape[:2] != (height, width):
+        raise LfsrError(f"{path} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but its frame.json asks for "
+                        f"{width}×{height}: render the frame again")
+    return WorldView.of(layout, pixels)

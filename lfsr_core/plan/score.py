@@ -14,9 +14,8 @@ import numpy as np
 from lfsr_core.arrays import Array
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
-from lfsr_core.frames.low_res import LowResEIA, low_resolution
+from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world
 from lfsr_core.frames.reference import listed_images, read_half
-from lfsr_core.frames.world import read_world
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim

@@ -17,9 +17,8 @@ from lfsr_core.frames.job import Job
 from lfsr_core.optics.panel.gather_cache import cache_folder
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.render.content import scene_content
-from lfsr_core.render.parts_folder import has_parts
 from lfsr_core.render.process import Warn
-from lfsr_core.render.staging import LOCK_FILE
+from lfsr_core.render.staging import LOCK_FILE, has_parts
 from lfsr_core.render.store import is_complete
 
 IGNORED = (*PLACES, "scale", "spp")  # fields of the job that is planned for

@@ -22,9 +22,8 @@ from lfsr_core.frames.frame import (
     read_frame,
     read_rendered,
 )
-from lfsr_core.frames.low_res import LowResEIA, low_resolution
+from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world
 from lfsr_core.frames.report import Report, write_report
-from lfsr_core.frames.world import read_world
 from lfsr_core.images.exposure import exposure_notes
 from lfsr_core.images.exr import HALF_MAX, clean, read_layers, write_layers
 from lfsr_core.images.png import write_mask, write_png

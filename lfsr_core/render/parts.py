@@ -16,7 +16,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.frames.identity import digest, first_difference
 from lfsr_core.images.exr import check_complete
-from lfsr_core.render.parts_folder import RANGE, has_parts
+from lfsr_core.render.staging import RANGE, has_parts
 
 INPUTS_FILE = "inputs.json"
 

@@ -17,9 +17,8 @@ from lfsr_core.progress import Progress
 from lfsr_core.records import write_record
 from lfsr_core.render.blender import Starts
 from lfsr_core.render.child import Child
-from lfsr_core.render.parts_folder import parts_folder, parts_sentence
 from lfsr_core.render.protocol import LAST_STAGES, RENDERED_STAGE
-from lfsr_core.render.staging import publish, staging_folder
+from lfsr_core.render.staging import parts_folder, parts_sentence, publish, staging_folder
 
 LOG_FILE = "blender.log"
 RENDERED_FILES = {"render": (frame.LOW_RES_FILE,), "reference": frame.REFERENCE_FILES}

@@ -1,9 +1,10 @@
-"""Hidden folders in which renders are made before they are published, locked while their process lives."""
+"""Hidden folders beside a frame folder: for a render before it is published, and for parts of a long render."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -11,9 +12,9 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import CAN_LOCK, locks
-from lfsr_core.render.parts_folder import parts_folder
 
 LOCK_FILE = "in-use"
+RANGE = re.compile(r"(\d+)-(\d+)-(\d+)$")  # end of a part's name: its first row or view, the next one, milliseconds
 
 
 @contextlib.contextmanager
@@ -46,6 +47,21 @@ def publish(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
     for path in staged.iterdir():
         os.replace(path, folder / path.name)
     shutil.rmtree(parts_folder(folder), ignore_errors=True)
+
+
+def parts_folder(target: Path) -> Path:
+    """Return the folder for the finished parts of a long render into ``target``."""
+    return target.with_name(f".{target.name}-parts")
+
+
+def has_parts(folder: Path) -> bool:
+    """True if the next render may continue from a part in ``folder``."""
+    return any(RANGE.search(path.stem) for path in folder.glob("*.exr"))
+
+
+def parts_sentence(folder: Path) -> str:
+    """Return what to tell a user whose render ended early, "" where ``folder`` has no parts."""
+    return f"Render again to continue, or delete {folder} to start over" if has_parts(folder) else ""
 
 
 def remove_dead(target: Path) -> list[Path]:

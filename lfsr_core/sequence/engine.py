@@ -6,7 +6,7 @@ import collections
 import dataclasses
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
@@ -204,3 +204,26 @@ def duration(seconds: float) -> str:
     if whole >= 3600:
         return f"{whole // 3600} h {whole % 3600 // 60} min"
     return f"{whole // 60} min {whole % 60} s" if whole >= 60 else f"{whole} s"
+
+
+def summary(results: Sequence[Result], seconds: float) -> str:
+    """Return a line per frame and one for all; ``seconds`` is the time that has passed."""
+    return f"{table(results)}\n{counts(results, seconds)}"
+
+
+def table(results: Sequence[Result]) -> str:
+    """Return a line per frame, below a line of titles."""
+    return "\n".join([f"{'frame':>7}  {'state':6}  {'render':>9}  {'finish':>9}", *map(_line, results)])
+
+
+def counts(results: Sequence[Result], seconds: float) -> str:
+    """Return how many frames are in which state after ``seconds``."""
+    found = [f"{sum(result.state == state for result in results)} {state}" for state in (MADE, KEPT, FAILED)]
+    return f"{len(results)} frames: {', '.join(found)}, in {duration(seconds)}"
+
+
+def _line(result: Result) -> str:
+    start = f"{result.frame:7}  {result.state:6}"
+    if result.state == FAILED:
+        return f"{start}  {result.error}"
+    return f"{start}  {result.render:7.1f} s  {result.finish:7.1f} s"

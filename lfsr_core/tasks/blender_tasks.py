@@ -69,8 +69,7 @@ def animation(job: dict[str, Any], frames: list[int], second: dict[str, Any], co
     "table", a line per frame; "sentence", the outcome; "failed", the first failed frame's sentence or None
     """
     from lfsr_core.sequence.animation import SecondStage, animation_of
-    from lfsr_core.sequence.engine import FAILED, Tools, render_animation
-    from lfsr_core.sequence.summary import counts, table
+    from lfsr_core.sequence.engine import FAILED, Tools, counts, render_animation, table
 
     started = time.monotonic()
     animation = animation_of(from_data(Job, job, "job of the animation"), frames,

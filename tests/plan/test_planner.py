@@ -12,7 +12,7 @@ import pytest
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame, write_frame
 from lfsr_core.frames.job import Job
-from lfsr_core.frames.world import finished_layout
+from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim

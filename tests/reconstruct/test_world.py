@@ -7,8 +7,7 @@ import pytest
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame
-from lfsr_core.frames.low_res import low_resolution
-from lfsr_core.frames.world import read_world
+from lfsr_core.frames.low_res import low_resolution, read_world
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.reconstruct.registry import method

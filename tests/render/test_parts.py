@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from lfsr_core.images.exr import write_layers
 from lfsr_core.render.parts import ImageParts, Part, gaps, remove_others
-from lfsr_core.render.parts_folder import parts_folder, parts_sentence
-from lfsr_core.render.staging import publish, staging_folder
+from lfsr_core.render.staging import parts_folder, parts_sentence, publish, staging_folder
 
 INPUTS = {"settings": "abc", "scene file": "def"}
 

@@ -22,9 +22,9 @@ from lfsr_core.optics.display import load_display
 from lfsr_core.records import to_data
 from lfsr_core.render import process
 from lfsr_core.render.blender import Blender, find_blender
-from lfsr_core.render.parts_folder import parts_folder
 from lfsr_core.render.process import run_job
 from lfsr_core.render.protocol import parse_progress
+from lfsr_core.render.staging import parts_folder
 
 READ_JOB = "import json, os, sys, time\nfrom pathlib import Path\njob = json.loads(Path(sys.argv[-1]).read_text())\n"
 GOOD = """

@@ -10,7 +10,7 @@ from blender_addon.render import cycles, frame_folder, world
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame
 from lfsr_core.frames.job import Job
-from lfsr_core.frames.world import read_world
+from lfsr_core.frames.low_res import read_world
 from lfsr_core.images import exr
 from lfsr_core.optics.eia import to_elemental_images
 from tests.support.scenes import MINI, WAYS, add_box, add_camera

@@ -13,8 +13,8 @@ import torch
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, REPORT_FILE, read_frame
+from lfsr_core.frames.low_res import read_world
 from lfsr_core.frames.reference import Reference
-from lfsr_core.frames.world import read_world
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.compare import compare_folders

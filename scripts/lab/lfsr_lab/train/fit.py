@@ -18,9 +18,8 @@ from torch import Tensor
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
-from lfsr_core.frames.low_res import low_resolution
+from lfsr_core.frames.low_res import low_resolution, read_world
 from lfsr_core.frames.reference import Reference, check_reference
-from lfsr_core.frames.world import read_world
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.networks import catalogue, numpy_network
