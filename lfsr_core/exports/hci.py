@@ -32,16 +32,12 @@ def write(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
     disparity = central_disparity(field)
     if disparity is not None:
         disparity = disparity * np.float32(x / across)  # between the exported views
-        _write_pfm(folder / DISPARITY_FILE, disparity)
+        # PFM starts with the bottom row; -1 says little-endian.
+        header = f"Pf\n{disparity.shape[1]} {disparity.shape[0]}\n-1\n".encode()
+        (folder / DISPARITY_FILE).write_bytes(header + disparity[::-1].astype("<f4").tobytes())
     parameters = _parameters(field, (across, down), disparity)
     (folder / PARAMETERS_FILE).write_text(parameters, encoding="ascii", errors="replace")
     return [NO_POSITION] if disparity is None else []
-
-
-def _write_pfm(path: Path, values: Array) -> None:
-    """Write (H, W) float32 as little-endian PFM, which starts with the bottom row."""
-    header = f"Pf\n{values.shape[1]} {values.shape[0]}\n-1\n".encode()
-    path.write_bytes(header + values[::-1].astype("<f4").tobytes())
 
 
 def _parameters(field: LightField, views: tuple[int, int], disparity: Array | None) -> str:

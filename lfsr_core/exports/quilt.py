@@ -38,7 +38,8 @@ def write(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
     tiles = _row_of_views(field, count)
     if options.width is not None:
         tiles = [on_screen(tile, field.display, options.width) for tile in tiles]
-    write_png(folder / f"{field.name}_qs{columns}x{rows}a{aspect:.4g}.png", _assembled(tiles, columns))
+    lines = [np.concatenate(tiles[start:start + columns], axis=1) for start in range(0, count, columns)]
+    write_png(folder / f"{field.name}_qs{columns}x{rows}a{aspect:.4g}.png", np.concatenate(lines[::-1], axis=0))
     return []
 
 
@@ -54,12 +55,6 @@ def _row_of_views(field: LightField, count: int) -> list[Array]:
     cone, distance = math.radians(field.display.viewing_angle_deg), field.display.viewing_distance_mm
     angles = ((np.arange(count) + 0.5) / count - 0.5) * cone
     return [field.seen_from(distance * math.tan(angle)) for angle in angles]
-
-
-def _assembled(tiles: list[Array], columns: int) -> Array:
-    """Quilt (rows · h, columns · w, 3) of tiles (h, w, 3), from the bottom left."""
-    rows = [np.concatenate(tiles[start:start + columns], axis=1) for start in range(0, len(tiles), columns)]
-    return np.concatenate(rows[::-1], axis=0)
 
 
 def _squarest(count: int, aspect: float) -> tuple[int, int]:

@@ -80,22 +80,17 @@ def _write_mp4(path: Path, frames: Iterator[Array], rate: float) -> None:
                         "--type png and encode the frames elsewhere") from None
     with av.open(str(path), "w", options={"movflags": "faststart"}) as film:
         first = next(frames)
-        stream = _h264(film, first.shape, rate)
+        stream: Any = film.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001),
+                                      options={"crf": CRF, "preset": "medium"})
+        stream.height, stream.width = first.shape[:2]
+        stream.pix_fmt = "yuv420p"
+        # The file says BT.709 of limited range, which players otherwise guess from the size.
+        codec = stream.codec_context
+        codec.color_primaries = codec.color_trc = codec.colorspace = codec.color_range = 1
         for pixels in itertools.chain([first], frames):
             film.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, format="rgb24").reformat(
                 format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")))
         film.mux(stream.encode())
-
-
-def _h264(film: Any, shape: tuple[int, ...], rate: float) -> Any:
-    stream = film.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001),
-                             options={"crf": CRF, "preset": "medium"})
-    stream.height, stream.width = shape[:2]
-    stream.pix_fmt = "yuv420p"
-    # The file says BT.709 of limited range, which players otherwise guess from the size.
-    stream.codec_context.color_primaries = stream.codec_context.color_trc = stream.codec_context.colorspace = 1
-    stream.codec_context.color_range = 1
-    return stream
 
 
 def _write_animation(path: Path, frames: Iterator[Array], rate: float) -> None:

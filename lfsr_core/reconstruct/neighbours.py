@@ -45,8 +45,9 @@ def numbered_beside(folder: Path, count: int, planned: Iterable[int] = ()) -> li
     """Folders of frames ``near`` the one in ``folder``, of those rendered or ``planned``."""
     if not NUMBERED.match(folder.name):
         return []
-    numbers = {int(path.name): path for path in folder.parent.iterdir()
-               if NUMBERED.match(path.name) and _is_rendered(path)} if folder.parent.is_dir() else {}
+    beside = folder.parent.iterdir() if folder.parent.is_dir() else ()
+    numbers = {int(path.name): path for path in beside if NUMBERED.match(path.name)
+               and (path / FRAME_FILE).is_file() and (path / LOW_RES_FILE).is_file()}
     numbers |= {number: folder.parent / f"{number:04d}" for number in planned}
     return [numbers[number] for number in near(int(folder.name), numbers, count)]
 
@@ -72,7 +73,3 @@ def averaging_notes(neighbours: Sequence[Neighbour]) -> list[str]:
             [str(each.number) for each in neighbours if not each.same_rays]}
     return [f"frames {', '.join(frames)} were not averaged, because {reason}" for reason, frames in reasons.items()
             if frames]
-
-
-def _is_rendered(folder: Path) -> bool:
-    return (folder / FRAME_FILE).is_file() and (folder / LOW_RES_FILE).is_file()

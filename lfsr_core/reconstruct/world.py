@@ -30,14 +30,12 @@ def prepared(low: LowResEIA, method: Method) -> LowResEIA:
         return ready
     if low.opacity is None or low.places is None:
         raise LfsrError("the world is known, but not the subject's opacity: render the frame again")
-    return dataclasses.replace(ready, opacity=_cleaned(low, low.opacity) if method.name.prefilters else low.opacity)
-
-
-def _cleaned(low: LowResEIA, opacity: Array) -> Array:
-    alone = dataclasses.replace(low, color=opacity, noisy=None)
+    if not method.name.prefilters:
+        return dataclasses.replace(ready, opacity=low.opacity)
+    alone = dataclasses.replace(low, color=low.opacity, noisy=None)
     cleaned = np.clip(denoise_low_resolution(alone, fast=True).color, 0, 1)
     # A denoiser must not spread opacity into elemental images without any.
-    return np.asarray(cleaned * opacity.any((2, 3, 4), keepdims=True))
+    return dataclasses.replace(ready, opacity=cleaned * low.opacity.any((2, 3, 4), keepdims=True))
 
 
 def finish_lenses(upscaler: Upscaler, low: LowResEIA, lenses: Array) -> Array:

@@ -44,7 +44,7 @@ def test_a_display_that_flips_itself_gives_the_same_views(field, tmp_path):
     np.testing.assert_array_equal(read_light_field(finished(tmp_path, DIRECT)).views, field.views)
 
 
-# Quilts: what a player does with the name and the picture.
+# Quilts: what a player does with the name and the image.
 
 def test_quilt_as_a_player_reads_it(folder, field, tmp_path):
     (path,), _ = export(folder, "quilt", tmp_path)
@@ -117,7 +117,7 @@ def test_views_as_parts_of_an_exr(folder, tmp_path):
         np.testing.assert_allclose(pixels.astype(np.float32), linear[2, 5], rtol=1e-3)
 
 
-# Pictures and films.
+# Images and films.
 
 def test_stereo_pair(folder, field, tmp_path):
     (path,), _ = export(folder, "stereo", tmp_path, ExportOptions(eyes_mm=40, width=160))
@@ -127,7 +127,7 @@ def test_stereo_pair(folder, field, tmp_path):
     assert column_of_square(pair[:, :160]) > column_of_square(pair[:, 160:]) + 2
 
 
-def test_enlarged_pictures_are_as_opencv_makes_them(field):
+def test_enlarged_images_are_as_opencv_makes_them(field):
     view = field.views[3, 3]
     theirs = cv2.resize(view, (320, 240), interpolation=cv2.INTER_CUBIC)
     assert np.abs(on_screen(view, MINI, 320).astype(int) - theirs).max() <= 1

@@ -30,7 +30,7 @@ def field(folder):
 
 
 @pytest.fixture
-def pictures(tmp_path, field):
+def images(tmp_path, field):
     """Folder of 3×3 HCI views without parameters."""
     source = tmp_path / "views"
     source.mkdir()
@@ -65,8 +65,8 @@ def test_hci_tells_its_geometry(folder, tmp_path):
     assert display.viewing_distance_mm == pytest.approx(MINI.viewing_distance_mm)
 
 
-def test_the_second_stage_makes_the_views_between(pictures, field, tmp_path):
-    imported = import_views(pictures, tmp_path / "frame", scale=2, geometry=ImportGeometry(angle_deg=30.0))
+def test_the_second_stage_makes_the_views_between(images, field, tmp_path):
+    imported = import_views(images, tmp_path / "frame", scale=2, geometry=ImportGeometry(angle_deg=30.0))
     assert "--width-mm 600, --distance-mm 1000" in imported.notes[0] and "angle" not in imported.notes[0]
     upscale_frame(tmp_path / "frame", "bilinear")
     made = read_light_field(tmp_path / "frame")
@@ -76,8 +76,8 @@ def test_the_second_stage_makes_the_views_between(pictures, field, tmp_path):
     assert np.abs(made.view_at(3, 2.5).astype(float) - mixed).mean() < 6
 
 
-def test_methods_that_need_layers_say_so(pictures, tmp_path):
-    import_views(pictures, tmp_path / "frame", scale=4)
+def test_methods_that_need_layers_say_so(images, tmp_path):
+    import_views(images, tmp_path / "frame", scale=4)
     upscale_frame(tmp_path / "frame", "oidn-both+refine")
     assert "needs the layers albedo, normal, which this frame lacks" in read_report(tmp_path / "frame").notes[0]
 
@@ -95,8 +95,8 @@ def test_stanford_cameras_are_ordered_by_place(field, tmp_path):
     np.testing.assert_array_equal(read_light_field(tmp_path / "frame").views, field.views[::4, ::4][:, :2])
 
 
-def test_mirrored_cameras_are_turned_round(pictures, field, tmp_path):
-    import_views(pictures, tmp_path / "frame", geometry=ImportGeometry(mirror="x"))
+def test_mirrored_cameras_are_turned_round(images, field, tmp_path):
+    import_views(images, tmp_path / "frame", geometry=ImportGeometry(mirror="x"))
     upscale_frame(tmp_path / "frame", "none")
     np.testing.assert_array_equal(read_light_field(tmp_path / "frame").views, field.resampled((3, 3))[:, ::-1])
 
@@ -152,10 +152,10 @@ def huge_numbers(source):
     (one_row, r"has 9×1 cameras"),
     (huge_numbers, r"more than 65536: check the names"),
 ])
-def test_refused_in_one_sentence(pictures, tmp_path, spoil, message):
-    spoil(pictures)
+def test_refused_in_one_sentence(images, tmp_path, spoil, message):
+    spoil(images)
     with pytest.raises(LfsrError, match=message) as caught:
-        import_views(pictures, tmp_path / "frame")
+        import_views(images, tmp_path / "frame")
     assert len(str(caught.value)) < 300 and "\n" not in str(caught.value)
     assert [path.name for path in tmp_path.iterdir()] == ["views"]
 
@@ -165,9 +165,9 @@ def test_refused_in_one_sentence(pictures, tmp_path, spoil, message):
     ({"geometry": ImportGeometry(angle_deg=200.0)}, "between 1 and 120"),
     ({"geometry": ImportGeometry(width_mm=-1.0)}, "lengths above 0"),
 ])
-def test_geometry_that_cannot_be(pictures, tmp_path, options, message):
+def test_geometry_that_cannot_be(images, tmp_path, options, message):
     with pytest.raises(LfsrError, match=message):
-        import_views(pictures, tmp_path / "frame", **options)
+        import_views(images, tmp_path / "frame", **options)
     assert not (tmp_path / "frame").exists()
 
 

@@ -1,4 +1,4 @@
-"""The viewer's file: its size, its picture, what it is made of, and what is refused."""
+"""The viewer's file: its size, its image, what it is made of, and what is refused."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def folder(tmp_path_factory):
     return finished(tmp_path_factory.mktemp("finished") / "frame")
 
 
-def pictures(path) -> list[np.ndarray]:
+def images(path) -> list[np.ndarray]:
     """The images in a page, read by pillow."""
     found = re.findall(r'class="eia">([^<]*)<', path.read_text(encoding="utf-8"))
     return [np.asarray(Image.open(io.BytesIO(base64.b64decode(text)))) for text in found]
@@ -39,17 +39,17 @@ def test_size_is_that_of_the_image_and_a_little(folder, tmp_path, quality):
 
 
 def test_lossless_is_the_image_bit_for_bit(folder, tmp_path):
-    (image,) = pictures(write_page([folder], tmp_path / "page.html", 100).path)
+    (image,) = images(write_page([folder], tmp_path / "page.html", 100).path)
     np.testing.assert_array_equal(image, read_png(folder / "eia.png"))
 
 
 def test_by_default_it_loses_nothing_where_that_would_show(folder, tmp_path):
-    (strong,) = pictures(write_page([folder], tmp_path / "page.html").path)
+    (strong,) = images(write_page([folder], tmp_path / "page.html").path)
     np.testing.assert_array_equal(strong, read_png(folder / "eia.png"))
     grey = finished(tmp_path / "grey", TALL)
     panel = read_png(grey / "eia.png").mean(axis=2, keepdims=True) / 4 + 90
     write_png(grey / "eia.png", np.rint(panel).astype(np.uint8).repeat(3, axis=2))
-    (weak,) = pictures(write_page([grey]).path)
+    (weak,) = images(write_page([grey]).path)
     difference = np.abs(weak.astype(float) - read_png(grey / "eia.png"))
     assert 0 < difference.mean() <= page.MOST_LOSS
 
@@ -67,7 +67,7 @@ def test_default_place_and_an_animation(tmp_path):
     written = write_page([tmp_path / "Scene"])
     assert written.path == tmp_path / "Scene" / "view.html"
     text = written.path.read_text(encoding="utf-8")
-    assert '"labels": ["1", "2", "10"]' in text and len(pictures(written.path)) == 3
+    assert '"labels": ["1", "2", "10"]' in text and len(images(written.path)) == 3
 
 
 def test_fewer_views_keep_every_lens():

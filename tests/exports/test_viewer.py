@@ -67,9 +67,9 @@ def shown(page, width, **changes) -> np.ndarray:
     plain = {"mode": "physical", "stereo": "one", "aperture": 0, "focus": 0}
     return decoded(run(page, """([width, changes]) => {
         Object.assign(state, changes);
-        const picture = snapshot(width), page = document.createElement('canvas');
-        [page.width, page.height] = [picture.width, picture.height];
-        page.getContext('2d').putImageData(picture, 0, 0);
+        const image = snapshot(width), page = document.createElement('canvas');
+        [page.width, page.height] = [image.width, image.height];
+        page.getContext('2d').putImageData(image, 0, 0);
         return page.toDataURL(); }""", [width, plain | changes]))
 
 
@@ -237,7 +237,7 @@ def test_sway_respects_reduced_motion(browser, folders):
     moving.close()
 
 
-def test_a_small_gpu_gets_half_the_picture_and_says_so(browser, folders):
+def test_a_small_gpu_gets_half_the_image_and_says_so(browser, folders):
     page = opened(browser, folders["mini"], "#texture=100", quality=100)
     assert "64×48 of 128×96" in page.page.inner_text("#note")
     panel = read_png(folders["mini"] / "eia.png").astype(float)

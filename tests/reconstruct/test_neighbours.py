@@ -50,7 +50,7 @@ def test_rendered_and_planned_frames_count(tmp_path):
     assert numbered_beside(tmp_path / "notes", 1) == []
 
 
-def test_an_array_that_moved_or_the_same_seed_shares_nothing(tmp_path):
+def test_an_array_that_moved_or_the_same_seed_is_not_averaged(tmp_path):
     film(tmp_path, (1, 2, 3))
     film(tmp_path, (4,), seed=3)
     moved = tuple((*row[:3], row[3] + 0.01) for row in IDENTITY[:3]) + IDENTITY[3:]

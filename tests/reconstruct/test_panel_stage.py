@@ -1,4 +1,4 @@
-"""The second stage of a render of a panel's subpixels."""
+"""The second stage after direct subpixel rendering."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ def psnr(first, second):
 
 
 @pytest.mark.parametrize("sheet", ["cells", "hexagonal"])
-def test_it_is_the_picture_that_is_woven_of_every_view(tmp_path, sheet):
+def test_direct_subpixel_rendering_is_the_image_woven_of_every_view(tmp_path, sheet):
     display = SHEETS[sheet](weave="all")
-    upscale_frame(write_traced(tmp_path / "straight", display), "none")
+    upscale_frame(write_traced(tmp_path / "direct", display), "none")
     upscale_frame(write_render(tmp_path / "woven", 1, display), "none")
-    straight, woven = (read_png(tmp_path / name / PANEL_FILE) for name in ("straight", "woven"))
-    assert straight.shape == woven.shape and straight.std() > 10
+    direct, woven = (read_png(tmp_path / name / PANEL_FILE) for name in ("direct", "woven"))
+    assert direct.shape == woven.shape and direct.std() > 10
     # The least is what interpolation costs at the edge of the disc and in its waves; the rest, that this can tell.
-    assert psnr(straight, woven) > 22
-    others = straight[:, ::-1], straight[::-1], np.roll(straight, 1, 1), straight[..., ::-1]
+    assert psnr(direct, woven) > 22
+    others = direct[:, ::-1], direct[::-1], np.roll(direct, 1, 1), direct[..., ::-1]
     assert max(psnr(other, woven) for other in others) < 17
 
 

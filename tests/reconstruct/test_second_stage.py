@@ -26,30 +26,23 @@ pytestmark = needs_bpy  # for Blender's colour configuration
 
 
 @pytest.mark.parametrize("name", ["bicubic", "nearest", "bicubic-eia"])
-@pytest.mark.parametrize("step", [None, 1, 7, 1000])
+@pytest.mark.parametrize("step", [None, 7, 1000])
 def test_finished_eia_is_the_method_on_every_foreground_lens(tmp_path, name, step):
     write_render(tmp_path)
     result = second_stage.finished_linear(tmp_path, name, UpscaleOptions(step=step))
     np.testing.assert_allclose(result, expected_linear(tmp_path, name), atol=1e-6)
 
 
-def test_upscaling_comes_near_the_true_light_field(tmp_path):
-    write_render(tmp_path)
-    result, truth = second_stage.finished_linear(tmp_path, "bicubic"), light_field()[..., :3]
-    error = np.sqrt(np.mean((result - truth) ** 2))
-    assert error < 0.06
-    assert error < np.sqrt(np.mean((second_stage.finished_linear(tmp_path, "nearest") - truth) ** 2))
-
-
-def test_views_along_one_axis_are_upscaled_along_it(tmp_path):
-    write_render(tmp_path, display=FLAT)
-    truth = light_field(FLAT)[..., :3]
+@pytest.mark.parametrize(("display", "shape"), [(MINI, (96, 128, 3)), (FLAT, (48, 128, 3))])
+def test_upscaling_comes_near_the_true_light_field(tmp_path, display, shape):
+    write_render(tmp_path, display=display)
+    truth = light_field(display)[..., :3]
     error = {name: np.sqrt(np.mean((second_stage.finished_linear(tmp_path, name) - truth) ** 2))
-             for name in ("nearest", "bilinear", "bicubic", "lanczos", "bicubic+epi", "oidn+bilinear+epi")}
+             for name in ("nearest", "bicubic", "bicubic+epi")}
     assert error["bicubic"] < 0.06 and error["bicubic"] < error["nearest"]
     assert error["bicubic+epi"] <= error["bicubic"] * 1.05
     second_stage.upscale_frame(tmp_path, "oidn+bilinear+epi")
-    assert read_png(tmp_path / "eia.png").shape == (48, 128, 3)
+    assert read_png(tmp_path / "eia.png").shape == shape
 
 
 def test_a_network_says_that_it_wants_views_along_both_axes(tmp_path):
@@ -220,7 +213,7 @@ def test_missing_guides_are_told(tmp_path):
 
 
 @pytest.mark.parametrize(("exposure", "tone"), [(-12, "black"), (0, ""), (12, "white")])
-def test_almost_black_and_almost_white_pictures_say_so(tmp_path, exposure, tone):
+def test_almost_black_and_almost_white_images_say_so(tmp_path, exposure, tone):
     folder = write_render(tmp_path, color=ColorSettings(exposure=exposure))
     notes = " ".join(second_stage.upscale_frame(folder, "bilinear").notes)
     assert (f"almost {tone}" in notes) if tone else "almost" not in notes

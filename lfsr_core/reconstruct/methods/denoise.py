@@ -79,7 +79,8 @@ def denoise_at_half(low: LowResEIA) -> LowResEIA:
     rendered = low.color[part]
     result = _at_half(rendered, guides)
     for found in rectangles(guides.detail > 0, (low.color.shape[2], low.color.shape[3])):
-        full = _denoised(rendered[found.outer], guides.part(found.outer), low.parallax)[found.crop]
+        around = {name: image[found.outer] for name, image in guides.images.items()}
+        full = _denoised(rendered[found.outer], around, low.parallax)[found.crop]
         result[found.inner] = blend(result[found.inner], full, guides.detail[found.inner])
     return _replaced(low, part, result)
 
@@ -158,16 +159,11 @@ def _halved(images: Array) -> Array:
 def _detail(shown: Array, half: Array, full: Array, rendered: Array) -> Array:
     """Detail (sy, sx) in [0, 1] that the guides have ``shown``, or that was lost at ``half`` resolution."""
     result, unsure = shown.copy(), shown < 1
-    lost = _lost(half[unsure], full[unsure], rendered[unsure])
+    half, full, rendered = (encode(images[unsure]) for images in (half, full, rendered))
+    change, noise = (np.square(images - full).mean((1, 2, 3)) for images in (half, rendered))
+    lost = np.divide(change, noise, out=np.zeros_like(noise), where=noise > 0)
     result[unsure] = np.maximum(result[unsure], smooth_step(lost, *LOST))
     return result
-
-
-def _lost(half: Array, full: Array, rendered: Array) -> Array:
-    """Squared difference (N,) of two images of EIs (N, h, w, 3), per squared noise removed, in encoded values."""
-    half, full, rendered = (encode(images) for images in (half, full, rendered))
-    change, noise = (np.square(images - full).mean((1, 2, 3)) for images in (half, rendered))
-    return np.asarray(np.divide(change, noise, out=np.zeros_like(noise), where=noise > 0))
 
 
 def _replaced(low: LowResEIA, part: Box, images: Array) -> LowResEIA:

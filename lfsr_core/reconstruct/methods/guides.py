@@ -17,7 +17,7 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 from lfsr_core.reconstruct.methods.interpolation import apply_matrices, per_channel
-from lfsr_core.reconstruct.methods.rectangles import Box, rectangles
+from lfsr_core.reconstruct.methods.rectangles import rectangles
 
 GUIDES = ("albedo", "normal")
 WIDTH, SAMPLES = 2.0, 16  # of the Gaussian: standard deviation in pixels, at this number of samples per pixel
@@ -44,10 +44,6 @@ class Guides:
 
     images: dict[str, Array]  # by layer, (sy, sx, h, w, 3): albedo in [0, 1], normal in [-1, 1]
     detail: Array  # (sy, sx) in [0, 1]: certainty that a lens shows detail, which was not smoothed
-
-    def part(self, lenses: Box) -> dict[str, Array]:
-        """The images of some ``lenses``, rows and columns."""
-        return {name: images[lenses] for name, images in self.images.items()}
 
 
 def guides_of(layers: Mapping[str, Array], samples: int, denoise: Denoise,

@@ -140,7 +140,7 @@ def test_guides_are_smoothed_first():
     np.testing.assert_allclose(whole(denoise_low_resolution(low, guided=True).color), expected, atol=1e-5)
 
 
-def test_both_ways_are_two_pictures():
+def test_both_ways_are_two_images():
     low = low_resolution()
     both = denoise_both_ways(low)
     np.testing.assert_array_equal(both.color, denoise_low_resolution(low).color)
@@ -150,7 +150,7 @@ def test_both_ways_are_two_pictures():
     assert set(bare.layers) == {"noisy"}
 
 
-def test_of_both_pictures_the_mean_is_between_them():
+def test_of_both_images_the_mean_is_between_them():
     clean, low = matte()
     both = denoise_both_ways(low)
     mean = mean_of_both(both)

@@ -52,8 +52,8 @@ def recovered(low, name="bilinear"):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_alone_is_no_detail(seed):
-    share, _ = lost_fraction(noise(seed), EVERY)
-    assert share.max() == 0
+    fraction, _ = lost_fraction(noise(seed), EVERY)
+    assert fraction.max() == 0
     low = light_field(np.zeros((SY, SX, SIDE, SIDE), np.float32), seed)
     image, recovering, ready = recovered(low)
     assert not ready.lost.any() and recovering.notes == ()
@@ -62,25 +62,25 @@ def test_noise_alone_is_no_detail(seed):
 
 @pytest.mark.parametrize("step", LINES)
 def test_every_line_is_told_from_all_others(step):
-    share, line = lost_fraction(0.5 * texture(step) + noise(), EVERY)
+    fraction, line = lost_fraction(0.5 * texture(step) + noise(), EVERY)
     middle = np.s_[2:-2, 3:-3]
     assert {LINES[index] for index in line[middle].flat} == {step}
     # A fifth of the variance is detail, less what noise could be.
-    assert 0.05 < share[middle].mean() < 0.25
+    assert 0.05 < fraction[middle].mean() < 0.25
 
 
-def test_share_is_that_of_the_variance():
+def test_fraction_is_that_of_the_variance():
     for strength in (0.5, 1.0, 2.0):
-        share, _ = lost_fraction(strength * texture((1, 1)) + noise(), EVERY)
+        fraction, _ = lost_fraction(strength * texture((1, 1)) + noise(), EVERY)
         true = strength**2 / (strength**2 + 1)
-        assert true - 0.1 < share[2:-2, 2:-2].mean() < true + 0.02
+        assert true - 0.1 < fraction[2:-2, 2:-2].mean() < true + 0.02
 
 
 def test_mirrored_light_fields_have_mirrored_lines():
     found = texture((1, 2)) + noise()
-    share, line = lost_fraction(found, EVERY)
+    fraction, line = lost_fraction(found, EVERY)
     other, mirrored = lost_fraction(np.ascontiguousarray(found[:, ::-1, :, ::-1]), EVERY)
-    np.testing.assert_allclose(other[:, ::-1], share, rtol=1e-5)
+    np.testing.assert_allclose(other[:, ::-1], fraction, rtol=1e-5)
     np.testing.assert_array_equal(mirrored[:, ::-1], line)
 
 

@@ -108,9 +108,3 @@ def test_values_out_of_range_are_cut_and_views_along_one_axis_work():
     made = guides_of({"albedo": np.full((2, 3, 1, 5, 3), 7, np.float32)}, 16)
     assert made.images["albedo"].shape == (2, 3, 1, 5, 3) and made.images["albedo"].max() == pytest.approx(1)
     assert guides_of({"normal": np.zeros((1, 1, 4, 4, 3), np.float32)}, 4) is None, "the library wants an albedo"
-
-
-def test_a_part_is_what_lies_there():
-    made = guides_of(grainy(16, plain()), 16)
-    part = slice(1, 3), slice(0, 2)
-    np.testing.assert_array_equal(made.part(part)["normal"], made.images["normal"][1:3, :2])

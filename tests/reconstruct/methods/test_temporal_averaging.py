@@ -41,19 +41,19 @@ def test_the_noise_of_a_static_scene_goes_down_by_the_root_of_the_frames(count, 
 
 def test_the_mean_is_kept():
     clean = waves(0)
-    shared = average_frames(frame(clean, 0), [frame(clean, seed) for seed in range(1, 5)])
-    assert shared.color.mean() == pytest.approx(clean.mean(), rel=0.01)
-    assert shared.color.dtype == np.float32 and shared.samples == 16
+    averaged = average_frames(frame(clean, 0), [frame(clean, seed) for seed in range(1, 5)])
+    assert averaged.color.mean() == pytest.approx(clean.mean(), rel=0.01)
+    assert averaged.color.dtype == np.float32 and averaged.samples == 16
 
 
-def test_what_moved_is_untouched_and_the_rest_shared():
+def test_what_moved_is_untouched_and_the_rest_averaged():
     clean, moved = waves(0), waves(0)
     moved[BLOCK] = waves(2.0)[BLOCK]
     ours, other = frame(clean, 0, 0.1), frame(moved, 1, 0.1)
     weight = similarity(ours, other)
     assert weight[BLOCK].mean() < 0.05 and weight[:, 10:].mean() > 0.9
-    shared = average_frames(ours, [other] * 4)
-    assert np.abs(shared.color - ours.color)[BLOCK].mean() < 0.2 * np.abs(other.color - ours.color)[BLOCK].mean()
+    averaged = average_frames(ours, [other] * 4)
+    assert np.abs(averaged.color - ours.color)[BLOCK].mean() < 0.2 * np.abs(other.color - ours.color)[BLOCK].mean()
 
 
 def test_what_moved_in_one_layer_alone_is_untouched():
@@ -86,7 +86,7 @@ def test_similarity_is_symmetrical_and_within_bounds():
     assert weight.shape == SHAPE[:4] and weight.min() >= 0 and weight.max() <= 1
 
 
-def test_equal_frames_share_everything_and_dark_ones_too():
+def test_equal_frames_are_averaged_everywhere_and_dark_ones_too():
     assert unchanged(np.zeros(SHAPE, np.float32)).min() == 1
     black = frame(np.zeros(SHAPE, np.float32), 0)
     assert not average_frames(black, [black]).color.any()
@@ -95,8 +95,8 @@ def test_equal_frames_share_everything_and_dark_ones_too():
 @pytest.mark.parametrize("shape", [(1, 1, 1, 1, 3), (48, 16, 1, 4, 3), (3, 2, 2, 2, 3)])
 def test_few_lenses_and_views_along_one_axis(shape):
     clean = np.full(shape, 0.5, np.float32)
-    shared = average_frames(frame(clean, 0), [frame(clean, seed) for seed in (1, 2)])
-    assert shared.color.shape == shape and np.isfinite(shared.color).all()
+    averaged = average_frames(frame(clean, 0), [frame(clean, seed) for seed in (1, 2)])
+    assert averaged.color.shape == shape and np.isfinite(averaged.color).all()
 
 
 def test_without_neighbours_nothing_changes():
@@ -108,7 +108,7 @@ def test_layers_are_averaged_like_colour():
     clean = waves(0)
     noisy = [frame(clean, seed, albedo=frame(clean, seed + 10).color, opacity=frame(clean, seed + 20).color)
              for seed in range(4)]
-    shared = average_frames(noisy[0], noisy[1:])
-    assert np.std(shared.albedo - clean) < 0.6 * np.std(noisy[0].albedo - clean)
-    assert np.std(shared.opacity - clean) < 0.6 * np.std(noisy[0].opacity - clean)
-    assert dataclasses.replace(noisy[0], color=shared.color).samples == 16
+    averaged = average_frames(noisy[0], noisy[1:])
+    assert np.std(averaged.albedo - clean) < 0.6 * np.std(noisy[0].albedo - clean)
+    assert np.std(averaged.opacity - clean) < 0.6 * np.std(noisy[0].opacity - clean)
+    assert dataclasses.replace(noisy[0], color=averaged.color).samples == 16

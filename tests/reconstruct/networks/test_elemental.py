@@ -152,7 +152,7 @@ def test_missing_layers_fall_back_and_say_so(low, file):
     assert "needs the layers albedo, normal," in upscaler.notes[0] and "linearly instead" in upscaler.notes[0]
 
 
-def test_one_picture_stands_for_both(low, file):
+def test_one_image_stands_for_both(low, file):
     upscaler = ElementalUpscaler("refine", weights=file)
     alone, twice = dataclasses.replace(low, guided=None), dataclasses.replace(low, guided=low.color)
     np.testing.assert_array_equal(upscaler(alone, LENSES), upscaler(twice, LENSES))
