@@ -1,4 +1,4 @@
-"""What counts as an almost black and an almost white picture."""
+"""What counts as an almost black and an almost white image."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from lfsr_core.images.exposure import extreme_tone
 
 @pytest.mark.parametrize(("value", "tone"), [(0, "black"), (8, "black"), (12, ""), (128, ""), (248, ""), (252, "white"),
                                              (255, "white")])
-def test_flat_pictures(value, tone):
+def test_flat_images(value, tone):
     shown = np.full((40, 40, 3), value, np.uint8)
     assert extreme_tone(shown) == tone
     assert extreme_tone(shown.astype(np.float32) / 255) == tone
 
 
-def test_sparks_and_the_background_make_no_picture():
+def test_sparks_and_the_background_do_not_count():
     shown = np.zeros((100, 100, 3), np.uint8)
     shown[:4, :5] = 255
     assert extreme_tone(shown) == "black"

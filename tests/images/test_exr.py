@@ -141,7 +141,7 @@ def test_png_stream_has_the_right_adler_checksum():
     assert len(zlib.decompress(stream)) == 300 * (21 * 3 + 1)  # raises where the checksum is wrong
 
 
-def test_flat_pictures_are_small():
+def test_flat_images_are_small():
     size = sum(len(part) for part in png.encode_png(np.full((1000, 1000, 3), 77, np.uint8)))
     assert size < 60_000
 
@@ -155,7 +155,7 @@ def test_mask_round_trip(tmp_path):
 
 
 def test_unreadable_png(tmp_path):
-    (tmp_path / "a.png").write_bytes(b"no picture")
+    (tmp_path / "a.png").write_bytes(b"not an image")
     with pytest.raises(LfsrError, match="not a readable"):
         png.read_png(tmp_path / "a.png")
     with pytest.raises(LfsrError, match="does not exist, expected a PNG image"):
@@ -202,7 +202,7 @@ def test_channel_names_that_are_no_text(tmp_path):
         exr.read_layers(tmp_path / "a.exr")
 
 
-def test_black_pictures_shrink_a_lot_and_are_no_lie(tmp_path):
+def test_black_images_compress_strongly_and_are_accepted(tmp_path):
     exr.write_layers(tmp_path / "a.exr", {"color": np.zeros((3000, 4000, 4), np.float32)}, half=True)
     assert not exr.read_layers(tmp_path / "a.exr")["color"].any()
 

@@ -29,7 +29,7 @@ CASES = [
 
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory):
-    """A scene-linear picture, and the PNG that Blender itself saves of it for every case."""
+    """A scene-linear image, and the PNG that Blender itself saves of it for every case."""
     folder = tmp_path_factory.mktemp("color")
     linear = np.exp(np.random.default_rng(0).normal(-1.5, 2, (96, 128, 3))).astype(np.float32)
     linear[:8] = 0
@@ -48,7 +48,7 @@ def test_looks_as_blender_saves_it(saved, case):
     linear, folder = saved
     theirs = read_png(folder / f"{case}.png").astype(int)
     ours = ViewTransform(CASES[case]).to_uint8(linear).astype(int)
-    assert len(np.unique(theirs)) > 50, "the comparison must not be of a flat picture"
+    assert len(np.unique(theirs)) > 50, "the comparison must not be of a flat image"
     assert np.abs(ours - theirs).max() <= 1
     assert (ours != theirs).mean() < 1e-3
 
@@ -161,7 +161,7 @@ def test_what_lies_outside_the_table_is_exact():
     np.testing.assert_array_equal(baked.to_uint8(values)[outside], exact.to_uint8(values)[outside])
 
 
-def test_chain_that_no_table_shows_stays_exact_and_so_do_small_pictures():
+def test_chain_that_no_table_shows_stays_exact_and_so_do_small_images():
     false_color = ColorSettings(view_transform="False Color")
     assert not ViewTransform(false_color, MANY).is_baked
     assert not ViewTransform(ColorSettings(view_transform="AgX", look="Punchy"), 10_000).is_baked

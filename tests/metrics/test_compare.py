@@ -65,7 +65,7 @@ def test_sampled_recall_is_unknown_with_few_samples_outside_the_mask():
 
 
 @pytest.mark.parametrize("display", ["mini", "small"])
-def test_kept_linear_picture_is_read_instead_of_made_again(tmp_path, monkeypatch, display):
+def test_eia_exr_is_read_instead_of_computed_again(tmp_path, monkeypatch, display):
     display = load_display(display)
     assert display.ei_order == "flipped"
     folder = write_render(tmp_path / "f", display=display)
@@ -80,7 +80,7 @@ def test_kept_linear_picture_is_read_instead_of_made_again(tmp_path, monkeypatch
                               if isinstance(value, float) else value), name
 
 
-def test_kept_linear_picture_of_another_size_is_refused(tmp_path):
+def test_kept_linear_world_image_another_size_is_refused(tmp_path):
     folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
     upscale_frame(folder, "bicubic")
     write_layers(folder / "eia.exr", {"color": np.zeros((8, 8, 3), np.float16)}, half=True)

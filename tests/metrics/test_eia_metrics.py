@@ -12,11 +12,11 @@ from lfsr_core.metrics import eia_metrics
 from lfsr_core.metrics.split_ssim import psnr, split_ssim, split_ssim_map
 from lfsr_core.optics.eia import to_views
 from tests.support.synthetic import frame_of, tiles
-from tests.support.textures import GAUSSIAN, blurred, noisy, picture
+from tests.support.textures import GAUSSIAN, blurred, noisy, textured_image
 
 
 def test_flip_is_zero_for_the_same_image_and_grows_with_the_error():
-    image = picture()
+    image = textured_image()
     assert eia_metrics.mean_flip(image, image) == pytest.approx(0, abs=1e-6)
     slight, strong = (eia_metrics.mean_flip(np.clip(image + shift, 0, 1), image) for shift in (0.02, 0.2))
     assert 0.001 < slight < strong < 1
@@ -30,7 +30,7 @@ MASK[3:9, 4:13] = True
 
 def eia_case(noise=0.02):
     """Scene-linear candidate and halves whose sRGB values differ as in the tests above."""
-    image = picture(96, 128)
+    image = textured_image(96, 128)
     return [srgb_decode(np.clip(x, 0, 1)).astype(np.float32)
             for x in (blurred(image), noisy(image, noise, 7), noisy(image, noise, 8))]
 

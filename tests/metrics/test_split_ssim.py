@@ -7,12 +7,12 @@ import pytest
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from lfsr_core.metrics.split_ssim import psnr, split_mse, split_ssim, split_ssim_map, ssim, stacked_ssim
-from tests.support.textures import GAUSSIAN, blurred, noisy, picture
+from tests.support.textures import GAUSSIAN, blurred, noisy, textured_image
 
 
 @pytest.mark.parametrize("shape", [(96, 128), (23, 31), (600, 40)])
 def test_equal_halves_give_the_ssim_of_scikit_image(shape):
-    image = picture(*shape)
+    image = textured_image(*shape)
     candidate = blurred(image)
     expected = structural_similarity(candidate, image, **GAUSSIAN)
     assert expected < 0.98
@@ -21,13 +21,13 @@ def test_equal_halves_give_the_ssim_of_scikit_image(shape):
 
 
 def test_local_ssim_is_that_of_scikit_image_at_every_pixel():
-    image = picture(600, 64)  # higher than one band
+    image = textured_image(600, 64)  # higher than one band
     _, expected = structural_similarity(blurred(image), image, full=True, **GAUSSIAN)
     np.testing.assert_allclose(split_ssim_map(blurred(image), image, image), expected, atol=1e-9)
 
 
 def test_identity_bounds_and_symmetry():
-    image, candidate = picture(), blurred(picture())
+    image, candidate = textured_image(), blurred(textured_image())
     assert ssim(image, image) == pytest.approx(1, abs=1e-12)
     assert -1 <= ssim(candidate, image) < 1
     assert ssim(candidate, image) == pytest.approx(ssim(image, candidate), abs=1e-12)
@@ -37,7 +37,7 @@ def test_identity_bounds_and_symmetry():
 @pytest.mark.parametrize(("noise", "tolerance"), [(0.01, 0.001), (0.02, 0.002), (0.03, 0.008), (0.04, 0.02)])
 def test_noise_of_the_reference_cancels(noise, tolerance):
     """In split SSIM up to ``tolerance``, in MSE up to 0.5 %; the plain figures move ten times as far."""
-    image = picture(192, 256)
+    image = textured_image(192, 256)
     candidate = blurred(image)
     true_ssim, true_mse = ssim(candidate, image), split_mse(candidate, image, image)
     halves = [(noisy(image, noise, 100 + i), noisy(image, noise, 200 + i)) for i in range(6)]
@@ -53,14 +53,14 @@ def test_noise_of_the_reference_cancels(noise, tolerance):
 
 def test_a_candidate_that_shares_a_halfs_noise_is_flattered():
     """Why a candidate must not be made from its reference."""
-    image = picture(192, 256)
+    image = textured_image(192, 256)
     a, b = noisy(image, 0.02, 100), noisy(image, 0.02, 200)
     independent, shared = (blurred(image, 0) + 0.5 * (noisy(image, 0.02, seed) - image) for seed in (300, 100))
     assert split_ssim(shared, a, b) > split_ssim(independent, a, b) + 0.02
 
 
 def test_a_correct_image_is_told_from_a_wrong_one_in_heavy_noise():
-    image = picture(192, 256)
+    image = textured_image(192, 256)
     a, b = noisy(image, 0.05, 5), noisy(image, 0.05, 6)
     assert ssim(image, (a + b) / 2) < 0.7
     assert split_ssim(image, a, b) > 0.9
@@ -68,7 +68,7 @@ def test_a_correct_image_is_told_from_a_wrong_one_in_heavy_noise():
 
 
 def test_psnr_is_that_of_scikit_image_and_knows_its_limit():
-    image, candidate = picture(), blurred(picture())
+    image, candidate = textured_image(), blurred(textured_image())
     expected = peak_signal_noise_ratio(image, candidate, data_range=1)
     assert psnr(split_mse(candidate, image, image)) == pytest.approx(expected, abs=1e-9)
     assert psnr(0.0) is None
@@ -76,7 +76,7 @@ def test_psnr_is_that_of_scikit_image_and_knows_its_limit():
 
 
 def test_stacked_images_do_not_see_each_other():
-    stack = np.stack([picture(20, 24, seed) for seed in range(200)])  # more than one call's worth of channels
+    stack = np.stack([textured_image(20, 24, seed) for seed in range(200)])  # more than one call's worth of channels
     candidates = np.stack([blurred(image) for image in stack])
     together = stacked_ssim(candidates, stack, stack)
     for index in (0, 99, 199):

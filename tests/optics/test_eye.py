@@ -16,7 +16,7 @@ NEAR, FAR, PLANE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 def painted(*squares):
-    """EIA (H, W, 3) in view order of squares (x, y, depth as a share of the distance, colour), the nearest last."""
+    """EIA (H, W, 3) in view order of squares (x, y, depth as a fraction of the distance, colour), the nearest last."""
     origin, direction = pixel_rays(RayLayout.for_display(MINI, ARRAY))
     image = np.zeros((*origin.shape[:2], 3), np.float32)
     for x, y, depth, color in squares:
@@ -78,7 +78,7 @@ def test_things_on_the_display_stand_still_and_the_near_hide_the_far():
     np.testing.assert_array_equal(seen[row, column], NEAR)
 
 
-def test_beyond_the_viewing_zone_the_picture_repeats_one_lens_on():
+def test_beyond_the_viewing_zone_the_view_repeats_one_lens_on():
     image = np.random.default_rng(0).random((96, 128, 3)).astype(np.float32)
     zone = 8 * ARRAY.spacing
     offset = view_offset(np.arange(8), 8, ARRAY.spacing)[2]

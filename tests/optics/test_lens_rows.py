@@ -1,4 +1,4 @@
-"""Rows of lenses: shares are the whole, and what is not is said."""
+"""Rows of lenses: parts that cover the display, and errors for those that do not."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from lfsr_core.optics.lens_rows import check_cover, parse_rows, pixel_rows
 
 @given(st.integers(1, 200), st.data())
 def test_shares_are_the_whole_and_of_one_size(count, data):
-    shares = data.draw(st.integers(1, count))
-    parts = [parse_rows(f"{number}/{shares}", count) for number in range(1, shares + 1)]
+    count_of_parts = data.draw(st.integers(1, count))
+    parts = [parse_rows(f"{number}/{count_of_parts}", count) for number in range(1, count_of_parts + 1)]
     check_cover(data.draw(st.permutations(parts)), count)
     sizes = {last - first + 1 for first, last in parts}
     assert max(sizes) - min(sizes) <= 1 and min(sizes) >= 1

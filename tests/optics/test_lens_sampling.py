@@ -44,10 +44,10 @@ def test_lenses_are_python_integers_for_json():
 def test_draw_is_spread_over_the_foreground(seed):
     lenses = np.array([lens for lens in choose_lenses(MASK, 40, seed) if MASK[lens]])
     left, top = lenses[:, 1] < 9, lenses[:, 0] < 6
-    shares = [int((left == a).astype(int) @ (top == b)) for a in (False, True) for b in (False, True)]
-    assert sum(shares) == 35
+    corners = [int((left == a).astype(int) @ (top == b)) for a in (False, True) for b in (False, True)]
+    assert sum(corners) == 35
     # Chance alone would leave this band in one draw of six.
-    assert all(6 <= share <= 12 for share in shares), shares
+    assert all(6 <= corner <= 12 for corner in corners), corners
 
 
 def test_each_foreground_lens_is_equally_likely():

@@ -23,13 +23,13 @@ def look(right, down):
     return np.stack([np.sin(9 * right + 2 * down), np.cos(6 * down), (right > 0.1) * 1.0 + down], -1) + 2
 
 
-def picture_of(layout):
+def world_image(layout):
     """What Blender renders: mean light of every pixel."""
-    picture = WorldImage.of(layout)
+    image = WorldImage.of(layout)
     right, down = (((np.arange(4 * count) + 0.5) / (4 * count) * 2 - 1) * reach
-                   for count, reach in zip(picture.size, picture.reach, strict=True))
+                   for count, reach in zip(image.size, image.reach, strict=True))
     fine = look(*np.meshgrid(right, down))
-    return fine.reshape(picture.size[1], 4, picture.size[0], 4, 3).mean((1, 3))
+    return fine.reshape(image.size[1], 4, image.size[0], 4, 3).mean((1, 3))
 
 
 def ray_slopes(layout, seed):
@@ -45,14 +45,14 @@ def ray_slopes(layout, seed):
 @pytest.mark.parametrize("options", LAYOUTS.values(), ids=LAYOUTS)
 def test_pixels_see_the_mean_of_their_rays(display, options):
     layout = layout_of(display, **options)
-    picture = WorldImage.of(layout)
+    image = WorldImage.of(layout)
     drawn, count = 0.0, 100
     for seed in range(count):
         right, down = ray_slopes(layout, seed)
-        assert np.abs(right).max() < picture.reach[0] and np.abs(down).max() < picture.reach[1]
+        assert np.abs(right).max() < image.reach[0] and np.abs(down).max() < image.reach[1]
         drawn = drawn + look(right, down) / count
     lenses = np.argwhere(np.ones(layout.lenses[::-1], bool))
-    seen = WorldView.of(layout, picture_of(layout)).elemental_images(lenses)
+    seen = WorldView.of(layout, world_image(layout)).elemental_images(lenses)
     expected = to_elemental_images(drawn, layout.lenses).reshape(seen.shape)
     smooth, edge = np.abs(seen - expected)[..., :2], np.abs(seen - expected)[..., 2]
     assert smooth.mean() < 0.02 and smooth.max() < 0.16
@@ -61,14 +61,14 @@ def test_pixels_see_the_mean_of_their_rays(display, options):
 
 def test_lenses_in_any_order_see_the_same():
     layout = layout_of()
-    view = WorldView.of(layout, picture_of(layout))
+    view = WorldView.of(layout, world_image(layout))
     lenses = np.random.default_rng(1).integers(0, layout.lenses[::-1], (20, 2))
     each = [view.elemental_images(lens[None])[0] for lens in lenses]
     np.testing.assert_array_equal(view.elemental_images(lenses), each)
 
 
-def test_pictures_stay_small():
-    """An 8K light field sees no more of the world than a small picture holds."""
+def test_world_images_stay_small():
+    """An 8K light field sees no more of the world than a small image holds."""
     layout = layout_of(load_display("bupt-32in-8k"))
     assert np.prod(WorldImage.of(layout).size) < 1e6
     tiny = dataclasses.replace(layout, array=dataclasses.replace(layout.array, spacing=1e-9), spacing=1e-9)

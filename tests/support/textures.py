@@ -10,7 +10,7 @@ GAUSSIAN = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": Fal
             "channel_axis": 2}
 
 
-def picture(height=96, width=128, seed=0):
+def textured_image(height=96, width=128, seed=0):
     """Texture on the left, almost flat on the right; (H, W, 3) in [0.2, 0.8]."""
     random = np.random.default_rng(seed)
     image = cv2.resize(random.random((height // 4, width // 4, 3)), (width, height), interpolation=cv2.INTER_CUBIC)

@@ -11,8 +11,8 @@ from lfsr_lab.train.config import TrainConfig
 from lfsr_lab.train.photographs.data import Photographs
 
 
-def pictures(count=3, height=40, width=52, seed=0):
-    """Smooth random pictures, a little different in size."""
+def some_photographs(count=3, height=40, width=52, seed=0):
+    """Smooth random some_photographs, a little different in size."""
     random = np.random.default_rng(seed)
     images = []
     for index in range(count):
@@ -22,10 +22,10 @@ def pictures(count=3, height=40, width=52, seed=0):
     return Photographs(tuple(f"{index}.png" for index in range(count)), tuple(images))
 
 
-def write_pictures(folder: Path) -> Path:
+def write_photographs(folder: Path) -> Path:
     """The same pictures as PNG files."""
     folder.mkdir()
-    for name, image in zip(pictures().names, pictures().images, strict=True):
+    for name, image in zip(some_photographs().names, some_photographs().images, strict=True):
         cv2.imwrite(str(folder / name), image[..., ::-1])
     return folder
 

@@ -58,7 +58,7 @@ def test_second_base_is_mixed_in():
     config = LightFieldConfig(inputs=("oidn", "color", "guided"), base="oidn", second_base="guided", width=4,
                               body_width=4)
     network, features = LightFieldNet(config), torch.rand(3, config.input_channels, 6, 6)
-    for share, expected in ((0.0, features[:, :3]), (1.0, features[:, 6:9]), (0.25, None)):
-        network.out.bias.data[4] = share
+    for fraction, expected in ((0.0, features[:, :3]), (1.0, features[:, 6:9]), (0.25, None)):
+        network.out.bias.data[4] = fraction
         expected = 0.75 * features[:, :3] + 0.25 * features[:, 6:9] if expected is None else expected
         assert torch.allclose(network(features, features[:, :3]), expected, atol=1e-6)

@@ -19,16 +19,16 @@ from lfsr_lab.train.photographs import task as comparator
 from lfsr_lab.train.photographs.data import load_photographs
 from lfsr_lab.train.photographs.task import ComparatorTask
 from lfsr_lab.train.session import train
-from tests.support.training_photographs import small, write_pictures
+from tests.support.training_photographs import small, write_photographs
 
-# The pictures are tiny: a second thread would only wait for the first.
+# The photographs are tiny: a second thread would only wait for the first.
 torch.set_num_threads(1)
 CPU = torch.device("cpu")
 
 
 @pytest.fixture
 def folder(tmp_path):
-    return write_pictures(tmp_path / "photographs")
+    return write_photographs(tmp_path / "photographs")
 
 
 def test_training_lowers_the_loss_and_beats_its_start(folder, tmp_path):

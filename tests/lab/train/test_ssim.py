@@ -21,7 +21,7 @@ def test_training_ssim_is_the_one_that_is_reported():
     assert np.abs(inside_border(ours) - inside_border(reported_ssim_map(x, a, b))).max() < 1e-4
 
 
-def test_loss_of_noisy_halves_is_lowest_at_the_clean_picture():
+def test_loss_of_noisy_halves_is_lowest_at_the_clean_image():
     """The gradient of the loss must not ask for sharper or softer images because the reference is noisy."""
     rng = np.random.default_rng(2)
     y, x = np.mgrid[:64, :96]

@@ -1,4 +1,4 @@
-"""Rays straight from the subpixels: those of the light field where the weave takes a value, and an eye's, backwards."""
+"""Rays of subpixels: those of the light field where the weave takes a value, and an eye's, backwards."""
 
 from __future__ import annotations
 

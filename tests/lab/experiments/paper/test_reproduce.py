@@ -27,7 +27,7 @@ from lfsr_lab.experiments.paper.figure import CROPS_SEEN
 from lfsr_lab.experiments.paper.figures import figure9, figure11
 from lfsr_lab.experiments.paper.records import SplitError
 from tests.support.synthetic import MINI, write_reference, write_render
-from tests.support.training_photographs import pictures
+from tests.support.training_photographs import some_photographs
 
 SCRIPT = Path(__file__).parents[4] / "scripts/lab/lfsr_lab/experiments/paper/__main__.py"
 SCALE, SPP, CLEAN = 4, 4, 8
@@ -176,7 +176,7 @@ def _stop_at(call):
 def test_training_is_fitted_labelled_and_done_once(tmp_path, frames):
     photographs = tmp_path / "photographs"
     photographs.mkdir()
-    for name, image in zip(pictures().names, pictures(height=100, width=100).images, strict=True):
+    for name, image in zip(some_photographs().names, some_photographs(height=100, width=100).images, strict=True):
         cv2.imwrite(str(photographs / name), image)
     chosen = dataclasses.replace(frames, output=tmp_path, train_minutes=1e-4, photographs=str(photographs),
                                  validation=str(photographs))

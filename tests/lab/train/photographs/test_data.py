@@ -16,19 +16,19 @@ from lfsr_lab.train.photographs.data import (
     load_photographs,
     write_cache,
 )
-from tests.support.training_photographs import pictures, write_pictures
+from tests.support.training_photographs import some_photographs, write_photographs
 
 CPU = torch.device("cpu")
 
 
 @pytest.fixture
 def folder(tmp_path):
-    return write_pictures(tmp_path / "photographs")
+    return write_photographs(tmp_path / "photographs")
 
 
 def test_folder_and_lossless_cache_hold_the_same_pixels(folder, tmp_path):
     original = load_photographs(folder)
-    assert [image.tolist() for image in original.images] == [image.tolist() for image in pictures().images]
+    assert [image.tolist() for image in original.images] == [image.tolist() for image in some_photographs().images]
     size = write_cache(original, tmp_path / "cache.npz", quality=101)
     cached = load_photographs(tmp_path / "cache.npz")
     assert size == (tmp_path / "cache.npz").stat().st_size
@@ -38,15 +38,15 @@ def test_folder_and_lossless_cache_hold_the_same_pixels(folder, tmp_path):
 def test_jpeg_cache_is_near_and_reduction_keeps_the_mean(folder, tmp_path):
     reduced = load_photographs(folder, long_side=26)
     assert [max(image.shape) for image in reduced.images] == [26, 26, 26]
-    for small_image, image in zip(reduced.images, pictures().images, strict=True):
+    for small_image, image in zip(reduced.images, some_photographs().images, strict=True):
         np.testing.assert_allclose(small_image.mean((0, 1)), image.mean((0, 1)), atol=3)
-    write_cache(pictures(), tmp_path / "cache.npz", quality=92)
-    for image, other in zip(load_photographs(tmp_path / "cache.npz").images, pictures().images, strict=True):
+    write_cache(some_photographs(), tmp_path / "cache.npz", quality=92)
+    for image, other in zip(load_photographs(tmp_path / "cache.npz").images, some_photographs().images, strict=True):
         assert 0 < np.abs(image.astype(int) - other).mean() < 3
 
 
 def test_digest_depends_on_pixels_and_names():
-    one, other = pictures(), pictures(seed=1)
+    one, other = some_photographs(), some_photographs(seed=1)
     renamed = Photographs(("a.png", *one.names[1:]), one.images)
     assert len({one.digest, other.digest, renamed.digest}) == 3
 
@@ -54,7 +54,7 @@ def test_digest_depends_on_pixels_and_names():
 def test_bad_photographs(tmp_path):
     with pytest.raises(LfsrError, match="holds no photographs"):
         load_photographs(tmp_path)
-    (tmp_path / "a.jpg").write_bytes(b"no picture")
+    (tmp_path / "a.jpg").write_bytes(b"not an image")
     with pytest.raises(LfsrError, match="cannot be decoded"):
         load_photographs(tmp_path)
     (tmp_path / "b.npz").write_bytes(b"no cache")
@@ -64,11 +64,11 @@ def test_bad_photographs(tmp_path):
     with pytest.raises(LfsrError, match="another format"):
         load_photographs(tmp_path / "c.npz")
     with pytest.raises(LfsrError, match="0.png is smaller than a crop of 64"):
-        CropSampler(pictures(), Crops(64, 2, seed=0), CPU)
+        CropSampler(some_photographs(), Crops(64, 2, seed=0), CPU)
 
 
 def test_crops_are_parts_of_their_photographs():
-    photographs = pictures()
+    photographs = some_photographs()
     sampler = CropSampler(photographs, Crops(16, 4, seed=7, augment=False), CPU)
     epoch = sampler.epoch(0, 4)
     assert len(epoch) == 3 and epoch[0].shape == (4, 3, 16, 16)
@@ -79,8 +79,8 @@ def test_crops_are_parts_of_their_photographs():
 
 
 def test_augmented_crops_are_turned_ones():
-    plain = CropSampler(pictures(), Crops(16, 40, seed=7, augment=False), CPU).epoch(0, 4)
-    turned = CropSampler(pictures(), Crops(16, 40, seed=7), CPU).epoch(0, 4)
+    plain = CropSampler(some_photographs(), Crops(16, 40, seed=7, augment=False), CPU).epoch(0, 4)
+    turned = CropSampler(some_photographs(), Crops(16, 40, seed=7), CPU).epoch(0, 4)
     seen = set()
     for before, after in zip(plain, turned, strict=True):
         every = [before.flip(axes) if axes else before for axes in ([], [2], [3], [2, 3])]
@@ -91,7 +91,7 @@ def test_augmented_crops_are_turned_ones():
 
 def test_epochs_are_seeded_and_differ():
     def first(seed, epoch):
-        return CropSampler(pictures(), Crops(16, 4, seed), CPU).epoch(epoch, 4)[0]
+        return CropSampler(some_photographs(), Crops(16, 4, seed), CPU).epoch(epoch, 4)[0]
 
     assert torch.equal(first(1, 5), first(1, 5))
     assert not torch.equal(first(1, 5), first(1, 6))
