@@ -22,7 +22,7 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_lab.experiments.stress.dials import DIALS
+from lfsr_lab.experiments.sweeps.sweeps import SWEEPS
 from lfsr_lab.scenes.stress.space import Space, card_of_motion, hole
 from tests.support.prerequisites import needs_bpy
 
@@ -68,10 +68,10 @@ def shader(item, kind="BSDF_PRINCIPLED"):
 def test_there_is_a_builder_for_every_dial(built, monkeypatch):
     from stress import dials
 
-    assert set(dials.BUILDERS) == {dial.name for dial in DIALS}
+    assert set(dials.BUILDERS) == {dial.name for dial in SWEEPS}
 
 
-@pytest.mark.parametrize("dial", DIALS, ids=lambda dial: dial.name)
+@pytest.mark.parametrize("dial", SWEEPS, ids=lambda dial: dial.name)
 def test_every_scene_has_the_array_of_the_display_and_light(built, dial):
     for value in (dial.values[0], dial.values[-1]):
         scene = built(dial.name, value)
@@ -260,7 +260,7 @@ def test_the_suite_runs_from_scene_to_page(tmp_path):
     display.write_text('name = "tiny"\npanel_pixels = [64, 48]\npanel_mm = [59.04, 44.28]\nlenses = [8, 6]\n'
                        "views = [8, 8]\nviewing_distance_mm = 500.0\nviewing_angle_deg = 40.0\n", encoding="utf-8")
     command = ["stress", "-o", str(tmp_path / "out"), "--display", str(display), "--quick", "--reference-spp", "8",
-               "--dials", "samples"]
+               "--sweeps", "samples"]
     assert main([*command, "--methods", "bilinear"]) == 0
     dial = read_json(tmp_path / "out" / "stress.json", "the report")["dials"][0]
     quality = {(cell["value"], cell["method"]): cell["metrics"]["ssim_eia_fg"] for cell in dial["cells"]}

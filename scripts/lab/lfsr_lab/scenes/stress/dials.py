@@ -1,4 +1,4 @@
-"""One builder per dial of lfsr_lab.experiments.stress.dials: ``BUILDERS[name](stage, value)`` fills an empty stage."""
+"""One builder per dial of lfsr_lab.experiments.sweeps.sweeps: ``BUILDERS[name](stage, value)`` fills an empty stage."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """What every stress scene stands on: an empty Blender, the camera array, light, and plain ways to add things.
 
 World axes: X right, Z up, Y away from the viewer. One unit is one lens pitch, the
-display plane is y = 0, see lfsr_lab.experiments.stress.dials.
+display plane is y = 0, see lfsr_lab.experiments.sweeps.sweeps.
 """
 
 from __future__ import annotations

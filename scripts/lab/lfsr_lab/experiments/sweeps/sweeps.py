@@ -1,6 +1,6 @@
-"""The dials of the stability suite: each makes one thing harder, value by value, until methods break.
+"""The parameter sweeps: each makes one thing harder, value by value, until methods break.
 
-A *dial* (parameter sweep) is data here; scripts/lab/lfsr_lab/scenes/stress builds its scenes.
+A sweep is data here; lfsr_lab.scenes.stress builds its scenes.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ TOLERANCE = 1e-9  # rounding of the difference of two measured figures
 
 
 @dataclasses.dataclass(frozen=True)
-class Dial:
-    """One difficulty."""
+class Sweep:
+    """One parameter that is varied."""
 
     name: str  # as on the command line and in the names of folders
     meaning: str  # what a value is
@@ -29,83 +29,83 @@ class Dial:
     scene: str | None = None
 
     def scene_name(self, value: float) -> str:
-        """Folder of the scene of one value."""
+        """Return the folder name of the scene of one value."""
         return self.scene or f"{self.name}-{label(value)}"
 
     def samples(self, value: float) -> int:
-        """Samples per pixel of the low-resolution render of one value."""
+        """Return the samples per pixel of the low-resolution render of one value."""
         return int(value) if self.scene else SAMPLES
 
 
 def label(value: float) -> str:
-    """A dial's value as text, also in file names."""
+    """Return a value of a sweep as text, also in file names."""
     return f"{value:g}"
 
 
-DIALS: tuple[Dial, ...] = (
-    Dial("samples", "samples per pixel of a scene with every kind of material, half a usable range deep",
+SWEEPS: tuple[Sweep, ...] = (
+    Sweep("samples", "samples per pixel of a scene with every kind of material, half a usable range deep",
          "samples per pixel", (64, 32, 16, 8, 4, 2, 1), (64, 16, 1), scene="samples"),
-    Dial("depth-behind", "textured bodies behind the display plane", "usable depths at this scale",
+    Sweep("depth-behind", "textured bodies behind the display plane", "usable depths at this scale",
          (0, 0.5, 1, 1.5, 2, 2.5, 3), (0, 1, 3)),
-    Dial("depth-front", "the same bodies in front of the display plane", "usable depths at this scale",
+    Sweep("depth-front", "the same bodies in front of the display plane", "usable depths at this scale",
          (0, 0.5, 1, 1.5, 2, 2.5, 3), (0, 1, 3)),
-    Dial("wire", "thickness of crossing wires, half a usable depth behind the display",
+    Sweep("wire", "thickness of crossing wires, half a usable depth behind the display",
          "high-resolution pixels at the wires' depth", (2, 1, 1 / 2, 1 / 4, 1 / 8, 1 / 16), (2, 1 / 2, 1 / 8)),
-    Dial("texture", "frequency of a sine grating at the far usable depth", "Nyquist frequencies of the rendered views",
+    Sweep("texture", "frequency of a sine grating at the far usable depth", "Nyquist frequencies of the rendered views",
          (1 / 8, 1 / 4, 1 / 2, 3 / 4, 1, 1.5, 2), (1 / 8, 1, 1.5)),
-    Dial("glass-index", "refractive index of smooth glass bodies before a board of tiles", "index of refraction",
+    Sweep("glass-index", "refractive index of smooth glass bodies before a board of tiles", "index of refraction",
          (1.05, 1.15, 1.33, 1.5, 1.8, 2.4), (1.05, 1.5, 2.4)),
-    Dial("glass-roughness", "roughness of the same glass, index 1.45", "Cycles roughness",
+    Sweep("glass-roughness", "roughness of the same glass, index 1.45", "Cycles roughness",
          (0, 0.05, 0.1, 0.2, 0.4, 0.8), (0, 0.1, 0.8)),
-    Dial("mirror", "distance of a mirror image behind the mirror on the display plane", "usable depths at this scale",
+    Sweep("mirror", "distance of a mirror image behind the mirror on the display plane", "usable depths at this scale",
          (0.5, 1, 1.5, 2, 2.5, 3), (0.5, 1, 3)),
-    Dial("caustics", "angle of the only lamp, whose light reaches the floor through glass and off a metal ring",
+    Sweep("caustics", "angle of the only lamp, whose light reaches the floor through glass and off a metal ring",
          "degrees across", (90, 60, 40, 25, 15, 8), (90, 40, 8)),
-    Dial("fireflies", "radius of glowing balls of constant power", "high-resolution pixels at the display plane",
+    Sweep("fireflies", "radius of glowing balls of constant power", "high-resolution pixels at the display plane",
          (1 / 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32, 1 / 64), (1 / 2, 1 / 8, 1 / 64)),
-    Dial("share", "share p of lenses that see the foreground through a hole in a card on the display plane",
+    Sweep("share", "share p of lenses that see the foreground through a hole in a card on the display plane",
          "share of lenses", (1, 0.75, 0.5, 0.25, 0.1, 0.05, 0.02), (1, 0.25, 0.02)),
-    Dial("hdri", "brightness of the world picture behind the subject; the subject's light stays",
+    Sweep("hdri", "brightness of the world picture behind the subject; the subject's light stays",
          "times the world that lights it", (0.25, 0.5, 1, 2, 4, 8), (0.25, 1, 8)),
-    Dial("border", "contrast of glossy metal tiles, one per lens, whose edges are the lenses' edges; dark ones stay",
+    Sweep("border", "contrast of glossy metal tiles, one per lens, whose edges are the lenses' edges; dark ones stay",
          "Michelson contrast", (0, 0.25, 0.5, 0.7, 0.8, 0.9), (0, 0.5, 0.9), judged="ssim_border"),
-    Dial("motion", "sideways steps per frame of a printed card that goes round a rectangle",
+    Sweep("motion", "sideways steps per frame of a printed card that goes round a rectangle",
          "lenses per frame", (0, 1, 2), (0, 1), judged="steadiness"),
-    Dial("eye", "slope of a finely printed board: what the eye meets when it moves by one rendered view",
+    Sweep("eye", "slope of a finely printed board: what the eye meets when it moves by one rendered view",
          "lens pitches per rendered view", (1 / 4, 1 / 2, 1, 2, 4), (1 / 4, 1, 4), judged="epi_straightness"),
-    Dial("recall", "diameter of single bright specks scattered before and behind the display plane",
+    Sweep("recall", "diameter of single bright specks scattered before and behind the display plane",
          "high-resolution pixels at their depth", (1, 1 / 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32), (1, 1 / 4, 1 / 32),
          judged="recall"),
 )
 MOTION, EYE = "motion", "eye"
 
 
-def choose_dials(names: Sequence[str] | None) -> tuple[Dial, ...]:
-    """Dials of these names in the suite's order, all without names; LfsrError for an unknown name."""
-    known = [dial.name for dial in DIALS]
+def choose_sweeps(names: Sequence[str] | None) -> tuple[Sweep, ...]:
+    """Return the sweeps of these names in the order above, all without names; LfsrError for an unknown name."""
+    known = [sweep.name for sweep in SWEEPS]
     for name in names or ():
         if name not in known:
             hint = did_you_mean(name, known, cutoff=0.4)
-            raise LfsrError(f"there is no dial {name!r}: {hint}Choose from {', '.join(known)}")
-    return tuple(dial for dial in DIALS if not names or dial.name in names)
+            raise LfsrError(f"there is no sweep {name!r}: {hint}Choose from {', '.join(known)}")
+    return tuple(sweep for sweep in SWEEPS if not names or sweep.name in names)
 
 
 @dataclasses.dataclass(frozen=True)
 class Break:
     """Where a method breaks."""
 
-    value: float  # of the dial
+    value: float  # of the sweep
     quality: float  # the judged figure there
     reason: str  # "below bicubic" or "below its start"
 
 
 def breaking_point(values: Sequence[float], quality: Mapping[float, float | None],
                    bicubic: Mapping[float, float | None] | None = None, drop: float = DROP) -> Break | None:
-    """Where a method breaks: its first value below ``bicubic``, or ``drop`` below its own start.
+    """Return where a method breaks: its first value below ``bicubic``, or ``drop`` below its own start.
 
     Parameters
     ----------
-    values: of the dial, from easy to hard; the start is the first of them with a quality.
+    values: of the sweep, from easy to hard; the start is the first of them with a quality.
     quality: judged figure by value; values without one are passed over.
     bicubic: the same of bicubic; None for bicubic itself.
     drop: how far below its start counts.

@@ -1,4 +1,4 @@
-"""The pieces of the stability suite's page: crops and curves."""
+"""The pieces of the sweeps's page: crops and curves."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import re
 import numpy as np
 import pytest
 
-from lfsr_lab.experiments.stress import page
-from lfsr_lab.experiments.stress.dials import Break
-from lfsr_lab.experiments.stress.records import Cell, DialReport
+from lfsr_lab.experiments.sweeps import page
+from lfsr_lab.experiments.sweeps.records import Cell, SweepReport
+from lfsr_lab.experiments.sweeps.sweeps import Break
 
 
 @pytest.mark.parametrize("lens", [(0, 0), (5, 7), (11, 15)])
@@ -31,12 +31,12 @@ def test_a_crop_of_flat_elemental_images_is_square_too():
 def test_a_curve_with_gaps_is_drawn_where_it_is_known():
     cells = tuple(Cell(value, "scene", 16, "m", {"q": quality}, None)
                   for value, quality in ((1, 0.9), (2, None), (3, 0.7)))
-    dial = DialReport("d", "meaning", "unit", "q", (1, 2, 3), cells, {"m": Break(3, 0.7, "below its start")})
+    dial = SweepReport("d", "meaning", "unit", "q", (1, 2, 3), cells, {"m": Break(3, 0.7, "below its start")})
     drawn = page.curves(dial, ["m"])
     line = re.search(r'id="m">\s*<path d="([^"]+)"', drawn)[1].split("\n")[:-1]
     ring = re.search(r'id="m, breaks">.*?<use [^>]*x="([\d.]+)" y="([\d.]+)"', drawn, re.S)
     assert [command[0] for command in line] == ["M", "L"]
     assert line[1].split()[1:] == [ring[1], ring[2]]
     assert dial.break_text("m") == "3 s"
-    unknown = DialReport("d", "meaning", "unit", "other", (1, 2, 3), cells, {"m": None})
+    unknown = SweepReport("d", "meaning", "unit", "other", (1, 2, 3), cells, {"m": None})
     assert page.curves(unknown, ["m"]) is None and unknown.break_text("m") == "?"

@@ -13,41 +13,39 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.cli import main
-from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import write_frame
 from lfsr_core.images.png import read_png
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import read_record
-from lfsr_lab.experiments.stress import folder as bench_folder
-from lfsr_lab.experiments.stress import page, suite
-from lfsr_lab.experiments.stress.dials import choose_dials
-from lfsr_lab.experiments.stress.folder import Bench
-from lfsr_lab.experiments.stress.records import Report, Settings
-from lfsr_lab.experiments.stress.report import write_report
-from tests.support.synthetic import MINI, fails, frame_of, write_reference, write_render
+from lfsr_lab.experiments.engine.records import Records
+from lfsr_lab.experiments.engine.renders import SCENE_FILE
+from lfsr_lab.experiments.sweeps import measure, page
+from lfsr_lab.experiments.sweeps.records import Report
+from lfsr_lab.experiments.sweeps.sweeps import choose_sweeps
+from tests.support.synthetic import fails, frame_of, write_reference, write_render
 
 DOCUMENT = Path(__file__).parents[4] / "docs" / "notebook" / "stress.md"
 TYPES = {"text": str, "integer": int, "number": (int, float), "array": list, "object": dict, "null": type(None)}
-DIALS, FRAMES, SCALE = ("samples", "wire", "motion", "eye", "recall"), 2, 2
-OPTIONS = ["--dials", ",".join(DIALS), "--methods", "bilinear,nearest", "--quick", "--display", "mini",
+SWEEPS, FRAMES, SCALE = ("samples", "wire", "motion", "eye", "recall"), 2, 2
+OPTIONS = ["--dials", ",".join(SWEEPS), "--methods", "bilinear,nearest", "--quick", "--display", "mini",
            "--scale", str(SCALE), "--reference-spp", "8", "--frames", str(FRAMES)]
 
 
 def fill(folder: Path) -> Path:
     """Every scene, reference and render that OPTIONS ask for."""
     source = write_render(folder / "source" / "low"), write_reference(folder / "source" / "reference")
-    for dial in choose_dials(DIALS):
-        for value in dial.quick:
-            scene = folder / dial.scene_name(value)
+    for sweep in choose_sweeps(SWEEPS):
+        for value in sweep.quick:
+            scene = folder / sweep.scene_name(value)
             scene.mkdir(exist_ok=True)
-            (scene / bench_folder.SCENE_FILE).touch()
+            (scene / SCENE_FILE).touch()
             shutil.copytree(source[1], scene / "reference", dirs_exist_ok=True)
-            names = [f"s{SCALE}-spp{dial.samples(value)}"]
-            if dial.name == "motion":
+            names = [f"s{SCALE}-spp{sweep.samples(value)}"]
+            if sweep.name == "motion":
                 names += [f"{names[0]}-frame{frame}-seed{seed}" for frame, seed in ((1, 1), (2, 0), (2, 2))]
             for name in names:
                 shutil.copytree(source[0], scene / name, dirs_exist_ok=True)
-                write_frame(scene / name, frame_of(SCALE, samples=dial.samples(value)))
+                write_frame(scene / name, frame_of(SCALE, samples=sweep.samples(value)))
     return folder
 
 
@@ -97,7 +95,7 @@ def test_no_documented_metric_is_missing_everywhere(report):
 
 def test_every_method_is_measured_at_every_value(report):
     assert report["methods"] == ["bicubic", "bilinear", "nearest"]
-    assert [dial["name"] for dial in report["dials"]] == list(DIALS)
+    assert [dial["name"] for dial in report["dials"]] == list(SWEEPS)
     for dial in report["dials"]:
         pairs = [(cell["value"], cell["method"]) for cell in dial["cells"]]
         assert pairs == [(value, method) for value in dial["values"] for method in report["methods"]]
@@ -123,7 +121,7 @@ def test_equal_frames_at_rest_do_not_flicker(report):
 
 def test_the_table_shows_each_breaking_point(bench, report):
     text = (bench / "stress.md").read_text(encoding="utf-8")
-    assert "| dial | from – to | bicubic | bilinear | nearest |" in text
+    assert "| sweep | from – to | bicubic | bilinear | nearest |" in text
     row = next(line for line in text.splitlines() if line.startswith("| samples | 64 – 1 |"))
     assert row.endswith("| 64 b |") and "| – |" in row
     for dial in report["dials"]:
@@ -132,38 +130,37 @@ def test_the_table_shows_each_breaking_point(bench, report):
 
 def test_the_page_shows_curves_and_the_worst_crop_of_every_method(bench, report):
     text = (bench / "index.html").read_text(encoding="utf-8")
-    assert text.count("<svg") == len(DIALS) and "<script" not in text
+    assert text.count("<svg") == len(SWEEPS) and "<script" not in text
     assert not re.search(r"""(src|href)=.http|@import|url\(.?http""", text)
     pictures = re.findall(r'<img[^>]* src="([^"]+)"', text)
-    assert len(pictures) == len(set(pictures)) == len(DIALS) * 3
+    assert len(pictures) == len(set(pictures)) == len(SWEEPS) * 3
     for picture in pictures:
         panels = 2 if "-bicubic" in picture else 3
         side = 24 * 10  # 3 lenses of 8 views, ten times
         assert read_png(bench / picture).shape == (side, panels * side + (panels - 1) * page.GAP, 3)
 
 
-def test_a_second_run_measures_nothing_again(bench, monkeypatch):
-    before = {path: path.stat().st_mtime_ns for path in bench.glob("*/cells/*.json")}
-    monkeypatch.setattr(bench_folder.Bench, "write_cell", None)
+def run_again(bench, monkeypatch) -> list[str]:
+    """Names of the records that a second run measures."""
+    made, real = [], Records.write
+    monkeypatch.setattr(Records, "write", lambda records, name, *rest: made.append(name) or real(records, name, *rest))
     assert main(["stress", "-o", str(bench), *OPTIONS]) == 0
-    assert len(before) == 3 * (3 + 3 + 2 + 3 + 3)
-    assert before == {path: path.stat().st_mtime_ns for path in bench.glob("*/cells/*.json")}
+    return made
 
 
-def test_other_weights_are_measured_again(bench, monkeypatch):
-    dial, made = choose_dials(["samples"])[0], Bench(bench, Settings(MINI, SCALE, 8, FRAMES))
-    assert made.read_cell(dial, 64, "bicubic").value == 64
-    monkeypatch.setattr(MethodName, "weights_digest", "others")
-    assert made.read_cell(dial, 64, "bicubic") is None
-    assert made.read_cell(dial, 32, "bicubic") is None
+def test_a_second_run_measures_nothing_again(bench, monkeypatch):
+    assert len(list(bench.glob("*/cells/*.json"))) == 3 * (3 + 3 + 2 + 3 + 3)
+    assert run_again(bench, monkeypatch) == []
 
 
 def test_another_version_of_a_method_is_measured_again(bench, monkeypatch):
-    dial, made = choose_dials(["samples"])[0], Bench(bench, Settings(MINI, SCALE, 8, FRAMES))
-    versions = {"bicubic": {"denoiser": -1}}
-    monkeypatch.setattr(MethodName, "versions", property(lambda name: versions.get(name.text, {})))
-    assert made.read_cell(dial, 64, "bicubic") is None
-    assert made.read_cell(dial, 64, "nearest").value == 64
+    versions = {"nearest": {"denoiser": -1}}
+    with monkeypatch.context() as changed:
+        changed.setattr(MethodName, "versions", property(lambda name: versions.get(name.text, {})))
+        assert {name.split("-")[0] for name in run_again(bench, changed)} == {"nearest"}
+    with monkeypatch.context() as changed:
+        changed.setattr(MethodName, "weights_digest", "others")
+        assert len(run_again(bench, changed)) == 3 * (3 + 3 + 2 + 3 + 3)
 
 
 @pytest.mark.parametrize(("name", "hidden"), [("stress", ()), ("stress-epi", ("oidn-fast+bilinear",
@@ -173,24 +170,24 @@ def test_published_reports_are_read_and_are_what_the_document_shows(name, hidden
     published = read_record(measured, Report, "a report of the stability suite")
     document = DOCUMENT.read_text(encoding="utf-8")
     methods = [method for method in published.methods if method not in hidden]
-    for dial in published.dials:
+    for dial in published.sweeps:
         assert " | ".join(["", *map(dial.break_text, methods)]) in document
         figures = [f"{dial.series(method, dial.judged)[0]:.3f}" for method in methods]
         assert " | ".join([f"\n| {dial.values[0]:g}", *figures]) in document
 
 
 def test_default_methods_are_bicubic_the_default_and_what_has_weights():
-    methods = suite.default_methods(4)
-    assert methods[0] == "bicubic" and suite.DEFAULT_METHOD in methods
+    methods = measure.default_methods(4)
+    assert methods[0] == "bicubic" and measure.DEFAULT_METHOD in methods
     assert "espcn" in methods and "paper-3" not in methods
-    assert "espcn" not in suite.default_methods(2)
+    assert "espcn" not in measure.default_methods(2)
     for name in methods:
-        suite.method(name)
+        measure.method(name)
     assert len(set(methods)) == len(methods)
 
 
 @pytest.mark.parametrize(("options", "message"), [
-    (["--dials", "wires"], "did you mean 'wire'"), (["--methods", "bicubix"], "did you mean 'bicubic'"),
+    (["--sweeps", "wires"], "did you mean 'wire'"), (["--methods", "bicubix"], "did you mean 'bicubic'"),
     (["--scale", "3"], "scale is 3"), (["--scale", "1"], "scale is 1"), (["--frames", "1"], "need at least 2"),
     (["--display", "minni"], "did you mean 'mini'"),
     (["--display", "looking-glass-go", "--scale", "2", "--methods", "light"], "'light' needs views in two directions")])
@@ -202,10 +199,3 @@ def test_bad_input_is_refused_before_anything_is_written(tmp_path, capsys, optio
 def test_a_folder_of_other_settings_is_refused(bench, capsys):
     changed = [*OPTIONS[:-1], "3"]
     assert "frames differs" in fails(["stress", "-o", str(bench), *changed], capsys)
-
-
-def test_a_missing_cell_is_no_report(tmp_path):
-    dial = choose_dials(["wire"])[0]
-    with pytest.raises(LfsrError, match="wire 2 of bicubic is not measured"):
-        write_report(Bench(tmp_path, Settings(MINI, 2, 8, 2)), {dial: (2,)}, ["bicubic"])
-    assert list(tmp_path.iterdir()) == []

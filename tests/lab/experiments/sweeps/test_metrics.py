@@ -1,4 +1,4 @@
-"""The stability suite's own figures, on light fields that are known exactly."""
+"""The sweeps' own figures, on light fields that are known exactly."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import pytest
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images, to_views
 from lfsr_core.optics.rays import CameraArray, RayLayout, rays
-from lfsr_lab.experiments.stress import metrics
-from lfsr_lab.experiments.stress.metrics import Compared
+from lfsr_lab.experiments.sweeps import metrics
+from lfsr_lab.experiments.sweeps.metrics import Compared
 from lfsr_lab.scenes.stress.space import Space, card_centre, card_of_motion
 from tests.support.rays import pixel_rays
 

@@ -1,4 +1,4 @@
-"""What the stability suite keeps as JSON: its settings, one record per cell, and the report in stress.json."""
+"""Records of the parameter sweeps: settings, one per cell, and the report in stress.json."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from typing import Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_lab.experiments.stress.dials import Break, label
+from lfsr_lab.experiments.engine.accuracy import Figures
+from lfsr_lab.experiments.sweeps.sweeps import Break, label
 
 FORMAT = 1
 MARKS = {"below bicubic": "b", "below its start": "s"}
-# Figures of some dials beside the judged one.
+# Figures of some sweeps beside the judged one.
 EXTRAS = {"border": ("rmse_border", "rmse_centre", "border_ratio", "ssim_centre"),
           "motion": ("flicker_fixed", "flicker_changing", "ssim_eia_fg"),
           "eye": ("neighbour_error", "ssim_eia_fg"), "recall": ("ssim_eia_fg",), "wire": ("recall",), "share": ("p",)}
@@ -19,7 +20,7 @@ EXTRAS = {"border": ("rmse_border", "rmse_centre", "border_ratio", "ssim_centre"
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """What decides every figure of a bench folder besides the dials and methods."""
+    """What decides every figure of a bench folder besides the sweeps and methods."""
 
     display: DisplayProfile  # that all scenes are made for
     scale: int  # of the low-resolution renders, at least 2
@@ -31,7 +32,7 @@ class Settings:
     def __post_init__(self) -> None:
         self.display.low_views(self.scale)
         if self.scale < 2:
-            raise LfsrError(f"scale is {self.scale}, but the suite compares upscaling methods: choose 2 or more")
+            raise LfsrError(f"scale is {self.scale}, but the sweeps compare upscaling methods: choose 2 or more")
         if self.reference_samples < 2 or self.frames < 2:
             raise LfsrError(f"a reference has {self.reference_samples} samples and the motion {self.frames} frames, "
                             "but both need at least 2")
@@ -39,19 +40,19 @@ class Settings:
     def __str__(self) -> str:
         (sx, sy), (px, py) = self.display.lenses, self.display.views
         return (f"Display {self.display.name}, {sx}×{sy} lenses of {px}×{py} views, s = {self.scale}; references of "
-                f"{self.reference_samples} samples in two halves; 16 samples per pixel unless the dial says "
+                f"{self.reference_samples} samples in two halves; 16 samples per pixel unless the sweep says "
                 f"otherwise; {self.frames} frames of motion.")
 
 
 @dataclasses.dataclass(frozen=True)
 class Cell:
-    """The figures of one method at one value of one dial."""
+    """The figures of one method at one value of one sweep."""
 
-    value: float  # of the dial
+    value: float  # of the sweep
     scene: str  # folder of the scene
     samples: int  # per pixel of the low-resolution render
     method: str  # its name
-    metrics: dict[str, float | None]  # figures by name, None where one could not be measured
+    metrics: Figures  # figures by name, None where one could not be measured
     # (row, column) of the foreground lens with the largest error, None without foreground.
     worst_lens: tuple[int, int] | None
     weights: str = ""  # SHA-256 over the files of the method's weights, empty without
@@ -59,13 +60,13 @@ class Cell:
 
 
 @dataclasses.dataclass(frozen=True)
-class DialReport:
-    """What was measured along one dial."""
+class SweepReport:
+    """What was measured along one sweep."""
 
-    name: str  # as of the dial
-    meaning: str  # as of the dial
-    unit: str  # as of the dial
-    judged: str  # as of the dial
+    name: str  # as of the sweep
+    meaning: str  # as of the sweep
+    unit: str  # as of the sweep
+    judged: str  # as of the sweep
     values: tuple[float, ...]  # that were measured, from easy to hard
     cells: tuple[Cell, ...]  # one per value and method
     breaks: dict[str, Break | None]  # where each method breaks, None where it never does
@@ -81,7 +82,7 @@ class DialReport:
         return (self.judged, *EXTRAS.get(self.name, ()))
 
     def series(self, method: str, metric: str) -> list[float | None]:
-        """One metric of one method along the dial."""
+        """One metric of one method along the sweep."""
         by_value = {cell.value: cell.metrics.get(metric) for cell in self.cells if cell.method == method}
         return [by_value[value] for value in self.values]
 
@@ -101,4 +102,4 @@ class Report:
     settings: Settings  # of the bench folder
     environment: dict[str, Any]  # of the machine that wrote the report
     methods: tuple[str, ...]  # their names, bicubic first
-    dials: tuple[DialReport, ...]  # one entry per dial
+    sweeps: tuple[SweepReport, ...] = dataclasses.field(metadata={"key": "dials"})

@@ -1,4 +1,4 @@
-"""The stability suite's dials and its rule for breaking."""
+"""The parameter sweeps and its rule for breaking."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_core.errors import LfsrError
-from lfsr_lab.experiments.stress.dials import DIALS, breaking_point, choose_dials
+from lfsr_lab.experiments.sweeps.sweeps import SWEEPS, breaking_point, choose_sweeps
 
 qualities = st.lists(st.floats(0, 1), min_size=1, max_size=9)
 
@@ -58,7 +58,7 @@ def test_a_method_below_bicubic_from_the_start_breaks_at_the_start():
     assert breaking_point([1, 2], {1: 0.5, 2: 0.5}, {1: 0.6, 2: 0.1}).value == 1
 
 
-def test_the_first_value_in_the_dials_order_counts_not_the_smallest():
+def test_the_first_value_in_the_sweeps_order_counts_not_the_smallest():
     assert breaking_point([64, 16, 1], {64: 0.9, 16: 0.8, 1: 0.7}).value == 16
 
 
@@ -68,18 +68,18 @@ def test_values_that_cannot_be_told_are_passed_over():
     assert breaking_point([1, 2], {}) is None
 
 
-def test_every_dial_is_whole():
-    assert len({dial.name for dial in DIALS}) == len(DIALS)
-    for dial in DIALS:
-        assert set(dial.quick) <= set(dial.values) and len(set(dial.values)) == len(dial.values) > 2
-        assert list(dial.quick) == [value for value in dial.values if value in dial.quick]
-        assert dial.values[0] == dial.quick[0], "both start alike"
-        ordered = sorted(dial.values)
-        assert list(dial.values) in (ordered, ordered[::-1]), "one direction from easy to hard"
+def test_every_sweep_is_whole():
+    assert len({sweep.name for sweep in SWEEPS}) == len(SWEEPS)
+    for sweep in SWEEPS:
+        assert set(sweep.quick) <= set(sweep.values) and len(set(sweep.values)) == len(sweep.values) > 2
+        assert list(sweep.quick) == [value for value in sweep.values if value in sweep.quick]
+        assert sweep.values[0] == sweep.quick[0], "both start alike"
+        ordered = sorted(sweep.values)
+        assert list(sweep.values) in (ordered, ordered[::-1]), "one direction from easy to hard"
 
 
-def test_the_dials_reach_as_far_as_they_should():
-    reach = {dial.name: dial.values for dial in DIALS}
+def test_the_sweeps_reach_as_far_as_they_should():
+    reach = {sweep.name: sweep.values for sweep in SWEEPS}
     assert reach["samples"] == (64, 32, 16, 8, 4, 2, 1)
     assert reach["depth-behind"][-1] == reach["depth-front"][-1] == 3
     assert min(reach["wire"]) <= 1 / 8 and max(reach["texture"]) > 1
@@ -87,13 +87,13 @@ def test_the_dials_reach_as_far_as_they_should():
 
 
 def test_only_values_of_samples_share_a_scene():
-    names = [dial.scene_name(value) for dial in DIALS for value in dial.values]
+    names = [sweep.scene_name(value) for sweep in SWEEPS for value in sweep.values]
     assert len(set(names)) == len(names) - 6
-    assert choose_dials(["samples"])[0].samples(4) == 4 and choose_dials(["wire"])[0].samples(0.25) == 16
+    assert choose_sweeps(["samples"])[0].samples(4) == 4 and choose_sweeps(["wire"])[0].samples(0.25) == 16
 
 
-def test_dials_are_chosen_in_the_suites_order():
-    assert [dial.name for dial in choose_dials(["wire", "samples"])] == ["samples", "wire"]
-    assert choose_dials(None) == DIALS
+def test_sweeps_are_chosen_in_the_suites_order():
+    assert [sweep.name for sweep in choose_sweeps(["wire", "samples"])] == ["samples", "wire"]
+    assert choose_sweeps(None) == SWEEPS
     with pytest.raises(LfsrError, match="did you mean 'wire'"):
-        choose_dials(["wires"])
+        choose_sweeps(["wires"])

@@ -1,4 +1,4 @@
-"""The geometry that the stability suite's dials speak of."""
+"""The geometry that the parameter sweeps speak of."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray, RayLayout, rays
-from lfsr_lab.experiments.stress.folder import DISPLAY_FILE
+from lfsr_lab.experiments.sweeps.measure import DISPLAY_FILE
 from lfsr_lab.scenes.stress.space import Space, card_centre, card_of_motion, hole, rectangle_path
 from tests.support.rays import pixel_rays
 from tests.support.synthetic import FLAT

@@ -1,4 +1,4 @@
-"""Figures that only the stability suite needs: borders of elemental images, the moving eye, flicker, worst places.
+"""Figures that only the parameter sweeps need: borders of elemental images, the moving eye, flicker, worst places.
 
 Images are EIAs (H, W, C) of sRGB values in [0, 1] in view order.
 """
@@ -11,9 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.arrays import Array, Mask
 from lfsr_core.metrics.split_ssim import mean_of, split_ssim_map
 from lfsr_core.optics.eia import to_elemental_images, to_views
+from lfsr_lab.experiments.engine.accuracy import Figures, root
 from lfsr_lab.scenes.stress.space import Space
 
 Pair = tuple[int, int]
@@ -27,7 +28,7 @@ class Compared:
     a: Array  # one half of the reference
     b: Array  # the other, so that its noise cancels (docs/reference/metrics.md)
     lenses: Pair  # (sx, sy)
-    mask: Array  # (sy, sx) bool, the foreground
+    mask: Mask  # (sy, sx), the foreground
 
     @property
     def squares(self) -> Array:
@@ -35,12 +36,7 @@ class Compared:
         return to_elemental_images((self.x - self.a) * (self.x - self.b), self.lenses)
 
 
-def root(squared: float) -> float:
-    """Square root of an unbiased squared error, 0 where noise made it negative."""
-    return math.sqrt(max(squared, 0.0))
-
-
-def border_and_centre(of: Compared, width: int) -> dict[str, float | None]:
+def border_and_centre(of: Compared, width: int) -> Figures:
     """RMS error and split SSIM of the outer ``width`` pixels of foreground EIs and of the rest, and the errors' ratio.
 
     Values None where there are no such pixels, the ratio also where the centre's
@@ -49,7 +45,7 @@ def border_and_centre(of: Compared, width: int) -> dict[str, float | None]:
     errors = of.squares[of.mask].mean(-1)
     local = to_elemental_images(split_ssim_map(of.x, of.a, of.b), of.lenses)[of.mask].mean(-1)
     ring = _ring(errors.shape[1:], width)
-    found: dict[str, float | None] = {}
+    found: Figures = {}
     for name, where in (("border", ring), ("centre", ~ring)):
         some = bool(where.any()) and len(errors) > 0
         found[f"rmse_{name}"] = root(mean_of(errors[:, where])) if some else None

@@ -1,0 +1,157 @@
+"""The cells of the parameter sweeps: every method at every value, each with its scene, reference and render."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import importlib.util
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from lfsr_core.frames.job import Job
+from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_CHAINS, MethodName
+from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.registry import method
+from lfsr_core.reconstruct.second_stage import finished_linear
+from lfsr_lab.experiments.engine import cells
+from lfsr_lab.experiments.engine.accuracy import Figures, Target, finite
+from lfsr_lab.experiments.engine.records import Records, method_facts
+from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, SCENE_FILE, Store, foreground, reference_of
+from lfsr_lab.experiments.sweeps import metrics
+from lfsr_lab.experiments.sweeps.records import Cell, Settings
+from lfsr_lab.experiments.sweeps.sweeps import EYE, MOTION, Sweep, choose_sweeps, label
+from lfsr_lab.scenes.stress.space import Space, card_centre, card_of_motion
+
+DISPLAY_FILE = Path(__file__).parent / "sweeps.toml"
+BASELINE, CELLS = "bicubic", "cells"
+
+
+@dataclasses.dataclass(frozen=True)
+class Choice:
+    """What one run measures; LfsrError for an unknown sweep or method."""
+
+    methods: tuple[str, ...]  # bicubic first, which is added where it lacks
+    values: dict[Sweep, tuple[float, ...]]  # of each sweep, from easy to hard
+
+    @classmethod
+    def of(cls, methods: Sequence[str], sweeps: Sequence[str] | None = None, quick: bool = False) -> Choice:
+        """Choose by names, all sweeps for None; ``quick``: few values."""
+        chosen = {sweep: sweep.quick if quick else sweep.values for sweep in choose_sweeps(sweeps)}
+        methods = tuple(dict.fromkeys([BASELINE, *methods]))
+        for name in methods:
+            method(name)
+        return cls(methods, chosen)
+
+
+def default_methods(scale: int, parallax: tuple[bool, bool] = (True, True)) -> list[str]:
+    """Return bicubic, plain chains, the default, and every network with weights: those that the display can have."""
+    names = [BASELINE, *PLAIN_CHAINS, DEFAULT_METHOD]
+    torch = importlib.util.find_spec("torch") is not None
+    names += [entry.chain(name) for name, entry in catalogue.NETWORKS.items()
+              if scale in catalogue.trained_scales(name) and (torch or entry.light_field)]
+    return [name for name in dict.fromkeys(names) if MethodName.parse(name).works_with(parallax)]
+
+
+def build_scenes(store: Store, settings: Settings, choice: Choice) -> None:
+    """Write the scene files that are missing."""
+    wanted = {scene_folder(store, sweep, value) / SCENE_FILE: {"dial": sweep.name, "value": value}
+              for sweep, values in choice.values.items() for value in values}
+    store.build("stress_scenes.py", wanted, display=settings.display.to_dict(), scale=settings.scale,
+                frames=settings.frames)
+
+
+def scene_folder(store: Store, sweep: Sweep, value: float) -> Path:
+    """Return the folder of one scene."""
+    return store.folder / sweep.scene_name(value)
+
+
+def measured(store: Store, settings: Settings, sweep: Sweep, value: float, methods: Sequence[str]) -> Iterator[Cell]:
+    """Yield the cell of every method at one value of a sweep; what is missing is rendered and measured now."""
+    records = Records(scene_folder(store, sweep, value) / CELLS, Cell)
+    scene = Scene(store, settings, sweep, value)
+    wanted = [cells.Cell(f"{name}-{sweep.name}-spp{sweep.samples(value)}", method_facts(name),
+                         functools.partial(scene.measure, name), scene.jobs) for name in methods]
+    yield from cells.measured(wanted, records, store, lambda line: print(f"  {sweep.name} {label(value)} {line}",
+                                                                         flush=True))
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """A sweep's scene at one value, with its renders."""
+
+    store: Store
+    settings: Settings
+    sweep: Sweep
+    value: float
+
+    @property
+    def jobs(self) -> list[Job]:
+        """Everything that its cells need: of motion a render per frame and kind of seed."""
+        moving = range(1, self.settings.frames + 1) if self.sweep.name == MOTION else ()
+        jobs = [self.reference_job, self.job(), *(self.job(frame, seed) for frame in moving for seed in (0, frame))]
+        return list({job.output: job for job in jobs}.values())
+
+    @property
+    def reference_job(self) -> Job:
+        """The reference."""
+        return reference_of(self.job(), self.settings.reference_samples,
+                            scene_folder(self.store, self.sweep, self.value) / REFERENCE)
+
+    def job(self, frame: int = 1, seed: int = 0) -> Job:
+        """Return a low-resolution render: of a frame other than 1 only of the moving card; ``seed`` of its noise."""
+        settings, folder = self.settings, scene_folder(self.store, self.sweep, self.value)
+        samples = self.sweep.samples(self.value)
+        suffix = "" if (frame, seed) == (1, 0) else f"-frame{frame}-seed{seed}"
+        return Job(output=str(folder / f"s{settings.scale}-spp{samples}{suffix}"), display=settings.display,
+                   scene=str((folder / SCENE_FILE).resolve()), scale=settings.scale, spp=samples, layers=LAYERS,
+                   seed=seed, frame=frame, device=settings.device)
+
+    @functools.cached_property
+    def target(self) -> Target:
+        """The reference, read."""
+        return Target.read(Path(self.reference_job.output))
+
+    @property
+    def space(self) -> Space:
+        """The display in lens pitches."""
+        return Space.of(self.settings.display, self.settings.scale)
+
+    def measure(self, name: str) -> Cell:
+        """Return every figure of a method here."""
+        target, render = self.target, Path(self.job().output)
+        image = finished_linear(render, name)
+        found = target.accuracy(image, foreground(render), intervals=False).metrics
+        of = metrics.Compared(*map(srgb_encode, (image, *target.halves)), target.lenses, target.mask)
+        found |= metrics.border_and_centre(of, width=self.settings.scale)
+        found["neighbour_error"] = metrics.neighbour_view_error(of)
+        if self.sweep.name == EYE:
+            found |= self._straightness(of)
+        if self.sweep.name == MOTION:
+            found |= self._flicker(name)
+        figures = {key: finite(value) for key, value in found.items()}
+        return Cell(self.value, self.sweep.scene_name(self.value), self.sweep.samples(self.value), name, figures,
+                    metrics.worst_lens(of), **method_facts(name))
+
+    def _straightness(self, of: metrics.Compared) -> Figures:
+        step = self.space.scale / self.value
+        names = ("epi_straightness", "epi_straightness_reference")
+        if not step.is_integer():  # no two views that see the same points
+            return dict.fromkeys(names)
+        # A point does not move by whole rows where they are not as high as columns are wide.
+        axes = (0, 1) if self.space.row == 1 and self.space.views[1] > 1 else (1,)
+        return {name: metrics.epi_straightness(image, of.lenses, int(step), other, axes)
+                for name, (image, other) in zip(names, ((of.x, None), (of.a, of.b)), strict=True)}
+
+    def _flicker(self, name: str) -> Figures:
+        """Return the flicker with one seed for all frames and with a seed for each."""
+        count = self.settings.frames
+        y, half, path = card_of_motion(self.space, int(self.value), count)
+        cards = [metrics.card_pixels(self.space, y, card_centre(self.space, y, place, path), half) for place in path]
+        found: Figures = {}
+        for kind, changes in (("fixed", False), ("changing", True)):
+            folders = [Path(self.job(frame, frame if changes else 0).output) for frame in range(1, count + 1)]
+            images = [srgb_encode(finished_linear(folder, name)) for folder in folders]
+            found[f"flicker_{kind}"] = metrics.flicker(images, self.settings.display.lenses, path, cards)
+        known = [value for value in found.values() if value is not None]
+        return found | {"steadiness": 1 - max(known) if known else None}

@@ -1,0 +1,193 @@
+"""The report of the parameter sweeps: breaking points, figures, curves, and the worst crop of every method."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lfsr_core.arrays import Array
+from lfsr_core.images.png import write_png
+from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.reconstruct.second_stage import finished_linear
+from lfsr_core.records import to_data
+from lfsr_lab.experiments.engine.environment import environment
+from lfsr_lab.experiments.engine.plots import COLORS, sheet, svg
+from lfsr_lab.experiments.engine.renders import Store
+from lfsr_lab.experiments.engine.report import inline_svg, markdown_table, number, page_html, write_report, write_text
+from lfsr_lab.experiments.sweeps.measure import BASELINE, Choice, Scene, build_scenes, measured
+from lfsr_lab.experiments.sweeps.records import FORMAT, Cell, Report, Settings, SweepReport
+from lfsr_lab.experiments.sweeps.sweeps import Sweep, breaking_point, choose_sweeps, label
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+STEM, PAGE_FILE, PICTURES = "stress", "index.html", "pictures"
+LENSES_IN_CROP, LEAST_CROP, GAP = 3, 240, 6
+DASHES = ("solid", "dashed", "dotted")  # after each round of colours
+WIDTH, HEIGHT = 6.4, 3.0  # of a drawing of curves, in inches
+LEGEND = ("A number is the first value of the sweep where the method breaks: **b** below bicubic, **s** 0.05 below its "
+          "own start. – : it never breaks. ? : nothing could be measured.")
+
+
+@dataclasses.dataclass(frozen=True)
+class Picture:
+    """The worst crop of one method along one sweep."""
+
+    source: str  # path of the file, as seen from the page
+    method: str
+    cell: Cell  # whose worst lens it shows
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """What the crops show, from left to right."""
+        return tuple(dict.fromkeys(("reference", BASELINE, self.method)))
+
+
+def run(store: Store, settings: Settings, choice: Choice) -> Path:
+    """Measure every missing cell, then write report and page; returns the path of stress.json.
+
+    LfsrError for a method that the display cannot have, for a folder begun with other settings, and where Blender
+    fails.
+    """
+    for name in choice.methods:
+        MethodName.parse(name).check_parallax(settings.display.parallax)
+    store.claim(settings)
+    build_scenes(store, settings, choice)
+    sweeps = []
+    for number_, (sweep, values) in enumerate(choice.values.items(), start=1):
+        print(f"sweep {number_} of {len(choice.values)}: {sweep.name}, {len(values)} values", flush=True)
+        cells = tuple(cell for value in values for cell in measured(store, settings, sweep, value, choice.methods))
+        sweeps.append(report_of(sweep, values, cells, choice.methods))
+    report = Report(FORMAT, settings, to_data(environment()), choice.methods, tuple(sweeps))
+    paths = write_report(store.folder, STEM, report, {".md": markdown(report)})
+    write_text(store.folder / PAGE_FILE, html(store, report))
+    return paths[0]
+
+
+def report_of(sweep: Sweep, values: Sequence[float], cells: tuple[Cell, ...], methods: Sequence[str]) -> SweepReport:
+    """Return what the cells of a sweep say."""
+    judged = {method: {cell.value: cell.metrics.get(sweep.judged) for cell in cells if cell.method == method}
+              for method in methods}
+    breaks = {method: breaking_point(values, judged[method], None if method == BASELINE else judged[BASELINE])
+              for method in methods}
+    return SweepReport(sweep.name, sweep.meaning, sweep.unit, sweep.judged, tuple(values), cells, breaks)
+
+
+def markdown(report: Report) -> str:
+    """Return the breaking points of every method, then the figures of every sweep."""
+    breaks = [[sweep.name, sweep.span, *map(sweep.break_text, report.methods)] for sweep in report.sweeps]
+    lines = ["# Parameter sweeps", "", str(report.settings), "", "## Breaking points", "", LEGEND, "",
+             *markdown_table(["sweep", "from – to", *report.methods], breaks)]
+    for sweep in report.sweeps:
+        lines += ["", f"## {sweep.name}", "", f"{sweep.meaning.capitalize()}; values are {sweep.unit}.", ""]
+        for metric in sweep.shown:
+            lines += [*_metric_table(sweep, report.methods, metric), ""]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _metric_table(sweep: SweepReport, methods: Sequence[str], metric: str) -> list[str]:
+    """Return one metric by value and method, beside the reference's own noise where that is of the same kind."""
+    columns = {method: sweep.series(method, metric) for method in methods}
+    if metric == sweep.judged:
+        columns["ssim_ceiling"] = sweep.series(methods[0], "ssim_ceiling")
+    return markdown_table([metric, *columns], zip(map(label, sweep.values), *columns.values(), strict=True))
+
+
+def html(store: Store, report: Report) -> str:
+    """Return the page; its crops are written into the folder."""
+    pictures = {sweep.name: [picture for method in report.methods
+                             if (picture := _write_crop(store, report.settings, sweep, method))]
+                for sweep in report.sweeps}
+    return page_html("sweeps.html", report=report, legend=LEGEND.split("**"), pictures=pictures,
+                     curves={sweep.name: curves(sweep, report.methods) for sweep in report.sweeps},
+                     strokes=list(zip(report.methods, map(stroke, range(len(report.methods))), strict=True)),
+                     label=label, number=number)
+
+
+def shown_cell(sweep: SweepReport, method: str) -> Cell | None:
+    """The cell whose crop is shown: where the method breaks, else where its judged figure is lowest."""
+    cells = [cell for cell in sweep.cells if cell.method == method and cell.worst_lens is not None]
+    found = sweep.breaks[method]
+    if found is not None:
+        return next((cell for cell in cells if cell.value == found.value), None)
+    judged = [cell for cell in cells if cell.metrics.get(sweep.judged) is not None]
+    return min(judged, key=lambda cell: cell.metrics[sweep.judged], default=None)
+
+
+def _write_crop(store: Store, settings: Settings, entry: SweepReport, method: str) -> Picture | None:
+    """Write the crops of reference, bicubic and method around the worst lens."""
+    cell = shown_cell(entry, method)
+    if cell is None or cell.worst_lens is None:
+        return None
+    scene = Scene(store, settings, choose_sweeps([entry.name])[0], cell.value)
+    halves, render = scene.target.halves, Path(scene.job().output)
+    images = [(halves[0] + halves[1]) / 2,
+              *(finished_linear(render, name) for name in dict.fromkeys((BASELINE, method)))]
+    crops = [enlarged(crop_around(srgb_encode(image), settings.display.lenses, cell.worst_lens)) for image in images]
+    source = f"{PICTURES}/{entry.name}-{method.replace('+', '-')}.png"
+    write_png(store.folder / source, side_by_side(crops))
+    return Picture(source, method, cell)
+
+
+def crop_around(image: Array, lenses: tuple[int, int], lens: tuple[int, int],
+                across: int = LENSES_IN_CROP) -> Array:
+    """The elemental images around a lens.
+
+    Parameters
+    ----------
+    image: EIA (H, W, 3).
+    lenses: (sx, sy) of the EIA.
+    lens: (row, column), in the middle of the crop where the image reaches so far.
+    across: lenses of the crop along the axis where they have most pixels; along the other as many as make it square.
+    """
+    size = image.shape[0] // lenses[1], image.shape[1] // lenses[0]
+    spans = []
+    for at, count, pixels in zip(lens, lenses[::-1], size, strict=True):
+        reach = min(across * max(size) // pixels, count)
+        first = min(max(at - reach // 2, 0), count - reach)
+        spans.append(slice(first * pixels, (first + reach) * pixels))
+    return image[tuple(spans)]
+
+
+def enlarged(crop: Array) -> Array:
+    """8-bit crop of sRGB values in [0, 1], pixels repeated until it is LEAST_CROP high."""
+    times = max(1, -(-LEAST_CROP // crop.shape[0]))
+    return np.rint(np.clip(crop, 0, 1) * 255).astype(np.uint8).repeat(times, axis=0).repeat(times, axis=1)
+
+
+def side_by_side(crops: Sequence[Array]) -> Array:
+    """Crops of equal height in a row with white gaps."""
+    gap = np.full((crops[0].shape[0], GAP, 3), 255, np.uint8)
+    parts = [part for crop in crops for part in (gap, crop)]
+    return np.concatenate(parts[1:], axis=1)
+
+
+def stroke(index: int) -> tuple[str, str]:
+    """Colour and dashes of the curve of method number ``index``."""
+    return COLORS[index % len(COLORS)], DASHES[index // len(COLORS) % len(DASHES)]
+
+
+def curves(sweep: SweepReport, methods: Sequence[str]) -> Markup | None:
+    """Draw the judged figure along the sweep, one step of it per step across; None where nothing could be measured."""
+    lines = {method: sweep.series(method, sweep.judged) for method in methods}
+    if all(value is None for line in lines.values() for value in line):
+        return None
+    figure, grid = sheet(WIDTH, HEIGHT)
+    axis = grid[0, 0]
+    for index, (method, line) in enumerate(lines.items()):
+        color, dashes = stroke(index)
+        known = [(place, value) for place, value in enumerate(line) if value is not None]
+        axis.plot(*zip(*known, strict=True), color=color, linestyle=dashes, marker="o", ms=3, lw=1.4, gid=method)
+        found = sweep.breaks[method]
+        if found is not None:
+            place = sweep.values.index(found.value)
+            axis.plot(place, line[place], "o", ms=9, mfc="none", mec=color, gid=f"{method}, breaks")
+    axis.set_xticks(range(len(sweep.values)), map(label, sweep.values))
+    axis.set_ylabel(sweep.judged)
+    axis.grid(axis="y", color="#ddd")
+    return inline_svg(svg(figure), f"{sweep.judged} along {sweep.name}")
