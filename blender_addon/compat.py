@@ -25,10 +25,7 @@ def multilayer_exr(half: bool = False) -> dict[str, Any]:
 
 
 def one_part_exr() -> dict[str, Any]:
-    """Return image settings that write all passes into one part of the file, as before 5.0.
-
-    Several parts end in an error where pixels are not square.
-    """
+    """Return image settings that write all passes into one part; several parts fail where pixels are not square."""
     return {"use_exr_interleave": True} if _has(bpy.types.ImageFormatSettings, "use_exr_interleave") else {}
 
 

@@ -19,7 +19,10 @@ def choose_camera(scene: bpy.types.Scene, name: str) -> None:
     """
     camera = next((item for item in cameras(scene) if item.name == name), None)
     if camera is None and name != FIT:
-        raise LfsrError(_unknown(name, [item.name for item in cameras(scene)]))
+        names = [item.name for item in cameras(scene)]
+        known = f"{did_you_mean(name, names)}Choose one of {', '.join(names[:MOST_NAMES])}" if names else "It has none"
+        raise LfsrError(f"the scene has no camera {name!r}: {known}, or {FIT} to place the array in front of the "
+                        "subject")
     if not rig.is_array(camera):
         rig.forget(scene)
     scene.camera = camera
@@ -36,8 +39,3 @@ def choice_notice(scene: bpy.types.Scene) -> str:
     named = f"{', '.join(others[:MOST_NAMES])} or " if others else ""
     return (f"The file's camera {scene.camera.name!r} is used. Choose another with --camera: {named}{FIT}, which "
             "places the array in front of the subject")
-
-
-def _unknown(name: str, names: list[str]) -> str:
-    known = f"{did_you_mean(name, names)}Choose one of {', '.join(names[:MOST_NAMES])}" if names else "It has none"
-    return f"the scene has no camera {name!r}: {known}, or {FIT} to place the array in front of the subject"

@@ -12,10 +12,9 @@ MOST_FRAMES = 24  # sampled from an animation
 
 
 def frames(scene: bpy.types.Scene) -> Iterator[int]:
-    """Set the scene to sample frames of its animation, one after the other, and yield their numbers.
+    """Set the scene to sample frames of its animation in turn, yield their numbers, and restore its current frame.
 
-    A scene without animation yields its current frame only. The current frame, which does not affect
-    the samples, is restored at the end.
+    A scene without animation yields its current frame only.
     """
     if not is_animated():
         yield scene.frame_current

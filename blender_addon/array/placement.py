@@ -36,7 +36,7 @@ def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: Iterab
     if own is not None:
         return own
     subject = set(subject)
-    if _has_camera(scene):
+    if scene.camera is not None and scene.camera.type == "CAMERA":
         return array_of_camera(scene, profile, subject)
     return fit_array(*animated_bounds(scene, subject), profile)
 
@@ -51,14 +51,10 @@ def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.type
 
 def clip_of(scene: bpy.types.Scene) -> Clip | None:
     """Return the clipping depths of the scene's camera; None if the array does not stand at an ordinary camera."""
-    if rig.find(scene) is not None or not _has_camera(scene):
+    if rig.find(scene) is not None or scene.camera is None or scene.camera.type != "CAMERA":
         return None
     # The camera's scale does not apply to them.
     return scene.camera.data.clip_start, scene.camera.data.clip_end
-
-
-def _has_camera(scene: bpy.types.Scene) -> bool:
-    return scene.camera is not None and scene.camera.type == "CAMERA"
 
 
 def fit_array(low: Array, high: Array, profile: DisplayProfile) -> Placement:
@@ -85,9 +81,8 @@ def fit_array(low: Array, high: Array, profile: DisplayProfile) -> Placement:
 def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object]) -> Placement:
     """Return an array at the scene's camera, with its direction and horizontal field of view.
 
-    The display plane is where the camera focuses, else where the visible subject's nearest and farthest
-    points have equal parallax. Where the array would reach through a wall beside the camera, the plane
-    comes nearer and the array becomes smaller.
+    The display plane is where the camera focuses, else where the visible subject's nearest and farthest points
+    have equal parallax. It is nearer, and the array smaller, where the array would reach through a wall.
     """
     camera = scene.camera
     half_width = _half_width(scene, camera.data)

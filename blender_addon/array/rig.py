@@ -1,8 +1,7 @@
 """The camera array in the scene: a camera at the viewing position and an empty on the display plane.
 
-The camera's horizontal field of view frames the display. The empty is the camera's child; moving it moves
-the plane of zero parallax along the view. Custom properties mark both, so that the array is also found
-where this add-on is not enabled (a render farm, ``lfsr render``).
+The camera's horizontal field of view frames the display; its child, the empty, marks the plane of zero parallax.
+Custom properties mark both, so that the array is also found where this add-on is not enabled (a render farm).
 """
 
 from __future__ import annotations

@@ -45,21 +45,15 @@ def find(scene: bpy.types.Scene, display: DisplayProfile, placed: rig.Placement,
          subject: set[bpy.types.Object]) -> Iterator[Problem]:
     """Problems of the visible objects of ``subject``, by name; ``placed``: the camera array and its world matrix."""
     array, matrix = placed
-    corners = world_corners(subject)
+    corners: dict[bpy.types.Object, list[Array]] = {}  # world corners (8, 3) of bounding boxes
+    for item, owner, place in placement.instances(subject):
+        if item.type in GEOMETRY and not owner.hide_render:
+            corners.setdefault(owner, []).append(np.array(item.bound_box) @ place[:3, :3].T + place[:3, 3])
     inverse = np.linalg.inv(np.array(matrix))
     for item in sorted(corners, key=lambda item: item.name):
         extent = extent_of(np.concatenate(corners[item]) @ inverse[:3, :3].T + inverse[:3, 3], array)
         if extent.visible:
             yield from _problems(item, extent, scene, display, array)
-
-
-def world_corners(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, list[Array]]:
-    """Return world corners (8, 3) of the bounding boxes of each object of the subject and its instances."""
-    corners: dict[bpy.types.Object, list[Array]] = {}
-    for item, owner, matrix in placement.instances(subject):
-        if item.type in GEOMETRY and not owner.hide_render:
-            corners.setdefault(owner, []).append(np.array(item.bound_box) @ matrix[:3, :3].T + matrix[:3, 3])
-    return corners
 
 
 def extent_of(points: Array, array: CameraArray) -> Extent:

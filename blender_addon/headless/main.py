@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import time
 from collections.abc import Sequence
@@ -21,6 +22,7 @@ from lfsr_core.render.protocol import (
     RENDERED_STAGE,
     emit,
     emit_last,
+    emit_progress,
     emit_warning,
     repeated,
 )
@@ -52,7 +54,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def run_all(jobs: Sequence[Job]) -> Path:
     """Render ``jobs``, opening a scene where it differs from the job before; return the last frame folder."""
-    scene, opened, last = None, Opened(), None
+    scene, opened, last, progress = None, Opened(), None, functools.partial(emit_progress, "render")
     with ExitStack() as stack:
         for job in jobs:
             if last is None or (job.scene, job.scene_name) != (last.scene, last.scene_name):
@@ -61,7 +63,7 @@ def run_all(jobs: Sequence[Job]) -> Path:
                 if len(jobs) > 1:
                     # Without it Cycles would build the scene again for each frame.
                     stack.enter_context(overridden(scene.render, {"use_persistent_data": True}))
-            folder, last = render_job(scene, job, opened, progress=_progress, warn=emit_warning), job
+            folder, last = render_job(scene, job, opened, progress=progress, warn=emit_warning), job
             opened = dataclasses.replace(opened, seconds=0.0)
             if len(jobs) > 1:
                 emit(stage=RENDERED_STAGE, folder=str(folder))
@@ -93,10 +95,6 @@ def _open(job: Job) -> tuple[bpy.types.Scene, str]:
     scene = open_scene(job.scene)
     content = scene_content(file) if job.parts else ""
     return scene, content if stamp(file) == before else ""
-
-
-def _progress(fraction: float, message: str = "") -> None:
-    emit(stage="render", fraction=round(fraction, 4), message=message)
 
 
 def _stop() -> None:

@@ -1,8 +1,7 @@
-"""The live scenes: they show the artist's scene, as their background set, through a lens card.
+"""The live scenes: they show the artist's scene, as their background set, through a lens card, and never change it.
 
-One shows the panel's image, the other what an eye in front of the display sees. Each exists as long as its window.
-The artist's scene is never changed. All data of the live scenes is marked, so that it can be found and removed,
-also after an undo or in a file that was recovered from a crash.
+One shows the panel's image, the other what an eye in front of the display sees. All their data is marked, so that it
+can be found and removed, also after an undo or in a file that was recovered from a crash.
 """
 
 from __future__ import annotations

@@ -25,10 +25,7 @@ DARK = 2e-3
 
 
 def is_dark(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object]) -> bool:
-    """Return True if a few lenses see objects of ``scene``, but too dark for any view transform.
-
-    The scene's exposure counts.
-    """
+    """Return True if a few lenses see objects, but too dark for any view transform at the scene's exposure."""
     array, matrix_world = placement.place_array(scene, job.display, subject)
     layout = RayLayout.for_display(job.display, array, max(job.display.scales(), default=1), lens_list=_lenses(job))
     shot = Shot(layout, matrix_world, devices.way_of(job.device), placement.clip_of(scene))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 
 import bpy
@@ -87,8 +87,8 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
     -------
     Seconds it took.
     """
-    with (encoded_camera(scene, shot), _ended(scene, shot) as ended,
-          cycles_settings(scene, settings, shot.layout.size)):
+    ending = clip_plane(scene, shot.layout, shot.matrix_world, shot.clip[1]) if shot.clip else nullcontext(False)
+    with encoded_camera(scene, shot), ending as ended, cycles_settings(scene, settings, shot.layout.size):
         height = shot.layout.size[1]
         rows = shot.rows or Part(0, height)
         # A denoiser would see the edges of bands.
@@ -99,14 +99,9 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
                 seconds = render_to(scene, path, progress)
     if (shot.way == "lens-card" or ended) and "position" in settings.layers:
         layers = exr.read_layers(path)
-        layers["position"] = _without_misses(layers["position"], shot, bool(ended))
+        layers["position"] = _without_misses(layers["position"], shot, ended)
         exr.write_layers(path, layers, settings.half)
     return seconds
-
-
-def _ended(scene: bpy.types.Scene, shot: Shot) -> AbstractContextManager[bool | None]:
-    """Hide everything beyond the shot's clipping depths inside the block; True if anything is."""
-    return clip_plane(scene, shot.layout, shot.matrix_world, shot.clip[1]) if shot.clip else nullcontext()
 
 
 def _without_misses(position: Array, shot: Shot, ended: bool) -> Array:

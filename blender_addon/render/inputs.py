@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
@@ -34,14 +33,9 @@ def inputs(scene: bpy.types.Scene, job: Job, frame: Frame, content: str) -> dict
     settings = job_facts(job) | to_data(dataclasses.replace(frame, seconds={}))
     # The panel renders copies of its file: their content counts, not their path.
     settings |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail}
+    files = {*map(Path, bpy.utils.blend_paths(absolute=True, packed=False, local=False)), *image_files()}
     program = [__version__, *(file_content(path) for name in SOURCES
                               for path in sorted(HERE.with_name(name).iterdir()) if path.is_file())]
     return {"settings": digest(settings), "scene file": digest(content),
-            "images or linked files": digest([[str(path), stamp(path)] for path in sorted(set(_files()))]),
+            "images or linked files": digest([[str(path), stamp(path)] for path in sorted(files)]),
             "Blender": digest([bpy.app.version_string, str(bpy.app.build_hash)]), "version of LFSR": digest(program)}
-
-
-def _files() -> Iterator[Path]:
-    """Files that the scene's file uses."""
-    yield from map(Path, bpy.utils.blend_paths(absolute=True, packed=False, local=False))
-    yield from image_files()

@@ -1,7 +1,7 @@
-"""The lens card in Blender: an orthographic camera, a card in front of it, and the material that redirects its rays.
+"""The lens card in Blender: an orthographic camera, and a card in front of it whose material redirects its rays.
 
-The card's material is nothing but a Ray Portal BSDF, so it runs on every device of Cycles. Camera and card stand
-less than ``GAP`` behind the camera plane, on which the portals end; only the camera sees the card.
+The material is a Ray Portal BSDF, so it runs on every device. Both stand just behind the camera plane, on which the
+portals end.
 """
 
 from __future__ import annotations
@@ -94,21 +94,17 @@ def new_card(made: list[bpy.types.ID], card: LensCard, distance: float, place: P
         made.append(group)
         rays = wiring.node("ShaderNodeGroup")
         rays.node_tree, rays.label = group, "Ray of this pixel"
-        for name, value in _constants(card, place).items():
+        # Incoming spans ± SLANT, which stands for ± half the cell.
+        spread = [side / (2 * SLANT) for side in card.aperture]
+        for name, value in (("Lens Step", (*card.lens_step, 0)), ("First View", (*card.first_view, place.gap)),
+                            ("View Step", (*card.view_step, 0)), ("Aperture", (*spread, 0)),
+                            ("Start", (place.start,) * 3)):
             rays.inputs[name].default_value = value
         return rays.outputs["Position"], rays.outputs["Direction"]
 
     screen = new_screen(made, NAME, ray)
     _fill(screen.data, card, distance + place.gap)
     return screen
-
-
-def _constants(card: LensCard, place: Place) -> dict[str, tuple[float, float, float]]:
-    """Inputs of ``ray_group``."""
-    # Incoming spans ± SLANT, which stands for ± half the cell.
-    across, up = (side / (2 * SLANT) for side in card.aperture)
-    return {"Lens Step": (*card.lens_step, 0), "First View": (*card.first_view, place.gap),
-            "View Step": (*card.view_step, 0), "Aperture": (across, up, 0), "Start": (place.start,) * 3}
 
 
 def _fill(mesh: bpy.types.Mesh, card: LensCard, depth: float) -> None:

@@ -61,7 +61,8 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
             render_to(scene, folder / "view.exr", one_of(progress, number, views.count))
             views.add(number, exr.read_layers(folder / "view.exr"))
         views.end()
-        layers = {name: assemble(layout, images) for name, images in views.by_layer().items()}
+        layers = {name: assemble(layout, [views.images[number][name] for number in range(views.count)])
+                  for name in views.images[0]}
         exr.write_layers(target, layers, half=settings.half)
     return time.perf_counter() - started + views.seconds_before
 
@@ -72,7 +73,7 @@ class _Views:
     def __init__(self, count: int, working: Path, parts: ImageParts | None) -> None:
         """``count`` views, cached in ``parts`` by way of the file ``working``."""
         self.count, self._working, self._parts = count, working, parts
-        self._images: dict[int, exr.Layers] = {}
+        self.images: dict[int, exr.Layers] = {}
         self._new: list[int] = []
         self._since = time.perf_counter()
         cached = parts.kept(count) if parts else []
@@ -80,17 +81,17 @@ class _Views:
         for group, path in cached:
             split = {name: np.split(pixels, group.size) for name, pixels in exr.read_layers(path).items()}
             for index in range(group.size):
-                self._images[group.first + index] = {name: images[index] for name, images in split.items()}
+                self.images[group.first + index] = {name: images[index] for name, images in split.items()}
 
     def missing(self) -> Iterator[int]:
         """Numbers of the views that are still to be added."""
-        return (number for number in range(self.count) if number not in self._images)
+        return (number for number in range(self.count) if number not in self.images)
 
     def add(self, number: int, layers: exr.Layers) -> None:
         """Add a view; consecutive views are cached together."""
         if self._new and self._new[-1] != number - 1:
             self._keep()
-        self._images[number] = layers
+        self.images[number] = layers
         self._new.append(number)
         if time.perf_counter() - self._since >= seconds_per_part():
             self._keep()
@@ -101,13 +102,9 @@ class _Views:
         if lasting and self._new and is_worth_keeping(time.perf_counter() - self._since):
             self._keep()
 
-    def by_layer(self) -> dict[str, list[Array]]:
-        """Views of each layer."""
-        return {name: [self._images[number][name] for number in range(self.count)] for name in self._images[0]}
-
     def _keep(self) -> None:
         if self._parts is not None:
-            now, group = time.perf_counter(), [self._images[number] for number in self._new]
+            now, group = time.perf_counter(), [self.images[number] for number in self._new]
             exr.write_layers(self._working, {name: np.concatenate([layers[name] for layers in group])
                                              for name in group[0]})
             self._parts.keep(self._working, Part(self._new[0], self._new[-1] + 1, now - self._since))

@@ -14,10 +14,7 @@ COLUMN, ROW, ROWS = 190, 170, 4  # distances between nodes, and nodes in a colum
 
 
 class Wiring:
-    """Adds nodes to a tree, from left to right.
-
-    A value is a socket to link, or a constant to set.
-    """
+    """Adds nodes to a tree, from left to right; a value is a socket to link or a constant to set."""
 
     def __init__(self, tree: bpy.types.NodeTree) -> None:
         self.tree = tree

@@ -1,9 +1,8 @@
 """Render a visible world separately from the subject.
 
-The world behind everything depends on a ray's direction only, so that one small image holds what every ray at full
-resolution sees of it (``lfsr_core.optics.world_view``). In the low-resolution render camera rays see a white world,
-so that its layer ``environment`` holds the fraction of the world that shows. Light, mirrors and glass see the
-scene's own world.
+The world depends on a ray's direction only, so one small image holds what every ray at full resolution sees of it
+(``lfsr_core.optics.world_view``). In the low-resolution render camera rays see a white world, so that the layer
+``environment`` holds the fraction of the world that shows.
 """
 
 from __future__ import annotations
