@@ -42,20 +42,10 @@ def epi_pair(image: Array, lenses: tuple[int, int]) -> tuple[Array, Array]:
 
 
 def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = None) -> list[Path]:
-    """Write the contact sheet and both EPIs of a finished folder, and with ``eye_mm`` what an eye sees.
+    """Write the contact sheet and both EPIs of a finished folder, and return the files; LfsrError without an EIA.
 
-    Parameters
-    ----------
-    folder : frame folder; of direct subpixel rendering, only the eye's image is written
-    eye_mm : the eye's place in millimetres from the display's centre: right, up, towards the viewer
-
-    Returns
-    -------
-    The written files.
-
-    Raises
-    ------
-    LfsrError : where the EIA is missing
+    ``eye_mm``: also write what an eye sees from there, in millimetres right, up and towards the viewer from the
+    display's centre. Of direct subpixel rendering this is the only image.
     """
     folder = Path(folder)
     if eye_mm is not None and (frame := read_rendered(folder)).panel_rays:

@@ -17,12 +17,8 @@ FOREGROUND_INDEX, BACKGROUND_INDEX = 1, 2
 def foreground_mask(layers: Mapping[str, Array], lenses: tuple[int, int], dilate: int = 0) -> Mask:
     """Return a boolean (sy, sx): lenses with any hit of a foreground object.
 
-    Parameters
-    ----------
-    layers : as of ``images.exr.read_layers``
-    lenses : (sx, sy)
-    dilate : lenses by which the mask grows in every direction, for parts so thin that they fall between sparse views;
-        LfsrError where it is negative
+    ``layers``: as of ``images.exr.read_layers``; ``lenses``: (sx, sy); ``dilate``: lenses by which the mask grows in
+    every direction, for parts so thin that they fall between sparse views. LfsrError where it is negative.
     """
     check_dilate(dilate)
     hit = foreground_pixels(layers)

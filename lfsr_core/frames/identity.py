@@ -39,12 +39,8 @@ def job_facts(job: Job, free: Collection[str] = PLACES) -> dict[str, Any]:
 def wanted_facts(job: Job, found: Frame, content: str = "") -> Facts:
     """Return the fields that a frame must have to be the render of ``job``.
 
-    Parameters
-    ----------
-    job : what to render
-    found : a frame, whose own values stand for what the job leaves open, such as the device or the choice of a scale;
-        a reference may have other samples and lenses than its job
-    content : digest of the scene's file, empty where any will do
+    The values of ``found`` stand for what the job leaves open, such as the device or the choice of a scale; a
+    reference may have other samples and lenses than its job. ``content``: digest of the scene's file, empty for any.
     """
     is_reference, is_chosen = job.kind == "reference", found.scale in job.scales
     is_open_layout = job.layout == LAYOUTS[0] and found.layout != SUBPIXELS  # some devices need the lens card
@@ -83,14 +79,9 @@ def is_same(frame: Frame, job: Job, names: Collection[str] | None = None) -> boo
 
 def check_same(folder: Path, job: Job, content: str = "", names: Collection[str] | None = RAYS,
                advice: str = "choose another folder") -> None:
-    """LfsrError with the first difference unless ``folder`` holds the render of ``job``.
+    """LfsrError with the first difference unless ``folder`` holds the render of ``job``, or a part of it.
 
-    Parameters
-    ----------
-    folder : a frame folder, or a part of one
-    job, content : as of ``wanted_facts``
-    names : facts to compare, None for all
-    advice : what the sentence tells the user to do
+    ``content``: as of ``wanted_facts``; ``names``: facts to compare, None for all; ``advice``: what the user can do.
     """
     found = read_part(folder)
     wanted = _only(wanted_facts(job, found, content), names)

@@ -37,11 +37,6 @@ class Report:
     neighbours: tuple[int, ...] = ()  # their numbers, with those that could not be averaged
 
 
-# Earlier versions gave metrics of sampled lenses the names of those of a whole EIA.
-ONCE = {"ssim_eia": "ssim_lens", "ssim_eia_fg": "ssim_lens_fg", "ssim_eia_plain": "ssim_lens_plain",
-        "ssim_ceiling": "ssim_lens_ceiling"}
-
-
 def write_report(folder: str | Path, report: Report) -> None:
     """Write ``report.json`` into ``folder``."""
     write_record(Path(folder) / REPORT_FILE, report)
@@ -49,12 +44,4 @@ def write_report(folder: str | Path, report: Report) -> None:
 
 def read_report(folder: str | Path) -> Report:
     """Read ``report.json``; LfsrError if it is absent or damaged."""
-    report = read_record(Path(folder) / REPORT_FILE, Report, "the report of `lfsr render` or `lfsr upscale`")
-    return dataclasses.replace(report, metrics=_renamed(report.metrics)) if "lenses" in report.metrics else report
-
-
-def _renamed(metrics: dict[str, Any]) -> dict[str, Any]:
-    """Return metrics of sampled lenses by their present names."""
-    named = {ONCE.get(name, name): value for name, value in metrics.items()}
-    widths = metrics.get("ci95")
-    return named | {"ci95": _renamed(widths)} if isinstance(widths, dict) else named
+    return read_record(Path(folder) / REPORT_FILE, Report, "the report of `lfsr render` or `lfsr upscale`")

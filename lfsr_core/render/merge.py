@@ -36,21 +36,11 @@ def part_folders(folders: Sequence[Path]) -> list[Path]:
 
 
 def merge(folders: Sequence[str | Path], output: str | Path, progress: Progress = silent) -> Frame:
-    """Join parts by rows of lenses, or average whole references of other seeds, into one folder.
+    """Join parts by rows of lenses, or average whole references of other seeds, and return the frame in ``output``.
 
-    Parameters
-    ----------
-    folders : parts of ``lfsr render --rows`` or ``lfsr reference --rows``, in any order; or whole references
-    output : the folder to write
-    progress : called with (stage, fraction, message)
-
-    Returns
-    -------
-    The frame, with the seconds of all parts together.
-
-    Raises
-    ------
-    LfsrError : where a part is missing, given twice, incomplete, or of another frame
+    ``folders``: parts of ``lfsr render --rows`` or ``lfsr reference --rows``, in any order; or whole references. The
+    frame has the seconds of all parts together. LfsrError where a part is missing, given twice, incomplete, or of
+    another frame.
     """
     output, parts = Path(output), [_read(Path(folder)) for folder in folders]
     if not parts:

@@ -26,6 +26,7 @@ RENDERED_FILES = {"render": (frame.LOW_RES_FILE,), "reference": frame.REFERENCE_
 DERIVED_FILES = (frame.EIA_FILE, frame.EIA_LINEAR_FILE, frame.PANEL_FILE, frame.MASK_FILE, frame.REPORT_FILE,
                  frame.VIEWER_FILE, frame.WORLD_FILE, LOG_FILE)
 Warn = Callable[[str], None]
+_Waiting = list[tuple[Job, Path]]  # jobs, with the hidden folders in which they are rendered
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,52 +38,12 @@ class Listener:
     rendered: Callable[[Job], object] = lambda job: None  # with each job whose folder is complete
 
 
-@dataclasses.dataclass(frozen=True)
-class _Staged:
-    """A job and the hidden folder in which it is rendered."""
-
-    job: Job
-    staging: Path
-
-    @property
-    def folder(self) -> Path:
-        """Frame folder that is published."""
-        return Path(self.job.output)
-
-    @property
-    def parts(self) -> Path:
-        """Folder for the finished parts of a long render."""
-        return parts_folder(self.folder).resolve()
-
-    @property
-    def frame(self) -> Path:
-        """Frame folder that Blender fills."""
-        return self.staging / "frame"
-
-    def write(self) -> Path:
-        """Write the job file for Blender and return its path."""
-        self.frame.mkdir()
-        path = self.staging / "job.json"
-        write_record(path, dataclasses.replace(self.job, output=str(self.frame.resolve()), parts=str(self.parts)))
-        return path
-
-
 def run_job(job: Job, blender: Starts, progress: Progress | None = None, warn: Warn | None = None) -> None:
-    """Render ``job`` and publish its folder, whole or not at all.
+    """Render ``job`` and publish its folder, whole or not at all; ``progress`` and ``warn`` as of ``Listener``.
 
-    A long render that ends early leaves its finished parts, and the same job continues from them.
-
-    Parameters
-    ----------
-    job : what to render and where to
-    blender : the Blender to render it with
-    progress, warn : as of ``Listener``
-
-    Raises
-    ------
-    LfsrError : with Blender's own sentence after bad input
-    CrashError : with the last lines of Blender's log, which is then copied into the job's folder
-    KeyboardInterrupt : once Blender is stopped
+    A long render that ends early leaves its finished parts, and the same job continues from them. LfsrError with
+    Blender's own sentence after bad input; CrashError with the last lines of its log, which is then copied into the
+    job's folder; KeyboardInterrupt once Blender is stopped.
     """
     run_jobs([job], blender, Listener(progress, warn))
 
@@ -95,12 +56,12 @@ def run_jobs(jobs: Sequence[Job], blender: Starts, listener: Listener) -> None:
     for job in jobs:
         check_folder(Path(job.output), job.kind)
     with contextlib.ExitStack() as stack:
-        waiting = [_Staged(job, stack.enter_context(staging_folder(Path(job.output)))) for job in jobs]
+        waiting = [(job, stack.enter_context(staging_folder(Path(job.output)))) for job in jobs]
         try:
             with system_errors():
                 _render(waiting, blender, listener)
         except BaseException:
-            sentence = parts_sentence(waiting[0].parts) if waiting else ""
+            sentence = parts_sentence(_parts(waiting[0][0])) if waiting else ""
             if sentence and listener.warn:
                 listener.warn(sentence)
             raise
@@ -116,16 +77,16 @@ def check_folder(folder: Path, kind: str) -> None:
             raise LfsrError(f"{folder} already holds a {other}, but a {kind} was asked for: choose another folder")
 
 
-def _render(waiting: list[_Staged], blender: Starts, listener: Listener) -> None:
+def _render(waiting: _Waiting, blender: Starts, listener: Listener) -> None:
     """Render the ``waiting`` jobs; those that are published leave the list."""
     last = waiting[-1]
-    command, log_file = blender.command(*[staged.write() for staged in waiting]), last.staging / LOG_FILE
+    command, log_file = blender.command(*[_write(*each) for each in waiting]), last[1] / LOG_FILE
     with log_file.open("w", encoding="utf-8") as log, Child(command, log=log.write) as child:
         for record in child.records():
             _take(record, waiting, listener)
         if not child.is_done():
             log.flush()
-            stored = (waiting or [last])[0].folder / LOG_FILE
+            stored = Path((waiting or [last])[0][0].output, LOG_FILE)
             with atomic_path(stored) as temporary:
                 shutil.copyfile(log_file, temporary)
             raise child.crash("Blender stopped with", f"the whole log is {stored}")
@@ -133,7 +94,20 @@ def _render(waiting: list[_Staged], blender: Starts, listener: Listener) -> None
         _publish(waiting, listener)
 
 
-def _take(record: dict[str, Any], waiting: list[_Staged], listener: Listener) -> None:
+def _parts(job: Job) -> Path:
+    return parts_folder(Path(job.output)).resolve()
+
+
+def _write(job: Job, staging: Path) -> Path:
+    """Write the job file for Blender, which fills the folder "frame" beside it, and return its path."""
+    frame = staging / "frame"
+    frame.mkdir()
+    path = staging / "job.json"
+    write_record(path, dataclasses.replace(job, output=str(frame.resolve()), parts=str(_parts(job))))
+    return path
+
+
+def _take(record: dict[str, Any], waiting: _Waiting, listener: Listener) -> None:
     """Act on a record of Blender's."""
     stage, message = str(record["stage"]), str(record.get("message", ""))
     if stage == RENDERED_STAGE:
@@ -145,10 +119,10 @@ def _take(record: dict[str, Any], waiting: list[_Staged], listener: Listener) ->
         listener.progress(stage, float(record.get("fraction", 0)), message)
 
 
-def _publish(waiting: list[_Staged], listener: Listener) -> None:
+def _publish(waiting: _Waiting, listener: Listener) -> None:
     """Publish the first of the ``waiting`` jobs."""
-    done = waiting.pop(0)
-    publish(done.frame, done.folder, DERIVED_FILES)
+    job, staging = waiting.pop(0)
+    publish(staging / "frame", Path(job.output), DERIVED_FILES)
     if waiting:  # the last staging folder has the log
-        shutil.rmtree(done.staging)
-    listener.rendered(done.job)
+        shutil.rmtree(staging)
+    listener.rendered(job)

@@ -46,11 +46,8 @@ def cached(job: Job, render: Render) -> Path:
 def with_blender(executable: str | None = None, announce: bool = True, bar: Bar | None = None) -> Render:
     """Return a function that renders jobs in Blender, which is looked for when the first job comes.
 
-    Parameters
-    ----------
-    executable : Blender, None for the best there is
-    announce : whether each job is announced in a line that stays
-    bar : shows the progress, None for a new ``ProgressBar``
+    ``executable``: Blender, None for the best there is; ``announce``: print a line that stays for each job; ``bar``:
+    shows the progress, None for a new ``ProgressBar``.
     """
     def render(job: Job) -> None:
         check_scene(job.scene)

@@ -62,18 +62,10 @@ class Cluster:
 
 def work_through(cluster: Cluster, output: Path, scene: str, tasks: Callable[[int], Iterable[Task]],
                  took: Callable[[Any], None]) -> None:
-    """Have the workers of a cluster do tasks.
+    """Have the workers of a cluster do ``tasks``, called with their number; ``took`` is called with each result.
 
-    Parameters
-    ----------
-    cluster : whose workers
-    output, scene : folder that they write into and file that they read, under the same path for every worker
-    tasks : called with the number of workers
-    took : called with each result as it comes
-
-    Raises
-    ------
-    LfsrError : where a worker does not see the scene or the folder, or with a task's own sentence
+    Every worker must see the folder ``output`` and the file ``scene`` under the same path. LfsrError where one does
+    not, or with a task's own sentence.
     """
     with cluster.client() as client, _place(output) as place:
         workers = client.scheduler_info(n_workers=-1)["workers"]

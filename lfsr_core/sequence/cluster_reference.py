@@ -36,19 +36,10 @@ class Split:
 
 
 def reference_on(cluster: Cluster, job: Job, split: Split, blender: str | None, progress: Progress) -> None:
-    """Render the reference of ``job`` into its output.
+    """Render the reference of ``job``, of all rows, into its output.
 
-    Parameters
-    ----------
-    cluster : whose workers render
-    job : of the kind "reference", of all rows
-    split : how it is divided
-    blender : executable on every worker, None for the best there is
-    progress : called with (stage, fraction, message)
-
-    Raises
-    ------
-    LfsrError : as of ``cluster.work_through``, or where there are more parts than rows or pairs of samples
+    ``blender``: executable on every worker, None for the best there is. LfsrError as of ``cluster.work_through``, or
+    where there are more parts than rows or pairs of samples.
     """
     output, most = Path(job.output), _most_parts(job, split.by)
     check_folder(output, job.kind)

@@ -58,12 +58,9 @@ class _CancelledError(Exception):
 def render_animation(animation: Animation, tools: Tools) -> list[Result]:
     """Render and finish every frame that is not done, and return the outcome of each frame.
 
-    A frame at which Blender crashes twice, or which cannot be finished, is left out; the others continue.
-
-    Raises
-    ------
-    LfsrError : with Blender's own sentence after bad input, or where a folder holds another render
-    KeyboardInterrupt : once Blender is stopped; at most the frames in work are lost
+    A frame at which Blender crashes twice, or which cannot be finished, is left out; the others continue. LfsrError
+    with Blender's own sentence after bad input, or where a folder holds another render; KeyboardInterrupt once Blender
+    is stopped: at most the frames in work are lost.
     """
     run = _Run(animation, tools)
     try:

@@ -1,4 +1,4 @@
-"""Jobs for render farms: the templates, and a folder that holds one job of them, ready to be submitted."""
+"""Jobs for render farms: the templates, and folders with a job that is ready to be submitted."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ LINEAR_EXR = {True: "--linear-exr", False: "--no-linear-exr"}
 class FarmJob:
     """An animation to be rendered by a farm; LfsrError on what no farm can do."""
 
-    job: Job  # its output: the folder of the frames' folders; its scene: a file that every worker sees
+    job: Job  # its output is the folder of the frames' folders, its scene a file that every worker sees
     frames: tuple[int, ...]
     method: str
     linear_exr: bool = False
-    parts: int = 1  # into how many, by rows of lenses, each frame is split
+    parts: int = 1  # into which each frame is split, by rows of lenses
     display: str = ""  # file of the display's profile, empty for the built-in one of its name
-    temporal_averaging: int = 0  # as of ``shot.SecondStage``
+    temporal_averaging: int = 0  # as of ``UpscaleOptions``
 
     def __post_init__(self) -> None:
         most = min(MOST_PARTS, self.job.display.lenses[1])
@@ -46,7 +46,7 @@ class FarmJob:
 
     @property
     def values(self) -> dict[str, Any]:
-        """Settings by the names that both templates use, those of Flamenco without capitals."""
+        """Settings by their names in the templates; Flamenco's are in lower case."""
         return {"Output": self.job.output, "Parts": self.parts, "Display": self.display or self.job.display.name,
                 "Scale": self.job.scale, "Samples": self.job.spp, "Seed": self.job.seed, "Device": self.job.device,
                 "Method": self.method, "Linear": LINEAR_EXR[self.linear_exr], "Share": self.temporal_averaging}
@@ -54,7 +54,7 @@ class FarmJob:
 
 @dataclasses.dataclass(frozen=True)
 class Submission:
-    """Files of a job, and what to do with them."""
+    """Files of a job, and how to submit it."""
 
     files: tuple[Path, ...]
     command: str  # that starts it
@@ -62,21 +62,18 @@ class Submission:
 
 
 def write_template(farm: str, output: Path) -> None:
-    """Write the template of a farm of TEMPLATES."""
+    """Write the template of a farm in TEMPLATES."""
     with atomic_path(output) as temporary:
         temporary.write_bytes((TEMPLATE_FOLDER / TEMPLATES[farm]).read_bytes())
 
 
 def write_job(farm: str, folder: Path, job: FarmJob) -> Submission:
-    """Write the template and the settings of a job into ``folder``.
-
-    LfsrError where that fails.
-    """
+    """Write the template and the settings of a job into ``folder``; LfsrError where that fails."""
     return {OPENJD: _openjd, FLAMENCO: _flamenco}[farm](folder, job)
 
 
 def _openjd(folder: Path, job: FarmJob) -> Submission:
-    """A job bundle: AWS Deadline Cloud reads ``parameter_values``, openjd-cli the plain list of them."""
+    """Write a job bundle: AWS Deadline Cloud reads ``parameter_values``, openjd-cli the plain parameters."""
     values = {"Scene": job.job.scene, "Frames": _ranges(job.frames)} | job.values
     template, plain, bundle = folder / "template.yaml", folder / "parameters.json", folder / "parameter_values.json"
     write_template(OPENJD, template)
@@ -88,7 +85,7 @@ def _openjd(folder: Path, job: FarmJob) -> Submission:
 
 
 def _flamenco(folder: Path, job: FarmJob) -> Submission:
-    """A job type for the manager, and what its interface takes as a new job."""
+    """Write a job type for the manager, and a new job as its interface reads it."""
     values = {name.lower(): value for name, value in job.values.items()}
     script, data = folder / f"{FLAMENCO_TYPE}.js", folder / "flamenco-job.json"
     write_template(FLAMENCO, script)
@@ -102,7 +99,7 @@ def _flamenco(folder: Path, job: FarmJob) -> Submission:
 
 
 def _ranges(frames: Sequence[int]) -> str:
-    """Frames as OpenJD writes them: ``1-48``, ``1-48:2`` where one step leads through all, else a list."""
+    """Return frames as OpenJD writes them: ``1-48``, ``1-48:2`` if all steps are equal, else a list."""
     steps = {second - first for first, second in itertools.pairwise(frames)}
     if len(steps) != 1 or min(steps) < 1:
         return ",".join(map(str, frames))

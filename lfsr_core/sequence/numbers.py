@@ -1,4 +1,4 @@
-"""Numbers of frames, as people write them."""
+"""Read frame numbers as people write them."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ MOST_FRAMES = 100_000
 
 
 def parse_frames(text: str) -> tuple[int, ...]:
-    """Frames of ``1-48``, ``1-48x2`` (every second one), ``7``, or several of these with commas between; each once.
+    """Return the frames of ``1-48``, ``1-48x2`` (every second one), ``7``, or several of these with commas; each once.
 
-    LfsrError where ``text`` is nothing of that kind.
+    LfsrError for any other ``text``.
     """
     frames: dict[int, None] = {}
     for word in text.split(","):
@@ -30,7 +30,7 @@ def _range(word: str, text: str) -> range:
         raise LfsrError(f"frames are {text[:50]!r}, but they must be like 1-48, 1-48x2 or 1,5,9")
     first, last, step = int(found[1]), int(found[2] or found[1]), int(found[3] or 1)
     if first > last or not step:
-        raise LfsrError(f"frames {word} are none: begin with the smaller number, and count in steps of at least 1")
+        raise LfsrError(f"frames are {word}, but the first number must be the smaller one and the step at least 1")
     if max(abs(first), abs(last)) > MOST_FRAME:
         raise LfsrError(f"frames are {word}, but they must be between -{MOST_FRAME} and {MOST_FRAME}")
     return range(first, last + 1, step)

@@ -11,19 +11,19 @@ const JOB_TYPE = {
           evalInfo: { showLinkButton: true, description: "Scene frame range" },
           description: "Frame range, as 47, 1-30 or 3, 5-10" },
         { key: "parts", type: "int32", default: 1, propargs: { min: 1, max: 1000 },
-          description: "Into how many parts, by rows of lenses, each frame is split" },
+          description: "Parts into which each frame is split, by rows of lenses" },
         { key: "output", type: "string", subtype: "dir_path", required: true,
           description: "Folder that every worker sees; frame 1 goes to its folder 0001" },
         { key: "display", type: "string", default: "bupt-32in-8k", description: "Display profile" },
-        { key: "scale", type: "int32", default: 4, description: "Views are divided by it for the render" },
+        { key: "scale", type: "int32", default: 4, description: "Factor by which the views are divided for the render" },
         { key: "samples", type: "int32", default: 16, propargs: { min: 1 }, description: "Samples per pixel" },
         { key: "seed", type: "int32", default: 0, propargs: { min: 0 } },
         { key: "device", type: "string", default: "auto", description: "auto, CPU, OPTIX, CUDA, HIP, ONEAPI or METAL" },
-        { key: "method", type: "string", default: "oidn-both+refine+epi", description: "How the other views are made" },
+        { key: "method", type: "string", default: "oidn-both+refine+epi", description: "Method that makes the other views" },
         { key: "linear", type: "string", default: "--no-linear-exr", choices: ["--no-linear-exr", "--linear-exr"],
           description: "Whether the image before the view transform is written too" },
         { key: "share", type: "int32", default: 0, propargs: { min: 0, max: 8 },
-          description: "Frames to each side that each is averaged with where they show the same; 0 shares nothing" },
+          description: "Temporal averaging: neighbouring frames to each side, 0 for none" },
         { key: "lfsr", type: "string", default: "lfsr", visible: "submission",
           description: "The command, where it is not on the workers' path" },
         { key: "blendfile", type: "string", required: true, visible: "web",
@@ -33,7 +33,7 @@ const JOB_TYPE = {
 
 function compileJob(job) {
     const frames = Array.from(frameChunker(job.settings.frames, 1)).sort((a, b) => a - b);
-    // At the ends frames share with more on the other side.
+    // The first and the last frames are averaged with more frames on their other side.
     const reach = 2 * job.settings.share, merges = [];
     for (let index = 0; index < frames.length + reach; index++) {
         if (index < frames.length) {
@@ -56,7 +56,7 @@ function addMerge(job, frame) {
     return merge;
 }
 
-// merges: of the frame and of those that it may share with.
+// merges: of the frame and of those that it may be averaged with.
 function addFinish(job, frame, merges) {
     const finish = lfsrTask(job.settings, `finish-${frame}`,
         ["upscale", job.settings.output, "--frame", frame, "--method", job.settings.method, job.settings.linear,
