@@ -3,7 +3,7 @@
     python scripts/lab/lfsr_lab/scenes/shot_scenes.py SHOTS.json
 
 The file holds "display" (a profile), "scale", "frames" and "scenes": objects of "name" (of SHOTS) and "path".
-`python -m lfsr_lab.experiments.shots` writes it. World axes and lengths as of stress/stage.py.
+`python -m lfsr_lab.experiments.animations` writes it. World axes and lengths as of stress/stage.py.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ from tests.support.synthetic import fails, frame_of, write_reference, write_rend
 DOCUMENT = Path(__file__).parents[4] / "docs" / "notebook" / "stress.md"
 TYPES = {"text": str, "integer": int, "number": (int, float), "array": list, "object": dict, "null": type(None)}
 SWEEPS, FRAMES, SCALE = ("samples", "wire", "motion", "eye", "recall"), 2, 2
-OPTIONS = ["--dials", ",".join(SWEEPS), "--methods", "bilinear,nearest", "--quick", "--display", "mini",
+OPTIONS = ["--sweeps", ",".join(SWEEPS), "--methods", "bilinear,nearest", "--quick", "--display", "mini",
            "--scale", str(SCALE), "--reference-spp", "8", "--frames", str(FRAMES)]
 
 

@@ -1,33 +1,29 @@
-"""What the bench of animations found, as JSON, as tables and as a chart."""
+"""The report of the animations: records, tables and chart."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-from lfsr_core.files import write_json
-from lfsr_core.records import to_data
-from lfsr_lab.experiments.engine import plots, tables
+from lfsr_lab.experiments.animations.accuracy import Figures
+from lfsr_lab.experiments.animations.cells import ALONE, AVERAGED, FITS, FIXED_ALONE, NAMES, Settings
+from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.environment import Environment
-from lfsr_lab.experiments.engine.report import write_text
-from lfsr_lab.experiments.shots.measure import Figures
-from lfsr_lab.experiments.shots.renders import NAMES, Settings
-from lfsr_lab.experiments.shots.ways import ALONE, FITS, FIXED_ALONE, SHARED
+from lfsr_lab.experiments.engine.report import markdown_table, number
 
-REPORT_FILE, TABLES_FILE, CHART_FILE = "shots.json", "shots.md", "shots.svg"
+STEM = "shots"  # of the files
 TITLES = {"object": "an object moves", "light": "the light moves", "array": "the camera array moves"}
 HEADER = ("", "samples", "split SSIM", "flicker", "low-frequency error", "lag, frames")
 SHOWN = {"ssim": "split SSIM", "flicker": "flicker, %"}
-DRAWN = {FIXED_ALONE.name: "fixed seeds", ALONE.name: "changing seeds", SHARED.name: "shared, 5 frames"}
+DRAWN = {FIXED_ALONE.name: "fixed seeds", ALONE.name: "changing seeds", AVERAGED.name: "averaged, 5 frames"}
 
 
 @dataclasses.dataclass(frozen=True)
 class Found:
     """The figures of one way of one animation."""
 
-    shot: str
+    animation: str = dataclasses.field(metadata={"key": "shot"})
     way: str
     samples: int
     figures: Figures
@@ -43,25 +39,18 @@ class Report:
     found: tuple[Found, ...]
 
 
-def write_report(report: Report, folder: Path) -> None:
-    """Write REPORT_FILE, TABLES_FILE and CHART_FILE."""
-    write_json(folder / REPORT_FILE, to_data(report))
-    write_text(folder / TABLES_FILE, "\n".join(tables_of(report.found)) + "\n")
-    write_text(folder / CHART_FILE, plots.svg(chart(report.found)))
-
-
-def tables_of(found: Sequence[Found]) -> list[str]:
-    """Markdown: a table per animation, and one of the fits."""
+def markdown(found: Sequence[Found]) -> str:
+    """Return a table per animation, and one of the fits."""
     fits = {way.name for way in FITS}
     lines: list[str] = []
     for name in NAMES:
-        rows = [_row(each) for each in found if each.shot == name and each.way not in fits]
-        lines += [f"**{TITLES[name]}**", "", *tables.markdown_table(HEADER, rows, "lr"), ""] if rows else []
-    rows = [(TITLES[each.shot], each.way, each.samples, _digits(each.figures.unseen, 4),
+        rows = [_row(each) for each in found if each.animation == name and each.way not in fits]
+        lines += [f"**{TITLES[name]}**", "", *markdown_table(HEADER, rows, "lr"), ""] if rows else []
+    rows = [(TITLES[each.animation], each.way, each.samples, _digits(each.figures.unseen, 4),
              _digits(each.figures.flicker, 2), _digits(each.figures.offset, 2))
-            for each in found if each.way in {*fits, ALONE.name, SHARED.name}]
+            for each in found if each.way in {*fits, ALONE.name, AVERAGED.name}]
     header = ("", "", "samples", "split SSIM of unseen lenses", "flicker", "low-frequency error")
-    return [*lines, "**Fits**", "", *tables.markdown_table(header, sorted(rows, key=_order), "llr")]
+    return "\n".join([*lines, "**Fits**", "", *markdown_table(header, sorted(rows, key=_order), "llr")]) + "\n"
 
 
 def _order(row: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -75,12 +64,12 @@ def _row(each: Found) -> tuple[object, ...]:
 
 
 def _digits(value: float, digits: int) -> str:
-    return tables.number(value, digits=digits)
+    return number(value, digits=digits)
 
 
 def chart(found: Sequence[Found]) -> Any:
-    """A column per animation: split SSIM above, flicker below, over the samples."""
-    names = [name for name in NAMES if any(each.shot == name for each in found)]
+    """Draw a column per animation: split SSIM above, flicker below, over the samples."""
+    names = [name for name in NAMES if any(each.animation == name for each in found)]
     figure, grid = plots.panel_sheet(len(SHOWN) * len(names), columns=len(names))
     for axes, (kind, name) in zip(grid, [(kind, name) for kind in SHOWN for name in names], strict=True):
         curves = [_curve(found, name, way, kind) for way in DRAWN]
@@ -99,7 +88,7 @@ def chart(found: Sequence[Found]) -> Any:
 
 def _curve(found: Sequence[Found], name: str, way: str, kind: str) -> plots.Curve:
     points = sorted((each.samples, getattr(each.figures, kind)) for each in found
-                    if each.shot == name and each.way == way)
+                    if each.animation == name and each.way == way)
     number = list(DRAWN).index(way)
     x, y = zip(*points, strict=True)
-    return plots.Curve(DRAWN[way], plots.COLORS[number], plots.MARKERS[number], x, y, bold=way == SHARED.name)
+    return plots.Curve(DRAWN[way], plots.COLORS[number], plots.MARKERS[number], x, y, bold=way == AVERAGED.name)

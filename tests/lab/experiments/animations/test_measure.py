@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_lab.experiments.engine.environment import environment
-from lfsr_lab.experiments.shots.__main__ import main
-from lfsr_lab.experiments.shots.measure import Figures, Truth, Window, compare, neighbours
-from lfsr_lab.experiments.shots.renders import CHANGING, FIXED, Bench, Settings
-from lfsr_lab.experiments.shots.report import Found, Report, tables_of, write_report
-from lfsr_lab.experiments.shots.ways import ALONE, FITS, FIXED_ALONE, SHARED
+from lfsr_core.records import read_record
+from lfsr_lab.experiments.animations.__main__ import main
+from lfsr_lab.experiments.animations.accuracy import Figures, Truth, Window, compare, neighbours
+from lfsr_lab.experiments.animations.cells import (
+    ALONE,
+    AVERAGED,
+    CHANGING,
+    FITS,
+    FIXED,
+    FIXED_ALONE,
+    Animation,
+    Settings,
+)
+from lfsr_lab.experiments.animations.report import Found, Report, chart, markdown
+from lfsr_lab.experiments.engine.plots import svg
+from lfsr_lab.experiments.engine.renders import Store
 
 FRAMES, LENSES, SIDE = 5, 30, 12
 UNSEEN = np.arange(10)
@@ -68,26 +80,30 @@ def test_windows_end_with_the_animation():
 
 
 def test_renders_differ_by_their_seeds_and_references_share_none(tmp_path):
-    bench = Bench(tmp_path, Settings())
-    assert len({job.seed for job in bench._low_jobs("object", FIXED, 4)}) == 1
-    assert len({job.seed for job in bench._low_jobs("object", CHANGING, 4)}) == Settings().frames
+    animation = Animation(Store(tmp_path), Settings(), "object", 1)
+    assert len({job.seed for job in animation.low(FIXED, 4)}) == 1
+    assert len({job.seed for job in animation.low(CHANGING, 4)}) == Settings().frames
     lenses = Settings().lens_list
     assert len(set(lenses)) == Settings().reference_lenses and Settings(seed=1).lens_list != lenses
 
 
 def test_a_folder_of_other_settings_is_refused(tmp_path):
-    Bench(tmp_path, Settings()).claim()
+    Store(tmp_path).claim(Settings())
     with pytest.raises(LfsrError, match="other settings"):
-        Bench(tmp_path, Settings(frames=4)).claim()
+        Store(tmp_path).claim(Settings(frames=4))
     with pytest.raises(LfsrError, match="at least 3 frames"):
         Settings(frames=2)
 
 
-def test_tables_and_chart_show_every_figure(tmp_path):
+def test_tables_and_chart_show_every_figure():
     found = tuple(Found("object", way.name, spp, Figures(0.9, 0.91, 1.0, 0.5, 0.25, 0.1))
-                  for way in (FIXED_ALONE, ALONE, SHARED, FITS[0]) for spp in (4, 16))
-    lines = tables_of(found)
+                  for way in (FIXED_ALONE, ALONE, AVERAGED, FITS[0]) for spp in (4, 16))
+    lines = markdown(found).splitlines()
     assert f"| {ALONE.name} | 4 | 0.9000 | 1.00 | 0.50 | 0.25 |" in lines
     assert any(FITS[0].name in line and "0.9100" in line for line in lines)
-    write_report(Report(Settings(), environment(), "command", found), tmp_path)
-    assert "an object moves" in (tmp_path / "shots.svg").read_text() and (tmp_path / "shots.json").exists()
+    assert "an object moves" in svg(chart(found))
+
+
+def test_the_published_report_is_read():
+    published = Path(__file__).parents[4] / "docs" / "results" / "measured" / "shots.json"
+    assert read_record(published, Report, "a report").found[0].animation == "object"

@@ -7,7 +7,6 @@ products of errors against one and the other have none.
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,12 +16,14 @@ from lfsr_core.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.frames.reference import Reference
 from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.metrics.split_ssim import mean_of, stacked_ssim
+from lfsr_core.metrics.split_ssim import mean_of
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.reconstruct.methods.temporal_averaging import average_frames, similarity
 from lfsr_core.reconstruct.neighbours import near
 from lfsr_core.reconstruct.registry import Method
 from lfsr_core.reconstruct.second_stage import finished_lenses
+from lfsr_lab.experiments.engine.accuracy import lens_ssims, split_rms
+from lfsr_lab.experiments.engine.timing import cpu_seconds
 
 BEFORE, AFTER = "before", "after"  # the denoiser
 
@@ -69,14 +70,14 @@ class Truth:
 def measure(lows: Sequence[LowResEIA], truth: Truth, methods: Sequence[Method], window: Window,
             unseen: Array) -> Figures:
     """Finish every frame, by the method of its place in ``methods``; ``unseen``: numbers of lenses."""
-    started = _cpu()
-    shared = [_shared(lows, number, window) for number in range(len(lows))]
+    started = cpu_seconds()
+    averaged = [_averaged(lows, number, window) for number in range(len(lows))]
     everywhere = np.ones(len(truth.lenses), bool)
     images = [finished_lenses(low, everywhere, method, truth.lenses)
-              for low, method in zip(shared, methods, strict=True)]
+              for low, method in zip(averaged, methods, strict=True)]
     if window.where == AFTER:
         images = [_mean_of_finished(lows, images, number, window, truth) for number in range(len(lows))]
-    seconds = (_cpu() - started) / len(lows)
+    seconds = (cpu_seconds() - started) / len(lows)
     values = srgb_encode(np.stack(images))
     return dataclasses.replace(compare(values, truth, unseen), cpu_seconds=round(seconds, 3))
 
@@ -84,15 +85,11 @@ def measure(lows: Sequence[LowResEIA], truth: Truth, methods: Sequence[Method], 
 def compare(x: Array, truth: Truth, unseen: Array) -> Figures:
     """Figures of display values ``x`` (frames, n, py, px, 3)."""
     a, b = truth.half_a, truth.half_b
-    ssim = np.stack([stacked_ssim(*images).mean((1, 2)) for images in zip(x, a, b, strict=True)])
+    ssim = np.stack([lens_ssims(*images) for images in zip(x, a, b, strict=True)])
     steps = [np.diff(values, axis=0) for values in (x, a, b)]
     means = [values.mean((2, 3)) for values in (x, a, b)]
-    return Figures(mean_of(ssim), mean_of(ssim[:, unseen]), _percent(*steps), _percent(*means), _lag(*means), 0.0)
-
-
-def _percent(x: Array, a: Array, b: Array) -> float:
-    """Root mean square error without the reference's noise."""
-    return 100 * float(np.sqrt(max(0.0, np.mean((x - a) * (x - b), dtype=np.float64))))
+    return Figures(mean_of(ssim), mean_of(ssim[:, unseen]), flicker=100 * split_rms(*steps),
+                   offset=100 * split_rms(*means), lag=_lag(*means), cpu_seconds=0.0)
 
 
 def _lag(x: Array, a: Array, b: Array) -> float:
@@ -111,7 +108,7 @@ def neighbours(number: int, count: int, window: Window) -> list[int]:
     return [other for other in around if other != number]
 
 
-def _shared(lows: Sequence[LowResEIA], number: int, window: Window) -> LowResEIA:
+def _averaged(lows: Sequence[LowResEIA], number: int, window: Window) -> LowResEIA:
     low, others = lows[number], [lows[other] for other in neighbours(number, len(lows), window)]
     if window.where == AFTER or not others:
         return low
@@ -132,7 +129,7 @@ def _mean_of_finished(lows: Sequence[LowResEIA], images: Sequence[Array], number
     return total / count
 
 
-def cost_of_sharing(display: DisplayProfile, scale: int) -> float:
+def cost_of_averaging(display: DisplayProfile, scale: int) -> float:
     """CPU seconds per neighbour of a frame with albedo and normal, files not counted."""
     random, (sx, sy), (w, h) = np.random.default_rng(0), display.lenses, display.low_views(scale)
 
@@ -140,11 +137,6 @@ def cost_of_sharing(display: DisplayProfile, scale: int) -> float:
         return random.random((sy, sx, h, w, channels), dtype=np.float32)
 
     low, other = (LowResEIA(layer(3), layer(1), 16, scale, layer(3), layer(3)) for _ in range(2))
-    started = _cpu()
+    started = cpu_seconds()
     average_frames(low, [other])
-    return _cpu() - started
-
-
-def _cpu() -> float:
-    times = os.times()
-    return times.user + times.system
+    return cpu_seconds() - started

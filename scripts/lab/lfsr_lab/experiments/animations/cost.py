@@ -1,4 +1,4 @@
-"""What an animation costs beside Blender's own: python -m lfsr_lab.experiments.measure_animation DIR [SCENE.blend]
+"""What an animation costs beside Blender's own: python -m lfsr_lab.experiments.animations.cost DIR [SCENE.blend]
 
 CPU seconds of whole processes with all that they started, interleaved, the first round thrown away; once for the first
 frame alone and once for all, so that the difference is what a frame costs once everything has started. Each way renders
@@ -34,7 +34,7 @@ from lfsr_core.render.process import Listener, run_jobs
 from lfsr_core.sequence.animation import SecondStage, animation_of
 from lfsr_core.sequence.numbers import parse_frames
 
-ROOT = Path(__file__).resolve().parents[4]
+ROOT = Path(__file__).resolve().parents[5]
 BLENDER, RENDER, LFSR = "Blender's own", "our render alone", "lfsr render --frames"
 WORKERS = ("--workers 1", "--workers 2")
 OWN_BLENDER, OWN_RENDER, SCENE = "--blenders-own", "--our-render", "--make-scene"  # what a started process is to do

@@ -1,0 +1,95 @@
+"""Temporal averaging and fits for animations, measured by one command that can be stopped and started again.
+
+    python -m lfsr_lab.experiments.animations -o OUT            everything, about an hour on two cores
+    python -m lfsr_lab.experiments.animations -o OUT --quick    three frames and few samples, minutes; no figures to use
+    python -m lfsr_lab.experiments.animations --cost NAME       only what averaging costs on a display, at scale 4
+
+What is complete in OUT is not done again. docs/results/animations.md shows OUT/shots.json, shots.md and shots.svg.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.optics.display import load_display
+from lfsr_lab.experiments.animations.accuracy import Figures, cost_of_averaging
+from lfsr_lab.experiments.animations.cells import NAMES, Animation, Settings, build_scenes
+from lfsr_lab.experiments.animations.report import STEM, Found, Report, chart, markdown
+from lfsr_lab.experiments.engine.cells import measured
+from lfsr_lab.experiments.engine.environment import check_packages, environment
+from lfsr_lab.experiments.engine.plots import svg
+from lfsr_lab.experiments.engine.records import Records
+from lfsr_lab.experiments.engine.renders import Store
+from lfsr_lab.experiments.engine.report import exit_code, write_report
+
+COST_SCALE = 4
+QUICK = {"frames": 3, "samples": (4,), "more": (), "reference_samples": 16, "reference_lenses": 34}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Return the exit code: 0, 2 after bad input, 130 if stopped."""
+    arguments = _parser().parse_args(argv)
+    return exit_code("animations", lambda: run(arguments))
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Render and measure what is missing, then write the report."""
+    if arguments.cost:
+        seconds = cost_of_averaging(load_display(arguments.cost), COST_SCALE)
+        print(f"{arguments.cost}, scale {COST_SCALE}: {seconds:.2f} CPU seconds per neighbouring frame")
+        return
+    check_packages()
+    names = _names(arguments.only)
+    settings = Settings(seed=arguments.seed, **(QUICK if arguments.quick else {}))
+    store = Store(arguments.output, arguments.blender)
+    store.claim(settings)
+    build_scenes(store, settings)
+    fit_seconds = 1 if arguments.quick else arguments.fit_seconds
+    found = tuple(each for name in names for each in _measured(Animation(store, settings, name, fit_seconds)))
+    quick = " --quick" if arguments.quick else f" --fit-seconds {arguments.fit_seconds:g}"
+    command = f"python -m lfsr_lab.experiments.animations -o OUT --seed {arguments.seed}{quick}"
+    text = markdown(found)
+    write_report(arguments.output, STEM, Report(settings, environment(), command, found),
+                 {".md": text, ".svg": svg(chart(found))})
+    print(text)
+
+
+def _measured(animation: Animation) -> Iterator[Found]:
+    animation.store.render_all(animation.jobs())
+    records = Records(animation.folder / "cells", Figures)
+    for way, spp, cell in animation.cells():
+        for figures in measured([cell], records, animation.store):
+            print(f"{animation.name}, {way.name}, {spp} samples: split SSIM {figures.ssim:.4f}, flicker "
+                  f"{figures.flicker:.2f}, low-frequency error {figures.offset:.2f}, lag {figures.lag:.2f}", flush=True)
+            yield Found(animation.name, way.name, spp, figures)
+
+
+def _names(text: str | None) -> tuple[str, ...]:
+    names = tuple(text.split(",")) if text else NAMES
+    for name in names:
+        if name not in NAMES:
+            raise LfsrError(f"animation {name[:30]!r} is unknown: {did_you_mean(name, NAMES)}It must be one of "
+                            f"{', '.join(NAMES)}")
+    return names
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m lfsr_lab.experiments.animations",
+                                     description=__doc__.splitlines()[0])
+    parser.add_argument("-o", "--output", type=Path, default=Path("animations"), metavar="OUT",
+                        help="folder of everything that is made, default: %(default)s")
+    parser.add_argument("--cost", metavar="NAME", help="display on which to measure only what averaging costs")
+    parser.add_argument("--only", metavar="NAME,NAME", help=f"of {', '.join(NAMES)}")
+    parser.add_argument("--quick", action="store_true", help="three frames and few samples")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of renders and fits, default: %(default)s")
+    parser.add_argument("--fit-seconds", type=float, default=30, metavar="N", help="of each fit, default: %(default)s")
+    parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())
