@@ -13,13 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lfsr_core.arrays import Array
-from lfsr_core.commands.arguments import (
-    add_cluster_arguments,
-    add_rows_argument,
-    add_scene_arguments,
-    chosen_cluster,
-    make_job,
-)
+from lfsr_core.commands import arguments as common
 from lfsr_core.commands.renamed import add_old_option
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
@@ -39,11 +33,11 @@ SCALE_FOR_MASK, SAMPLES_FOR_MASK = 4, 4
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
-    add_scene_arguments(parser, DEFAULT_SAMPLES)
+    common.add_scene_arguments(parser, DEFAULT_SAMPLES)
     parser.add_argument("--lenses", type=int, metavar="N",
                         help="only N random lenses, spread over the foreground; default: all")
-    add_rows_argument(parser)
-    add_cluster_arguments(parser)
+    common.add_rows_argument(parser)
+    common.add_cluster_arguments(parser)
     parser.add_argument("--split", choices=("rows", "samples"),
                         help="divide the work by rows of lenses or by samples; default: rows, or samples with --lenses")
     parts = parser.add_argument("--parts", type=int, metavar="N", help="number of parts, default: two per worker")
@@ -54,8 +48,8 @@ def run(arguments: argparse.Namespace) -> None:
     """Choose lenses if asked to; render them at full resolution, unclamped."""
     if arguments.layout == SUBPIXELS:
         raise LfsrError(f"a reference is a light field, but the layout {SUBPIXELS} renders none: choose another layout")
-    job = make_job(arguments, kind="reference", scale=1, clamp_indirect=0.0)
-    cluster, render = chosen_cluster(arguments), with_blender(arguments.blender, announce=False)
+    job = common.make_job(arguments, kind="reference", scale=1, clamp_indirect=0.0)
+    cluster, render = common.chosen_cluster(arguments), with_blender(arguments.blender, announce=False)
     _check_split(arguments, cluster)
     if arguments.lenses is not None and job.rows is not None:
         raise LfsrError(f"--lenses {arguments.lenses} and --rows {arguments.rows} were both given: leave out one")

@@ -9,15 +9,8 @@ import time
 from contextlib import closing
 from typing import TYPE_CHECKING
 
+from lfsr_core.commands import arguments as common
 from lfsr_core.commands import upscale
-from lfsr_core.commands.arguments import (
-    add_cluster_arguments,
-    add_rows_argument,
-    add_scene_arguments,
-    chosen_cluster,
-    make_job,
-    names,
-)
 from lfsr_core.commands.renamed import add_old_option
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.averaging import check_averaging, seed_in_turn
@@ -41,19 +34,19 @@ AUTO_SCALE = "auto"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
-    add_scene_arguments(parser, DEFAULT_SAMPLES)
+    common.add_scene_arguments(parser, DEFAULT_SAMPLES)
     parser.add_argument("--scale", type=_scale, default=AUTO_SCALE, metavar="auto|2|3|4|5|8",
                         help="factor by which the views are divided for the render; auto, the default: 4, or less if "
                              "the scene is too deep for 4; 1 renders every view (with --method oidn or none)")
     parser.add_argument("--layers", type=_layers, metavar="NAME,NAME",
                         help=f"auxiliary layers from the same render, of {', '.join(LAYERS)}, "
                              "or `none`; default: those that the method needs")
-    add_rows_argument(parser)
+    common.add_rows_argument(parser)
     parser.add_argument("--frames", metavar="A-B|A-BxN|A,B,C",
                         help="an animation: frames A to B, every Nth, or a list, each in a folder of DIR such as 0001; "
                              "finished frames are not rendered again")
     parser.add_argument("--overwrite", action="store_true", help="with --frames, render finished frames again")
-    add_cluster_arguments(parser, "with --frames, ")
+    common.add_cluster_arguments(parser, "with --frames, ")
     averaging = parser.add_argument(
         "--temporal-averaging", type=int, metavar="N",
         help="average each frame of an animation with the N frames before and after it where nothing has changed, and "
@@ -70,7 +63,7 @@ def run(arguments: argparse.Namespace) -> None:
     method = (upscale.panel_method(arguments) if arguments.layout == SUBPIXELS
               else upscale.chosen_method(arguments.method, scale, load_display(arguments.display)))
     layers = method.layers if arguments.layers is None else arguments.layers
-    job = make_job(arguments, scale=scale, layers=layers)
+    job = common.make_job(arguments, scale=scale, layers=layers)
     job = dataclasses.replace(job, scales=_scales(arguments, job, method))
     if arguments.frames is not None:
         _render_frames(arguments, job, method)
@@ -110,7 +103,7 @@ def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) 
     from lfsr_core.sequence.engine import FAILED, Tools, render_animation, summary
     from lfsr_core.sequence.numbers import parse_frames
 
-    cluster = chosen_cluster(arguments)
+    cluster = common.chosen_cluster(arguments)
     # Workers start in folders of their own.
     job = dataclasses.replace(job, output=os.path.abspath(job.output))
     weights = os.path.abspath(arguments.weights) if arguments.weights else None
@@ -148,4 +141,4 @@ def _scale(text: str) -> int | str:
 
 
 def _layers(text: str) -> tuple[str, ...]:
-    return () if text.strip() == "none" else names(text)
+    return () if text.strip() == "none" else common.names(text)

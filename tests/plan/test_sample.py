@@ -79,14 +79,14 @@ def test_neighbours_are_as_many_as_a_denoiser_needs():
 
 
 @given(st.floats(0.001, 1), st.floats(1, 8))
-def test_sample_stays_within_its_budget(share, ratio):
+def test_sample_stays_within_its_budget(fraction, ratio):
     display = load_display("bupt-32in-8k")
-    found = budget(display, candidates(display), 256, 1e6, ratio, share)
+    found = budget(display, candidates(display), 256, 1e6, ratio, fraction)
     assert LEAST_LENSES <= found.lenses <= MOST_LENSES
     usual = [key for key, cost in found.renders.items() if cost < found.reference]
     if found.lenses > LEAST_LENSES:
         assert found.cost(found.lenses, usual) <= found.allowed
-    assert budget(display, candidates(display), 256, 1e6, 2 * ratio, share).lenses <= found.lenses
+    assert budget(display, candidates(display), 256, 1e6, 2 * ratio, fraction).lenses <= found.lenses
 
 
 def test_cost_of_a_sample_counts_every_render_and_neighbour():
