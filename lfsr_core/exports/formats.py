@@ -38,7 +38,7 @@ class Format:
     options: tuple[str, ...]  # names of the options that it has
     numbered: tuple[str, ...] = ()  # patterns of numbered files: an export removes those of an earlier one
     one_file: bool = False  # one file per frame, so that all files of an animation go into one folder
-    # writes an animation of so many frames as one film; None where frames are written one by one
+    # writes the frames of an animation, and their number, as one film; None where frames are written one by one
     write_film: Callable[[Iterator[LightField], int, Path, ExportOptions], list[str]] | None = None
 
 

@@ -41,7 +41,7 @@ def write(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
 
 
 def _parameters(field: LightField, views: tuple[int, int], disparity: Array | None) -> str:
-    """Text of parameters.cfg for so many ``views``, (across, down)."""
+    """Text of parameters.cfg; ``views``: exported cameras (across, down)."""
     (across, down), (width, height) = views, field.display.lenses
     array, mm = field.frame.array, field.mm_per_unit
     focus, baseline = array.distance * mm, array.spacing * mm * field.count[0] / across

@@ -25,7 +25,7 @@ from lfsr_core.render.staging import publish, staging_folder
 
 NAME = "imported"
 MOST_SCALE = 10
-SAMPLES = 1024  # per pixel, as of a render almost without noise
+SAMPLES = 1024  # per pixel, like a render almost without noise
 IDENTITY = tuple(tuple(float(row == column) for column in range(4)) for row in range(4))
 MOST_PARAMETER_BYTES = 100_000
 

@@ -17,19 +17,17 @@ REACH = 2  # samples of the cubic kernel to either side
 
 
 def on_screen(view: Array, display: DisplayProfile, width: int) -> Array:
-    """Resample a view (sy, sx, 3) uint8 to (height, width, 3), as of ``screen_size``."""
-    width, height = screen_size(display, width)
-    tall = _weights(view.shape[0], height) @ view.reshape(view.shape[0], -1).astype(np.float32)
-    wide = np.matmul(_weights(view.shape[1], width), tall.reshape(height, view.shape[1], 3))
-    return np.asarray(np.rint(np.clip(wide, 0, 255)), np.uint8)
+    """Resample a view (sy, sx, 3) uint8 to (height, width, 3) in the panel's proportions, both even, as videos need.
 
-
-def screen_size(display: DisplayProfile, width: int) -> tuple[int, int]:
-    """(width, height) in the panel's proportions, both even, as videos need; LfsrError outside 16 to 16384."""
+    LfsrError for a width or height outside 16 to 16384 pixels.
+    """
     height = width * display.panel_mm[1] / display.panel_mm[0]
     if not 16 <= width <= MOST_WIDTH or not 2 <= height <= MOST_WIDTH:
         raise LfsrError(f"width is {width}, but images are 16 to {MOST_WIDTH} pixels wide and high: choose another")
-    return width // 2 * 2, max(2, round(height / 2) * 2)
+    columns, rows = width // 2 * 2, max(2, round(height / 2) * 2)
+    tall = _weights(view.shape[0], rows) @ view.reshape(view.shape[0], -1).astype(np.float32)
+    wide = np.matmul(_weights(view.shape[1], columns), tall.reshape(rows, view.shape[1], 3))
+    return np.asarray(np.rint(np.clip(wide, 0, 255)), np.uint8)
 
 
 def usual_width(display: DisplayProfile) -> int:

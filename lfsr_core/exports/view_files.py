@@ -66,7 +66,7 @@ def find_views(folder: Path, columns: int | None = None) -> ViewFiles:
 
 
 def read_views(files: ViewFiles, mirror: str = "", progress: Progress = silent) -> Array:
-    """Views (rows, columns, height, width, 3) uint8 display values; ``mirror`` as of ``ImportGeometry``."""
+    """Views (rows, columns, height, width, 3) uint8 display values; ``mirror``: see ``ImportGeometry``."""
     (across, down), (width, height) = files.count, files.size
     views = np.empty((down, across, height, width, 3), np.uint8)
     for row, paths in enumerate(files.paths):

@@ -65,7 +65,7 @@ class Assembly:
 def upscale_all(assembly: Assembly, step: int | None, finish: Finish, clock: StageClock, progress: Progress) -> None:
     """Finish every lens of the assembly, in several threads and in any order.
 
-    Upscalers that are not thread-safe run one call at a time. ``step``: as of ``Assembly.parts``. ``finish``: called
+    Upscalers that are not thread-safe run one call at a time. ``step``: see ``Assembly.parts``. ``finish``: called
     with lenses (n, 2) and their elemental images (n, py, px, 3), scene-linear.
     """
     parts = assembly.parts(step)

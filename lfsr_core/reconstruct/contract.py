@@ -16,10 +16,6 @@ class Upscaler(Protocol):
     """Makes finished elemental images of a low-resolution EIA; pads them itself where it needs to."""
 
     @property
-    def name(self) -> str:
-        """Its part of the method's name."""
-
-    @property
     def thread_safe(self) -> bool:
         """Whether several threads may call it at once."""
 

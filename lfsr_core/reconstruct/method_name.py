@@ -141,7 +141,7 @@ class MethodName:
 
     def mixes(self, prefilter: str) -> bool:
         """Whether ``prefilter`` makes two images that its network mixes."""
-        return prefilter == BOTH and self.network is not None and self.network.mixes
+        return prefilter == BOTH and self.network is not None and "second_base" in self.network.options
 
     def without_upscaler(self) -> MethodName:
         """The method for a render of every view: its denoisers alone."""

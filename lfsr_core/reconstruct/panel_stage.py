@@ -1,7 +1,7 @@
 """The second stage after direct subpixel rendering, which renders no light field.
 
 The render is denoised, in which every subpixel has a pixel with three colours, rather than the panel image, in which
-it has one: three times the pixels, but 1.6 to 3.2 dB more accurate (docs/results/displays.md).
+it has one: three times the pixels, but 1.6 to 3.2 dB more accurate (docs/notebook/displays.md).
 """
 
 from __future__ import annotations

@@ -17,12 +17,12 @@ from lfsr_core.reconstruct.methods.interpolation import Interpolation, NoUpscali
 from lfsr_core.reconstruct.networks import catalogue
 
 CLASSICAL: dict[str, Upscaler] = {
-    "nearest": Interpolation("nearest", "nearest"),
-    "bilinear": Interpolation("bilinear", "linear"),
-    "bicubic": Interpolation("bicubic", "cubic"),
-    "lanczos": Interpolation("lanczos", "lanczos"),
-    "bicubic-eia": Interpolation("bicubic-eia", "cubic", crosstalk=True),
-    "none": NoUpscaling("none", "nearest"),
+    "nearest": Interpolation("nearest"),
+    "bilinear": Interpolation("linear"),
+    "bicubic": Interpolation("cubic"),
+    "lanczos": Interpolation("lanczos"),
+    "bicubic-eia": Interpolation("cubic", crosstalk=True),
+    "none": NoUpscaling("nearest"),
 }
 PREFILTERS: dict[str, Callable[[LowResEIA], LowResEIA]] = {
     "oidn": denoise.denoise_low_resolution,
@@ -55,7 +55,7 @@ def method(name: str | MethodName, weights: str | Path | None = None, *, upscale
     """Load the method of a name such as "oidn+bicubic", see ``MethodName.parse``.
 
     ``weights``: file for its network instead of the shipped one. ``upscaler``: instead of the one in the name.
-    ``block``: as of ``epipolar.Recovering``. LfsrError for a wrong name, weights without a network, or "epi" after an
+    ``block``: see ``epipolar.Recovering``. LfsrError for a wrong name, weights without a network, or "epi" after an
     upscaler that does more than interpolate.
     """
     name = MethodName.parse(name)
@@ -66,7 +66,7 @@ def method(name: str | MethodName, weights: str | Path | None = None, *, upscale
     if not name.recovers:
         return Method(name, prefilters, upscaler)
     if not isinstance(upscaler, Cleaner) or getattr(upscaler, "crosstalk", False):
-        raise LfsrError(f"{RECOVERY!r} cannot follow {upscaler.name!r}, which does more than interpolate each "
+        raise LfsrError(f"{RECOVERY!r} cannot follow {name.upscaler!r}, which does more than interpolate each "
                         f"elemental image: leave {RECOVERY!r} out")
     recovering = Recovering(upscaler, block)
     return Method(name, (*prefilters, recovering.prepare), recovering)

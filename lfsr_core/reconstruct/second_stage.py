@@ -98,7 +98,7 @@ def read_finished_linear(folder: str | Path) -> Array | None:
 
 
 def linear_and_mask(folder: str | Path, method: Method, options: UpscaleOptions = DEFAULT) -> tuple[Array, Array]:
-    """EIA as of ``finished_linear``, and the foreground mask (sy, sx) used for it; writes nothing."""
+    """EIA like that of ``finished_linear``, and its foreground mask (sy, sx); writes nothing."""
     run = _begin(folder, method, options)
     assembly, _ = _prepare(run)
     result = filled(assembly.size, run.background)

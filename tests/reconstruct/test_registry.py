@@ -18,7 +18,7 @@ from lfsr_core.reconstruct.registry import method
 def test_a_name_is_made_of_prefilters_and_one_upscaler():
     assert [len(method(name).prefilters) for name in ("bicubic", "oidn+bicubic", "oidn")] == [0, 1, 1]
     assert method("oidn+bicubic").upscaler is method("bicubic").upscaler
-    assert method("oidn").upscaler.name == "none"
+    assert method("oidn").upscaler is method("none").upscaler
 
 
 @pytest.mark.parametrize(("name", "images"), [("oidn-both+refine", 2), ("oidn-both+bilinear", 1), ("oidn-both", 1)])

@@ -164,7 +164,7 @@ def test_prefilters_see_the_low_resolution_eia_before_the_upscaler(tmp_path):
 class OneAtATime:
     """An upscaler that notices a second call while the first runs."""
 
-    name, thread_safe, notes = "one", False, ()
+    thread_safe, notes = False, ()
 
     def __init__(self):
         self.running, self.calls, self.overlapped = 0, [], False

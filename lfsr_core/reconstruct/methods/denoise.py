@@ -3,7 +3,7 @@
 The EIA is denoised, not its views: the views of a low-resolution array lie far apart, the pixels of one EI do not, so
 the EIA keeps far more detail (measured). Where views differ along one axis only, lenses are many and views few, and
 whole views, one below the other, keep more (docs/reference/displays.md). EIs without fine texture are denoised at half
-the view resolution: their views are alike, and the mean of four has half the noise (docs/results/networks.md).
+the view resolution: their views are alike, and the mean of four has half the noise (docs/notebook/networks.md).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def denoise_eia(color: Array, albedo: Array | None = None, normal: Array | None 
     """
     guides = {"albedo": albedo, "normal": normal} if albedo is not None else {}
     images = {name: np.asarray(image, np.float32) for name, image in guides.items() if image is not None}
-    # With guides, "high" takes 2.5 times as long as "balanced", no better from 4 on: docs/results/networks.md.
+    # With guides, "high" takes 2.5 times as long as "balanced", no better from 4 on: docs/notebook/networks.md.
     quality = "fast" if fast else "balanced" if images else "high"
     try:
         denoised = _library().denoise(np.asarray(color, np.float32), **images, hdr=True, clean_aux=bool(images),
@@ -108,7 +108,7 @@ def denoise_both_ways(low: LowResEIA) -> LowResEIA:
 def mean_of_both(low: LowResEIA) -> LowResEIA:
     """Mean of the two images of ``denoise_both_ways``, for upscalers that take one.
 
-    More accurate than either on real scenes from 4 samples on (docs/results/networks.md).
+    More accurate than either on real scenes from 4 samples on (docs/notebook/networks.md).
     """
     if low.guided is None:
         return low
@@ -176,7 +176,7 @@ def _replaced(low: LowResEIA, part: Box, images: Array) -> LowResEIA:
 def shown_part(color: Array, parallax: tuple[bool, bool] = (True, True)) -> Box:
     """Bounding box of the lenses whose elemental images are not constant, with CONTEXT around; it may be empty.
 
-    ``color``: (sy, sx, h, w, C). ``parallax``: as of LowResEIA.
+    ``color``: (sy, sx, h, w, C). ``parallax``: see LowResEIA.
     """
     values, channels = color.reshape(*color.shape[:2], -1), color.shape[-1]
     varies = (values[:, :, channels:] != values[:, :, :-channels]).any(-1)

@@ -27,7 +27,7 @@ from lfsr_core.reconstruct.methods.rectangles import Box
 from lfsr_core.reconstruct.methods.shear import sheared
 
 # (lenses, views) per step along a line: three usable depths on each side of the display plane. On the plane itself
-# denoisers lose little, and their own traces would be taken for detail (docs/results/networks.md).
+# denoisers lose little, and their own traces would be taken for detail (docs/notebook/networks.md).
 OFF_PLANE = ((1, 3), (1, 2), (2, 3), (1, 1), (3, 2), (2, 1), (5, 2), (3, 1))
 LINES = (*OFF_PLANE, *((-lenses, views) for lenses, views in OFF_PLANE))
 STEEPNESS = np.array([lenses / views for lenses, views in LINES])  # lenses per view
@@ -38,7 +38,7 @@ CERTAIN = 4.0  # standard deviations by which a covariance must exceed noise
 LIMIT = 1.0  # of a residual, in encoded values: a firefly is no detail
 DARK = 1e-3  # scene-linear value below which √x is taken for a line
 STEEPEST = 1.0  # lenses per view up to which detail is interpolated inside an EI: on steeper lines a point skips lenses
-KERNEL = "lanczos"  # for detail, which has no edges to ring at: see docs/results/networks.md
+KERNEL = "lanczos"  # for detail, which has no edges to ring at: see docs/notebook/networks.md
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 STEP, MAX_WORKERS = 24, 8
 VERSION = 3  # of the result: figures measured with another version are out of date
@@ -62,8 +62,7 @@ class Recovering:
     """
 
     def __init__(self, upscaler: Cleaner, block: int | None = None) -> None:
-        self.name, self.thread_safe = upscaler.name, upscaler.thread_safe
-        self._upscaler, self._block = upscaler, block
+        self._upscaler, self._block, self.thread_safe = upscaler, block, upscaler.thread_safe
 
     @property
     def notes(self) -> Sequence[str]:
@@ -82,7 +81,7 @@ class Recovering:
         return RecoverableEIA(**vars(low) | found)
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
-        """Finished EIs of ``lenses``; ``low`` as of ``prepare``."""
+        """Finished EIs of ``lenses``; ``low`` is the result of ``prepare``."""
         assert isinstance(low, RecoverableEIA), "prepare comes first"
         return finish_in_steps(low, np.asarray(lenses), EIS_IN_CACHE, lambda part, _: self._encoded(low, part))
 

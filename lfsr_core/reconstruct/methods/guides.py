@@ -2,7 +2,7 @@
 
 A pixel of an EIA covers a whole lens, so albedo and normal are as noisy as colour, and a denoiser takes their noise
 for edges. A Gaussian inside each elemental image makes better guides than the denoiser itself does, at no cost
-(docs/results/networks.md). White noise has the same strength in every band, so the finest band tells how much noise a
+(docs/notebook/networks.md). White noise has the same strength in every band, so the finest band tells how much noise a
 coarser one holds; the rest of that band is kept (Wiener's weight). Where the Gaussian removes more than noise, it may
 remove fine detail: the denoiser is then asked how much of it is detail, and that is kept.
 """
@@ -29,10 +29,8 @@ STRUCTURE = (0.012, 0.024)
 # Mean that the Gaussian removes, times √samples, of values in [0, 1]: all noise up to NOISE, in doubt from DOUBT on.
 NOISE, DOUBT = 0.24, 0.36
 LEAST_DOUBT = 0.05  # below it an EI is not worth a rectangle
-# The denoiser's result is smoothed by this Gaussian, in pixels, except where it differs from that by detail: rms times
-# √samples from which it may be detail, and is.
-CLEANED_WIDTH = 1.5
-DETAIL = (0.16, 0.3)
+CLEANED_WIDTH = 1.5  # Gaussian in pixels that smooths the denoiser's result where it shows no detail
+DETAIL = (0.16, 0.3)  # rms that it removes, times √samples: detail is possible from the first, certain from the second
 
 
 Denoise = Callable[[Array], Array]  # takes and returns EIs (sy, sx, h, w, 3) in [0, 1]

@@ -77,7 +77,7 @@ def per_channel(weights: Array, channels: int) -> Array:
 def apply_matrices(images: Array, down: Array, across: Array, out: Array | None = None) -> Array:
     """Apply ``down`` (H, h) to the columns and ``across`` (w·C, W·C) to the rows of ``images`` (N, h, w, C).
 
-    ``across``: as of ``per_channel``. Returns (N, H, W, C), in ``out`` if given, which must be contiguous.
+    ``across``: made by ``per_channel``. Returns (N, H, W, C), in ``out`` if given, which must be contiguous.
     """
     count, rows, columns, channels = images.shape
     tall = (down @ images.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
@@ -128,7 +128,6 @@ CROSSTALK_REACH = 4  # half the widest kernel
 class Interpolation:
     """One kernel in both directions of each EI; the fields without a comment are those of ``Upscaler``."""
 
-    name: str
     kernel: str  # of KERNELS
     crosstalk: bool = False  # interpolate across the borders of EIs, as if the EIA were one photograph
     thread_safe: bool = True
@@ -149,7 +148,7 @@ class NoUpscaling(Interpolation):
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
         if low.scale != 1:
-            raise LfsrError(f"method {self.name!r} does not upscale, but the frame was rendered at scale {low.scale}: "
+            raise LfsrError(f"method 'none' does not upscale, but the frame was rendered at scale {low.scale}: "
                             "choose an upscaling method, or render at scale 1")
         return np.asarray(low.color[lenses[:, 0], lenses[:, 1]])
 

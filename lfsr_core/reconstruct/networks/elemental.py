@@ -17,7 +17,7 @@ from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.networks.numpy_network import ElementalNetwork, conserve, load, network_inputs, steady_light
 
 EIS_IN_CACHE = 4  # per step: the widest layer's patches of 20×20 pixels stay near 1 MB
-FLAT = 0.05  # range of encoded values up to which an EI has little to restore, see docs/results/networks.md
+FLAT = 0.05  # range of encoded values up to which an EI has little to restore, see docs/notebook/networks.md
 
 
 class ElementalUpscaler:

@@ -25,7 +25,7 @@ from lfsr_core.records import from_data
 
 MAX_LOG2_SAMPLES = 12.0
 LEAST_LIGHT, MAX_GAIN = 1e-4, 2.0
-# A firefly, measured on three scenes (docs/results/networks.md), exceeds this multiple of its brightest neighbour plus
+# A firefly, measured on three scenes (docs/notebook/networks.md), exceeds this multiple of its brightest neighbour plus
 # this multiple of a quantile of the EI's deviations,
 FIREFLY, MOST_NOISE, NOISE_QUANTILE = 4.0, 5.0, 0.9
 # and moves the mean by more than this fraction of it plus this value.
@@ -129,19 +129,15 @@ class ElementalNetwork:
         self.inputs, self.base, self._blocks, self._plain = known.inputs, known.base, known.blocks, known.plain
         self._second = channels(self.inputs[:self.inputs.index(known.second_base)]) if known.second_base else None
         _check(self, tensors, known, origin)
-        # Convolutions as (values of a patch, outputs) matrices.
-        self._matrix = {name: _matrix(value) for name, value in tensors.items() if value.ndim == 4}
+        # Convolutions (outputs, inputs, rows, columns) as (rows·columns·inputs, outputs) matrices.
+        self._matrix = {name: np.ascontiguousarray(value.transpose(2, 3, 1, 0).reshape(-1, len(value)))
+                        for name, value in tensors.items() if value.ndim == 4}
         self._bias = {name: value for name, value in tensors.items() if name.endswith("bias")}
 
     @property
     def input_channels(self) -> int:
         """Channels of the features, including the sample count."""
         return channels(self.inputs) + 1
-
-    @property
-    def outputs(self) -> int:
-        """Channels of the last convolution: correction, fraction of the base to drop, fraction of the second base."""
-        return 4 if self._second is None else 5
 
     @property
     def layers(self) -> tuple[str, ...]:
@@ -170,7 +166,7 @@ class ElementalNetwork:
         return self._dense(_patches(x), name)
 
     def _dense(self, x: Array, name: str) -> Array:
-        out = x.reshape(-1, x.shape[-1]) @ self._matrix[f"{name}.weight"]
+        out: Array = x.reshape(-1, x.shape[-1]) @ self._matrix[f"{name}.weight"]
         out += self._bias[f"{name}.bias"]
         return out.reshape(*x.shape[:3], -1)
 
@@ -196,8 +192,9 @@ def _load(path: Path, _written: int) -> ElementalNetwork:
 def _check(network: ElementalNetwork, tensors: Mapping[str, Array], options: Options, origin: object) -> None:
     """LfsrError unless every tensor has the shape that follows from the options."""
     width, body = options.width, options.body_width
+    outputs = 5 if options.second_base else 4  # correction, fraction of the base to drop, fraction of the second base
     shapes = {"stem": (width, network.input_channels, 3, 3), "down": (body, width, 2, 2), "up": (width * 4, body, 1, 1),
-              "out": (network.outputs, width, 3, 3)}
+              "out": (outputs, width, 3, 3)}
     shapes |= {f"body.{block}.{layer}": (body, body, 3, 3)
                for block in range(options.blocks) for layer in ("angular", "spatial")}
     for name, shape in shapes.items():
@@ -210,11 +207,6 @@ def _check(network: ElementalNetwork, tensors: Mapping[str, Array], options: Opt
 def channels(layers: Sequence[str]) -> int:
     """Channels of input layers: one for alpha, three for every other."""
     return sum(1 if name == "alpha" else 3 for name in layers)
-
-
-def _matrix(weight: Array) -> Array:
-    """(outputs, inputs, rows, columns) -> (rows·columns·inputs, outputs)."""
-    return np.ascontiguousarray(weight.transpose(2, 3, 1, 0).reshape(-1, len(weight)))
 
 
 def _patches(x: Array) -> Array:

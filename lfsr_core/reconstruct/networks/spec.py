@@ -31,11 +31,6 @@ class NetworkSpec:
         """True for our networks, trained on rendered light fields; the others were trained on photographs."""
         return self.upscaler == LIGHT_FIELD_UPSCALER
 
-    @property
-    def mixes(self) -> bool:
-        """True for a network that takes two denoised images."""
-        return "second_base" in self.options
-
     def chain(self, name: str) -> str:
         """Method of this network, by its ``name``, and the best prefilter before it."""
         return "+".join((*self.after[:1], name))
