@@ -1,4 +1,4 @@
-"""The hint that every sentence about an unknown name shares."""
+"""The hint in sentences about unknown names."""
 
 from lfsr_core.errors import LfsrError, did_you_mean
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.images import exr
-from lfsr_core.render.pace import Pace, is_worth_keeping
+from lfsr_core.render.pace import Pace, is_worth_storing
 from lfsr_core.render.parts import ImageParts, Part, gaps
 
 from .output import render_to
@@ -38,7 +38,7 @@ def render_in_bands(scene: bpy.types.Scene, rows: Part, path: Path, progress: Pr
     with overridden(scene.cycles, timed):
         image = _Image(scene, rows, path, progress, parts, pace)
         try:
-            return image.rendered(parts.kept(pace.rows))
+            return image.rendered(parts.stored(pace.rows))
         finally:
             image.band_file.unlink(missing_ok=True)
 
@@ -77,9 +77,9 @@ class _Image:
         if not done.is_whole:
             self.path.unlink()
             return None
-        if self.parts.another_follows and is_worth_keeping(done.part.seconds):
+        if self.parts.another_follows and is_worth_storing(done.part.seconds):
             shutil.copyfile(self.path, self.band_file)
-            self.parts.keep(self.band_file, done.part)
+            self.parts.store(self.band_file, done.part)
         return done.part
 
     def _in_bands(self, cached: list[tuple[Part, Path]], rows: int) -> float:
@@ -88,7 +88,7 @@ class _Image:
             band = Part(missing[0].first, min(missing[0].last, missing[0].first + rows))
             done = self._band(band, self._part(cached, band.size))
             if done.is_whole:
-                cached.append((done.part, self.parts.keep(self.band_file, done.part)))
+                cached.append((done.part, self.parts.store(self.band_file, done.part)))
                 rows = self.pace.after(done.sampling)
             else:
                 rows = self.pace.after_timeout(band)

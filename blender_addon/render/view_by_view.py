@@ -22,7 +22,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.images import exr
 from lfsr_core.optics import eia
 from lfsr_core.optics.rays import RayLayout, view_offset
-from lfsr_core.render.pace import is_worth_keeping, seconds_per_part
+from lfsr_core.render.pace import is_worth_storing, seconds_per_part
 from lfsr_core.render.parts import ImageParts, Part
 
 from .. import compat
@@ -76,7 +76,7 @@ class _Views:
         self.images: dict[int, exr.Layers] = {}
         self._new: list[int] = []
         self._since = time.perf_counter()
-        cached = parts.kept(count) if parts else []
+        cached = parts.stored(count) if parts else []
         self.seconds_before = sum(group.seconds for group, _ in cached)
         for group, path in cached:
             split = {name: np.split(pixels, group.size) for name, pixels in exr.read_layers(path).items()}
@@ -99,7 +99,7 @@ class _Views:
     def end(self) -> None:
         """Cache the last views if another image follows."""
         lasting = self._parts is not None and self._parts.another_follows
-        if lasting and self._new and is_worth_keeping(time.perf_counter() - self._since):
+        if lasting and self._new and is_worth_storing(time.perf_counter() - self._since):
             self._keep()
 
     def _keep(self) -> None:
@@ -107,7 +107,7 @@ class _Views:
             now, group = time.perf_counter(), [self.images[number] for number in self._new]
             exr.write_layers(self._working, {name: np.concatenate([layers[name] for layers in group])
                                              for name in group[0]})
-            self._parts.keep(self._working, Part(self._new[0], self._new[-1] + 1, now - self._since))
+            self._parts.store(self._working, Part(self._new[0], self._new[-1] + 1, now - self._since))
         self._new, self._since = [], time.perf_counter()
 
 

@@ -27,7 +27,7 @@ def seconds_per_part() -> float:
         return SECONDS
 
 
-def is_worth_keeping(seconds: float) -> bool:
+def is_worth_storing(seconds: float) -> bool:
     """True for a part that took long enough to be stored."""
     return seconds >= WORTH * seconds_per_part()
 

@@ -54,7 +54,7 @@ class ImageParts:
     inputs: Mapping[str, str]  # what decides the pixels: a digest each, by a name for people
     another_follows: bool = False  # store the finished image too, until the next image is done
 
-    def kept(self, count: int) -> list[tuple[Part, Path]]:
+    def stored(self, count: int) -> list[tuple[Part, Path]]:
         """Return the stored parts of an image of ``count`` rows, from the top, and remove damaged ones."""
         found: list[tuple[Part, Path]] = []
         for path in sorted(self.folder.glob(f"{self._start}*.exr")):
@@ -65,7 +65,7 @@ class ImageParts:
                 found.append((part, path))
         return found
 
-    def keep(self, written: Path, part: Part) -> Path:
+    def store(self, written: Path, part: Part) -> Path:
         """Move the file ``written``, which is on the same disk, to where ``part`` is stored, and return its path."""
         write_json(self.folder / INPUTS_FILE, dict(self.inputs))
         name = f"{self._start}{part.first:06}-{part.last:06}-{round(part.seconds * 1000)}.exr"

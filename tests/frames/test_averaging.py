@@ -1,4 +1,4 @@
-"""How many frames of an animation may share, and with which seeds."""
+"""Temporal averaging: the number of frames, and their seeds."""
 
 from __future__ import annotations
 
@@ -15,6 +15,6 @@ def test_impossible_counts_are_refused(count):
         check_averaging(count)
 
 
-def test_frames_that_do_not_share_have_the_seed_that_was_asked_for():
+def test_without_averaging_every_frame_has_the_seed_that_was_asked_for():
     assert {seed_in_turn(7, number, 0) for number in range(-3, 9)} == {7}
     assert 0 <= seed_in_turn(MOST_SEED, 3, 2) <= MOST_SEED

@@ -1,4 +1,4 @@
-"""The pictures show the views where their cameras are."""
+"""Contact sheets show the views where their cameras are."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ def layers(**painted):
     return result
 
 
-def picture(*pixels, value=1.0):
+def image(*pixels, value=1.0):
     image = np.zeros((8, 15), np.float32)
     for row, column in pixels:
         image[row, column] = value
@@ -30,17 +30,17 @@ def marked(mask):
 
 
 def test_any_hit_however_faint_marks_its_lens_and_no_other():
-    mask = foreground_mask(layers(alpha=picture((0, 2), (5, 9), value=1e-3)), LENSES)
+    mask = foreground_mask(layers(alpha=image((0, 2), (5, 9), value=1e-3)), LENSES)
     assert mask.shape == (4, 5)
     assert marked(mask) == {(0, 0), (2, 3)}
 
 
 def test_dilation_grows_by_lenses_and_stops_at_the_edge():
-    mask = foreground_mask(layers(alpha=picture((0, 0))), LENSES, dilate=1)
+    mask = foreground_mask(layers(alpha=image((0, 0))), LENSES, dilate=1)
     assert marked(mask) == {(0, 0), (0, 1), (1, 0), (1, 1)}
-    assert foreground_mask(layers(alpha=picture((4, 7))), LENSES, dilate=2).sum() == 20
+    assert foreground_mask(layers(alpha=image((4, 7))), LENSES, dilate=2).sum() == 20
     with pytest.raises(LfsrError, match="-1"):
-        foreground_mask(layers(alpha=picture()), LENSES, dilate=-1)
+        foreground_mask(layers(alpha=image()), LENSES, dilate=-1)
 
 
 def test_background_meshes_are_no_foreground():
@@ -52,13 +52,13 @@ def test_background_meshes_are_no_foreground():
 
 def test_without_background_meshes_the_index_hides_no_covered_pixel():
     """The index holds a pixel's first sample only: a thin part is covered yet has index 0."""
-    mask = foreground_mask(layers(alpha=picture((0, 0), (6, 6), value=0.06), index=picture((6, 6))), LENSES)
+    mask = foreground_mask(layers(alpha=image((0, 0), (6, 6), value=0.06), index=image((6, 6))), LENSES)
     assert marked(mask) == {(0, 0), (3, 2)}
 
 
 def test_doubtful_pixels_beside_a_background_mesh_count():
-    index = picture((0, 0), value=2.0)
-    alpha = picture((0, 0), (2, 3), value=0.5)
+    index = image((0, 0), value=2.0)
+    alpha = image((0, 0), (2, 3), value=0.5)
     assert marked(foreground_mask(layers(alpha=alpha, index=index), LENSES)) == {(1, 1)}
 
 

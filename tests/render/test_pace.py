@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.render.pace import Pace, is_worth_keeping, seconds_per_part
+from lfsr_core.render.pace import Pace, is_worth_storing, seconds_per_part
 from lfsr_core.render.parts import Part
 
 images = st.builds(Pace, width=st.integers(4, 16384), rows=st.integers(4, 16384), samples=st.integers(1, 10**5),
@@ -52,4 +52,4 @@ def test_default_renders_stay_one_where_a_minute_will_do():
 def test_the_environment_may_say_how_long_a_part_takes(monkeypatch, value, seconds):
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", value)
     assert seconds_per_part() == seconds
-    assert is_worth_keeping(seconds) and not is_worth_keeping(seconds / 100)
+    assert is_worth_storing(seconds) and not is_worth_storing(seconds / 100)

@@ -22,10 +22,10 @@ def parts(tmp_path):
 
 
 def put(parts, first, last, seconds=1.5):
-    """Keep rows ``first`` to ``last``."""
+    """Store rows ``first`` to ``last``."""
     written = parts.folder.with_name("band.exr")
     write_layers(written, {"color": np.full((last - first, 4, 4), float(first), np.float32)})
-    return parts.keep(written, Part(first, last, seconds))
+    return parts.store(written, Part(first, last, seconds))
 
 
 @given(st.lists(st.tuples(st.integers(0, 40), st.integers(1, 9))), st.integers(1, 50))
@@ -36,31 +36,31 @@ def test_parts_and_gaps_are_the_image(ranges, count):
     assert missing == sorted(set(range(count)) - covered)
 
 
-def test_kept_parts_come_back_with_their_seconds(parts):
+def test_stored_parts_come_back_with_their_seconds(parts):
     paths = [put(parts, 7, 9), put(parts, 0, 4, 0.25)]
-    assert parts.kept(9) == [(Part(0, 4, 0.25), paths[1]), (Part(7, 9, 1.5), paths[0])]
+    assert parts.stored(9) == [(Part(0, 4, 0.25), paths[1]), (Part(7, 9, 1.5), paths[0])]
     assert not parts.folder.with_name("band.exr").exists()
 
 
 def test_parts_of_another_image_or_other_inputs_are_not_taken(parts):
     put(parts, 0, 4)
     put(parts, 4, 12)
-    assert len(parts.kept(9)) == 1, "a part beyond the image is of another"
-    assert dataclasses.replace(parts, name="reference_a").kept(9) == []
-    assert dataclasses.replace(parts, inputs=INPUTS | {"settings": "x"}).kept(9) == []
+    assert len(parts.stored(9)) == 1, "a part beyond the image is of another"
+    assert dataclasses.replace(parts, name="reference_a").stored(9) == []
+    assert dataclasses.replace(parts, inputs=INPUTS | {"settings": "x"}).stored(9) == []
 
 
 def test_a_damaged_part_goes(parts):
     whole, damaged = put(parts, 0, 4), put(parts, 4, 9)
     damaged.write_bytes(damaged.read_bytes()[:-20])
-    assert [path for _, path in parts.kept(9)] == [whole]
+    assert [path for _, path in parts.stored(9)] == [whole]
     assert not damaged.exists()
 
 
 def test_other_inputs_remove_the_old_parts_and_say_what_is_other(parts):
     put(parts, 0, 4)
     assert remove_others(parts.folder, INPUTS) == ""
-    assert len(parts.kept(9)) == 1
+    assert len(parts.stored(9)) == 1
     sentence = remove_others(parts.folder, INPUTS | {"scene file": "new"})
     assert "other scene file:" in sentence and "starts from the beginning" in sentence
     assert not parts.folder.exists()

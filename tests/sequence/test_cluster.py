@@ -27,7 +27,7 @@ from lfsr_core.sequence.cluster import PLACE_FILE, RESOURCE, Cluster
 from lfsr_core.sequence.cluster_animation import render_on
 from lfsr_core.sequence.cluster_reference import ROWS, SAMPLES, Split, part_jobs, reference_on
 from lfsr_core.sequence.engine import KEPT, MADE, Tools, render_animation
-from tests.support.animations import animation, pictures, played_tools, states
+from tests.support.animations import animation, images, played_tools, states
 from tests.support.noisy_renders import JOB
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import fails
@@ -46,10 +46,10 @@ def scheduler(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory):
-    """Pictures of one process."""
+    """Images of one process."""
     folder = tmp_path_factory.mktemp("alone")
     render_animation(animation(folder, FRAMES), played_tools(folder, 3))
-    return pictures(folder / "film")
+    return images(folder / "film")
 
 
 def test_workers_make_the_pictures_of_one_process(scheduler, tmp_path, alone):
@@ -57,7 +57,7 @@ def test_workers_make_the_pictures_of_one_process(scheduler, tmp_path, alone):
     told = dataclasses.replace(played_tools(tmp_path, 1), progress=lambda *state: seen.append(state))
     results = render_on(Cluster(scheduler.scheduler_address), animation(tmp_path, FRAMES), told)
     assert states(results) == [MADE] * 3 and [result.frame for result in results] == list(FRAMES)
-    assert pictures(tmp_path / "film") == alone
+    assert images(tmp_path / "film") == alone
     assert seen[-1] == ("frames", 1.0, "3 of 3")
     assert sorted(path.name for path in (tmp_path / "film").iterdir()) == ["0001", "0002", "0003"]
     again = render_on(Cluster(scheduler.scheduler_address), animation(tmp_path, FRAMES), Tools("/must/not/run"))
@@ -92,7 +92,7 @@ def test_a_dead_workers_frames_are_made_by_others(scheduler, tmp_path, alone):
     results = render_on(Cluster(scheduler.scheduler_address), animation(tmp_path, FRAMES),
                         Tools(slow(tmp_path / "blender"), chunk=1))
     thread.join(5)
-    assert killed and states(results) == [MADE] * 3 and pictures(tmp_path / "film") == alone
+    assert killed and states(results) == [MADE] * 3 and images(tmp_path / "film") == alone
     assert len(list(tmp_path.glob("blender.*.pid"))) >= 2, "another worker has taken over"
 
 
@@ -124,7 +124,7 @@ def test_the_command_on_workers_of_this_machine(tmp_path, alone):
                           env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
     assert done.returncode == 0, done.stderr
     assert "3 frames: 3 made, 0 kept, 0 failed" in done.stdout and "Traceback" not in done.stderr
-    assert pictures(tmp_path / "film") == alone
+    assert images(tmp_path / "film") == alone
     assert not list((tmp_path / "film").glob(f"{PLACE_FILE}*"))
 
 

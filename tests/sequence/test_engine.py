@@ -20,7 +20,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame, write_frame
 from lfsr_core.sequence.animation import SecondStage
 from lfsr_core.sequence.engine import FAILED, KEPT, MADE, Tools, render_animation
-from tests.support.animations import animation, pictures, played_tools, states
+from tests.support.animations import animation, images, played_tools, states
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import fails
 
@@ -67,20 +67,20 @@ DAMAGES = {
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_broken_frame_is_made_again(made, damage):
-    before = pictures(made / "film")
+    before = images(made / "film")
     DAMAGES[damage](made / "film" / "0002")
     assert states(render_animation(animation(made, FRAMES), played_tools(made, 2))) == [KEPT, MADE, KEPT]
-    assert pictures(made / "film") == before and len(before) == 3
+    assert images(made / "film") == before and len(before) == 3
 
 
 @pytest.mark.parametrize("damage", [lambda folder: (folder / "eia.png").unlink(),
                                     lambda folder: cut(folder / "eia.png"),
                                     lambda folder: (folder / "report.json").write_text("{}")])
 def test_a_frame_that_lacks_its_picture_is_not_rendered_again(made, damage):
-    before = pictures(made / "film")
+    before = images(made / "film")
     damage(made / "film" / "0002")
     assert states(render_animation(animation(made, FRAMES), NO_BLENDER)) == [KEPT, MADE, KEPT]
-    assert pictures(made / "film") == before
+    assert images(made / "film") == before
 
 
 def test_another_method_finishes_the_same_renders(made):
@@ -88,10 +88,10 @@ def test_another_method_finishes_the_same_renders(made):
 
 
 def test_overwrite_makes_all_again(made):
-    before = pictures(made / "film")
+    before = images(made / "film")
     again = Tools(played_blender(made / "blender"), overwrite=True)
     assert states(render_animation(animation(made, FRAMES, seed=7), again)) == [MADE] * 3
-    after = pictures(made / "film")
+    after = images(made / "film")
     assert all(after[name] != before[name] for name in before)
 
 

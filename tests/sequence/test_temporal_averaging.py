@@ -13,7 +13,7 @@ from lfsr_core.reconstruct.options import UpscaleOptions
 from lfsr_core.reconstruct.second_stage import upscale_frame
 from lfsr_core.sequence.animation import SecondStage
 from lfsr_core.sequence.engine import KEPT, MADE, Tools, render_animation
-from tests.support.animations import animation, pictures, states
+from tests.support.animations import animation, images, states
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import fails
 
@@ -49,11 +49,11 @@ def test_alone_every_frame_has_the_same_noise(tmp_path):
 
 
 def test_the_picture_is_that_of_the_second_stage_alone(made):
-    before = pictures(made / "film")
+    before = images(made / "film")
     upscale_frame(made / "film" / "0002", "bicubic", UpscaleOptions(temporal_averaging=1))
-    assert pictures(made / "film") == before
+    assert images(made / "film") == before
     upscale_frame(made / "film" / "0002", "bicubic")
-    assert pictures(made / "film")["0002"] != before["0002"]
+    assert images(made / "film")["0002"] != before["0002"]
 
 
 def test_a_frame_is_finished_again_when_more_lie_beside_it(made):

@@ -32,6 +32,6 @@ def states(results: Sequence[Result]) -> list[str]:
     return [result.state for result in results]
 
 
-def pictures(folder: Path) -> dict[str, bytes]:
+def images(folder: Path) -> dict[str, bytes]:
     """Bytes of every finished image under ``folder``, by its frame."""
     return {path.parent.name: path.read_bytes() for path in folder.glob("*/eia.png")}

@@ -75,7 +75,7 @@ def test_parts_are_the_whole_image(noisy, tmp_path, monkeypatch, options):
 def test_a_finished_half_is_kept_while_the_other_is_rendered(noisy, tmp_path, monkeypatch):
     options = {"kind": "reference", "scale": 1, "spp": 8}
     whole, _ = rendered(noisy, tmp_path / "whole", **options)
-    monkeypatch.setattr(bands, "is_worth_keeping", lambda seconds: True)
+    monkeypatch.setattr(bands, "is_worth_storing", lambda seconds: True)
     kept = tmp_path / "kept"
     assert_same(rendered(noisy, tmp_path / "parts", parts=str(kept), **options)[0], whole)
     (half,) = kept.glob("*.exr")
