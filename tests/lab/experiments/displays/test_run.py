@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from lfsr_core.records import read_record
-from lfsr_lab.experiments.displays import page, run
+from lfsr_lab.experiments.displays import __main__ as run
+from lfsr_lab.experiments.displays import page
 from lfsr_lab.experiments.displays.kinds import Kind
 from lfsr_lab.experiments.displays.measure import Accuracy, Point, Target, seen
-from lfsr_lab.experiments.displays.ways import NAMES, OTHER, OURS, STRAIGHT, shown
+from lfsr_lab.experiments.displays.ways import NAMES, OTHER, OURS, SUBPIXEL, shown
+from lfsr_lab.experiments.engine.renders import Store
 from tests.support.panels import whole
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import light_field, write_reference
@@ -35,21 +39,21 @@ def test_everything_is_measured_once_and_shown(tmp_path, one_kind):
     scene, told = tmp_path / "disc.blend", []
     scene.touch()
     blender = tmp_path / "blender"
-    settings = run.Settings(tmp_path / "out", None, 256, played_blender(blender))
-    found = run.compare(settings, [scene], told.append)
+    store = Store(tmp_path / "out", played_blender(blender))
+    found = run.compare(store, None, 256, [scene], told.append)
     points = {(of.way, of.samples): of for of in found.rows[0].points}
     assert {way for way, _ in points} == set(NAMES) and len(points) == len(told) == 13
     assert points[OURS, 64].accuracy.ssim_eye > points[OURS, 4].accuracy.ssim_eye > 0.5
-    assert points[STRAIGHT, 16].straight.ssim_eye > points[STRAIGHT, 1].straight.ssim_eye > 0.5
-    assert points[STRAIGHT, 16].straight.psnr_panel > points[STRAIGHT, 16].accuracy.psnr_panel, "at home there"
-    assert (points[OURS, 4].scale, points[OTHER, 4].scale, points[STRAIGHT, 4].scale) == (2, 4, 1)
+    assert points[SUBPIXEL, 16].traced.ssim_eye > points[SUBPIXEL, 1].traced.ssim_eye > 0.5
+    assert points[SUBPIXEL, 16].traced.psnr_panel > points[SUBPIXEL, 16].accuracy.psnr_panel, "at home there"
+    assert (points[OURS, 4].scale, points[OTHER, 4].scale, points[SUBPIXEL, 4].scale) == (2, 4, 1)
     assert all(of.finish_cpu > 0 and of.render_cpu >= 0 for of in points.values())
     blender.unlink()
-    assert run.compare(settings, [scene], told.append).rows == found.rows
-    table, *pictures = run.write_pages(settings.folder, found)
+    assert run.compare(store, None, 256, [scene], told.append).rows == found.rows
+    _, table, *pictures = run.write_pages(store.folder, found)
     assert table.read_text().count("| disc |") == 2 * 10 + 13
     assert len(pictures) == 2 and all("<svg" in picture.read_text() for picture in pictures)
-    assert read_record(settings.folder / run.RESULTS, page.Comparison, "a comparison").rows == found.rows
+    assert read_record(store.folder / "displays.json", page.Comparison, "a comparison").rows == found.rows
 
 
 def test_the_reference_itself_is_perfect_and_less_views_are_not(tmp_path):
@@ -73,3 +77,8 @@ def test_nearest_views_are_woven_without_mixing():
     light = np.zeros((96, 128, 3), np.float32)
     light[:, 4:8] = 1.0
     assert set(np.unique(shown(light, PANEL, "nearest"))) <= {0, 255}
+
+
+def test_the_published_comparison_is_read():
+    published = Path(__file__).parents[4] / "docs" / "results" / "measured" / "displays.json"
+    assert read_record(published, page.Comparison, "a comparison").rows[-1].points

@@ -4,40 +4,102 @@
     python -m lfsr_lab.experiments.displays SCENES… -o OUT --width 384   panels of 384×216 pixels with the same sheets
 
 What is complete in OUT is not done again. OUT/displays.json has everything, displays.md tables, displays.svg and
-displays-traced.svg pictures: against every view, and against the panel's subpixels where it has a lens sheet.
+displays-traced.svg figures: against every view, and against the panel's subpixels where it has a lens sheet.
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from lfsr_core.records import write_record
+from lfsr_lab.experiments.displays import page
 from lfsr_lab.experiments.displays.kinds import FULL_WIDTH, kind
-from lfsr_lab.experiments.displays.run import Settings, compare, write_pages
-from lfsr_lab.experiments.engine.environment import check_packages
-from lfsr_lab.experiments.engine.report import exit_code
+from lfsr_lab.experiments.displays.measure import Point, Target, measure
+from lfsr_lab.experiments.displays.page import Comparison, Row
+from lfsr_lab.experiments.displays.renders import Renders
+from lfsr_lab.experiments.displays.ways import USUAL, Way, measured_at
+from lfsr_lab.experiments.engine.cells import Cell, Report, measured, to_stderr
+from lfsr_lab.experiments.engine.environment import check_packages, environment
+from lfsr_lab.experiments.engine.plots import svg
+from lfsr_lab.experiments.engine.records import Records
+from lfsr_lab.experiments.engine.renders import Store
+from lfsr_lab.experiments.engine.report import exit_code, write_report
+
+STEM = "displays"
+FIGURES = {page.WOVEN: ".svg", page.TRACED: "-traced.svg"}
+VERSION = 2  # of how points are measured
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Exit code 0, 2 after bad input, 130 if stopped."""
+    """Return the exit code: 0, 2 after bad input, 130 if stopped."""
     arguments = _parser().parse_args(argv)
-    return exit_code("chart_displays", lambda: run(arguments))
+    return exit_code("displays", lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Render and measure what is missing, then write the pages and name them."""
+    """Render and measure what is missing, then write the report and name its files."""
     check_packages()
     for name in FULL_WIDTH:
         kind(name, arguments.width)
-    settings = Settings(arguments.output, arguments.width, arguments.reference_spp, arguments.blender)
-    found = compare(settings, arguments.scenes, lambda line: print(line, file=sys.stderr, flush=True))
+    found = compare(Store(arguments.output, arguments.blender), arguments.width, arguments.reference_spp,
+                    arguments.scenes, to_stderr)
     print("\n".join(map(str, write_pages(arguments.output, found))))
 
 
+def compare(store: Store, width: int | None, reference_spp: int, scenes: Sequence[Path], report: Report) -> Comparison:
+    """Measure every scene on every kind of display, whose panels are ``width`` pixels wide; results as soon as known.
+
+    ``report`` is told of each point.
+    """
+    rows: list[Row] = []
+    found = Comparison(width, reference_spp, environment(), ())
+    for scene in scenes:
+        for name in FULL_WIDTH:
+            shown = kind(name, width)
+            points = tuple(_points(Renders(store, scene, shown, reference_spp), report))
+            rows.append(Row(scene.stem, name, shown.profile.panel_pixels, points))
+            found = Comparison(width, reference_spp, environment(), tuple(rows))
+            write_record(store.folder / f"{STEM}.json", found)
+    return found
+
+
+def write_pages(folder: Path, found: Comparison) -> list[Path]:
+    """Write what people read beside the results, and return the paths of all files."""
+    figures = {end: page.figure(found, reference) for reference, end in FIGURES.items()}
+    texts = {".md": page.markdown(found)} | {end: svg(drawn) for end, drawn in figures.items() if drawn}
+    return write_report(folder, STEM, None, texts)
+
+
+def _measure(way: Way, samples: int, rendered: Path, cpu: float, targets: Callable[[], list[Target]]) -> Point:
+    return measure(way, samples, rendered, cpu, targets())
+
+
+def _points(renders: Renders, report: Report) -> Iterator[Point]:
+    costs, records = renders.fill(), Records(renders.folder / "points", Point)
+
+    @functools.cache
+    def targets() -> list[Target]:
+        traced = renders.traced_reference
+        return [Target.of(renders.reference), *([Target.of_subpixels(traced)] if traced else [])]
+
+    for way, samples in measured_at(renders.kind.profile):
+        rendered, cpu = renders.path(way, samples), costs[way.name, samples].cpu
+        cell = Cell(rendered.name if way.name != USUAL else f"{USUAL}-{samples}",
+                    {"version": VERSION, "reference": renders.reference_spp, "render": cpu},
+                    functools.partial(_measure, way, samples, rendered, cpu, targets))
+        for point in measured([cell], records, renders.store, lambda line: None):
+            report(f"{renders.scene.stem}, {renders.kind.name}, {way.name}, {samples} samples: {point.cpu:.2f} s, "
+                   f"{point.accuracy.ssim_eye:.4f} (load {records.load or 0:.1f})")
+            yield point
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="chart_displays", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python -m lfsr_lab.experiments.displays",
+                                     description=__doc__.splitlines()[0])
     add = parser.add_argument
     add("scenes", type=Path, nargs="+", metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     add("-o", "--output", type=Path, required=True, metavar="OUT", help="folder of everything that is made")

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -21,10 +20,11 @@ from lfsr_core.frames.reference import Reference
 from lfsr_core.metrics.split_ssim import mean_of, psnr, split_mse, split_ssim_map
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eye import eye_view
-from lfsr_lab.experiments.displays.ways import Way, panel_image, shown, traced
+from lfsr_lab.experiments.displays.ways import USUAL, Way, panel_image, shown, traced
+from lfsr_lab.experiments.engine.timing import cpu_seconds
 
 PLACES = ((0.5, 0.5), (0.2, 0.4), (0.8, 0.6), (0.35, 0.75), (0.65, 0.25))  # of eyes, in the viewing zone
-ONCE = 1  # pixels of the eye's picture: one for each that is seen
+ONCE = 1  # pixels of the eye's image for each that is seen
 Halves = tuple[Array, Array]
 
 
@@ -47,7 +47,8 @@ class Point:
     finish_cpu: float  # seconds on all cores from the render to the panel's image
     accuracy: Accuracy  # against the woven reference, or the EIA where the panel has no lens sheet
     scale: int = 1  # by which views were divided
-    straight: Accuracy | None = None  # against the traced reference of a panel with a lens sheet
+    # Against the traced reference of a panel with a lens sheet.
+    traced: Accuracy | None = dataclasses.field(default=None, metadata={"key": "straight"})
 
     @property
     def cpu(self) -> float:
@@ -71,7 +72,7 @@ class Target:
         return cls._with(profile, tuple(shown(half, profile, "all") for half in (reference.half_a, reference.half_b)))
 
     @classmethod
-    def straight(cls, folder: Path) -> Target:
+    def of_subpixels(cls, folder: Path) -> Target:
         """Of the frame folder of a reference of the panel's subpixels."""
         return cls._with(read_rendered(folder).display, tuple(traced(folder, name) for name in REFERENCE_FILES))
 
@@ -87,10 +88,20 @@ class Target:
         return Accuracy(psnr(on_panel), psnr(float(error)), float(ssim))
 
 
+def measure(way: Way, samples: int, rendered: Path, render_cpu: float, targets: Sequence[Target]) -> Point:
+    """Finish a way's render and compare it with the woven reference and, where there is one, the traced one."""
+    if way.name != USUAL:
+        finish(rendered, way)  # loads libraries, which hardly counts where OIDN runs for each view
+    panel, seconds = finish(rendered, way)
+    eyes, frame = seen(panel, targets[0].profile), read_rendered(rendered)
+    close, *traced_ = (target.accuracy(panel, eyes) for target in targets)
+    return Point(way.name, samples, render_cpu, seconds, close, frame.scale, traced_[0] if traced_ else None)
+
+
 def finish(folder: Path, way: Way) -> tuple[Array, float]:
-    """The panel's image of a rendered frame and the processor seconds that it took."""
-    started = time.process_time()
-    return panel_image(folder, way), time.process_time() - started
+    """Return the panel's image of a rendered frame and the processor seconds that it took."""
+    started = cpu_seconds()
+    return panel_image(folder, way), cpu_seconds() - started
 
 
 def seen(panel: Array, profile: DisplayProfile) -> list[Array]:

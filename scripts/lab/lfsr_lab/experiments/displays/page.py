@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from lfsr_lab.experiments.displays.measure import Accuracy, Point
-from lfsr_lab.experiments.displays.ways import DIRECT, NAMES, OTHER, OURS, STRAIGHT, USUAL
+from lfsr_lab.experiments.displays.ways import EVERY_VIEW, NAMES, OTHER, OURS, SUBPIXEL, USUAL
 from lfsr_lab.experiments.engine.environment import Environment
 from lfsr_lab.experiments.engine.plots import (
     COLORS,
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 WOVEN, TRACED = "woven", "traced"  # references: every view, woven or as it is; the panel's subpixels
 HEADER = ("scene", "display", "way", "samples", "scale", "render", "rest", "CPU s", "PSNR panel", "PSNR eye",
           "SSIM eye", "traced: PSNR panel", "PSNR eye", "SSIM eye")
-OTHERS = (OTHER, DIRECT, STRAIGHT, USUAL)
+OTHERS = (OTHER, EVERY_VIEW, SUBPIXEL, USUAL)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Row:
     @property
     def references(self) -> tuple[str, ...]:
         """What its points are judged by, of WOVEN and TRACED."""
-        return (WOVEN, TRACED) if all(point.straight for point in self.points) else (WOVEN,)
+        return (WOVEN, TRACED) if all(point.traced for point in self.points) else (WOVEN,)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +70,7 @@ def markdown(found: Comparison) -> str:
 
 def judged(point: Point, reference: str) -> Accuracy:
     """How near it comes to a reference that its row has."""
-    return point.accuracy if reference == WOVEN else point.straight
+    return point.accuracy if reference == WOVEN else point.traced
 
 
 def seconds_for(points: tuple[Point, ...], value: float, reference: str = WOVEN) -> float | None:
@@ -91,7 +91,7 @@ def seconds_for(points: tuple[Point, ...], value: float, reference: str = WOVEN)
     return None
 
 
-def picture(found: Comparison, reference: str = WOVEN) -> Figure | None:
+def figure(found: Comparison, reference: str = WOVEN) -> Figure | None:
     """A panel per scene and display: what eyes see, by processor seconds; None where no display has that reference."""
     rows = [row for row in found.rows if reference in row.references]
     if not rows:
@@ -114,7 +114,7 @@ def _lines(found: Comparison) -> Iterator[tuple]:
         for point in row.points:
             yield (row.scene, row.kind, point.way, point.samples, point.scale, number(point.render_cpu, digits=1),
                    number(point.finish_cpu, digits=1), number(point.cpu, digits=1), *_figures(point.accuracy),
-                   *_figures(point.straight))
+                   *_figures(point.traced))
 
 
 def _figures(close: Accuracy | None) -> tuple[str, ...]:

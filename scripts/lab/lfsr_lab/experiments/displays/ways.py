@@ -24,7 +24,7 @@ from lfsr_core.reconstruct.methods.guides import GUIDES, from_unit, in_unit
 from lfsr_core.reconstruct.panel_stage import linear_panel_image
 from lfsr_core.reconstruct.second_stage import finished_linear
 
-OURS, OTHER, DIRECT, STRAIGHT, USUAL = "ours", "ours, other scale", "every view", "straight", "usual"
+OURS, OTHER, EVERY_VIEW, SUBPIXEL, USUAL = "ours", "ours, other scale", "every view", "straight", "usual"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,25 +45,26 @@ class Way:
         return tuple(scale for scale in scales_up_to(profile) if scale == 1 or method.works_at(scale))
 
 
-WAYS = (Way(OURS, "one-pass", (4, 16, 64)), Way(OTHER, "one-pass", (4, 16, 64)), Way(DIRECT, "one-pass", (1, 4, 16)),
-        Way(STRAIGHT, SUBPIXELS, (1, 4, 16)), Way(USUAL, "view-by-view", (4,)))
+WAYS = (Way(OURS, "one-pass", (4, 16, 64)), Way(OTHER, "one-pass", (4, 16, 64)),
+        Way(EVERY_VIEW, "one-pass", (1, 4, 16)), Way(SUBPIXEL, SUBPIXELS, (1, 4, 16)),
+        Way(USUAL, "view-by-view", (4,)))
 NAMES = {
     OURS: "fewer views in one pass, as many as `lfsr render` chooses, the default method, the weave",
     OTHER: "the same with half or a quarter of the views along each axis, whichever is not chosen for a flat scene",
-    DIRECT: "every view in one pass, OIDN, the weave",
-    STRAIGHT: "rays of the panel's subpixels, each a pixel of the render, OIDN, no weave",
+    EVERY_VIEW: "every view in one pass, OIDN, the weave",
+    SUBPIXEL: "rays of the panel's subpixels, each a pixel of the render, OIDN, no weave",
     USUAL: "one render per view, OIDN per view, the nearest view",
 }
 
 
 def measured_at(profile: DisplayProfile) -> list[tuple[Way, int]]:
     """Every way that a display has, with every number of samples."""
-    return [(way, samples) for way in WAYS for samples in way.samples if way.name != STRAIGHT or profile.is_woven]
+    return [(way, samples) for way in WAYS for samples in way.samples if way.name != SUBPIXEL or profile.is_woven]
 
 
 def panel_image(folder: Path, way: Way) -> Array:
     """What the panel shows, (H, W, 3) uint8 sRGB, from the rendered frame in ``folder``."""
-    if way.name == STRAIGHT:
+    if way.name == SUBPIXEL:
         return traced(folder, LOW_RES_FILE, "oidn")
     frame = read_frame(folder)
     if way.name == USUAL:
