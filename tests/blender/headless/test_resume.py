@@ -141,7 +141,7 @@ def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, m
         panel.wait_for(ended)
     assert {name: seen.get(name) for name in done} == done and not task.warnings
     rows = sum(int(last) - int(first) for first, last in (name.split("-")[-3:-1] for name in done))
-    share = recipes.RENDER_FRACTION * rows / read_layers(folder / "lr_eia.exr")["color"].shape[0]
-    assert min(filter(None, fractions)) >= 0.99 * share > 0, "progress begins at what was kept"
+    fraction = recipes.RENDER_FRACTION * rows / read_layers(folder / "lr_eia.exr")["color"].shape[0]
+    assert min(filter(None, fractions)) >= 0.99 * fraction > 0, "progress begins at what was kept"
     assert json.loads((folder / "report.json").read_text())["method"] == "bicubic"
     assert [path.name for path in folder.parent.iterdir()] == [folder.name]

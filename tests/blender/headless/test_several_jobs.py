@@ -1,4 +1,4 @@
-"""Several jobs in one Blender: each is the picture that it would be alone."""
+"""Several jobs in one Blender: each renders the same image as alone."""
 
 from __future__ import annotations
 
@@ -60,5 +60,5 @@ def test_an_animation_from_the_command(blend, tmp_path):
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
         assert f"3 frames: {made} made, {kept} kept, 0 failed" in done.stdout
     assert sorted(path.name for path in (tmp_path / "film").iterdir()) == ["0001", "0005", "0009"]
-    pictures = {path.read_bytes() for path in (tmp_path / "film").glob("*/eia.png")}
-    assert len(pictures) == 3
+    images = {path.read_bytes() for path in (tmp_path / "film").glob("*/eia.png")}
+    assert len(images) == 3

@@ -1,4 +1,4 @@
-"""Long renders in parts: every layer is to the byte that of one render, whatever was cut where, or done before."""
+"""Long renders in parts: every layer equals that of one render byte for byte, with any cuts and any cached parts."""
 
 from __future__ import annotations
 
@@ -103,19 +103,19 @@ def test_parts_of_another_job_are_removed_with_a_sentence(noisy, tmp_path, monke
 
 def test_another_image_file_is_another_input(noisy, tmp_path, monkeypatch):
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", "0.02")
-    picture = tmp_path / "wood.png"
-    picture.write_bytes(b"1")
-    bpy.data.images.new("wood", 4, 4).filepath = str(picture)
+    image = tmp_path / "wood.png"
+    image.write_bytes(b"1")
+    bpy.data.images.new("wood", 4, 4).filepath = str(image)
     bpy.data.images["wood"].source = "FILE"
     rendered(noisy, tmp_path / "first", parts=str(tmp_path / "kept"))
-    picture.write_bytes(b"22")
+    image.write_bytes(b"22")
     _, warnings = rendered(noisy, tmp_path / "second", parts=str(tmp_path / "kept"))
     assert len(warnings) == 1 and "other images or linked files:" in warnings[0]
 
 
 @pytest.mark.parametrize("rows", [7, 270, 1080, 4320])
 def test_a_border_is_the_rows_that_were_meant(rows):
-    """As Blender and Cycles cut it: to whole pixels, from single-precision shares."""
+    """As Blender and Cycles cut it: to whole pixels, from single-precision fractions."""
     for first in range(0, rows, max(1, rows // 97)):
         for size in (1, 2, rows - first):
             values = bands.border(Part(first, min(first + size, rows)), rows)

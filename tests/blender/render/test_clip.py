@@ -1,4 +1,4 @@
-"""What the scene's camera clips away is not in the picture, whichever camera sends the rays."""
+"""What the scene's camera clips is not in the image, with every kind of camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A picture comes out in Blender's colours, or is refused with a sentence."""
+"""An image has Blender's colours, or is refused with a sentence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The passes of a render against Blender's own picture."""
+"""The passes of a render against Blender's own image."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.support.scenes import ARRAY, MINI, WAYS, add_box, encoded, front
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_color_and_environment_add_up_to_blenders_own_picture(scene, tmp_path, way):
+def test_color_and_environment_add_up_to_blenders_own_image(scene, tmp_path, way):
     """The environment layer is already weighted by what is left uncovered."""
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     scene.world = bpy.data.worlds.new("world")

@@ -50,7 +50,7 @@ def elemental(image):
     return to_elemental_images(image, MINI.lenses)
 
 
-def test_its_picture_holds_what_every_ray_sees(lit_box, tmp_path):
+def test_its_image_holds_what_every_ray_sees(lit_box, tmp_path):
     before = lit_box.world
     job = Job(str(tmp_path / "low"), MINI, scale=4, spp=1)
     frame_folder.render_job(lit_box, job)
@@ -70,13 +70,13 @@ def test_its_picture_holds_what_every_ray_sees(lit_box, tmp_path):
     assert np.abs(seen - expected).mean() < 0.02 and abs((seen - expected).mean()) < 2e-3
 
 
-def test_a_picture_of_another_render_is_taken_as_it_is(lit_box, tmp_path):
-    exr.write_layers(tmp_path / "picture.exr", {"color": np.full((4, 4, 3), 0.25, np.float32)})
+def test_the_image_of_another_render_is_used_as_it_is(lit_box, tmp_path):
+    exr.write_layers(tmp_path / "image.exr", {"color": np.full((4, 4, 3), 0.25, np.float32)})
     job = Job(str(tmp_path / "low"), MINI, scale=2, spp=1, lens_list=((3, 5), (6, 9)),
-              world=str(tmp_path / "picture.exr"))
+              world=str(tmp_path / "image.exr"))
     frame_folder.render_job(lit_box, job)
     frame = read_frame(job.output)
-    assert (tmp_path / "low" / WORLD_FILE).read_bytes() == (tmp_path / "picture.exr").read_bytes()
+    assert (tmp_path / "low" / WORLD_FILE).read_bytes() == (tmp_path / "image.exr").read_bytes()
     assert frame.world_apart and frame.seconds["world"] == 0 < frame.seconds["render"]
     assert "environment" in exr.read_layers(tmp_path / "low" / LOW_RES_FILE)
 

@@ -1,4 +1,4 @@
-"""Nothing that changes the picture is passed over without a word."""
+"""The user is told of everything that changes the image."""
 
 from __future__ import annotations
 

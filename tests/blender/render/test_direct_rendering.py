@@ -1,4 +1,4 @@
-"""From a scene straight to a panel's picture, by real Cycles renders, against the one woven of every view."""
+"""Direct subpixel rendering with Cycles, against the panel image that is woven from every view."""
 
 from __future__ import annotations
 
@@ -51,17 +51,17 @@ def psnr(first, second):
 
 
 @pytest.mark.parametrize(("make", "world"), [(cells, False), (hexagonal, False), (cells, True)])
-def test_it_is_the_picture_that_is_woven_of_every_view(waves, tmp_path, make, world):
+def test_it_is_the_image_that_is_woven_from_every_view(waves, tmp_path, make, world):
     display = small(make())
     if world:
         waves.world = bpy.data.worlds.new("world")
         waves.world.color = (0.1, 0.3, 0.7)
-    straight = panel(waves, tmp_path / "straight", display, layout="subpixels", world_visible=world)
+    direct = panel(waves, tmp_path / "direct", display, layout="subpixels", world_visible=world)
     woven = panel(waves, tmp_path / "woven", display, world_visible=world)
     # 24 to 29 dB: what interpolating costs, most of it at the edges of the boxes.
-    assert straight.std() > 30 and psnr(straight, woven) > 22
-    others = straight[:, ::-1], straight[::-1], np.roll(straight, 1, 1)
-    assert max(psnr(other, woven) for other in others) < psnr(straight, woven) - 2, "this can tell"
+    assert direct.std() > 30 and psnr(direct, woven) > 22
+    others = direct[:, ::-1], direct[::-1], np.roll(direct, 1, 1)
+    assert max(psnr(other, woven) for other in others) < psnr(direct, woven) - 2, "this can tell"
 
 
 def test_a_device_without_the_osl_camera_is_refused(waves, tmp_path, monkeypatch):
