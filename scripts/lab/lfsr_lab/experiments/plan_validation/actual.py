@@ -10,7 +10,6 @@ import dataclasses
 import functools
 import re
 import shutil
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -21,18 +20,16 @@ from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame, write_frame
 from lfsr_core.frames.job import Job
-from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.exr import read_layers, write_layers
-from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.plan.candidates import Candidate
 from lfsr_core.plan.times import path_samples, render_seconds
 from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
-from lfsr_lab.experiments.cells import Cells
-from lfsr_lab.experiments.engine.timing import known_seconds
+from lfsr_lab.experiments.engine.accuracy import Target, check_pair
+from lfsr_lab.experiments.engine.records import Records
+from lfsr_lab.experiments.engine.renders import REFERENCE
+from lfsr_lab.experiments.engine.timing import known_seconds, scratch_copy
 
-REFERENCE = "reference"
 RENDER_FOLDER = re.compile(r"s(\d+)-spp(\d+)")
 
 
@@ -59,15 +56,15 @@ def renders(scene: Path) -> dict[tuple[int, int], Path]:
     return found
 
 
-def actual(scene: Path, candidate: Candidate, metric: str, cache: Path) -> Actual:
-    """Measure one candidate as a whole frame, unless that was done before.
+def actual(scene: Path, candidate: Candidate, metric: str, records: Records[Actual]) -> Actual:
+    """Return what a candidate reaches as a whole frame, measured unless it is stored.
 
     Parameters
     ----------
-    scene : folder of the bench
+    scene : folder of the scene
     candidate : what to measure
-    metric : accuracy by this metric
-    cache : folder that keeps what was measured
+    metric : "ssim_lens_fg" for foreground lenses, else all lenses count
+    records : where it is stored
 
     Raises
     ------
@@ -75,39 +72,30 @@ def actual(scene: Path, candidate: Candidate, metric: str, cache: Path) -> Actua
         be as large as the plan's
     """
     def measure() -> Actual:
-        folder = renders(scene)[candidate.scale, candidate.spp]
-        accuracy = _accuracy(folder, scene / REFERENCE, candidate.method, metric)
-        return Actual(accuracy, _seconds(folder, candidate.method))
+        folder, target = renders(scene)[candidate.scale, candidate.spp], _target(scene / REFERENCE)
+        check_pair(read_frame(folder), target)
+        similarity = target.lens_ssim(finished_linear(folder, candidate.method), metric == "ssim_lens_fg")
+        return Actual(float(similarity.mean()), _seconds(folder, candidate.method))
 
-    return Cells(cache, Actual, key=None).get(f"{candidate.name.replace(' ', '-')}-{metric}", {}, measure)
-
-
-def _accuracy(folder: Path, reference: Path, method: str, metric: str) -> float:
-    check_reference(read_frame(folder), read_frame(reference))
-    known, halves = _reference(reference)
-    counted = known.foreground if metric == "ssim_lens_fg" else np.ones_like(known.foreground)
-    rows, columns = known.lenses[counted].T
-    images = to_elemental_images(finished_linear(folder, method), known.frame.display.lenses)[rows, columns]
-    return float(stacked_ssim(srgb_encode(images), *(half[counted] for half in halves)).mean())
+    return records.get(f"{candidate.name.replace(' ', '-')}-{metric}", {}, measure)
 
 
 @functools.lru_cache(maxsize=1)
-def _reference(folder: Path) -> tuple[Reference, tuple[Array, Array]]:
-    """The reference, which must show every lens, and its elemental images."""
-    reference = Reference.read(folder)
-    if reference.lens_list is not None:
-        raise LfsrError(f"the reference {folder} is of {len(reference.lens_list)} lenses only, but all are needed: "
-                        "render it without --lenses")
-    return reference, reference.elemental_images()
+def _target(folder: Path) -> Target:
+    """Read a reference, which must show every lens."""
+    target = Target.read(folder, np.ones(read_frame(folder).display.lenses[::-1], bool))
+    if target.reference.lens_list is not None:
+        raise LfsrError(f"the reference {folder} is of {len(target.reference.lens_list)} lenses only, but all are "
+                        "needed: render it without --lenses")
+    return target
 
 
 def _seconds(folder: Path, method: str) -> float:
     """Render, as it took then, and second stage, as it takes now; the folder itself stays as it is."""
-    with tempfile.TemporaryDirectory(prefix="lfsr-actual-") as name:
-        write_frame(name, timed_frame(folder))
-        for file in read_frame(folder).render_files:
-            shutil.copy(folder / file, name)
-        return sum(upscale_frame(name, method).seconds.values())
+    with scratch_copy(folder) as copy:
+        (copy / FRAME_FILE).unlink()  # a link to the folder's own
+        write_frame(copy, timed_frame(folder))
+        return sum(upscale_frame(copy, method).seconds.values())
 
 
 def timed_frame(folder: Path) -> Frame:
@@ -136,7 +124,7 @@ def replay(scene: Path, job: Job) -> None:
     source = _source(scene, job)
     frame, target = timed_frame(source), Path(job.output)
     tiled = dataclasses.replace(frame, lens_list=job.lens_list, seed=job.seed, samples=job.spp)
-    share = np.prod(tiled.rays.size) / np.prod(frame.rays.size) * job.spp / frame.samples
+    fraction = np.prod(tiled.rays.size) / np.prod(frame.rays.size) * job.spp / frame.samples
     target.mkdir(parents=True, exist_ok=True)
     files = {LOW_RES_FILE: LOW_RES_FILE}
     if job.kind == "reference":
@@ -148,7 +136,7 @@ def replay(scene: Path, job: Job) -> None:
         shutil.copy(source / name, target)
     whole, world = render_seconds(frame), 0.0 if job.world else frame.seconds.get("world", 0.0)
     setup = min(setup_seconds(scene), whole)
-    seconds = {**frame.seconds, "world": world, "render": world + setup + (whole - setup) * float(share)}
+    seconds = {**frame.seconds, "world": world, "render": world + setup + (whole - setup) * float(fraction)}
     write_frame(target, dataclasses.replace(tiled, seconds=seconds))
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,10 +19,12 @@ from lfsr_core.plan.estimate import Estimate
 from lfsr_core.plan.planner import Planned, SampleFacts
 from lfsr_core.plan.times import path_samples
 from lfsr_core.records import read_record
-from lfsr_lab.experiments.plan import actual, blocks
-from lfsr_lab.experiments.plan.actual import Actual
-from lfsr_lab.experiments.plan.records import Validation
-from lfsr_lab.experiments.plan.validation import Case, judge, main, summary, with_between
+from lfsr_lab.experiments.engine.records import Records
+from lfsr_lab.experiments.engine.timing import Repeats
+from lfsr_lab.experiments.plan_validation import actual, blocks
+from lfsr_lab.experiments.plan_validation.__main__ import Case, judge, main, summary, with_between
+from lfsr_lab.experiments.plan_validation.actual import Actual
+from lfsr_lab.experiments.plan_validation.records import Validation
 from tests.support.noisy_renders import JOB, render
 from tests.support.synthetic import MINI, frame_of
 
@@ -61,12 +63,11 @@ def test_seconds_are_those_of_timed_repeats(bench, tmp_path):
     scene = bench / "toy"
     first = read_frame(scene / "s2-spp4").seconds["render"]
     assert actual.timed_frame(scene / "s2-spp4").seconds["render"] == first
-    (scene / "render-times").mkdir()
-    times = scene / "render-times" / "s2-spp4.json"
+    records = Records(scene / "render-times", Repeats)
     try:
-        times.write_text(json.dumps({"first": first, "alone": True, "repeats": [7.0, 9.0, 8.0]}))
+        records.write("s2-spp4", {"first": first}, Repeats(True, (7.0, 9.0, 8.0)))
         assert actual.timed_frame(scene / "s2-spp4").seconds["render"] == 8
-        times.write_text(json.dumps({"first": first + 1, "alone": True, "repeats": [7.0]}))  # of another render
+        records.write("s2-spp4", {"first": first + 1}, Repeats(True, (7.0,)))  # of another render
         assert actual.timed_frame(scene / "s2-spp4").seconds["render"] == first
     finally:
         shutil.rmtree(scene / "render-times")
@@ -155,3 +156,9 @@ def test_a_method_of_single_lenses_needs_no_neighbours(bench, capsys):
 def test_a_bench_without_scenes_is_refused(tmp_path, capsys):
     assert main([str(tmp_path), "-o", str(tmp_path), "--json", str(tmp_path / "x.json"), "--replay"]) == 2
     assert "has no scene" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["plan-replay", "plan-lenticular"])
+def test_published_validations_are_read(name):
+    published = Path(__file__).parents[4] / "docs" / "results" / "measured" / f"{name}.json"
+    assert read_record(published, Validation, "a validation").plans

@@ -1,6 +1,6 @@
-"""Are plans right? ``python -m lfsr_lab.experiments.plan.validation BENCH -o DIR --json FILE [--replay]``
+"""Are plans right? ``python -m lfsr_lab.experiments.plan_validation BENCH -o DIR --json FILE [--replay]``
 
-Plans every scene of a bench folder (lfsr_lab.experiments.plan.actual) for several
+Plans every scene of a folder of renders (lfsr_lab.experiments.plan_validation.actual) for several
 targets and seeds, and holds each plan against whole frames and references: does
 the chosen candidate meet the target, and what does it cost against the best
 choice in hindsight. With --replay the sampled lenses are cut out of the bench's
@@ -30,16 +30,18 @@ from lfsr_core.records import write_record
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import run_job
 from lfsr_core.render.store import Render
-from lfsr_lab.experiments.engine.report import markdown_table
-from lfsr_lab.experiments.plan.actual import REFERENCE, Actual, actual, renders, replay, scenes
-from lfsr_lab.experiments.plan.records import Summary, Validation, Verdict
+from lfsr_lab.experiments.engine.records import Records
+from lfsr_lab.experiments.engine.renders import REFERENCE
+from lfsr_lab.experiments.engine.report import exit_code, markdown_table
+from lfsr_lab.experiments.plan_validation.actual import Actual, actual, renders, replay, scenes
+from lfsr_lab.experiments.plan_validation.records import Summary, Validation, Verdict
 
 TARGETS = (0.8, 0.85, 0.9, 0.925, 0.95, 0.97)
 CANDIDATE_COLUMNS = ("scene", "candidate", "actual", "estimate", "least", "most", "bounds below", "seconds: predicted "
                      "over actual")
 CHEAP_ENOUGH = 1.2  # times the cost of the best choice in hindsight
 COLUMNS = ("scene", "seed", "target", "chosen", "estimate", "bound", "actual", "met", "hindsight", "cost", "samples")
-KEPT = "truth"  # folder of measured candidates beside a scene's samples
+TRUTH = "truth"  # folder of measured candidates beside a scene's samples
 Actuals = dict[Candidate, Actual]
 
 
@@ -50,8 +52,8 @@ class Draw:
     folder: Path  # the scene's folder in the bench
     scene_file: str  # what Blender opens, empty where renders are replayed
     seed: int  # of the lenses
-    work: Path  # keeps the sample
-    cache: Path  # keeps measured candidates
+    work: Path  # where the sample is stored
+    records: Records[Actual]  # measured candidates
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,9 +119,9 @@ def with_between(actuals: Actuals, steps: int) -> Actuals:
     for scale, method in {(candidate.scale, candidate.method) for candidate in actuals}:
         known = {c.spp: one for c, one in actuals.items() if (c.scale, c.method) == (scale, method)}
         for spp, fewer, more, weight in between(list(known), steps):
-            low, high, share = known[fewer], known[more], (spp - fewer) / (more - fewer)
+            low, high, part = known[fewer], known[more], (spp - fewer) / (more - fewer)
             accuracy = low.accuracy + weight * (high.accuracy - low.accuracy)
-            seconds = low.seconds + share * (high.seconds - low.seconds)
+            seconds = low.seconds + part * (high.seconds - low.seconds)
             found[Candidate(scale, spp, method)] = Actual(accuracy, seconds)
     return found
 
@@ -167,7 +169,7 @@ def _actuals(draw: Draw, wanted: Sequence[Candidate], metric: str) -> Actuals:
     found = {}
     for candidate in wanted:
         try:
-            found[candidate] = actual(draw.folder, candidate, metric, draw.cache)
+            found[candidate] = actual(draw.folder, candidate, metric, draw.records)
         except LfsrError as error:
             if candidate == wanted[-1] and not found:
                 raise
@@ -186,33 +188,32 @@ def _median(values: Iterable[float]) -> float | None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Validate every scene, write the JSON after each, print the tables."""
+    """Return the exit code: 0, 2 after bad input, 130 if stopped."""
     options = _parser().parse_args(argv)
-    folders = scenes(options.bench)
+    return exit_code("plan_validation", lambda: run(options))
+
+
+def run(options: argparse.Namespace) -> None:
+    """Validate every scene, write the JSON after each, print the tables."""
     files = {path.stem: str(path.resolve()) for path in options.scenes}
     wanted = PlanOptions(metric=options.metric, spps=options.spps, methods=options.methods, lenses=options.lenses,
-                     between=options.between, budget=options.budget, reference_spp=options.reference_spp)
+                         between=options.between, budget=options.budget, reference_spp=options.reference_spp)
     rows: list[Verdict] = []
-    try:
-        for folder in folders:
-            if options.replay or folder.name in files:
-                rows += _scene(folder, wanted, options, files.get(folder.name, ""))
-                write_record(options.json, Validation(options.replay, summary(rows), tuple(rows)))
-        if not rows:
-            raise LfsrError(f"{options.bench} has no scene of the files given: name them, or use --replay")
-    except LfsrError as error:
-        print(f"plan_validation: {error}", file=sys.stderr)
-        return 2
+    for folder in scenes(options.bench):
+        if options.replay or folder.name in files:
+            rows += _scene(folder, wanted, options, files.get(folder.name, ""))
+            write_record(options.json, Validation(options.replay, summary(rows), tuple(rows)))
+    if not rows:
+        raise LfsrError(f"{options.bench} has no scene of the files given: name them, or use --replay")
     print(markdown(rows))
-    return 0
 
 
 def _scene(folder: Path, wanted: PlanOptions, options: argparse.Namespace, scene_file: str) -> list[Verdict]:
     rows: list[Verdict] = []
-    kept = options.output / folder.name
+    folders = options.output / folder.name
     for seed in options.seeds:
         print(f"{folder.name}, seed {seed}", file=sys.stderr, flush=True)
-        draw = Draw(folder, scene_file, seed, kept / f"seed-{seed}", kept / KEPT)
+        draw = Draw(folder, scene_file, seed, folders / f"seed-{seed}", Records(folders / TRUTH, Actual))
         if options.replay:
             with tempfile.TemporaryDirectory(prefix="lfsr-replay-") as work:
                 rows += validate(dataclasses.replace(draw, work=Path(work)), lambda job: replay(folder, job), wanted,
@@ -224,22 +225,24 @@ def _scene(folder: Path, wanted: PlanOptions, options: argparse.Namespace, scene
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="plan_validation", description=__doc__.splitlines()[0])
-    parser.add_argument("bench", type=Path, help="bench folder with whole references and renders")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="keeps samples and measured candidates")
-    parser.add_argument("--json", type=Path, required=True)
-    parser.add_argument("--scenes", type=Path, nargs="*", default=[], help="scene files; needless with --replay")
-    parser.add_argument("--replay", action="store_true", help="cut the sample out of the bench's frames")
-    parser.add_argument("--targets", type=_floats, default=TARGETS)
-    parser.add_argument("--seeds", type=_ints, default=(101,))
-    parser.add_argument("--metric", default=PlanOptions.metric)
-    parser.add_argument("--spps", type=_ints, default=PlanOptions.spps)
-    parser.add_argument("--between", type=int, default=PlanOptions.between)
-    parser.add_argument("--methods", type=lambda text: tuple(text.split(",")), default=None)
-    parser.add_argument("--lenses", type=int, default=None)
-    parser.add_argument("--budget", type=float, default=PlanOptions.budget)
-    parser.add_argument("--reference-spp", type=int, default=PlanOptions.reference_spp)
-    parser.add_argument("--blender")
+    parser = argparse.ArgumentParser(prog="python -m lfsr_lab.experiments.plan_validation",
+                                     description=__doc__.splitlines()[0])
+    add = parser.add_argument
+    add("bench", type=Path, help="folder with whole references and renders, as of `lfsr chart`")
+    add("-o", "--output", type=Path, required=True, help="keeps samples and measured candidates")
+    add("--json", type=Path, required=True)
+    add("--scenes", type=Path, nargs="*", default=[], help="scene files; needless with --replay")
+    add("--replay", action="store_true", help="cut the sample out of the bench's frames")
+    add("--targets", type=_floats, default=TARGETS)
+    add("--seeds", type=_ints, default=(101,))
+    add("--metric", default=PlanOptions.metric)
+    add("--spps", type=_ints, default=PlanOptions.spps)
+    add("--between", type=int, default=PlanOptions.between)
+    add("--methods", type=lambda text: tuple(text.split(",")), default=None)
+    add("--lenses", type=int, default=None)
+    add("--budget", type=float, default=PlanOptions.budget)
+    add("--reference-spp", type=int, default=PlanOptions.reference_spp)
+    add("--blender")
     return parser
 
 
