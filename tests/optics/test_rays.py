@@ -188,11 +188,6 @@ def test_bad_layout_is_refused(options, told):
         layout(**options)
 
 
-def test_scale_that_does_not_divide_is_refused():
-    with pytest.raises(LfsrError, match="scale is 3"):
-        layout(3)
-
-
 def test_the_lower_edge_of_a_pixel_belongs_to_it():
     width, height = layout().size
     rows = np.arange(height)
