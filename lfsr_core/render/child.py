@@ -31,10 +31,7 @@ class Child:
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None,
                  log: Callable[[str], object] = lambda line: None) -> None:
-        """Start ``command``; OSError where that fails.
-
-        ``environment`` replaces this process's, and ``log`` is called with each line of the output.
-        """
+        """Start ``command``; OSError where that fails. ``environment`` replaces our own; ``log`` gets each line."""
         self.last: dict[str, Any] = {}  # record that it wrote last
         self._log = log
         self._tail: collections.deque[str] = collections.deque(maxlen=LINES_IN_MESSAGE)
@@ -69,12 +66,6 @@ class Child:
                 elif line.strip():
                     self._tail.append(line.strip())
 
-    def send(self, text: str) -> None:
-        """Write ``text`` to its standard input; OSError where it has ended."""
-        assert self._process.stdin is not None
-        self._process.stdin.write(text)
-        self._process.stdin.flush()
-
     def wait(self) -> int:
         """Wait for the end and return the exit code; LfsrError with the child's own sentence after bad input."""
         code = self._process.wait()
@@ -87,9 +78,9 @@ class Child:
         return self.wait() == 0 and self.last.get("stage") == "done"
 
     def crash(self, what: str, advice: str) -> CrashError:
-        """Return the error of a process that has ended too early.
+        """Return the error of a process that has ended too early, from ``what``, its end, and ``advice``.
 
-        ``what``: its beginning, as "the render stopped with"; ``advice``: its end, as "try again".
+        ``what`` is as "the render stopped with", ``advice`` as "try again".
         """
         code = self._process.wait()
         reason = f"signal {-code}" if code < 0 else f"exit code {code}"
@@ -100,9 +91,8 @@ class Child:
         """End the process and its own children: ask first, and kill what has not ended after ``seconds``."""
         if not self.is_running():
             return
-        with contextlib.suppress(OSError):
-            if self._process.stdin is not None:
-                self._process.stdin.close()
+        if self._process.stdin is not None:
+            self._process.stdin.close()
         _ask_to_end(self._process)
         try:
             self._process.wait(seconds)
