@@ -11,7 +11,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import check_name
 from lfsr_core.frames.averaging import seed_in_turn
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, SUBPIXELS, read_rendered
-from lfsr_core.frames.identity import is_same, on_any_device
+from lfsr_core.frames.identity import is_same
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
 
@@ -48,7 +48,7 @@ def is_complete(folder: Path, job: Job, method: str) -> bool:
         return False  # an incomplete or older folder is rendered again
     # In an animation with temporal averaging neighbouring frames have seeds of their own.
     job = dataclasses.replace(job, seed=seed_in_turn(job.seed, frame.frame, report.temporal_averaging))
-    return report.method == method and is_same(frame, on_any_device(job))
+    return report.method == method and is_same(frame, job)
 
 
 def finished_frame(scene: bpy.types.Scene, purpose: str) -> Path:

@@ -67,14 +67,10 @@ def first_difference(found: Facts, wanted: Facts) -> str:
     return next((name for name, value in wanted.items() if found.get(name) != value), "")
 
 
-def on_any_device(job: Job) -> Job:
-    """Return ``job`` without its choice of a device and of the way to send the rays there."""
-    return dataclasses.replace(job, device=AUTO, layout=job.layout if job.layout == SUBPIXELS else LAYOUTS[0])
-
-
-def is_same(frame: Frame, job: Job, names: Collection[str] | None = None) -> bool:
-    """True if ``frame`` is the render of ``job`` as far as the facts ``names`` go, or all facts."""
-    return not first_difference(vars(frame), _only(wanted_facts(job, frame), names))
+def is_same(frame: Frame, job: Job) -> bool:
+    """True if ``frame`` is the render of ``job``, on any device and in the layout that it needs."""
+    layout = job.layout if job.layout == SUBPIXELS else LAYOUTS[0]
+    return not first_difference(vars(frame), wanted_facts(dataclasses.replace(job, device=AUTO, layout=layout), frame))
 
 
 def check_same(folder: Path, job: Job, content: str = "", names: Collection[str] | None = RAYS,
@@ -84,7 +80,8 @@ def check_same(folder: Path, job: Job, content: str = "", names: Collection[str]
     ``content``: as of ``wanted_facts``; ``names``: facts to compare, None for all; ``advice``: what the user can do.
     """
     found = read_part(folder)
-    wanted = _only(wanted_facts(job, found, content), names)
+    facts = wanted_facts(job, found, content)
+    wanted = {name: value for name, value in facts.items() if names is None or name in names}
     if name := first_difference(vars(found), wanted):
         if name == "content":
             raise LfsrError(f"{folder} was rendered before {found.scene} was changed: {advice}")
@@ -103,10 +100,6 @@ def phrases(name: str, found: object, wanted: object) -> tuple[str, str]:
         return phrases(f"{name} {part}".removesuffix(" name"), parts[0][part], parts[1][part])
     here, there = _phrase(name, found), _phrase(name, wanted)
     return here if here != there else f"other {here}", there
-
-
-def _only(facts: Facts, names: Collection[str] | None) -> Facts:
-    return facts if names is None else {name: value for name, value in facts.items() if name in names}
 
 
 def _parts(value: object) -> dict[str, object]:

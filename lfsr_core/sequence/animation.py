@@ -10,7 +10,7 @@ from pathlib import Path
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.averaging import check_averaging, seed_in_turn
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, PANEL_FILE, SUBPIXELS, Frame, frame_folder, read_part
-from lfsr_core.frames.identity import check_same, is_same, on_any_device
+from lfsr_core.frames.identity import check_same, is_same
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.exr import check_complete
@@ -74,7 +74,7 @@ def state(animation: Animation, job: Job) -> str:
     folder = Path(job.output)
     check_folder(folder, job.kind)
     frame = _readable(folder)
-    if frame is None or (animation.lenient and not is_same(frame, on_any_device(job))):
+    if frame is None or (animation.lenient and not is_same(frame, job)):
         return TO_RENDER
     if not animation.lenient:
         check_same(folder, job, animation.content, None, "give --overwrite, or choose another folder")
