@@ -100,7 +100,7 @@ def _scales(arguments: argparse.Namespace, job: Job, method: MethodName) -> tupl
 def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) -> None:
     from lfsr_core.sequence.animation import SecondStage, animation_of
     from lfsr_core.sequence.cluster_animation import render_on
-    from lfsr_core.sequence.engine import FAILED, Tools, render_animation, summary
+    from lfsr_core.sequence.engine import FAILED, Tools, counts, render_animation, table
     from lfsr_core.sequence.numbers import parse_frames
 
     cluster = common.chosen_cluster(arguments)
@@ -114,7 +114,7 @@ def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) 
     with closing(ProgressBar()) as bar:
         tools = Tools(arguments.blender, bar, bar.note, overwrite=arguments.overwrite)
         results = render_on(cluster, animation, tools) if cluster else render_animation(animation, tools)
-    print(summary(results, time.monotonic() - started))
+    print(f"{table(results)}\n{counts(results, time.monotonic() - started)}")
     failed = [result for result in results if result.state == FAILED]
     if failed:
         raise LfsrError(f"{len(failed)} of {len(results)} frames failed, first frame {failed[0].frame} "

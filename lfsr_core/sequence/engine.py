@@ -121,7 +121,9 @@ class _Run:
                 current = self.waiting[0]
                 crashes[current.output] += 1
                 if crashes[current.output] >= TRIES:
-                    self._leave_out(self.waiting.pop(0), str(error))
+                    self.failed[self.waiting.pop(0).output] = str(error)
+                    self.finish_ready()
+                    self.tools.warn(f"frame {current.frame} is left out: {error}")
 
     def tell(self, message: str, fraction: float = 0.0) -> None:
         """Show how much of what is to be rendered is done; ``fraction``: of the frame in work."""
@@ -137,11 +139,6 @@ class _Run:
         finish = sum(value for stage, value in seconds.items() if stage != "render")
         return Result(number, job.output, KEPT if job.output in self.kept else MADE,
                       render=read_part(job.output).seconds.get("render", 0.0), finish=finish)
-
-    def _leave_out(self, job: Job, sentence: str) -> None:
-        self.failed[job.output] = sentence
-        self.finish_ready()
-        self.tools.warn(f"frame {job.frame} is left out: {sentence}")
 
     def _rendered(self, job: Job) -> None:
         self.waiting.remove(job)
@@ -201,11 +198,6 @@ def duration(seconds: float) -> str:
     if whole >= 3600:
         return f"{whole // 3600} h {whole % 3600 // 60} min"
     return f"{whole // 60} min {whole % 60} s" if whole >= 60 else f"{whole} s"
-
-
-def summary(results: Sequence[Result], seconds: float) -> str:
-    """Return a line per frame and one for all; ``seconds`` is the time that has passed."""
-    return f"{table(results)}\n{counts(results, seconds)}"
 
 
 def table(results: Sequence[Result]) -> str:
