@@ -8,6 +8,8 @@ import pytest
 import blender_addon
 from blender_addon.settings import words
 from blender_addon.ui import summary
+from blender_addon.ui.operators import check
+from tests.blender.ui.test_panels import draw_all
 from tests.support import panel
 
 CLASSES = [cls for module in blender_addon._modules() for cls in getattr(module, "CLASSES", ())]
@@ -57,6 +59,18 @@ def test_texts_follow_blenders_rules(cls):
     with panel.registered():
         assert texts_of(cls) == []
         assert not issubclass(cls, bpy.types.Operator) or cls.bl_idname.startswith("lfsr.")
+
+
+def test_texts_of_buttons_follow_them_too(tmp_path):
+    with panel.registered():
+        scene = panel.artist_scene(tmp_path)
+        scene.lfsr.display, scene.cycles.pixel_filter_type = "looking-glass-16", "GAUSSIAN"
+        scene.collection.objects.unlink(bpy.data.objects["Sun"])
+        assert len(check.refresh(scene)) > 1
+        drawn = [call for calls in draw_all().values() for call in calls]
+        texts = {named["text"] for name, named in drawn if name in ("operator", "prop", "menu") and named.get("text")}
+    assert {"Use Box", "Fit to Selection"} <= texts
+    assert [wrong_label(text) for text in texts if wrong_label(text)] == []
 
 
 def test_names_of_numbers_are_labels():
