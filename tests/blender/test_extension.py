@@ -18,7 +18,6 @@ import pytest
 
 from lfsr_core import __version__
 from lfsr_core.errors import LfsrError
-from lfsr_core.exports.format_names import DESCRIPTIONS
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_mask, read_png
 
@@ -166,7 +165,7 @@ def test_from_installation_to_removal(archive, blender):
 
     assert blender("render") == {"enabled": ON}
     check_cube(blender.folder / "frame")
-    exports = {name: ["FINISHED"] for name in DESCRIPTIONS}
+    exports = {name: ["FINISHED"] for name in ("quilt", "views", "sway")}
     assert blender("press") == {"enabled": ON, "render": ["FINISHED"], "reference": ["FINISHED"],
                                 "viewer": ["FINISHED"], "exports": exports}
     frame = next((blender.folder / "images").rglob("eia.png")).parent

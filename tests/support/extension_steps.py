@@ -17,7 +17,7 @@ import bpy
 
 REPOSITORY, NAME = "user_default", "lfsr"
 MODULE = f"bl_ext.{REPOSITORY}.{NAME}"
-FORMATS = ("quilt", "hci", "stanford", "stereo", "views", "sway", "pleno")
+FORMATS = ("quilt", "views", "sway")  # one image, one per view, a film that Blender encodes
 FOREIGN = ("cv2", "torch", "pyoidn", "onnxruntime", "av", "PIL", "lfsr_core", "flip_evaluator", "threadpoolctl")
 
 
