@@ -101,8 +101,8 @@ def resting(window: Window, name: str) -> np.ndarray:
 def part(picture: np.ndarray, window: Window, display) -> np.ndarray:
     """What the picture shows of the panel; the live window lies in the upper left corner."""
     width, height = display.panel_pixels
-    left, bottom = window.get("list(live.view().region.corner)")
-    top = window.get("live.view().region.size[1]") - bottom - height
+    left, bottom = window.get("list(live._on['panel'].view.region.corner)")
+    top = window.get("live._on['panel'].view.region.size[1]") - bottom - height
     return picture[top:top + height, left:left + width]
 
 
