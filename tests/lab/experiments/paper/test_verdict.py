@@ -11,6 +11,7 @@ from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.records import from_data
 from lfsr_lab.experiments.paper import figure, page, verdict, weights
 from lfsr_lab.experiments.paper.figures import figure9, figure10, figure11
+from lfsr_lab.experiments.paper.records import Row, Rows
 from lfsr_lab.experiments.paper.verdict import Difference
 
 SEEDS = (0.01, -0.02, 0.015, -0.005, 0.0, 0.012)
@@ -63,8 +64,8 @@ def fig11(gap):
     rows = []
     for name in figure11.methods():
         errors = [0.01 + (gap / 100 + seed / 1000) * name.endswith("-eia") for seed in SEEDS]
-        rows.append({"scene": "toy", "method": name, "metrics": {"epi": errors, "epi_border": errors}})
-    return {"rows": rows, "default": "oidn+bilinear", "schedules": {}}
+        rows.append({"scene": "toy", "method": name, "epi": errors, "epi_border": errors})
+    return {"rows": rows, "schedules": {}}
 
 
 def fig12a(gap):
@@ -110,7 +111,7 @@ def test_sentences_flip_with_the_numbers(name):
 
 def test_scenes_without_epipolar_images_leave_the_others():
     whole = results("fig11", 0.4)
-    other = figure11.EpiRow(scene="other", method="bicubic", reason="sampled lenses have none")
+    other = Row(scene="other", method="bicubic", reason="sampled lenses have none")
     found = figure11.line(dataclasses.replace(whole, rows=(*whole.rows, other)))
     assert found.startswith("**Holds.**") and "other was not measured: sampled lenses have none." in found
 
@@ -128,7 +129,7 @@ def test_the_reason_follows_where_the_error_lies(share, words):
     data = fig9(-0.4)
     for row in data["rows"]:
         row["error"]["centre"] = row["error"]["border"] * share if share else row["error"]["centre"]
-    assert words in figure9.line(from_data(figure9.Residuals, data, "fig9"))
+    assert words in figure9.line(from_data(Rows, data, "fig9"))
     assert "squared error" not in line("fig9", 0.4)
 
 

@@ -13,6 +13,7 @@ import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.optics.display import load_display
@@ -27,7 +28,7 @@ from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.report import exit_code, write_report
 
 COST_SCALE = 4
-QUICK = {"frames": 3, "samples": (4,), "more": (), "reference_samples": 16, "reference_lenses": 34}
+QUICK: dict[str, Any] = {"frames": 3, "samples": (4,), "more": (), "reference_samples": 16, "reference_lenses": 34}
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -50,11 +50,8 @@ def markdown(found: Sequence[Found]) -> str:
              _digits(each.figures.flicker, 2), _digits(each.figures.offset, 2))
             for each in found if each.way in {*fits, ALONE.name, AVERAGED.name}]
     header = ("", "", "samples", "split SSIM of unseen lenses", "flicker", "low-frequency error")
-    return "\n".join([*lines, "**Fits**", "", *markdown_table(header, sorted(rows, key=_order), "llr")]) + "\n"
-
-
-def _order(row: tuple[Any, ...]) -> tuple[Any, ...]:
-    return row[0], row[2]
+    rows.sort(key=lambda row: (row[0], row[2]))
+    return "\n".join([*lines, "**Fits**", "", *markdown_table(header, rows, "llr")]) + "\n"
 
 
 def _row(each: Found) -> tuple[object, ...]:

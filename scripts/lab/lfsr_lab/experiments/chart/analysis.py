@@ -26,7 +26,7 @@ LOWER_IS_BETTER = frozenset({"flip"})
 METRICS = (*MAIN_METRICS, "ssim_views_fg", "ssim_eia", "ssim_lens", "psnr_fg", "flip")
 TARGET, STRETCH = 1 / 4, 1 / 8
 TARGET_SAMPLES = (1, 4)
-RIVAL = (DIRECT, "oidn")
+RIVAL: Key = (DIRECT, "oidn")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,8 +45,8 @@ def sign_of(metric: str) -> int:
 def points(cells: Iterable[Cell], metric: str, with_opening: bool = False) -> list[Point]:
     """Points of every cell that has ``metric``, the ceiling's left out; ``with_opening``: opening the scene counts."""
     return [Point(*cell.key, cell.render + cell.second_stage + (cell.open_seconds if with_opening else 0),
-                  sign_of(metric) * cell.value(metric))
-            for cell in cells if cell.role != CEILING and cell.value(metric) is not None]
+                  sign_of(metric) * value)
+            for cell in cells if cell.role != CEILING and (value := cell.value(metric)) is not None]
 
 
 def dominates(one: Point, other: Point) -> bool:
@@ -120,26 +120,28 @@ def target(ours: Sequence[Point], rival: Sequence[Point]) -> Goal | None:
     low, high = measured[0].value, measured[-1].value
     accuracies = sorted({point.value for point in (*measured, *ours) if low <= point.value <= high})
     ratios = [_ratio(ours, measured, accuracy) for accuracy in accuracies]
-    worst = None if None in ratios else max(ratios)
+    known = [ratio for ratio in ratios if ratio is not None]
+    worst = max(known) if len(known) == len(ratios) else None
     return Goal(low, high, worst, worst is not None and worst <= TARGET, worst is not None and worst <= STRETCH)
 
 
 def _ratio(ours: Sequence[Point], rival: Sequence[Point], accuracy: float) -> float | None:
     we, they = time_to_reach(ours, accuracy), time_to_reach(rival, accuracy)
-    return None if we.seconds is None else we.seconds / they.seconds
+    return None if we.seconds is None or they.seconds is None else we.seconds / they.seconds
 
 
 def ceiling(cells: Iterable[Cell], metric: str) -> Ceiling | None:
     """The best that a method makes of the nearly noise-free low-resolution render."""
-    known = [cell for cell in cells if cell.role == CEILING and cell.value(metric) is not None]
-    best = max(known, key=lambda cell: sign_of(metric) * cell.value(metric), default=None)
-    return best and Ceiling(best.method, best.samples, best.value(metric))
+    known = [Ceiling(cell.method, cell.samples, value) for cell in cells
+             if cell.role == CEILING and (value := cell.value(metric)) is not None]
+    return max(known, key=lambda found: sign_of(metric) * found.value, default=None)
 
 
 def analyse(cells: Sequence[Cell], ours: str, metric: str = MAIN_METRICS[0]) -> Analysis:
     """Everything about one scene and one metric."""
     found, opened = curves(points(cells, metric)), curves(points(cells, metric, with_opening=True))
-    us, rival = (LOW, ours), found.get(RIVAL, [])
+    us: Key = (LOW, ours)
+    rival = found.get(RIVAL, [])
     mine = found.get(us, [])
     others = {key: curve for key, curve in found.items() if key != us}
     front = pareto_front([point for curve in found.values() for point in curve])

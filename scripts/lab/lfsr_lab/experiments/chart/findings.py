@@ -62,7 +62,8 @@ def _goal(scene: SceneRow, main: Analysis) -> GoalRow:
     plain, opened, others = main.target, main.target_with_opening, main.targets_of_others
     ratios = {method: goal.worst_ratio for method, goal in others.items() if goal and goal.worst_ratio is not None}
     best = min(ratios, key=lambda method: ratios[method], default=None)
-    return GoalRow(scene.scene, plain is not None, plain and plain.worst_ratio, opened and opened.worst_ratio,
+    return GoalRow(scene.scene, plain is not None, plain.worst_ratio if plain else None,
+                   opened.worst_ratio if opened else None,
                    "none" if best is None else f"{best}: {ratios[best]:.2f}")
 
 
@@ -87,7 +88,8 @@ def _range(ratios: Sequence[float]) -> str:
 
 def losses(chart: Chart) -> list[str]:
     """A sentence for every method that our default loses to somewhere, most often first; one if there is none."""
-    ours, lost, played = chart.settings.ours, collections.defaultdict(dict), collections.Counter()
+    ours, played = chart.settings.ours, collections.Counter[Key]()
+    lost: dict[Key, dict[str, list[int]]] = collections.defaultdict(dict)
     for scene in chart.scenes:
         for duel in scene.by(chart.metric).versus:
             played[duel.curve] += 1

@@ -45,7 +45,7 @@ class Overall:
         self._step, self._within, self._sentence = self._costs.get(step, 0.0), 0.0, sentence
         self._bar(STAGE, self.fraction, f"{self.left}{sentence}")
 
-    def __call__(self, _stage: str, fraction: float, message: str) -> None:
+    def __call__(self, stage: str, fraction: float, message: str) -> None:
         """Progress of the step that runs, as ``run_job`` tells it."""
         self._within = max(self._within, min(fraction, 1.0))
         self._bar(STAGE, self.fraction, f"{self.left}{self._sentence}: {message}")

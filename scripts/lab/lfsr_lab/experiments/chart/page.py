@@ -46,8 +46,10 @@ def _duel(duel: Duel, chart: Chart) -> list[str]:
 
 
 def _goal_row(row: findings.GoalRow) -> list[str]:
-    met = not row.known or row.ratio is None or row.ratio > TARGET
-    words = "" if not row.known else "missed" if met else "an eighth" if row.ratio <= STRETCH else "a quarter"
+    words = ""
+    if row.known:
+        missed = row.ratio is None or row.ratio > TARGET
+        words = "missed" if missed else "an eighth" if row.ratio is not None and row.ratio <= STRETCH else "a quarter"
     return [row.scene, _ratio(row.ratio, row.known), _ratio(row.opened, row.known), words, row.best]
 
 

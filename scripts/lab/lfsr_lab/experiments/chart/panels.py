@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from lfsr_lab.experiments.chart.analysis import RIVAL, curves, mean_points, pareto_front, points, sign_of
-from lfsr_lab.experiments.chart.records import DIRECT, LOW, Cell, Chart, Key, Point, SceneRow
+from lfsr_lab.experiments.chart.records import DIRECT, LOW, Cell, Chart, Key, Point, Role, SceneRow
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.plots import Curve
 
@@ -46,7 +46,7 @@ class Panel:
 
 def styles(chart: Chart) -> dict[Key, tuple[str, str]]:
     """Colour and marker of every method that is drawn with its name: ours, direct rendering, and who is on a front."""
-    fixed = [(LOW, chart.settings.ours), RIVAL, (DIRECT, "none")]
+    fixed: list[Key] = [(LOW, chart.settings.ours), RIVAL, (DIRECT, "none")]
     seen = collections.Counter(point.curve for scene in chart.scenes for point in scene.by(chart.metric).front)
     more = [key for key, _ in seen.most_common() if key not in fixed]
     return dict(zip([*fixed, *more], STYLES, strict=False))
@@ -69,7 +69,7 @@ def mean_panel(chart: Chart) -> Panel | None:
                                ceiling=_ceiling(chart.scenes, metric))
 
 
-def _panel(chart: Chart, every: Sequence[Point], metric: str, cells: Mapping[tuple[str, str, int], Cell]) -> Panel:
+def _panel(chart: Chart, every: Sequence[Point], metric: str, cells: Mapping[tuple[Role, str, int], Cell]) -> Panel:
     """Panel without title and ceiling; curves have the intervals of ``cells`` where there are any."""
     found, look, ours = curves(every), styles(chart), chart.settings.ours
 
@@ -87,8 +87,9 @@ def _panel(chart: Chart, every: Sequence[Point], metric: str, cells: Mapping[tup
 
 def _ceiling(scenes: Sequence[SceneRow], metric: str) -> tuple[float, str] | None:
     """Mean of the scenes' ceilings, as high as it is drawn, and the words at its line."""
-    found = [part.ceiling for scene in scenes for part in scene.analysis if part.metric == metric]
-    if not all(found):
+    every = [part.ceiling for scene in scenes for part in scene.analysis if part.metric == metric]
+    found = [ceiling for ceiling in every if ceiling]
+    if len(found) < len(every):
         return None
     value = statistics.fmean(ceiling.value for ceiling in found)
     return sign_of(metric) * value, f"the best from a low resolution without noise: {value:.3f}"
@@ -119,7 +120,7 @@ def _draw(axes: Axes, panel: Panel) -> None:
     _limits(axes, panel)
     axes.grid(color=plots.GRID)
     axes.set_title(panel.title, loc="left", fontsize=16, weight="bold", pad=21)
-    quiet = {"fontsize": 12, "color": plots.QUIET, "textcoords": "offset points"}
+    quiet: dict[str, Any] = {"fontsize": 12, "color": plots.QUIET, "textcoords": "offset points"}
     axes.annotate(f"↑ {panel.axis}", (0, 1), (0, 7), xycoords="axes fraction", **quiet)
     axes.annotate("render and second stage, end to end →", (1, 0), (0, -36), xycoords="axes fraction", ha="right",
                   **quiet)

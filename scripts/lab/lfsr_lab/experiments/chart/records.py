@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import statistics
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json
@@ -14,9 +14,11 @@ from lfsr_lab.experiments.engine.accuracy import MAIN_METRICS, Figures
 from lfsr_lab.experiments.engine.environment import Environment
 
 FORMAT = 1
-LOW, DIRECT, CEILING = "low", "direct", "ceiling"
 Role = Literal["low", "direct", "ceiling"]
-Key = tuple[str, str]
+LOW: Final = "low"
+DIRECT: Final = "direct"
+CEILING: Final = "ceiling"
+Key = tuple[Role, str]
 """Role and method of a curve."""
 
 
@@ -70,7 +72,7 @@ class Cell:
     device: str  # what Cycles ran on
 
     @property
-    def key(self) -> tuple[str, str, int]:
+    def key(self) -> tuple[Role, str, int]:
         """Role, method and samples, which tell the cells of a scene apart."""
         return self.role, self.method, self.samples
 
@@ -139,7 +141,7 @@ class Ceiling:
 class Analysis:
     """What follows from the cells of a scene by one metric; values whose less is better have their sign turned."""
 
-    metric: Literal["ssim_eia_fg", "ssim_lens_fg", "ssim_views_fg", "ssim_eia", "ssim_lens", "psnr_fg", "flip"]
+    metric: str  # of analysis.METRICS
     ceiling: Ceiling | None  # None where it was not measured
     front: tuple[Point, ...]  # the points that no other beats in both time and accuracy
     target: Goal | None  # of our method

@@ -64,8 +64,10 @@ def measure(settings: Settings, scenes: Sequence[Path], overall: Overall) -> tup
     names = [scene.stem for scene in scenes]
     before, stem = _before(settings, names)
     store = Store(settings.folder, settings.blender, not settings.only_measure, overall)
-    run, costs = _Run(settings, store, overall, stem), ()
-    rows = {row.scene: None if row.scene in names else row for row in before}  # each stays in its place
+    run = _Run(settings, store, overall, stem)
+    costs: tuple[MethodCost, ...] = ()
+    # Each stays in its place.
+    rows: dict[str, SceneRow | None] = {row.scene: None if row.scene in names else row for row in before}
     for scene in scenes:
         row = rows[scene.stem] = run.scene(scene)
         if row is not None:
@@ -123,12 +125,14 @@ class _Run:
     def scene(self, path: Path) -> SceneRow | None:
         """Return the row of one scene; None if its reference is missing, or if no method finishes a render."""
         if self._reference(path) is None:
-            return self._skip(f"{path.stem} has no reference")
+            self._skip(f"{path.stem} has no reference")
+            return None
         made = list(self._renders(path))
         target = read_target(self.settings, path)
         cells = tuple(found for role, folder in made for found in self._cells(path, role, folder, target))
         if not cells:
-            return self._skip(f"{path.stem} has no render that a method could finish")
+            self._skip(f"{path.stem} has no render that a method could finish")
+            return None
         frame = target.reference.frame
         lenses = None if frame.lens_list is None else len(frame.lens_list)
         return SceneRow(path.stem, frame.blender, float(target.mask.mean()),

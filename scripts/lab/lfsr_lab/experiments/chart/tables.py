@@ -55,7 +55,8 @@ def _row(cells: Sequence[Cell], costs: dict[str, MethodCost], metrics: Sequence[
         [cell.stage_seconds["upscale"] for cell in cells]))
     values = [metric_text(first, name) if len(cells) == 1 else _mean(cells, name) for name in metrics]
     return [first.method, first.samples, first.scale, f"{render:.2f}", f"{1000 * second:.0f}", f"{1000 * own:.1f}",
-            count(cost and cost.multiply_adds_per_low_pixel), count(cost and cost.parameters), *values]
+            count(cost.multiply_adds_per_low_pixel if cost else None),
+            count(cost.parameters if cost else None), *values]
 
 
 def _geometric(values: Sequence[float]) -> float:
@@ -63,8 +64,9 @@ def _geometric(values: Sequence[float]) -> float:
 
 
 def _mean(cells: Sequence[Cell], name: str) -> str:
-    values = [cell.value(name) for cell in cells]
-    return number(None if None in values else statistics.fmean(values), digits=DIGITS.get(name, 4))
+    values = [value for cell in cells if (value := cell.value(name)) is not None]
+    mean = statistics.fmean(values) if len(values) == len(cells) else None
+    return number(mean, digits=DIGITS.get(name, 4))
 
 
 def metric_text(cell: Cell, name: str) -> str:

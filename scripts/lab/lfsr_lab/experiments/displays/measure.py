@@ -69,16 +69,16 @@ class Target:
         """Of the frame folder of a reference of every view."""
         reference = Reference.read(folder)
         profile = reference.frame.display
-        return cls._with(profile, tuple(shown(half, profile, "all") for half in (reference.half_a, reference.half_b)))
+        return cls._with(profile, shown(reference.half_a, profile, "all"), shown(reference.half_b, profile, "all"))
 
     @classmethod
     def of_subpixels(cls, folder: Path) -> Target:
         """Of the frame folder of a reference of the panel's subpixels."""
-        return cls._with(read_rendered(folder).display, tuple(traced(folder, name) for name in REFERENCE_FILES))
+        return cls._with(read_rendered(folder).display, *(traced(folder, name) for name in REFERENCE_FILES))
 
     @classmethod
-    def _with(cls, profile: DisplayProfile, panels: Halves) -> Target:
-        return cls(profile, panels, tuple(zip(*(seen(panel, profile) for panel in panels), strict=True)))
+    def _with(cls, profile: DisplayProfile, a: Array, b: Array) -> Target:
+        return cls(profile, (a, b), tuple(zip(seen(a, profile), seen(b, profile), strict=True)))
 
     def accuracy(self, panel: Array, seen: Sequence[Array]) -> Accuracy:
         """Of a panel's image (H, W, 3) uint8, and of what eyes see of it."""

@@ -70,7 +70,7 @@ def markdown(found: Comparison) -> str:
 
 def judged(point: Point, reference: str) -> Accuracy:
     """How near it comes to a reference that its row has."""
-    return point.accuracy if reference == WOVEN else point.traced
+    return point.traced if reference == TRACED and point.traced else point.accuracy
 
 
 def seconds_for(points: tuple[Point, ...], value: float, reference: str = WOVEN) -> float | None:

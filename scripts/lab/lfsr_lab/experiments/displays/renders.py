@@ -132,9 +132,9 @@ class Renders:
 
 def with_few_views(profile: DisplayProfile) -> DisplayProfile:
     """The display with FEW views along each axis that has several."""
-    views = tuple(FEW if many else 1 for many in profile.parallax)
-    pixels = tuple(lenses * count for lenses, count in zip(profile.lenses, views, strict=True))
-    return dataclasses.replace(profile, views=views, panel_pixels=profile.panel_pixels if profile.is_woven else pixels)
+    px, py = (FEW if many else 1 for many in profile.parallax)
+    pixels = profile.panel_pixels if profile.is_woven else (profile.lenses[0] * px, profile.lenses[1] * py)
+    return dataclasses.replace(profile, views=(px, py), panel_pixels=pixels)
 
 
 def _mark(job: Job) -> Fingerprint:

@@ -104,7 +104,8 @@ def _view_by_view(folder: Path, frame: Frame) -> Array:
 
 def _denoised(low: LowResEIA, row: int, column: int) -> Array:
     guides = {name: low.layers[name][:, :, row, column] for name in GUIDES if name in low.layers}
-    return denoise_eia(low.color[:, :, row, column], **clean_guides(guides))
+    cleaned = clean_guides(guides)
+    return denoise_eia(low.color[:, :, row, column], cleaned.get("albedo"), cleaned.get("normal"))
 
 
 def clean_guides(guides: Mapping[str, Array]) -> dict[str, Array]:

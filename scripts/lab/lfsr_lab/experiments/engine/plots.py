@@ -33,7 +33,7 @@ MARKERS = ("o", "s", "^", "D", "v", "X", "P")
 INK, QUIET, FAINT, GRID = "#222222", "#555555", "#b8b8b8", "#e6e6e6"
 DPI = 90  # of PNG files
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 540, 430, 52, 116, 44, 46  # a panel and its margins in points; names go right
-STYLE = {"svg.fonttype": "none", "svg.hashsalt": "lfsr"}
+STYLE: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "lfsr"}
 FOOTER_CHARACTER = 8  # points that a character of the footer takes, margins included
 NAME_LENGTH = 14  # of a line; longer names break before a plus or at a blank
 LEAST_X_TICKS, MOST_X_TICKS, MOST_Y_TICKS = 3, 7, 12
@@ -112,7 +112,7 @@ def draw_curve(axes: Axes, curve: Curve, order: float = 3) -> None:
     """Draw a curve without its name; a higher ``order`` lies on top."""
     axes.plot(curve.x, curve.y, color=curve.color, marker=curve.marker, markersize=8 if curve.bold else 7,
               linewidth=3 if curve.bold else 1.8, zorder=order)
-    thin = {"color": curve.color, "linewidth": 1.2, "alpha": 0.6, "zorder": order}
+    thin: dict[str, Any] = {"color": curve.color, "linewidth": 1.2, "alpha": 0.6, "zorder": order}
     if curve.spans:
         axes.hlines(curve.y, *np.transpose(curve.spans), **thin)
     if curve.halves:
@@ -237,6 +237,7 @@ class _Crowd:
 
     def place(self, text: Annotation, places: Sequence[tuple[float, float]]) -> None:
         """Move a text to the best of ``places``, in points from what it names; the earlier the better."""
+        assert text.axes is not None
         start, pixel = text.get_window_extent(), text.axes.figure.dpi / 72
         moved = [start.translated(across * pixel, up * pixel) for across, up in places]
         best = min(range(len(places)), key=lambda index: index + self._hidden(moved[index]))

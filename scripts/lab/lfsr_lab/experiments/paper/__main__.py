@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Exit code 0, 2 after bad input, 130 if stopped."""
     arguments = _parser().parse_args(argv)
     command = _command(sys.argv[1:] if argv is None else argv)
-    return exit_code("reproduce_paper", lambda: reproduce(arguments, command))
+    return exit_code("paper", lambda: reproduce(arguments, command))
 
 
 def reproduce(arguments: argparse.Namespace, command: str) -> dict[str, Results]:
@@ -70,7 +70,7 @@ def _publish(figure: Figure, sheet: Sheet | None, folder: Path, text: str, page_
 def make_settings(arguments: argparse.Namespace) -> settings.Settings:
     """Settings of the command line; LfsrError where a display, scene or folder is wrong."""
     scenes = tuple(arguments.scenes) or (renders.demo_scene(arguments.output),)
-    names = ("bench", "lenses", "weights", "train_minutes", "photographs", "validation", "device", "render_device",
+    names = ("bench", "lenses", "weights", "train_epochs", "photographs", "validation", "device", "render_device",
              "blender", "repeats", "spp", "clean_spp", "reference_spp", "scale", "convention")
     changes = {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
     for name in ("display", "timing_display"):
@@ -100,7 +100,7 @@ def _command(words: Sequence[str]) -> str:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="reproduce_paper", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python -m lfsr_lab.experiments.paper", description=__doc__.splitlines()[0])
     add = parser.add_argument
     add("-o", "--output", type=Path, required=True, metavar="OUT", help="folder of everything that is made")
     add("--scenes", type=Path, nargs="+", default=[], metavar="FILE", help="default: the demo scene")
@@ -117,7 +117,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--lenses", type=int, metavar="N", help="lenses of a reference; default: all")
     add("--convention", choices=("centred", "paper"), help="where views lie, default: centred")
     add("--weights", type=Path, metavar="DIR", help="trained networks, as of lfsr_lab.train.suite")
-    add("--train-minutes", type=float, metavar="M", help="train each network that --weights lacks for so long")
+    add("--train-epochs", type=int, metavar="N", help="train each network that --weights lacks by the short recipe")
     add("--photographs", metavar="DIR|FILE", help="to train with; default: as in lfsr_core/train/configs")
     add("--validation", metavar="DIR|FILE", help="to validate with; default: as in lfsr_core/train/configs")
     add("--device", choices=("auto", "cpu", "cuda"), help="for networks, default: auto")

@@ -8,13 +8,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from lfsr_lab.experiments.engine import plots, tables
+from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.engine.accuracy import MAIN_METRICS
+from lfsr_lab.experiments.engine.report import number
 from lfsr_lab.experiments.paper.records import Results, Row
 from lfsr_lab.experiments.paper.settings import Settings
 from lfsr_lab.experiments.paper.verdict import Difference, paired
 
 Measured = TypeVar("Measured", bound=Results)
-MAIN_METRICS = ("ssim_eia_fg", "ssim_lens_fg")
 ALIKE = 1.5  # times as many crops as another network has seen
 CROPS_SEEN = re.compile(r"^(?P<kind>[^:]*): (?P<epochs>\d+) epochs of (?P<crops>\d+) (?P<size>\d+)-pixel crops per "
                         r"photograph, rate (?P<rate>\S+ \w+),")
@@ -37,7 +38,7 @@ class Figure(Generic[Measured]):
 
 def metric(row: Row, name: str, digits: int = 3) -> str:
     """One metric that was measured, with its interval where it has one."""
-    return tables.number(row.metrics.get(name), row.ci95.get(name), digits)
+    return number((row.metrics or {}).get(name), row.ci95.get(name), digits)
 
 
 def known(rows: Iterable[Any], names: Iterable[str]) -> list[str]:
@@ -53,8 +54,8 @@ def main_metric(rows: Sequence[Any]) -> str:
 
 
 def measured(rows: Iterable[Any]) -> dict[tuple[str, str], Any]:
-    """Rows that have metrics, by scene and method."""
-    return {(row.scene, row.method): row for row in rows if row.metrics}
+    """Return the rows that have figures, by scene and method."""
+    return {(row.scene, row.method): row for row in rows if row.is_measured}
 
 
 def differences(rows: Iterable[Any], first: str, second: str,
@@ -84,7 +85,7 @@ def scenes_of(rows: Iterable[Any]) -> list[str]:
 
 def cautions(rows: Iterable[Any], schedules: Mapping[str, str]) -> str:
     """Clauses that name the methods that could not be measured, and networks that were not trained alike."""
-    names = dict.fromkeys(row.method for row in rows if not row.metrics)
+    names = dict.fromkeys(row.method for row in rows if not row.is_measured)
     return (f" Not measured, for want of weights: {', '.join(names)}." if names else "") + _unequal(schedules)
 
 
@@ -93,8 +94,9 @@ def _unequal(schedules: Mapping[str, str]) -> str:
     found = [CROPS_SEEN.search(text) for text in schedules.values() if text != "no weights"]
     if len(found) < 2 or None in found:
         return " How the networks were trained is not known of all." if None in found else ""
-    seen = [int(match["epochs"]) * int(match["crops"]) for match in found]
-    same_recipe = len({(match["kind"], match["size"], match["rate"]) for match in found}) == 1
+    matches = [match for match in found if match]
+    seen = [int(match["epochs"]) * int(match["crops"]) for match in matches]
+    same_recipe = len({(match["kind"], match["size"], match["rate"]) for match in matches}) == 1
     if same_recipe and max(seen) <= ALIKE * min(seen):
         return ""
     return f" The networks were not trained alike: {min(seen)} to {max(seen)} crops of each photograph."

@@ -8,25 +8,19 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from lfsr_core.arrays import Array
 from lfsr_core.files import write_json
-from lfsr_core.frames.foreground import foreground_mask
-from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
 from lfsr_core.frames.job import Job, check_scene
-from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.lens_sampling import choose_lenses
 from lfsr_core.render.blender import find_blender
-from lfsr_core.render.store import cached, with_blender
+from lfsr_lab.experiments.engine import renders
+from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, Store
 from lfsr_lab.experiments.paper.settings import Settings
 from lfsr_lab.scenes import scene_script
 from lfsr_lab.scenes.running import run_script
 
-LAYERS = ("albedo", "normal")
-
 
 @dataclasses.dataclass(frozen=True)
-class Shot:
+class View:
     """One low-resolution render."""
 
     scene: Path  # its file
@@ -36,47 +30,53 @@ class Shot:
     layout: str = "one-pass"  # how views are rendered, see ``Job``
 
 
-def low_resolution(settings: Settings, shot: Shot) -> Path:
-    """Frame folder of a render; LfsrError where the folder holds another one."""
-    variant = "" if shot.layout == "one-pass" else f"-{shot.layout}"
-    job = _job(settings, shot.scene, f"s{shot.scale}-spp{shot.spp}{variant}", shot.display or settings.display)
-    return cached(dataclasses.replace(job, scale=shot.scale, spp=shot.spp, layers=LAYERS, layout=shot.layout),
-                  with_blender(settings.blender))
+def low_resolution(settings: Settings, view: View) -> Path:
+    """Return the frame folder of a render; LfsrError where the folder holds another one."""
+    return _store(settings).rendered(_job(settings, view))
 
 
 def reference(settings: Settings, scene: Path) -> Path:
-    """Reference folder of ``scene`` on ``settings.display``; an existing one may have any number of samples."""
-    job = dataclasses.replace(_job(settings, scene, "reference", settings.display), kind="reference",
-                              spp=settings.reference_spp, clamp_indirect=0.0)
-    if settings.lenses is not None and not Path(job.output, FRAME_FILE).exists():
-        mask = foreground(low_resolution(settings, Shot(scene, settings.scale, settings.spp)))
-        job = dataclasses.replace(job, lens_list=choose_lenses(mask, settings.lenses))
-    return cached(job, with_blender(settings.blender))
+    """Return the reference folder of a scene on ``settings.display``; one that is there may have any samples."""
+    job = _job(settings, View(scene, settings.scale, settings.spp))
+    folder = Path(job.output).with_name(REFERENCE + _convention(settings))
+    store = _store(settings)
+    return store.rendered(renders.sampled(renders.reference_of(job, settings.reference_spp, folder), settings.lenses,
+                                          lambda: store.rendered(job)))
 
 
-def _job(settings: Settings, scene: Path, name: str, display: DisplayProfile) -> Job:
-    """A job at full resolution in the folder of this name, on ``settings.display`` in the shared bench folder."""
+def _store(settings: Settings) -> Store:
+    return Store(settings.output, settings.blender)
+
+
+def _convention(settings: Settings) -> str:
+    return "" if settings.convention == "centred" else f"-{settings.convention}"
+
+
+def _job(settings: Settings, view: View) -> Job:
+    """Return the job of a render, on ``settings.display`` in the shared folder of renders."""
+    display = view.display or settings.display
     bench = settings.bench if display == settings.display else settings.output / f"bench-{display.name}"
-    convention = "" if settings.convention == "centred" else f"-{settings.convention}"
-    return Job(output=str(bench / scene.stem / f"{name}{convention}"), display=display, scene=check_scene(scene),
-               scale=1, convention=settings.convention, device=settings.render_device)
+    variant = "" if view.layout == "one-pass" else f"-{view.layout}"
+    folder = bench / view.scene.stem / f"s{view.scale}-spp{view.spp}{variant}{_convention(settings)}"
+    return Job(output=str(folder), display=display, scene=check_scene(view.scene), scale=view.scale, spp=view.spp,
+               layers=LAYERS, layout=view.layout, convention=settings.convention, device=settings.render_device)
 
 
-def moved(settings: Settings, scene: Path, share: float) -> Path:
-    """A copy of ``scene`` whose camera array stands at ``share`` of its distance from the display plane."""
-    path = settings.output / "moved" / f"{scene.stem}-{settings.timing_display.name}-{share:g}.blend"
+def moved(settings: Settings, scene: Path, fraction: float) -> Path:
+    """Return a copy of ``scene`` whose camera array stands at a fraction of its distance from the display plane."""
+    path = settings.output / "moved" / f"{scene.stem}-{settings.timing_display.name}-{fraction:g}.blend"
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         job = path.with_suffix(".json")
-        write_json(job, {"scene": check_scene(scene), "display": settings.timing_display.to_dict(), "share": share,
+        write_json(job, {"scene": check_scene(scene), "display": settings.timing_display.to_dict(), "share": fraction,
                          "output": str(path.resolve())})
         run_script(find_blender(settings.blender), scene_script("move_camera_array.py"), job, [path])
     return path
 
 
-def demo_scene(settings_output: Path) -> Path:
-    """The demo scene, built by the script that ships with the repository."""
-    path = settings_output / "demo.blend"
+def demo_scene(output: Path) -> Path:
+    """Return the demo scene, built by the script that ships with the repository."""
+    path = output / "demo.blend"
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         run_script(find_blender(), scene_script("demo_scene.py"), path, [path])
@@ -84,14 +84,10 @@ def demo_scene(settings_output: Path) -> Path:
 
 
 def resolution(display: DisplayProfile, divisor: int) -> DisplayProfile | None:
-    """The same lenses with views and pixels divided, None where they do not divide."""
+    """Return a display of the same lenses with views and pixels divided, None where they do not divide."""
     if any(count % divisor for count in display.views):
         return None
-    views, pixels = (tuple(count // divisor for count in pair) for pair in (display.views, display.panel_pixels))
+    (px, py), (width, height) = display.views, display.panel_pixels
     return dataclasses.replace(display, name=f"{display.name}-1-{divisor}" if divisor > 1 else display.name,
-                               views=views, panel_pixels=pixels)
-
-
-def foreground(folder: Path) -> Array:
-    """(sy, sx) bool: lenses of a render that see the foreground."""
-    return foreground_mask(read_layers(folder / LOW_RES_FILE), read_frame(folder).rays.tiles)
+                               views=(px // divisor, py // divisor),
+                               panel_pixels=(width // divisor, height // divisor))

@@ -8,7 +8,8 @@ from typing import Any
 
 from lfsr_core.optics.display import DisplayProfile, load_display
 
-VERSION = 3  # another one where a measurement of the same inputs holds other numbers
+CELLS = "cells"  # folder of measurements
+VERSION = 4  # another one where a measurement of the same inputs holds other numbers
 QUICK_DISPLAY = DisplayProfile("paper-quick", (192, 112), (192.0, 112.0), (12, 7), (16, 16), 250.0, 40.0)
 
 
@@ -28,7 +29,7 @@ class Settings:
     lenses: int | None = None  # lenses of a reference, None for all
     convention: str = "centred"  # where views lie, see ``Job``
     weights: Path | None = None  # folder of trained networks, None for those that ship
-    train_minutes: float = 0.0  # training per missing network, 0 trains none
+    train_epochs: int = 0  # training per missing network, 0 trains none
     photographs: str = ""  # to train with, empty for those of the built-in configs
     validation: str = ""  # to train with, empty for those of the built-in configs
     device: str = "auto"  # for networks
@@ -45,7 +46,7 @@ class Settings:
 
     def facts(self) -> dict[str, Any]:
         """What the page says about the run: no paths."""
-        names = ("scale", "spp", "clean_spp", "reference_spp", "lenses", "convention", "train_minutes", "repeats",
+        names = ("scale", "spp", "clean_spp", "reference_spp", "lenses", "convention", "train_epochs", "repeats",
                  "quick", "render_device")
         return {**{name: getattr(self, name) for name in names}, "display": self.display.name,
                 "timing_display": self.timing_display.name, "version": VERSION,
@@ -54,8 +55,10 @@ class Settings:
 
 def full(output: Path, scenes: tuple[Path, ...], **changes: Any) -> Settings:
     """Settings of the whole reproduction; ``changes`` replace single ones."""
-    return Settings(**{"output": output, "scenes": scenes, "bench": output / "bench", "display": load_display("small"),
-                       "timing_display": load_display("bupt-32in-8k")} | changes)
+    values: dict[str, Any] = {"output": output, "scenes": scenes, "bench": output / "bench",
+                              "display": load_display("small"),
+                              "timing_display": load_display("bupt-32in-8k")}
+    return Settings(**values | changes)
 
 
 def quick(output: Path, scenes: tuple[Path, ...], **changes: Any) -> Settings:

@@ -5,29 +5,22 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import shutil
-import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path, read_json, write_json
+from lfsr_core.files import atomic_path, read_json
 from lfsr_core.progress import ProgressBar
 from lfsr_core.reconstruct import registry
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.networks import catalogue
+from lfsr_lab.experiments.engine.cells import to_stderr
 from lfsr_lab.experiments.paper.settings import Settings
-from lfsr_lab.train.config import builtin_configs, from_values, load_config
+from lfsr_lab.train.config import builtin_configs, load_config
 
 if TYPE_CHECKING:
     from torch import nn
-
-    from lfsr_lab.train.config import TrainConfig
-
 SHORT_CONFIG = "paper-short"
-CONFIG_FILE = "plan.json"  # of a short run, so that it is the same when it is resumed
 ADVERSARIAL = 1e-3
-FEWEST_EPOCHS, MOST_CROPS, TRIAL_STEPS = 10, 16, 3
 # What makes a schedule the paper's own; files and intervals of logging do not.
 RECIPE = ("scale", "crop", "crops_per_photograph", "downsample", "linear_light", "augment", "epochs", "batch", "rate",
           "schedule", "adversarial")
@@ -36,23 +29,22 @@ RECIPE = ("scale", "crop", "crops_per_photograph", "downsample", "linear_light",
 def weights(settings: Settings, name: str) -> Path | None:
     """Weights of a network at the settings' scale, None if there are none.
 
-    Those given, else those trained in this output folder (now, if minutes were
-    granted and no folder was given), else those that ship. Ours ship: photographs
-    do not train them.
+    Those given, else those trained in this output folder (now, if epochs were granted), else those that ship. Ours
+    ship: photographs do not train them.
     """
     for folder in filter(None, (settings.weights, trained_folder(settings))):
         path = catalogue.weights_path(name, settings.scale, folder)
         if path.exists():
             return path
-    if settings.train_minutes > 0 and not catalogue.spec(name).light_field:
+    if settings.train_epochs > 0 and not catalogue.spec(name).light_field:
         return train(settings, catalogue.spec(name).weights or name)
     path = catalogue.weights_path(name, settings.scale)
     return path if path.exists() else None
 
 
 def trained_folder(settings: Settings) -> Path:
-    """Where this run's own weights go; another number of minutes is another schedule."""
-    return settings.output / f"weights-{settings.train_minutes:g}min"
+    """Where this run's own weights go; another number of epochs is another schedule."""
+    return settings.output / f"weights-{settings.train_epochs}epochs"
 
 
 def schedule(path: Path | None) -> str:
@@ -120,15 +112,18 @@ def untrained_method(settings: Settings, name: str, scale: int) -> registry.Meth
 
 
 def train(settings: Settings, name: str) -> Path:
-    """Train a network for about the granted minutes; a stopped run goes on where it was.
+    """Train a network by the short recipe for the epochs of the settings; a run that was stopped continues.
 
     LfsrError where photographs are missing; KeyboardInterrupt if it is stopped.
     """
     from lfsr_lab.train import loop, session
 
     folder = trained_folder(settings) / "runs" / f"{name}-x{settings.scale}"
-    config = _short_config(settings, name, folder / CONFIG_FILE)
-    print(f"train   {name} x{settings.scale}: {config.epochs} epochs", file=sys.stderr, flush=True)
+    changes = {"network": name, "scale": settings.scale, "epochs": settings.train_epochs,
+               "adversarial": ADVERSARIAL if name.endswith("-gan") else 0.0, "validate_every": 1000000,
+               "photographs": settings.photographs, "validation": settings.validation, "start": _start(settings, name)}
+    config = load_config(SHORT_CONFIG, [f"{key}={value}" for key, value in changes.items() if value != ""])
+    to_stderr(f"train   {name} x{settings.scale}: {config.epochs} epochs")
     with contextlib.closing(ProgressBar()) as bar:
         options = loop.RunOptions(resume=(folder / loop.CHECKPOINT).exists(), progress=bar)
         trained = session.train(config, folder, settings.device, options)
@@ -138,59 +133,18 @@ def train(settings: Settings, name: str) -> Path:
 
 
 def _published(weights_file: Path, folder: Path) -> Path:
-    """Provenance first: weights that exist are complete."""
+    """Copy weights, their provenance first: weights that exist are complete."""
     for suffix in (".json", ".safetensors"):
         with atomic_path(folder / f"{weights_file.stem}{suffix}") as temporary:
             shutil.copy(weights_file.with_suffix(suffix), temporary)
     return folder / weights_file.name
 
 
-def _short_config(settings: Settings, name: str, kept: Path) -> TrainConfig:
-    """Config of a short run that takes about the granted minutes; the one that is kept where it is resumed."""
-    if kept.exists():
-        return from_values(read_json(kept, "the config of a training run"), str(kept))
-    changes = {"network": name, "scale": settings.scale, "adversarial": ADVERSARIAL if name.endswith("-gan") else 0.0,
-               "validate_every": 1000000, "photographs": settings.photographs, "validation": settings.validation,
-               "start": _start(settings, name)}
-    config = load_config(SHORT_CONFIG, [f"{key}={value}" for key, value in changes.items() if value != ""])
-    seconds, photographs = _seconds_per_step(settings, config)
-    config = fitted(config, 60 * settings.train_minutes / seconds, photographs)
-    write_json(kept, dataclasses.asdict(config))
-    return config
-
-
 def _start(settings: Settings, name: str) -> str:
-    """Weights that a short run begins with: an adversary meets a generator that is trained, for want of days."""
+    """Return the weights that training begins with: an adversary meets a trained generator, for want of days."""
     generator = name.removesuffix("-gan")
-    return "" if generator == name else str(weights(settings, generator).resolve())
-
-
-def fitted(config: TrainConfig, steps: float, photographs: int) -> TrainConfig:
-    """Config whose epochs take ``steps`` batches in all: fewer crops per photograph rather than under ten epochs."""
-    crops = int(steps * config.batch / (FEWEST_EPOCHS * photographs))
-    crops = min(max(crops, 1), MOST_CROPS)
-    per_epoch = max(1, photographs * crops // config.batch)
-    return dataclasses.replace(config, crops_per_photograph=crops, epochs=max(1, int(steps / per_epoch)))
-
-
-def _seconds_per_step(settings: Settings, config: TrainConfig) -> tuple[float, int]:
-    """Seconds of one batch on this device, and the number of photographs."""
-    from lfsr_lab.networks.engine import choose_device
-    from lfsr_lab.train.photographs.data import load_photographs
-    from lfsr_lab.train.photographs.task import ComparatorTask
-    from lfsr_lab.train.session import LONG_SIDE
-
-    photographs = load_photographs(config.photographs, LONG_SIDE)
-    task = ComparatorTask(config, photographs, None, choose_device(settings.device))
-    if task.begin(0) < 1:
-        raise LfsrError(f"{config.photographs} holds too few photographs for a batch of {config.batch}: give more")
-    losses = [task.step(0)]
-    started = time.monotonic()
-    for _ in range(TRIAL_STEPS):
-        losses.append(task.step(0))
-    # Reading a loss waits for a GPU's work.
-    float(losses[-1]["mse"])
-    return (time.monotonic() - started) / TRIAL_STEPS, len(photographs.names)
+    found = None if generator == name else weights(settings, generator)
+    return str(found.resolve()) if found else ""
 
 
 def _is_full(config: dict[str, Any]) -> bool:

@@ -16,6 +16,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -90,19 +91,19 @@ def judge(planned: Planned, actuals: Actuals, case: Case) -> Verdict:
     """How a plan compares with what its candidates reach and take as whole frames."""
     meeting = [candidate for candidate, found in actuals.items() if found.accuracy >= case.target]
     best = min(meeting, key=lambda candidate: actuals[candidate].seconds, default=None)
-    measured = [row for row in planned.rated
+    measured = [(row, row.estimate, actuals[row.candidate]) for row in planned.rated
                 if row.estimate is not None and row.note != BETWEEN and row.candidate in actuals]
-    known = [actuals[row.candidate] for row in measured]
-    pairs = list(zip(measured, known, strict=True))
     row = planned.choice.chosen
     verdict = Verdict(
-        case.scene, case.seed, case.target, row and row.candidate.name, best and best.name, None, None, None,
+        case.scene, case.seed, case.target, row.candidate.name if row else None,
+        best.name if best else None, None, None, None,
         planned.sample, planned.choice.limit,
-        covered=tuple(row.estimate.low <= found.accuracy for row, found in pairs),
-        errors=tuple(row.estimate.mean - found.accuracy for row, found in pairs),
-        times=tuple(row.seconds / found.seconds for row, found in pairs),
-        measured=tuple(row.candidate.name for row in measured), actuals=tuple(found.accuracy for found in known))
-    if row is None:
+        covered=tuple(estimate.low <= found.accuracy for _, estimate, found in measured),
+        errors=tuple(estimate.mean - found.accuracy for _, estimate, found in measured),
+        times=tuple(row.seconds / found.seconds for row, _, found in measured),
+        measured=tuple(row.candidate.name for row, *_ in measured),
+        actuals=tuple(found.accuracy for *_, found in measured))
+    if row is None or row.estimate is None:
         return verdict
     found = actuals[row.candidate]
     verdict = dataclasses.replace(verdict, estimate=row.estimate.mean, bound=row.estimate.low, actual=found.accuracy,
@@ -132,7 +133,7 @@ def summary(rows: Sequence[Verdict]) -> Summary:
     costs = [row.cost for row in rows if row.cost is not None]
     possible = [row for row in rows if row.hindsight is not None]
     return Summary(
-        plans=len(rows), chosen=len(chosen), met=_mean(row.met for row in chosen),
+        plans=len(rows), chosen=len(chosen), met=_mean(bool(row.met) for row in chosen),
         nothing_chosen_though_possible=sum(row.chosen is None for row in possible), costs=len(costs),
         median_cost=_median(costs), cheap_enough=_mean(cost <= CHEAP_ENOUGH for cost in costs),
         bounds_below_actual=_mean(covered for row in rows for covered in row.covered),
@@ -154,7 +155,7 @@ def markdown(rows: Sequence[Verdict]) -> str:
 
 def _of_candidates(rows: Sequence[Verdict]) -> Iterator[list[object]]:
     """Every scene's candidates, their estimates in every draw of lenses, whatever the target."""
-    found: dict[tuple[str, str], dict[int, tuple[float, float, bool, float]]] = {}
+    found: dict[tuple[str, str], dict[int, tuple[Any, ...]]] = {}
     for row in rows:
         for name, *values in zip(row.measured, row.actuals, row.errors, row.covered, row.times, strict=True):
             found.setdefault((row.scene, name), {}).setdefault(row.seed, tuple(values))

@@ -122,7 +122,8 @@ class Scene:
         target, render = self.target, Path(self.job().output)
         image = finished_linear(render, name)
         found = target.accuracy(image, foreground(render), intervals=False).metrics
-        of = metrics.Compared(*map(srgb_encode, (image, *target.halves)), target.lenses, target.mask)
+        of = metrics.Compared(srgb_encode(image), srgb_encode(target.halves[0]), srgb_encode(target.halves[1]),
+                              target.lenses, target.mask)
         found |= metrics.border_and_centre(of, width=self.settings.scale)
         found["neighbour_error"] = metrics.neighbour_view_error(of)
         if self.sweep.name == EYE:

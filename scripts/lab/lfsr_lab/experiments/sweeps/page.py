@@ -115,8 +115,8 @@ def shown_cell(sweep: SweepReport, method: str) -> Cell | None:
     found = sweep.breaks[method]
     if found is not None:
         return next((cell for cell in cells if cell.value == found.value), None)
-    judged = [cell for cell in cells if cell.metrics.get(sweep.judged) is not None]
-    return min(judged, key=lambda cell: cell.metrics[sweep.judged], default=None)
+    judged = [(figure, cell) for cell in cells if (figure := cell.metrics.get(sweep.judged)) is not None]
+    return min(judged, key=lambda pair: pair[0], default=(None, None))[1]
 
 
 def _write_crop(store: Store, settings: Settings, entry: SweepReport, method: str) -> Picture | None:

@@ -114,7 +114,7 @@ def breaking_point(values: Sequence[float], quality: Mapping[float, float | None
     -------
     None where the method never breaks.
     """
-    measured = [(value, quality[value]) for value in values if quality.get(value) is not None]
+    measured = [(value, figure) for value in values if (figure := quality.get(value)) is not None]
     for value, found in measured:
         rival = (bicubic or {}).get(value)
         if rival is not None and found < rival - TOLERANCE:

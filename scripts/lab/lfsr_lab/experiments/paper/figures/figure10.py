@@ -9,13 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.engine import plots, timing
 from lfsr_lab.experiments.engine.report import markdown_table, number
-from lfsr_lab.experiments.paper import quality, timing, weights
-from lfsr_lab.experiments.paper.cells import Cells, highest
+from lfsr_lab.experiments.paper import quality, weights
 from lfsr_lab.experiments.paper.figure import Figure, cautions, gains, main_metric, measured, metric, scenes_of
-from lfsr_lab.experiments.paper.records import NetworkTimes, Results, Row
-from lfsr_lab.experiments.paper.renders import Shot
+from lfsr_lab.experiments.paper.records import NetworkTimes, Results, Row, Rows
+from lfsr_lab.experiments.paper.renders import View
 from lfsr_lab.experiments.paper.settings import Settings
 from lfsr_lab.experiments.paper.verdict import Difference, overall, paired, sentence, span
 
@@ -38,13 +37,11 @@ class Steps(Results, NetworkTimes):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Networks(Results):
+class Networks(Rows):
     """Time and accuracy of several networks."""
 
     times: NetworkTimes  # of the networks alone
-    rows: tuple[Row, ...]  # accuracy of every scene and method
     workload: tuple[int, int] = (0, 0)  # elemental images per frame and their low-resolution side
-    samples: int = 0  # per pixel of the renders
 
     def median_ms(self, name: str) -> float:
         """Median time of a network in milliseconds."""
@@ -62,10 +59,11 @@ def measure_step(settings: Settings) -> Steps:
 
     def run() -> NetworkTimes:
         steps = {str(step): step for step in settings.steps}
-        return timing.network_times(settings, dict.fromkeys(steps, weights.untrained(NETWORK, settings.scale)), steps)
+        return quality.network_times(settings, dict.fromkeys(steps, weights.untrained(NETWORK, settings.scale)), steps)
 
-    cells = Cells(settings, "fig10a", NetworkTimes)
-    return Steps(**vars(cells.get("steps", inputs, run)), workload=settings.workload, load=cells.load)
+    records = quality.records_of(settings, "fig10a", NetworkTimes)
+    times = quality.measure_once(records, "steps", inputs, run)
+    return Steps(**vars(times), workload=settings.workload, load=records.load)
 
 
 def draw_step(results: Steps, _output: Path) -> plots.Figure:
@@ -91,7 +89,7 @@ def line_step(results: Steps) -> str:
     """Slowest against fastest step; both are chosen on every other run and compared on the rest."""
     seconds = results.seconds
     choosing = {step: statistics.median(times[::2]) for step, times in seconds.items()}
-    fastest, slowest = (min(choosing, key=choosing.get), max(choosing, key=choosing.get))
+    fastest, slowest = min(choosing, key=choosing.__getitem__), max(choosing, key=choosing.__getitem__)
     found = {"": paired(seconds[slowest][1::2], seconds[fastest][1::2])}
     ratio = timing.median_ms(seconds[slowest]) / timing.median_ms(seconds[fastest])
     statement = f"Step {slowest} takes longer than step {fastest}, {ratio:.2f} times"
@@ -122,14 +120,14 @@ def _measure(settings: Settings, figure: str, names: Sequence[str], only_quality
     """Accuracy is that of a render nearly without noise: what a network adds there is its own."""
     inputs = {"networks": list(names), "workload": list(settings.workload), "repeats": settings.repeats,
               "device": settings.device, "scale": settings.scale, "step": STEP}
-    timed, cells = Cells(settings, figure, NetworkTimes), Cells(settings, figure, Row)
-    times = timed.get("times", inputs, lambda: timing.network_times(
+    timed, records = quality.records_of(settings, figure, NetworkTimes), quality.records_of(settings, figure, Row)
+    times = quality.measure_once(timed, "times", inputs, lambda: quality.network_times(
         settings, {name: weights.untrained(name, settings.scale) for name in names}, dict.fromkeys(names, STEP)))
-    shots = [Shot(scene, settings.scale, settings.clean_spp) for scene in settings.scenes]
-    rows = tuple(quality.row(cells, shot, name, f"{shot.scene.stem}-{name}", quality.accuracy)
-                 for shot in shots for name in (*names, *only_quality))
-    return Networks(times=times, rows=rows, workload=settings.workload, samples=settings.clean_spp,
-                    load=highest(timed.load, cells.load), schedules=quality.schedules(settings, names))
+    views = [View(scene, settings.scale, settings.clean_spp) for scene in settings.scenes]
+    rows = tuple(quality.row(settings, records, view, name, f"{view.scene.stem}-{name}", quality.accuracy)
+                 for view in views for name in (*names, *only_quality))
+    return Networks(times=times, rows=rows, workload=settings.workload, samples=(settings.clean_spp,),
+                    load=records.load, schedules=quality.schedules(settings, names))
 
 
 def draw(results: Networks, _output: Path) -> plots.Figure:
@@ -185,7 +183,8 @@ def line_depth(results: Networks) -> str:
 def line_architecture(results: Networks) -> str:
     """Whether any rival is both faster and more accurate than the generator."""
     seconds = results.times.seconds
-    words, unbeaten = [], {}
+    words: list[str] = []
+    unbeaten: dict[str, Difference] = {}
     for name in ARCHITECTURES[1:]:
         faster, better = {"": paired(seconds[NETWORK], seconds[name])}, gains(results.rows, name, NETWORK)
         statement = f"{name} is faster than the generator ({results.ratio(name):.2f} times its time)"

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.arrays import Array, Mask
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.reference import Reference
 from lfsr_core.images.png import read_png, write_png
@@ -16,13 +15,13 @@ from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import horizontal_epi, to_elemental_images
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.report import markdown_table, number
 from lfsr_lab.experiments.paper import quality, renders
-from lfsr_lab.experiments.paper.cells import FOLDER, Cells
 from lfsr_lab.experiments.paper.figure import Figure, cautions, differences
-from lfsr_lab.experiments.paper.records import Results
-from lfsr_lab.experiments.paper.renders import Shot
-from lfsr_lab.experiments.paper.settings import Settings
+from lfsr_lab.experiments.paper.records import Row, Rows
+from lfsr_lab.experiments.paper.renders import View
+from lfsr_lab.experiments.paper.settings import CELLS, Settings
 from lfsr_lab.experiments.paper.verdict import Difference, overall, sentence
 
 ID = "fig11"
@@ -33,74 +32,46 @@ CLAIM = ("Super-resolving each elemental image keeps the lines of epipolar image
          "mixes neighbouring elemental images (crosstalk).")
 
 
-@dataclasses.dataclass(frozen=True)
-class EpiErrors:
-    """Split squared errors of display values, the mean over the foreground lenses of each lens row."""
-
-    epi: tuple[float, ...]  # of all views
-    epi_border: tuple[float, ...]  # of the outermost views on either side, where a neighbour's light would show
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class EpiRow:
-    """Epipolar images of one method on one scene."""
-
-    scene: str = ""  # its name
-    method: str = ""  # its name
-    samples: int | None = None  # per pixel of the render
-    metrics: EpiErrors | None = None  # None where nothing was measured
-    picture: str | None = None  # file name of one of them
-    reason: str | None = None  # why nothing could be measured, None where weights were the reason
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Epis(Results):
-    """Epipolar images of every scene and method."""
-
-    rows: tuple[EpiRow, ...]  # one of each
-    default: str  # name of this project's default method
-    samples: int = 0  # per pixel of the renders
-
-
 def methods() -> tuple[str, ...]:
     """Whole array and elemental image for each upscaler, then this project's default."""
     return (*(name for pair in PAIRS for name in reversed(pair)), ADVERSARIAL, DEFAULT_METHOD)
 
 
-def measure(settings: Settings) -> Epis:
-    """Error of all horizontal EPIs, lens row by lens row; needs a reference of all lenses."""
-    cells = Cells(settings, ID, EpiRow)
-    rows = tuple(_row(cells, Shot(scene, settings.scale, settings.clean_spp), name)
+def measure(settings: Settings) -> Rows:
+    """Measure the error of all horizontal EPIs, lens row by lens row; needs a reference of all lenses."""
+    records = quality.records_of(settings, ID, Row)
+    rows = tuple(_row(settings, records, View(scene, settings.scale, settings.clean_spp), name)
                  for scene in settings.scenes for name in methods())
-    return Epis(rows=rows, default=DEFAULT_METHOD, samples=settings.clean_spp, load=cells.load,
+    return Rows(rows=rows, samples=(settings.clean_spp,), load=records.load,
                 schedules=quality.schedules(settings, methods()))
 
 
-def _row(cells: Cells[EpiRow], shot: Shot, name: str) -> EpiRow:
-    scene = shot.scene.stem
-    if read_frame(renders.reference(cells.settings, shot.scene)).lens_list is not None:
-        return EpiRow(scene=scene, method=name, reason="sampled lenses have no epipolar images")
-    return quality.row(cells, shot, name, f"{scene}-{name}", functools.partial(_measure_one, scene))
+def _row(settings: Settings, records: Records[Row], view: View, name: str) -> Row:
+    scene = view.scene.stem
+    if read_frame(renders.reference(settings, view.scene)).lens_list is not None:
+        return Row(scene=scene, method=name, reason="sampled lenses have no epipolar images")
+    return quality.row(settings, records, view, name, f"{scene}-{name}", functools.partial(_measure_one, scene))
 
 
-def _measure_one(scene: str, picture: quality.Picture, file: Path) -> EpiRow:
-    reference = picture.reference
-    image, half_a, half_b = (srgb_encode(pixels) for pixels in (picture.image, reference.half_a, reference.half_b))
+def _measure_one(scene: str, seen: quality.Finished, file: Path) -> Row:
+    image, half_a, half_b = map(srgb_encode, (seen.image, *seen.target.halves))
+    reference = seen.target.reference
     _write_epi(image, reference, file)
     _write_epi((half_a + half_b) / 2, reference, file.with_name(f"{scene}-{REFERENCE}.png"))
-    errors = epi_errors((image - half_a) * (image - half_b), reference.hits, picture.frame.scale)
-    return EpiRow(metrics=errors, picture=file.name)
+    epi, border = epi_errors((image - half_a) * (image - half_b), reference.hits, seen.frame.scale)
+    return Row(epi=epi, epi_border=border, picture=file.name)
 
 
-def epi_errors(squares: Array, hits: Array, scale: int) -> EpiErrors:
-    """Means by lens row of split squared errors (H, W, 3), over the foreground ``hits`` (sy, sx).
+def epi_errors(squares: Array, hits: Mask, scale: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return means by lens row of split squared errors (H, W, 3), over the foreground ``hits`` (sy, sx).
 
     The border are the ``scale`` outermost views on either side.
     """
-    images = to_elemental_images(squares.astype(np.float64), hits.shape[::-1])
+    images = to_elemental_images(squares.astype(np.float64), (hits.shape[1], hits.shape[0]))
     border = np.concatenate([images[..., :scale, :], images[..., -scale:, :]], axis=-2)
     rows = np.flatnonzero(hits.any(1))
-    return EpiErrors(*(tuple(float(part[row][hits[row]].mean()) for row in rows) for part in (images, border)))
+    whole, outer = (tuple(float(part[row][hits[row]].mean()) for row in rows) for part in (images, border))
+    return whole, outer
 
 
 def _write_epi(image: Array, reference: Reference, path: Path) -> None:
@@ -109,24 +80,24 @@ def _write_epi(image: Array, reference: Reference, path: Path) -> None:
     write_png(path, (epi.clip(0, 1) * 255).round().astype(np.uint8))
 
 
-def draw(results: Epis, output: Path) -> plots.Figure:
+def draw(results: Rows, output: Path) -> plots.Figure:
     """The EPI of the fullest lens row, views downwards, of the first scene, for every method."""
     scene = next((row.scene for row in results.rows if row.picture), "no scene")
     shown = [(row.method, row.picture) for row in results.rows if row.scene == scene and row.picture]
     shown = [(REFERENCE, f"{scene}-{REFERENCE}.png"), *shown] if shown else []
     sheet, grid = plots.sheet(7, 1.1 * max(1, len(shown)), max(1, len(shown)), 1)
     for axis, (name, picture) in zip(grid[:, 0], shown, strict=False):
-        axis.imshow(read_png(output / FOLDER / ID / picture), aspect="auto", interpolation="nearest")
+        axis.imshow(read_png(output / CELLS / ID / picture), aspect="auto", interpolation="nearest")
         axis.set(xticks=[], yticks=[])
         axis.set_ylabel(name, rotation=0, ha="right", va="center", fontsize=8)
     sheet.suptitle(f"{scene}: lenses from left to right, views downwards", fontsize=8)
     return sheet
 
 
-def table(results: Epis) -> list[str]:
+def table(results: Rows) -> list[str]:
     """PSNR of the EPIs, and of their border views."""
-    rows = [[row.scene, row.method, _decibels(row.metrics.epi), _decibels(row.metrics.epi_border)]
-            for row in results.rows if row.metrics]
+    rows = [[row.scene, row.method, _decibels(row.epi), _decibels(row.epi_border)]
+            for row in results.rows if row.epi]
     return markdown_table(["scene", "method", "EPI PSNR, dB", "of border views, dB"], rows)
 
 
@@ -135,12 +106,12 @@ def _decibels(errors: tuple[float, ...]) -> str:
     return number(-10 * float(np.log10(mean)) if mean > 0 else None, digits=2)
 
 
-def _less_error(results: Epis, better: str, worse: str, name: str = "epi") -> dict[str, Difference]:
+def _less_error(results: Rows, better: str, worse: str, name: str = "epi") -> dict[str, Difference]:
     """By how much ``better`` has the smaller error, per lens row, for every scene that has both."""
-    return differences(results.rows, worse, better, lambda row: getattr(row.metrics, name))
+    return differences(results.rows, worse, better, lambda row: getattr(row, name))
 
 
-def line(results: Epis) -> str:
+def line(results: Rows) -> str:
     """Each upscaler per EI against itself over the whole array; then the default against the paper's."""
     found = {per_ei: _less_error(results, per_ei, whole) for per_ei, whole in PAIRS}
     words = [overall(*found.values())]
@@ -149,16 +120,16 @@ def line(results: Epis) -> str:
         words.append(sentence(statement, found[per_ei], UNIT, 1e3))
         border = _less_error(results, per_ei, whole, "epi_border")
         words.append(sentence("In the border views", border, UNIT, 1e3) if border else "")
-    for better in (ADVERSARIAL, results.default):
+    for better in (ADVERSARIAL, DEFAULT_METHOD):
         statement = f"{better} is nearer than the generator alone"
         words.append(sentence(statement, _less_error(results, better, "paper"), UNIT, 1e3))
-    whole = [row for row in results.rows if row.reason is None]
-    return " ".join(filter(None, words)) + _left_out(results) + cautions(whole, results.schedules)
+    tried = [row for row in results.rows if row.reason is None]
+    return " ".join(filter(None, words)) + _left_out(results) + cautions(tried, results.schedules)
 
 
-def _left_out(results: Epis) -> str:
+def _left_out(results: Rows) -> str:
     reasons = {row.scene: row.reason for row in results.rows if row.reason}
     return "".join(f" {scene} was not measured: {reason}." for scene, reason in reasons.items())
 
 
-FIGURE = Figure(ID, "Fig. 11: epipolar images", CLAIM, Epis, measure, table, line, draw)
+FIGURE = Figure(ID, "Fig. 11: epipolar images", CLAIM, Rows, measure, table, line, draw)

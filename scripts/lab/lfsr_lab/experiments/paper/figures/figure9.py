@@ -10,16 +10,13 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 from lfsr_core.images.png import read_png, write_png
-from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.optics.eia import to_elemental_images
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.report import markdown_table
 from lfsr_lab.experiments.paper import quality
-from lfsr_lab.experiments.paper.cells import FOLDER, Cells
 from lfsr_lab.experiments.paper.figure import Figure, cautions, gains, known, main_metric, metric, scenes_of
-from lfsr_lab.experiments.paper.records import Results, Row
-from lfsr_lab.experiments.paper.renders import Shot
-from lfsr_lab.experiments.paper.settings import Settings
+from lfsr_lab.experiments.paper.records import Row, Rows
+from lfsr_lab.experiments.paper.renders import View
+from lfsr_lab.experiments.paper.settings import CELLS, Settings
 from lfsr_lab.experiments.paper.verdict import Difference, overall, sentence
 
 ID = "fig9"
@@ -33,40 +30,27 @@ COLUMNS = ("ssim_eia", "ssim_eia_fg", "ssim_lens", "ssim_lens_fg", "psnr_fg", "s
            "ssim_ceiling", "ssim_lens_plain", "ssim_lens_ceiling")
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Residuals(Results):
-    """Accuracy of every scene, number of samples and method."""
-
-    rows: tuple[Row, ...]  # one of each
-    samples: tuple[int, ...]  # per pixel, from few to many
-
-    def at(self, samples: int) -> list[Row]:
-        """Rows of one number of samples."""
-        return [row for row in self.rows if row.samples == samples]
+def measure(settings: Settings) -> Rows:
+    """Measure every scene, at the samples a user has and nearly without noise."""
+    records, samples = quality.records_of(settings, ID, Row), tuple(sorted({settings.spp, settings.clean_spp}))
+    views = [View(scene, settings.scale, spp) for scene in settings.scenes for spp in samples]
+    rows = tuple(quality.row(settings, records, view, name, f"{view.scene.stem}-spp{view.spp}-{name}", _measure_one)
+                 for view in views for name in METHODS)
+    return Rows(rows=rows, samples=samples, load=records.load, schedules=quality.schedules(settings, METHODS))
 
 
-def measure(settings: Settings) -> Residuals:
-    """Every scene, at the samples a user has and nearly without noise."""
-    cells, samples = Cells(settings, ID, Row), tuple(sorted({settings.spp, settings.clean_spp}))
-    shots = [Shot(scene, settings.scale, spp) for scene in settings.scenes for spp in samples]
-    rows = tuple(quality.row(cells, shot, name, f"{shot.scene.stem}-spp{shot.spp}-{name}", _measure_one)
-                 for shot in shots for name in METHODS)
-    return Residuals(rows=rows, samples=samples, load=cells.load, schedules=quality.schedules(settings, METHODS))
-
-
-def _measure_one(picture: quality.Picture, file: Path) -> Row:
-    """Shows the amplified difference from the mean of the halves, of foreground lenses side by side."""
-    reference, shown = picture.reference, quality.middle_lenses(picture.reference, LENSES_SHOWN)
-    rows, columns = reference.lenses[shown].T
-    ours = srgb_encode(to_elemental_images(picture.image, reference.frame.display.lenses)[rows, columns])
-    half_a, half_b = (half[shown] for half in reference.elemental_images())
+def _measure_one(seen: quality.Finished, file: Path) -> Row:
+    """Measure, and show the amplified difference from the mean of the halves, of foreground lenses side by side."""
+    reference, shown = seen.target.reference, np.zeros(len(seen.target.reference.lenses), bool)
+    shown[quality.middle_lenses(reference, LENSES_SHOWN)] = True
+    ours, half_a, half_b = seen.target.listed(seen.image, shown)
     residual = np.abs(ours - (half_a + half_b) / 2) * AMPLIFIED
     write_png(file, (mosaic(residual).clip(0, 1) * 255).round().astype(np.uint8))
-    return dataclasses.replace(quality.accuracy(picture), picture=file.name)
+    return dataclasses.replace(quality.accuracy(seen), picture=file.name)
 
 
 def mosaic(images: Array, across: int = ACROSS) -> Array:
-    """(n, h, w, C) images side by side, the last row filled with zeros."""
+    """Return (n, h, w, C) images side by side, the last row filled with zeros."""
     from einops import rearrange
 
     missing = -len(images) % across
@@ -74,7 +58,7 @@ def mosaic(images: Array, across: int = ACROSS) -> Array:
                      "(down across) h w c -> (down h) (across w) c", across=across)
 
 
-def draw(results: Residuals, output: Path) -> plots.Figure:
+def draw(results: Rows, output: Path) -> plots.Figure:
     """One row per scene, one column per method, at the most samples; above each its split SSIM."""
     rows = results.at(results.samples[-1])
     scenes = scenes_of(rows)
@@ -84,8 +68,8 @@ def draw(results: Residuals, output: Path) -> plots.Figure:
         axis.set(xticks=[], yticks=[])
         if row.method == METHODS[0]:
             axis.set_ylabel(row.scene, fontsize=8)
-        if row.metrics:
-            axis.imshow(read_png(output / FOLDER / ID / row.picture), interpolation="nearest")
+        if row.picture:
+            axis.imshow(read_png(output / CELLS / ID / row.picture), interpolation="nearest")
             axis.set_title(f"{row.method}  {metric(row, main_metric(rows))}", fontsize=8)
         else:
             axis.set_title(f"{row.method}: no weights", fontsize=8)
@@ -93,7 +77,7 @@ def draw(results: Residuals, output: Path) -> plots.Figure:
     return sheet
 
 
-def table(results: Residuals) -> list[str]:
+def table(results: Rows) -> list[str]:
     """Metrics of every scene, sample count and method."""
     columns = known(results.rows, COLUMNS)
     rows = [[row.scene, row.samples, row.method, *(metric(row, name) for name in columns)]
@@ -101,7 +85,7 @@ def table(results: Residuals) -> list[str]:
     return markdown_table(["scene", "samples", "method", *columns], rows)
 
 
-def line(results: Residuals) -> str:
+def line(results: Rows) -> str:
     """Each half of the claim, at each number of samples."""
     parts = {(spp, better, worse): gains(results.at(spp), better, worse)
              for spp in results.samples for better, worse in PARTS}
@@ -111,7 +95,7 @@ def line(results: Residuals) -> str:
                                                                                          results.schedules)
 
 
-def _why(results: Residuals, parts: dict[tuple[int, str, str], dict[str, Difference]]) -> list[str]:
+def _why(results: Rows, parts: dict[tuple[int, str, str], dict[str, Difference]]) -> list[str]:
     """Where the generator loses to bicubic: with noise only, or without it too, and in which part of an EI."""
     few, many = results.samples[0], results.samples[-1]
     lost = {spp: [scene for scene, gain in parts[spp, "paper", "bicubic"].items() if gain.sign < 0]
@@ -142,4 +126,4 @@ def _at_borders(rows: Sequence[Row], scenes: Sequence[str]) -> list[str]:
             f"elemental images as in the others: {reason}."]
 
 
-FIGURE = Figure(ID, "Fig. 9: residuals", CLAIM, Residuals, measure, table, line, draw)
+FIGURE = Figure(ID, "Fig. 9: residuals", CLAIM, Rows, measure, table, line, draw)

@@ -10,13 +10,15 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.options import UpscaleOptions
 from lfsr_core.reconstruct.second_stage import panel_image
-from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.engine import plots, timing
+from lfsr_lab.experiments.engine.records import Records
+from lfsr_lab.experiments.engine.renders import foreground
 from lfsr_lab.experiments.engine.report import markdown_table, number
-from lfsr_lab.experiments.paper import quality, renders, timing, weights
-from lfsr_lab.experiments.paper.cells import Cells
+from lfsr_lab.experiments.engine.timing import Seconds
+from lfsr_lab.experiments.paper import quality, renders, weights
 from lfsr_lab.experiments.paper.figure import Figure
-from lfsr_lab.experiments.paper.records import FrameTimes, Results, Seconds
-from lfsr_lab.experiments.paper.renders import Shot
+from lfsr_lab.experiments.paper.records import Results, Row
+from lfsr_lab.experiments.paper.renders import View
 from lfsr_lab.experiments.paper.settings import Settings
 from lfsr_lab.experiments.paper.verdict import (
     SINGLE_RUN,
@@ -40,9 +42,9 @@ CLAIM_SCALE = f"Two stages take less time than direct path tracing, and reach {R
 class Selection:
     """The second stage of one frame with and without foreground selection."""
 
-    p: float  # share of foreground lenses
+    p: float  # fraction of foreground lenses
     seconds: Seconds  # of every run "with" and "without"
-    distance: float | None = None  # of the camera array in Fig. 10(b), as a share of its own
+    distance: float | None = None  # of the camera array in Fig. 10(b), as a fraction of its own
     scene: str = ""  # its name
     render: float = 0.0  # seconds of the first stage
 
@@ -77,41 +79,42 @@ class Selections(Results):
 
 def measure_share(settings: Settings) -> Selections:
     """The whole second stage with and without selection, for the first scene seen from several distances."""
-    cells, scene = Cells(settings, "fig10b", Selection), settings.scenes[0]
-    rows = tuple(_selection(cells, scene, f"{scene.stem}-{share:g}", share) for share in settings.moves)
+    cells, scene = quality.records_of(settings, "fig10b", Selection), settings.scenes[0]
+    rows = tuple(_selection(settings, cells, scene, f"{scene.stem}-{share:g}", share) for share in settings.moves)
     return Selections(rows=rows, scene=scene.stem, load=cells.load)
 
 
 def measure_scenes(settings: Settings) -> Selections:
     """The second stage of every scene with and without selection."""
-    cells = Cells(settings, "fig12b", Selection)
-    return Selections(rows=tuple(_selection(cells, scene, scene.stem) for scene in settings.scenes), load=cells.load)
+    cells = quality.records_of(settings, "fig12b", Selection)
+    rows = tuple(_selection(settings, cells, scene, scene.stem) for scene in settings.scenes)
+    return Selections(rows=rows, load=cells.load)
 
 
-def _selection(cells: Cells[Selection], scene: Path, key: str, distance: float | None = None) -> Selection:
-    """Kept under ``key``; the scene as it is, or from another distance."""
-    of = cells.settings
+def _selection(of: Settings, cells: Records[Selection], scene: Path, key: str,
+               distance: float | None = None) -> Selection:
+    """Measure the scene as it is, or from another distance."""
     inputs = {"scene": scene.stem, "display": of.timing_display.to_dict(), "scale": of.scale, "spp": of.spp,
               "repeats": of.repeats, "device": of.device} | ({} if distance is None else {"distance": distance})
 
     def measure() -> Selection:
         seen = scene if distance is None else renders.moved(of, scene, distance)
-        folder = renders.low_resolution(of, Shot(seen, of.scale, of.spp, of.timing_display))
+        folder = renders.low_resolution(of, View(seen, of.scale, of.spp, of.timing_display))
         method = weights.untrained_method(of, NETWORK, of.scale)
         runs = {"with": lambda: panel_image(folder, method),
                 "without": lambda: panel_image(folder, method, UpscaleOptions(selection=False))}
-        return Selection(p=float(renders.foreground(folder).mean()), seconds=timing.take_turns(runs, of.repeats),
+        return Selection(p=float(foreground(folder).mean()), seconds=timing.take_turns(runs, of.repeats),
                          distance=distance, scene=scene.stem, render=read_frame(folder).seconds["render"])
 
-    return cells.get(key, inputs, measure)
+    return quality.measure_once(cells, key, inputs, measure)
 
 
 def draw_share(results: Selections, _output: Path) -> plots.Figure:
-    """Milliseconds over the share of foreground."""
+    """Milliseconds over the fraction of foreground."""
     sheet, grid = plots.sheet(5, 3)
     for kind, color, line in zip(KINDS, plots.COLORS, _medians(results.by_share), strict=False):
         grid[0, 0].plot([row.p for row in results.by_share], line, marker="o", color=color, label=f"{kind} selection")
-    grid[0, 0].set(xlabel="share of foreground lenses", ylabel="second stage, ms", ylim=(0, None), xlim=(0, 1.02))
+    grid[0, 0].set(xlabel="fraction of foreground lenses", ylabel="second stage, ms", ylim=(0, None), xlim=(0, 1.02))
     grid[0, 0].legend(frameon=False)
     return sheet
 
@@ -136,7 +139,7 @@ def _medians(rows: Iterable[Selection]) -> list[tuple[float, ...]]:
 
 
 def table_share(results: Selections) -> list[str]:
-    """Distance, share of foreground, both times."""
+    """Distance, fraction of foreground, both times."""
     rows = [[f"{row.distance:g}", row.p, *(number(ms, digits=1) for ms in row.medians)] for row in results.rows]
     return markdown_table(["distance", "p", "ms with selection", "ms without"], rows)
 
@@ -160,7 +163,7 @@ def line_share(results: Selections) -> str:
 
 
 def line_scenes(results: Selections) -> str:
-    """Saved time per scene, also as a share of the frame."""
+    """Saved time per scene, also as a fraction of the frame."""
     found = {row.scene: row.saved for row in results.rows}
     shares = [100 * row.saved.value / (row.render + row.medians[1] / 1e3) for row in results.rows]
     return (f"{overall(found)} {sentence('Selection saves time', found, 's')} That is {min(shares):.1f} to "
@@ -168,7 +171,7 @@ def line_scenes(results: Selections) -> str:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class ScaleRow(FrameTimes):
+class ScaleRow(Row):
     """One frame."""
 
     pixels: tuple[int, int]  # of the panel, horizontal and vertical
@@ -194,27 +197,28 @@ class Scales(Results):
 
 def measure_scales(settings: Settings) -> Scales:
     """Render and second stage of the first scene, every resolution and scale; scale 1 is direct."""
-    cells, scene = Cells(settings, "fig12a", ScaleRow), settings.scenes[0]
+    cells, scene = quality.records_of(settings, "fig12a", ScaleRow), settings.scenes[0]
     displays = filter(None, (renders.resolution(settings.timing_display, part) for part in settings.resolutions))
-    shots = [Shot(scene, scale, settings.spp, display) for display in displays
+    views = [View(scene, scale, settings.spp, display) for display in displays
              for scale in (1, *(s for s in display.scales() if s in catalogue.spec(NETWORK).scales))]
-    return Scales(rows=tuple(_scale(cells, shot) for shot in shots), scene=scene.stem, samples=settings.spp,
+    return Scales(rows=tuple(_scale(settings, cells, view) for view in views), scene=scene.stem, samples=settings.spp,
                   render_device=settings.render_device, load=cells.load)
 
 
-def _scale(cells: Cells[ScaleRow], shot: Shot) -> ScaleRow:
+def _scale(settings: Settings, cells: Records[ScaleRow], view: View) -> ScaleRow:
     """For direct path tracing the second stage runs without an upscaler."""
-    settings, pixels = cells.settings, shot.display.eia_pixels
-    inputs = {"scene": shot.scene.stem, "display": shot.display.to_dict(), "scale": shot.scale, "spp": shot.spp,
+    display = view.display or settings.display
+    pixels = display.eia_pixels
+    inputs = {"scene": view.scene.stem, "display": display.to_dict(), "scale": view.scale, "spp": view.spp,
               "device": settings.device, "render_device": settings.render_device}
 
     def measure() -> ScaleRow:
-        folder = renders.low_resolution(settings, shot)
-        method = weights.untrained_method(settings, NETWORK if shot.scale > 1 else "none", shot.scale)
-        return ScaleRow(pixels=pixels, scale=shot.scale, render=read_frame(folder).seconds["render"],
+        folder = renders.low_resolution(settings, view)
+        method = weights.untrained_method(settings, NETWORK if view.scale > 1 else "none", view.scale)
+        return ScaleRow(pixels=pixels, scale=view.scale, render=read_frame(folder).seconds["render"],
                         second_stage=quality.second_stage_seconds(settings, folder, method))
 
-    return cells.get(f"{shot.scene.stem}-{pixels[1]}-s{shot.scale}", inputs, measure)
+    return quality.measure_once(cells, f"{view.scene.stem}-{pixels[1]}-s{view.scale}", inputs, measure)
 
 
 def draw_scales(results: Scales, _output: Path) -> plots.Figure:
@@ -252,7 +256,7 @@ def line_scales(results: Scales) -> str:
             f"rendered on {results.render_device}, {100 * best.render / best.total:.0f} % of it the render.")
 
 
-SHARE = Figure("fig10b", "Fig. 10(b): share of foreground", CLAIM_SHARE, Selections, measure_share, table_share,
+SHARE = Figure("fig10b", "Fig. 10(b): fraction of foreground", CLAIM_SHARE, Selections, measure_share, table_share,
                line_share, draw_share)
 SCALES = Figure("fig12a", "Fig. 12(a): scale factors and resolutions", CLAIM_SCALE, Scales, measure_scales,
                 table_scales, line_scales, draw_scales)

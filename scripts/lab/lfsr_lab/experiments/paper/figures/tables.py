@@ -8,12 +8,13 @@ from pathlib import Path
 
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.registry import Method
+from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.report import markdown_table, number
 from lfsr_lab.experiments.paper import quality, renders, weights
-from lfsr_lab.experiments.paper.cells import Cells
 from lfsr_lab.experiments.paper.figure import Figure, cautions, gains, known, measured, metric
-from lfsr_lab.experiments.paper.records import FrameTimes, Results, Row
-from lfsr_lab.experiments.paper.renders import Shot
+from lfsr_lab.experiments.paper.records import Results, Row, Rows
+from lfsr_lab.experiments.paper.renders import View
 from lfsr_lab.experiments.paper.settings import Settings
 from lfsr_lab.experiments.paper.verdict import Difference, overall, sentence, single_runs
 from lfsr_lab.networks import comparators
@@ -25,21 +26,7 @@ CLAIM_RIVALS = f"The paper's method is faster than every rival, with an SSIM abo
 CLAIM_COST = "The generator needs fewer multiply-adds than other networks for super-resolution."
 PLAIN, CEILING = ("ssim_eia_plain", "ssim_lens_plain"), ("ssim_ceiling", "ssim_lens_ceiling")
 METRICS = (*PLAIN, *CEILING, "ssim_eia_fg", "ssim_lens_fg", "psnr_fg")
-Found = Mapping[tuple[str, str], "RivalRow"]
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class RivalRow(Row, FrameTimes):
-    """Time and accuracy of one rival on one scene."""
-
-    how: str = ""  # scale, samples and method
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Rivals(Results):
-    """Every rival on every scene, the ``rows``."""
-
-    rows: tuple[RivalRow, ...]
+Found = Mapping[tuple[str, str], Row]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,44 +48,42 @@ class Costs(Results):
     scale: int = 0  # factor
 
 
-def rivals(settings: Settings, scene: Path) -> dict[str, tuple[Shot, str]]:
-    """Render and method of each row."""
-    shot = Shot(scene, settings.scale, settings.spp)
-    whole = dataclasses.replace(shot, scale=1)
-    return {DIRECT: (whole, "none"), BY_VIEW: (dataclasses.replace(shot, layout="view-by-view"), "fsrcnn"),
-            FEW_SAMPLES: (dataclasses.replace(whole, spp=1), "oidn"), PAPER: (shot, "paper-gan"),
-            PAPER_PLAIN: (shot, "paper"), OURS: (shot, DEFAULT_METHOD)}
+def rivals(settings: Settings, scene: Path) -> dict[str, tuple[View, str]]:
+    """Return the render and method of each row."""
+    view = View(scene, settings.scale, settings.spp)
+    whole = dataclasses.replace(view, scale=1)
+    return {DIRECT: (whole, "none"), BY_VIEW: (dataclasses.replace(view, layout="view-by-view"), "fsrcnn"),
+            FEW_SAMPLES: (dataclasses.replace(whole, spp=1), "oidn"), PAPER: (view, "paper-gan"),
+            PAPER_PLAIN: (view, "paper"), OURS: (view, DEFAULT_METHOD)}
 
 
-def measure_rivals(settings: Settings) -> Rivals:
-    """Every rival on every scene."""
-    cells = Cells(settings, "table2", RivalRow)
-    rows = tuple(_row(cells, name, *how) for scene in settings.scenes
+def measure_rivals(settings: Settings) -> Rows:
+    """Measure every rival on every scene."""
+    records = quality.records_of(settings, "table2", Row)
+    rows = tuple(_row(settings, records, name, *how) for scene in settings.scenes
                  for name, how in rivals(settings, scene).items())
     methods = [method for _, method in rivals(settings, settings.scenes[0]).values()]
-    return Rivals(rows=rows, load=cells.load, schedules=quality.schedules(settings, methods))
+    return Rows(rows=rows, load=records.load, schedules=quality.schedules(settings, methods))
 
 
-def _row(cells: Cells[RivalRow], name: str, shot: Shot, method: str) -> RivalRow:
-    settings = cells.settings
-    inputs = quality.inputs(settings, shot, method, render_scale=shot.scale, layout=shot.layout, device=settings.device,
+def _row(settings: Settings, records: Records[Row], name: str, view: View, method: str) -> Row:
+    inputs = quality.inputs(settings, view, method, render_scale=view.scale, layout=view.layout, device=settings.device,
                             repeats=settings.repeats, render_device=settings.render_device)
-    key = f"{shot.scene.stem}-{name}".replace(" ", "-").replace("(", "").replace(")", "")
-    found = cells.get(key, inputs, lambda: _one(settings, shot, method)) or RivalRow()
-    how = f"s{shot.scale}, {shot.spp} spp, {method}"
-    return dataclasses.replace(found, scene=shot.scene.stem, method=name, how=how)
+    key = f"{view.scene.stem}-{name}".replace(" ", "-").replace("(", "").replace(")", "")
+    ready, found = weights.method(settings, method), Row()
+    if ready is not None:
+        found = quality.measure_once(records, key, inputs, lambda: _one(settings, view, ready))
+    how = f"s{view.scale}, {view.spp} spp, {method}"
+    return dataclasses.replace(found, scene=view.scene.stem, method=name, how=how)
 
 
-def _one(settings: Settings, shot: Shot, name: str) -> RivalRow | None:
-    method, picture = weights.method(settings, name), quality.picture(settings, shot, name)
-    if method is None or picture is None:
-        return None
-    folder = renders.low_resolution(settings, shot)
-    return RivalRow(**vars(quality.accuracy(picture)), render=picture.frame.seconds["render"],
-                    second_stage=quality.second_stage_seconds(settings, folder, method))
+def _one(settings: Settings, view: View, method: Method) -> Row:
+    seen, folder = quality.finished(settings, view, method), renders.low_resolution(settings, view)
+    return dataclasses.replace(quality.accuracy(seen), render=seen.frame.seconds["render"],
+                               second_stage=quality.second_stage_seconds(settings, folder, method))
 
 
-def table_rivals(results: Rivals) -> list[str]:
+def table_rivals(results: Rows) -> list[str]:
     """Time, frame rate and accuracy."""
     columns = known(results.rows, METRICS)
     rows = [[row.scene, row.method, row.how, number(row.render), number(row.second_stage), number(1 / row.total),
@@ -106,7 +91,7 @@ def table_rivals(results: Rivals) -> list[str]:
     return markdown_table(["scene", "method", "how", "render, s", "second stage, s", "frames/s", *columns], rows)
 
 
-def line_rivals(results: Rivals) -> str:
+def line_rivals(results: Rows) -> str:
     """The paper's method, with its adversary if it was trained, against each rival."""
     found = measured(results.rows)
     ours = next((name for name in (PAPER, PAPER_PLAIN) if any(method == name for _, method in found)), None)
@@ -131,14 +116,14 @@ def _faster(found: Found, ours: str, rival: str) -> dict[str, Difference]:
 
 def _enough(found: Found, ours: str) -> dict[str, Difference]:
     """Plain SSIM, the paper's own figure, above its bound; a reference of all lenses has no interval."""
-    return {scene: Difference(row.metrics[name] - ENOUGH_SSIM, row.ci95.get(name) or 0.0)
+    return {scene: Difference(row.value(name) - ENOUGH_SSIM, row.ci95.get(name) or 0.0)
             for (scene, method), row in found.items() if method == ours for name in known([row], PLAIN)}
 
 
 def _ceiling(found: Found, ours: str) -> list[str]:
     """A caution where the reference's own noise alone keeps plain SSIM below the bound."""
     low = [scene for (scene, method), row in found.items()
-           if method == ours and any(row.metrics[name] < ENOUGH_SSIM for name in known([row], CEILING))]
+           if method == ours and any(row.value(name) < ENOUGH_SSIM for name in known([row], CEILING))]
     return [f"The reference of {', '.join(low)} is itself too noisy for that: its halves agree less."] if low else []
 
 
@@ -175,5 +160,5 @@ def line_cost(results: Costs) -> str:
     return f"{overall(others)} Times the generator's: {ratios} (counted, so without an interval)."
 
 
-RIVALS = Figure("table2", "Table 2: rivals", CLAIM_RIVALS, Rivals, measure_rivals, table_rivals, line_rivals)
+RIVALS = Figure("table2", "Table 2: rivals", CLAIM_RIVALS, Rows, measure_rivals, table_rivals, line_rivals)
 COST = Figure("table3", "Table 3: multiply-adds", CLAIM_COST, Costs, measure_cost, table_cost, line_cost)
