@@ -82,4 +82,4 @@ def compile_osl(source: str) -> str:
 
 
 def _no_osl(reason: str) -> LfsrError:
-    return LfsrError(f"the OSL camera is not available ({reason}): render with the view-by-view layout")
+    return LfsrError(f"the OSL camera is not available ({reason}): render with the layout lens-card")

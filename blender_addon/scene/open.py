@@ -20,7 +20,7 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
         READERS[Path(path).suffix.lower()](path)
     except (RuntimeError, ValueError, KeyError, OSError) as error:
         reason = _reason(error)
-        raise LfsrError(f"scene {path} cannot be read ({reason}): check that the file is whole") from None
+        raise LfsrError(f"scene {path} cannot be read ({reason}): check that the file is complete") from None
     return bpy.context.scene
 
 

@@ -53,7 +53,7 @@ def test_an_importers_long_traceback_is_one_short_sentence(tmp_path):
     """Blender cuts what its importer says, and then adds where it called it from."""
     path = tmp_path / "scene.gltf"
     path.write_text(BAD_ACCESSOR)
-    with pytest.raises(LfsrError, match=r"scene\.gltf cannot be read \(TypeError: .*the file is whole") as caught:
+    with pytest.raises(LfsrError, match=r"scene\.gltf cannot be read \(TypeError: .*the file is complete") as caught:
         open_scene(path)
     assert len(str(caught.value)) <= 300
 
