@@ -88,8 +88,7 @@ def test_best_device_is_found_and_named(blend, tmp_path):
     assert frame.layout == ("one-pass" if frame.device in ("CPU", "OPTIX") else "lens-card")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("layout", ["one-pass", "view-by-view"])
+@pytest.mark.parametrize(("number", "layout"), [(signal.SIGINT, "one-pass"), (signal.SIGTERM, "view-by-view")])
 def test_signal_stops_at_once_and_leaves_no_file(blend, tmp_path, number, layout):
     child = start(tmp_path, scene=str(blend), spp=100_000, scale=1, layout=layout)
     for line in child.stdout:

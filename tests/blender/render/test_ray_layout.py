@@ -64,8 +64,8 @@ def way(request):
     return request.param
 
 
-@pytest.mark.parametrize("convention", ["centred", "paper"])
-@pytest.mark.parametrize(("depth", "tilt"), [(1.0, 0.0), (1.0, 0.5), (0.7, -0.2), (3.0, 0.2)])
+@pytest.mark.parametrize(("convention", "depth", "tilt"), [
+    ("centred", 1.0, 0.0), ("centred", 1.0, 0.5), ("centred", 0.7, -0.2), ("centred", 3.0, 0.2), ("paper", 0.7, -0.2)])
 def test_every_pixel_hits_where_rays_py_says(scene, tmp_path, convention, depth, tilt, way):
     layout, plane = layout_of(convention=convention), plane_in_array(depth * ARRAY.distance, tilt)
     add_plane(scene, plane, position_emission())
@@ -124,7 +124,7 @@ def test_papers_low_views_are_shifted_by_half_of_what_they_replace(scene, tmp_pa
     assert np.abs(difference - [shift, -shift, 0]).max() <= 1e-4 * ARRAY.distance
 
 
-@pytest.mark.parametrize(("scale", "aperture"), [(1, 1.0), (4, 1.0), (4, 0.5), (4, 0.0)])
+@pytest.mark.parametrize(("scale", "aperture"), [(1, 1.0), (4, 0.5), (4, 0.0)])
 def test_samples_fill_the_lens_and_the_cell_of_views(tmp_path, scale, aperture, way):
     """Second moments of the hit points at twice the distance: 2·target − origin, both uniform in their boxes."""
     layout = layout_of(scale, view_aperture=aperture)

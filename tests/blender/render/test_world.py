@@ -17,8 +17,10 @@ from tests.support.scenes import MINI, WAYS, add_box, add_camera
 
 
 @pytest.fixture
-def lit_box(scene):
-    """A box before a world of stripes that differ by direction, seen by a camera that is turned."""
+def lit_box(scene, monkeypatch):
+    """A box in front of a world of stripes that differ by direction, seen by a turned camera."""
+    # Saves a tiny render for each frame: the world lights the box.
+    monkeypatch.setattr(frame_folder, "is_dark", lambda *_: False)
     add_box(scene, (1, 0, 3), (0.5, 0.5, 0.5))
     camera = add_camera(scene, angle=0.9)
     camera.rotation_euler = (1.4, 0.1, 0.2)
