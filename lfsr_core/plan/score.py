@@ -136,7 +136,7 @@ def split_scores(images: Array, reference: SampledReference) -> Scores:
 
     The reference's remaining noise lowers the metric about in proportion to its variance. So what the metric gains
     from halves of one quarter to halves of two is missing once more. CORRECTED of that gain is added: adding all of it
-    would sometimes promise too much (docs/guide/plan.md).
+    would sometimes promise too much (docs/notebook/plan.md).
     """
     full = _mean_ssim(images, *reference.pair((0, 1), (2, 3)))
     less = (_mean_ssim(images, *reference.pair((0,), (2,))) + _mean_ssim(images, *reference.pair((1,), (3,)))) / 2

@@ -2,7 +2,7 @@
 
 A shallow U of 3×3 convolutions inside one EI, trained through linear upscaling
 on noisy renders. A nonlinear upscaling head and convolutions across lenses
-gained nothing, see docs/results/networks.md.
+gained nothing, see docs/notebook/networks.md.
 """
 
 from __future__ import annotations
