@@ -184,7 +184,7 @@ def test_one_command_writes_pages_and_goes_on(frames, tmp_path, capsys):
     run = command.main
     assert run([*words, "--only", "table3"]) == 0
     assert run([*words, "--only", "fig9"]) == 0
-    text = (tmp_path / "docs" / "results" / "paper.md").read_text()
+    text = (tmp_path / "docs" / "notebook" / "paper.md").read_text()
     assert "## Table 3: multiply-adds" in text and "![Fig. 9: residuals](../images/paper-fig9.png)" in text
     assert "Not measured in this run" in text and "Quick mode" in text
     assert str(tmp_path) not in text and str(frames.output) not in text

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet
 
 RESULTS_FILE, PAGE_FILE, IMAGES = "results.json", "paper.md", "images"
-PAGE_IN_DOCS = "results/paper.md"
+PAGE_IN_DOCS = "notebook/paper.md"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -106,7 +106,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--scenes", type=Path, nargs="+", default=[], metavar="FILE", help="default: the demo scene")
     add("--quick", action="store_true", help="tiny frames and few samples: every figure in minutes")
     add("--only", metavar="ID,ID", help=f"of {', '.join(page.FIGURES)}")
-    add("--docs", type=Path, metavar="DIR", help="also write results/paper.md and images/paper-*.png there")
+    add("--docs", type=Path, metavar="DIR", help="also write notebook/paper.md and images/paper-*.png there")
     add("--bench", type=Path, metavar="DIR", help="folder with renders on --display to reuse and add to")
     add("--display", metavar="NAME|FILE.toml", help="for accuracy; default: small")
     add("--timing-display", metavar="NAME|FILE.toml", help="for times of whole frames; default: bupt-32in-8k")
