@@ -90,7 +90,7 @@ def check_name(path: Path) -> None:
     try:
         names = [name.encode() for name in path.parts]
     except UnicodeEncodeError:
-        raise LfsrError(f"{str(path)!r} is no UTF-8 text: choose another name") from None
+        raise LfsrError(f"{str(path)!r} is not UTF-8 text: choose another name") from None
     if max(map(len, names), default=0) > LONGEST_NAME or len(os.fsencode(path)) > LONGEST_PATH:
         raise LfsrError(f"{path} is too long, expected names of at most {LONGEST_NAME} bytes: choose a shorter one")
     for place in (path, *path.parents):
@@ -105,7 +105,7 @@ def reading(path: str | Path, what: str) -> Iterator[IO[bytes]]:
     path = Path(path)
     try:
         if path.exists() and not path.is_file():
-            raise LfsrError(f"{path} cannot be read as {what} (it is no regular file): check the path")
+            raise LfsrError(f"{path} cannot be read as {what} (it is not a regular file): check the path")
         with path.open("rb") as file:
             yield file
     except FileNotFoundError:
@@ -160,7 +160,7 @@ def _remove_dead(folder: Path, start: str, end: str) -> None:
 def _finite(text: str) -> float:
     number = float(text)
     if not math.isfinite(number):
-        raise ValueError(f"{text[:20]} is no finite number")
+        raise ValueError(f"{text[:20]} is not a finite number")
     return number
 
 

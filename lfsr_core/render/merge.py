@@ -98,7 +98,7 @@ def _by_samples(parts: list[_Part]) -> Frame:
     seeds: dict[int, Path] = {}
     for part in parts:
         if part.kind != "reference":
-            raise LfsrError(f"{part.folder} is a whole render and no part of one: merge parts of `lfsr render --rows`, "
+            raise LfsrError(f"{part.folder} is a whole render, not a part of one: merge parts of `lfsr render --rows`, "
                             "or references of other seeds")
     _check_same(parts, FREE | {"seed", "samples"})
     for part in parts:

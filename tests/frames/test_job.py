@@ -77,5 +77,5 @@ def test_scene_is_checked_before_blender_starts(tmp_path):
     with pytest.raises(LfsrError, match=r"absent.blend does not exist"):
         check_scene(tmp_path / "absent.blend")
     (tmp_path / "scene.fbx").touch()
-    with pytest.raises(LfsrError, match=r"scene.fbx is of no kind.*\.blend, \.glb"):
+    with pytest.raises(LfsrError, match=r"scene.fbx is not a scene file.*\.blend, \.glb"):
         check_scene(tmp_path / "scene.fbx")

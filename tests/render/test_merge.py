@@ -140,7 +140,7 @@ def test_references_that_cannot_be_averaged(tmp_path, capsys):
     whole = made(tmp_path / "c")
     target = ["-o", str(tmp_path / "merged")]
     assert "have the same seed 1" in fails(["merge", str(first), str(same), *target], capsys)
-    assert "c is a whole render and no part" in fails(["merge", str(first), str(whole), *target], capsys)
+    assert "c is a whole render, not a part" in fails(["merge", str(first), str(whole), *target], capsys)
     assert "does not exist" in fails(["merge", str(tmp_path / "none"), *target], capsys)
 
 
