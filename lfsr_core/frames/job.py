@@ -88,7 +88,7 @@ def check_scene(scene: str | Path) -> str:
     if not scene.is_file():
         raise LfsrError(f"scene {scene} does not exist: check the path")
     if scene.suffix.lower() not in SCENE_SUFFIXES:
-        raise LfsrError(f"scene {scene} is not a scene file that can be opened: give one of {', '.join(SCENE_SUFFIXES)}")
+        raise LfsrError(f"{scene} is not a scene file that can be opened: give one of {', '.join(SCENE_SUFFIXES)}")
     return str(scene.resolve())
 
 
