@@ -170,7 +170,7 @@ def test_only_regular_files_up_to_a_size_are_read(tmp_path):
     os.mkfifo(tmp_path / "fifo")
     (tmp_path / "large").write_bytes(bytes(101))
     for path in (tmp_path, tmp_path / "fifo", Path("/dev/zero")):
-        with pytest.raises(LfsrError, match="is no regular file"):
+        with pytest.raises(LfsrError, match="is not a regular file"):
             read_bytes(path, "a test", 100)
     with pytest.raises(LfsrError, match="more than 100 bytes"):
         read_bytes(tmp_path / "large", "a test", 100)

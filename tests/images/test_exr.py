@@ -216,7 +216,7 @@ def test_png_whose_size_lies_and_a_pipe(tmp_path):
         png.read_mask(tmp_path / "m.png")
     os.mkfifo(tmp_path / "pipe")
     for read in (png.read_mask, exr.read_layers):
-        with pytest.raises(LfsrError, match="no regular file"):
+        with pytest.raises(LfsrError, match="not a regular file"):
             read(tmp_path / "pipe")
 
 
