@@ -87,7 +87,7 @@ def test_a_scene_of_the_package_renders_outside_the_clone(environment, tmp_path)
 
 
 @needs_bpy
-@pytest.mark.parametrize("script", ["training_scenes.py", "stress_scenes.py", "shot_scenes.py", "unseen_scenes.py",
+@pytest.mark.parametrize("script", ["training_scenes.py", "sweep_scenes.py", "animation_scenes.py", "unseen_scenes.py",
                                     "deep_scenes.py", "move_camera_array.py"])
 def test_scene_scripts_find_the_core_where_they_are_installed(environment, tmp_path, script):
     # Under another name than __main__ a script only imports what it needs.

@@ -20,13 +20,13 @@ NAMES = ("glitter", "cloth", "room", "city", "deep", "world")
 def built(monkeypatch):
     """Function that builds one of the scenes in this Blender."""
     monkeypatch.syspath_prepend(str(SCRIPTS))
-    from unseen import builders, stage
+    import unseen_scenes
 
-    assert tuple(builders.BUILDERS) == NAMES
+    assert tuple(unseen_scenes.BUILDERS) == NAMES
 
     def build(name):
-        stage.begin()
-        builders.BUILDERS[name](np.random.default_rng(5))
+        unseen_scenes.demo_camera()
+        unseen_scenes.BUILDERS[name](np.random.default_rng(5))
         bpy.context.view_layer.update()
         return bpy.context.scene
 

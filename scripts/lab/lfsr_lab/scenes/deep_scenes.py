@@ -18,20 +18,20 @@ sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4)
 import bpy
 from mathutils import Vector
 
-from blender_addon.scene.light import add_light
 from lfsr_core.errors import LfsrError
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, emit
-from lfsr_lab.scenes.shared.objects import add_object
+from lfsr_lab.scenes.shared.light import world
+from lfsr_lab.scenes.shared.objects import add_object, settle
 from lfsr_lab.scenes.shared.script import leave, save, script_arguments
 
 HELMET, VASE, TREE, HEAD = "FlightHelmet.gltf", "GlassVaseFlowers.gltf", "japaneseMaple.obj", "head.glb"
 # By scene the HDRI and its models: where their middles stand, y away from the viewer, longest side, turn in radians.
 SCENES = {
-    "row": ("city.exr", (HELMET, (-0.8, -2.2, -0.1), 1.0, 0.3), (VASE, (0, -0.4, 0), 1.1, 0.0),
+    "row": ("city", (HELMET, (-0.8, -2.2, -0.1), 1.0, 0.3), (VASE, (0, -0.4, 0), 1.1, 0.0),
             (HEAD, (0.7, 1.4, 0), 1.0, 0.0), (TREE, (-0.3, 3.0, 0.2), 1.8, 0.0)),
-    "grove": ("forest.exr", (TREE, (-0.9, -1.8, 0), 1.0, 0.0), (TREE, (0.5, -0.6, 0), 1.2, 1.0),
+    "grove": ("forest", (TREE, (-0.9, -1.8, 0), 1.0, 0.0), (TREE, (0.5, -0.6, 0), 1.2, 1.0),
               (TREE, (-0.4, 0.8, 0.1), 1.4, 2.0), (TREE, (0.8, 2.4, 0.2), 1.8, 3.0)),
-    "steps": ("courtyard.exr", (VASE, (-1, -0.9, -0.2), 0.9, 0.0), (HELMET, (0, 0, -0.1), 1.0, 0.0),
+    "steps": ("courtyard", (VASE, (-1, -0.9, -0.2), 0.9, 0.0), (HELMET, (0, 0, -0.1), 1.0, 0.0),
               (VASE, (0.9, 1.0, 0.1), 1.0, 2.0)),
 }
 
@@ -39,12 +39,12 @@ SCENES = {
 def build(models: Path, light: str, things: tuple[tuple[str, tuple[float, float, float], float, float], ...]) -> None:
     """One of the scenes in an empty Blender, everything packed."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    add_light(bpy.context.scene, light)
+    world(light, 1.0)
     bpy.context.scene.render.film_transparent = True
     for name, at, size, turn in things:
         holder = add_object(None, None, name)
         load(found(models, name)).parent = holder
-        holder.location, holder.scale, holder.rotation_euler = at, (size,) * 3, (0, 0, turn)
+        settle(holder, at, size, (0, 0, turn))
     bpy.ops.file.pack_all()
 
 

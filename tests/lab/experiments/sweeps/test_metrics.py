@@ -10,7 +10,7 @@ from lfsr_core.optics.eia import from_elemental_images, to_elemental_images, to_
 from lfsr_core.optics.rays import CameraArray, RayLayout, rays
 from lfsr_lab.experiments.sweeps import metrics
 from lfsr_lab.experiments.sweeps.metrics import Compared
-from lfsr_lab.scenes.stress.space import Space, card_centre, card_of_motion
+from lfsr_lab.scenes.sweeps.space import Space, card_centre, card_of_motion
 from tests.support.rays import pixel_rays
 
 LENSES, VIEWS, SCALE = (8, 6), (12, 12), 4

@@ -15,7 +15,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray, RayLayout, rays
 from lfsr_lab.experiments.sweeps.measure import DISPLAY_FILE
-from lfsr_lab.scenes.stress.space import Space, card_centre, card_of_motion, hole, rectangle_path
+from lfsr_lab.scenes.sweeps.space import Space, card_centre, card_of_motion, hole, rectangle_path
 from tests.support.rays import pixel_rays
 from tests.support.synthetic import FLAT
 

@@ -24,7 +24,7 @@ from lfsr_lab.experiments.engine.records import Fingerprint, method_facts
 from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, SCENE_FILE, Store, reference_of
 
 DISPLAY_FILE = Path(__file__).parent / "animations.toml"
-NAMES = ("object", "light", "array")  # what moves, of lfsr_lab.scenes.shot_scenes
+NAMES = ("object", "light", "array")  # what moves, of lfsr_lab.scenes.animation_scenes
 FIXED, CHANGING, TURNING = "fixed", "changing", "turning"  # seeds of the frames; the last begin again after PERIOD
 PERIOD = 5
 SCENE_SCALE = 4  # at which what the scenes show is within the usable depth
@@ -90,7 +90,7 @@ FITS = (Way("fitted once", fitted=ONCE), Way("fitted to each frame", fitted=EACH
 
 def build_scenes(store: Store, settings: Settings) -> None:
     """Write the scene files that are missing."""
-    store.build("shot_scenes.py", {store.folder / name / SCENE_FILE: {"name": name} for name in NAMES},
+    store.build("animation_scenes.py", {store.folder / name / SCENE_FILE: {"name": name} for name in NAMES},
                 display=settings.display.to_dict(), scale=SCENE_SCALE, frames=settings.frames)
 
 

@@ -21,7 +21,7 @@ from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, SCENE_FILE, S
 from lfsr_lab.experiments.sweeps import metrics
 from lfsr_lab.experiments.sweeps.records import Cell, Settings
 from lfsr_lab.experiments.sweeps.sweeps import EYE, MOTION, Sweep, choose_sweeps, label
-from lfsr_lab.scenes.stress.space import Space, card_centre, card_of_motion
+from lfsr_lab.scenes.sweeps.space import Space, card_centre, card_of_motion
 
 DISPLAY_FILE = Path(__file__).parent / "sweeps.toml"
 BASELINE, CELLS = "bicubic", "cells"
@@ -55,9 +55,9 @@ def default_methods(scale: int, parallax: tuple[bool, bool] = (True, True)) -> l
 
 def build_scenes(store: Store, settings: Settings, choice: Choice) -> None:
     """Write the scene files that are missing."""
-    wanted = {scene_folder(store, sweep, value) / SCENE_FILE: {"dial": sweep.name, "value": value}
+    wanted = {scene_folder(store, sweep, value) / SCENE_FILE: {"name": sweep.name, "value": value}
               for sweep, values in choice.values.items() for value in values}
-    store.build("stress_scenes.py", wanted, display=settings.display.to_dict(), scale=settings.scale,
+    store.build("sweep_scenes.py", wanted, display=settings.display.to_dict(), scale=settings.scale,
                 frames=settings.frames)
 
 

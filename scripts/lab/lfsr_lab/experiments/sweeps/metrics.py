@@ -15,7 +15,7 @@ from lfsr_core.arrays import Array, Mask
 from lfsr_core.metrics.split_ssim import mean_of, split_ssim_map
 from lfsr_core.optics.eia import to_elemental_images, to_views
 from lfsr_lab.experiments.engine.accuracy import Figures, root
-from lfsr_lab.scenes.stress.space import Space
+from lfsr_lab.scenes.sweeps.space import Space
 
 Pair = tuple[int, int]
 

@@ -1,6 +1,6 @@
 """The parameter sweeps: each makes one thing harder, value by value, until methods break.
 
-A sweep is data here; lfsr_lab.scenes.stress builds its scenes.
+A sweep is data here; lfsr_lab.scenes.sweeps builds its scenes.
 """
 
 from __future__ import annotations

@@ -37,9 +37,17 @@ class Graph:
         return next(node for node in self.tree.nodes if node.type == kind)
 
 
-def principled(name: str) -> tuple[bpy.types.Material, Graph, bpy.types.Node]:
-    """A new material, its graph and its Principled shader."""
+def principled(name: str, **inputs: Any) -> tuple[bpy.types.Material, Graph, bpy.types.Node]:
+    """Return a new material, its graph and its Principled shader with ``inputs`` by socket name (spaces as _)."""
     material = bpy.data.materials.new(name)
     compat.use_nodes(material)
     graph = Graph(material.node_tree)
-    return material, graph, graph.only("BSDF_PRINCIPLED")
+    shader = graph.only("BSDF_PRINCIPLED")
+    for key, value in inputs.items():
+        graph.feed(shader.inputs[key.replace("_", " ")], value)
+    return material, graph, shader
+
+
+def paint(name: str, color: tuple[float, ...], roughness: float = 0.5, **inputs: float) -> bpy.types.Material:
+    """Return a Principled material of one scene-linear colour."""
+    return principled(name, Base_Color=(*color, 1.0), Roughness=roughness, **inputs)[0]

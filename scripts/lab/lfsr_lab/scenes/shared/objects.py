@@ -8,6 +8,8 @@ import numpy as np
 from lfsr_core.arrays import Array
 from lfsr_lab.scenes.shared.surfaces import Surface
 
+Vector = Array | tuple[float, ...]  # three values
+
 
 def add_surface(surface: Surface, material: bpy.types.Material | None, name: str = "part") -> bpy.types.Object:
     """Object of a surface in the scene, with its texture coordinates and one material."""
@@ -36,7 +38,23 @@ def add_object(data: bpy.types.ID, material: bpy.types.Material | None, name: st
     return thing
 
 
-def settle(thing: bpy.types.Object, at: Array, size: float | Array, turn: Array) -> None:
+def put(surface: Surface, material: bpy.types.Material | None, at: Vector, size: float | Vector = 1.0,
+        turn: Vector = (0, 0, 0), name: str = "part") -> bpy.types.Object:
+    """Add an object of a surface and ``settle`` it."""
+    thing = add_surface(surface, material, name)
+    settle(thing, at, size, turn)
+    return thing
+
+
+def again(thing: bpy.types.Object, at: Vector, size: float | Vector = 1.0,
+          turn: Vector = (0, 0, 0)) -> bpy.types.Object:
+    """Add another object of the same mesh and ``settle`` it."""
+    other = add_object(thing.data, None, thing.name)
+    settle(other, at, size, turn)
+    return other
+
+
+def settle(thing: bpy.types.Object, at: Vector, size: float | Vector, turn: Vector) -> None:
     """Place, scale and rotate (Euler angles in radians)."""
     thing.location, thing.rotation_euler = at, turn
     thing.scale = np.broadcast_to(size, 3)

@@ -1,4 +1,4 @@
-"""The geometry that the dials of the stability suite speak of.
+"""Geometry of the parameter sweeps.
 
 Lengths are lens pitches from column to column: the display is as many units wide as it has columns of lenses, its
 plane is y = 0, the viewer stands at y = -distance, behind the display is y > 0. The light field of a lens sheet may
@@ -64,7 +64,7 @@ class Space:
         y = usable * (self.behind if usable > 0 else self.front)
         if y < -(1 - LEAST_NEAR) * self.distance:
             raise LfsrError(f"{-usable:g} usable depths in front of this display lie at the viewer: "
-                            "choose a display with smaller lenses, or other dials with --dials")
+                            "choose a display with smaller lenses, or other sweeps with --sweeps")
         return y
 
     def depth_of_slope(self, slope: float) -> float:
@@ -72,7 +72,7 @@ class Space:
         low = self.scale * self.spacing
         if slope >= low:
             raise LfsrError(f"no depth behind this display has a slope of {slope:g} lens pitches per rendered view, "
-                            f"the limit is {low:.3g}: choose a display with smaller lenses, or other dials")
+                            f"the limit is {low:.3g}: choose a display with smaller lenses, or other sweeps")
         return slope * self.distance / (low - slope)
 
     def slope(self, y: float) -> float:
@@ -101,10 +101,10 @@ class Space:
         return self.distance / (2 * self.scale * self.spacing * abs(y))
 
 
-def hole(lenses: tuple[int, int], share: float) -> tuple[int, int]:
-    """(columns, rows) of a block of lenses whose share of all is nearest to ``share``, the squarest of those."""
+def hole(lenses: tuple[int, int], fraction: float) -> tuple[int, int]:
+    """(columns, rows) of a block of lenses whose fraction of all is nearest to ``fraction``, the squarest of those."""
     blocks = [(columns, rows) for columns in range(1, lenses[0] + 1) for rows in range(1, lenses[1] + 1)]
-    return min(blocks, key=lambda block: (round(abs(math.prod(block) / math.prod(lenses) - share), 9),
+    return min(blocks, key=lambda block: (round(abs(math.prod(block) / math.prod(lenses) - fraction), 9),
                                           abs(math.log(block[0] / block[1] / (lenses[0] / lenses[1])))))
 
 

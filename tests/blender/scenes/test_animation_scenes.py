@@ -1,4 +1,4 @@
-"""Animations of the bench of shots: what moves is what their names say."""
+"""Scenes of the animations: what moves is what their names say."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ MOVING = {"object": "ball", "light": "lamp"}
 @pytest.mark.parametrize("name", NAMES)
 def test_one_thing_moves_and_nothing_else(monkeypatch, name):
     monkeypatch.syspath_prepend(str(SCRIPTS))
-    import shot_scenes
-    from stress.stage import Stage
+    import animation_scenes
 
-    assert set(shot_scenes.SHOTS) == set(NAMES)
-    shot_scenes.SHOTS[name](Stage.empty(DISPLAY, 4, 4))
+    from lfsr_lab.scenes.sweeps.stage import Stage
+
+    assert set(animation_scenes.BUILDERS) == set(NAMES)
+    animation_scenes.BUILDERS[name](Stage.empty(DISPLAY, 4, 4), 0.0)
     scene = bpy.context.scene
     places = []
     for frame in (1, 4):

@@ -1,4 +1,4 @@
-"""One builder per dial of lfsr_lab.experiments.sweeps.sweeps: ``BUILDERS[name](stage, value)`` fills an empty stage."""
+"""One builder per parameter sweep: ``BUILDERS[name](stage, value)`` fills an empty stage."""
 
 from __future__ import annotations
 
@@ -9,24 +9,13 @@ import bpy
 import numpy as np
 
 from lfsr_lab.scenes.shared import surfaces
-from lfsr_lab.scenes.shared.graph import Graph
+from lfsr_lab.scenes.shared.graph import Graph, paint, principled
+from lfsr_lab.scenes.shared.light import sun, world
+from lfsr_lab.scenes.shared.objects import again, put
 from lfsr_lab.scenes.shared.surfaces import Surface
-from lfsr_lab.scenes.stress.space import Space, card_centre, card_of_motion, hole
-from lfsr_lab.scenes.stress.stage import (
-    WORLD_STRENGTH,
-    Stage,
-    board,
-    glow,
-    plain,
-    put,
-    sun,
-    surface_of,
-    to_background,
-    turned,
-    twin,
-    world_light,
-)
-from lfsr_lab.scenes.stress.things import (
+from lfsr_lab.scenes.sweeps.space import Space, card_centre, card_of_motion, hole
+from lfsr_lab.scenes.sweeps.stage import Stage, board, glow, object_vector, to_background, turned
+from lfsr_lab.scenes.sweeps.things import (
     Grid,
     bodies,
     every_sort,
@@ -39,49 +28,52 @@ from lfsr_lab.scenes.stress.things import (
     wires,
 )
 
+WORLD_STRENGTH = 0.45
 BIG = 1.15   # boards reach a little over what the views see
 WIRE_DEPTH, BOARD_DEPTH = 0.5, 0.75  # usable depths behind the display
 FIREFLY_POWER = 1.0   # radiance × radius² of a glowing ball, in lens pitches
 MIRROR_GLOW, CAUSTIC_FILL, DARK_TILE = 0.8, 0.06, 0.05
 
 
+def light() -> None:
+    """Light from all sides and from the upper left."""
+    world()
+    sun()
+
+
 def samples(stage: Stage, _value: float) -> None:
     """Every kind of surface, half a usable range deep."""
-    world_light()
-    sun()
+    light()
     bodies(stage, stage.space.depth(-0.5), stage.space.depth(0.5), every_sort())
 
 
 def depth(stage: Stage, usable: float) -> None:
     """Bodies at one depth."""
-    world_light()
-    sun()
+    light()
     y = stage.space.depth(usable)
     bodies(stage, y, y, opaque_sorts())
 
 
 def wire(stage: Stage, pixels: float) -> None:
     """Crossing wires."""
-    world_light()
-    sun()
+    light()
     y = stage.space.depth(WIRE_DEPTH)
-    wires(stage, y, pixels * stage.space.footprint(y), plain("wire", (0.85, 0.8, 0.7), Roughness=0.6))
+    wires(stage, y, pixels * stage.space.footprint(y), paint("wire", (0.85, 0.8, 0.7), 0.6))
 
 
 def texture(stage: Stage, nyquist: float) -> None:
     """A board with a slanted sine grating in two directions."""
-    world_light()
+    world()
     y = stage.space.depth(1)
     turns = 2 * math.pi * nyquist * stage.space.nyquist(y)
-    material, graph, shader = surface_of("grating", Roughness=1.0, Specular_IOR_Level=0.0)
+    material, graph, shader = principled("grating", Roughness=1.0, Specular_IOR_Level=0.0)
     graph.feed(shader.inputs["Base Color"], grating(graph, turns))
     full_board(stage, "grating", y, material)
 
 
 def grating(graph: Graph, turns: float) -> bpy.types.NodeSocket:
     """Grey 0.45 ± 0.4 of two crossed sines of ``turns`` radians per lens pitch, 20° from upright."""
-    vector = graph.node("ShaderNodeMapping", {"Vector": graph.node("ShaderNodeTexCoord").outputs["Object"],
-                                              "Rotation": (0.0, math.radians(20), 0.0)}).outputs["Vector"]
+    vector = object_vector(graph, Rotation=(0.0, math.radians(20), 0.0))
     parts = graph.node("ShaderNodeSeparateXYZ", {"Vector": vector})
     waves = [math_node(graph, "SINE", math_node(graph, "MULTIPLY", parts.outputs[axis], turns)) for axis in "XZ"]
     swing = math_node(graph, "MULTIPLY", math_node(graph, "MULTIPLY", *waves), 0.4)
@@ -93,24 +85,13 @@ def math_node(graph: Graph, operation: str, *values: object) -> bpy.types.NodeSo
     return graph.node("ShaderNodeMath", dict(enumerate(values)), operation=operation).outputs[0]
 
 
-def glass_index(stage: Stage, index: float) -> None:
-    """Smooth glass of one refractive index."""
-    glass_scene(stage, glass(index, 0.0))
-
-
-def glass_roughness(stage: Stage, roughness: float) -> None:
-    """Glass of one roughness."""
-    glass_scene(stage, glass(1.45, roughness))
-
-
 def glass_scene(stage: Stage, material: bpy.types.Material) -> None:
     """Glass bodies about the display plane before a board of tiles."""
-    world_light()
-    sun()
+    light()
     space = stage.space
     bodies(stage, space.depth(-0.25), space.depth(0.25), [material] * 4, Grid(3.0))
     y = space.depth(BOARD_DEPTH)
-    ground, graph, shader = surface_of("tiles", Roughness=0.8)
+    ground, graph, shader = principled("tiles", Roughness=0.8)
     size = (1.5 * space.magnified(y),) * 2
     graph.feed(shader.inputs["Base Color"], tiles(graph, size, (0.08, 0.05, 0.2), (0.8, 0.7, 0.4)))
     full_board(stage, "tiles", y, ground)
@@ -120,7 +101,7 @@ def mirror(stage: Stage, usable: float) -> None:
     """A mirror at 45° through the display plane; what it shows hangs above it and is seen in it alone."""
     y = stage.space.depth(usable)
     half = [BIG * size for size in stage.space.window(stage.space.size[1])]
-    glassy = plain("mirror", (0.95, 0.95, 0.95), Metallic=1.0, Roughness=0.0)
+    glassy = paint("mirror", (0.95, 0.95, 0.95), 0.0, Metallic=1.0)
     turned(board("mirror", 0.0, (half[0], half[1] * math.sqrt(2)), glassy), (-45, 0, 0))
     width, height = (BIG * size for size in stage.space.window(y))
     shown = board("shown", 0.0, (width, height), glow("shown", lambda graph: print_of(graph, 0.5), MIRROR_GLOW))
@@ -131,38 +112,38 @@ def mirror(stage: Stage, usable: float) -> None:
 def caustics(stage: Stage, degrees: float) -> None:
     """Glass balls and metal rings close before a white wall, lit by one lamp of a given size."""
     space, y = stage.space, stage.space.depth(0.5)
-    world_light(strength=CAUSTIC_FILL)
+    world(strength=CAUSTIC_FILL)
     sun(2.5, math.radians(degrees))
-    full_board(stage, "wall", y, plain("wall", (0.75, 0.72, 0.68), Roughness=1.0, Specular_IOR_Level=0.0))
+    full_board(stage, "wall", y, paint("wall", (0.75, 0.72, 0.68), 1.0, Specular_IOR_Level=0.0))
     size = space.magnified(y)
-    sorts = [glass(1.5, 0.0), plain("brass", (0.95, 0.75, 0.4), Metallic=1.0, Roughness=0.05)]
+    sorts = [glass(1.5, 0.0), paint("brass", (0.95, 0.75, 0.4), 0.05, Metallic=1.0)]
     bodies(stage, y - 2.2 * size, y - 1.6 * size, [sorts[0], sorts[0], sorts[1], sorts[0]], Grid(3.2))
 
 
 def fireflies(stage: Stage, pixels: float) -> None:
     """Small glowing balls among bodies in dim light."""
-    world_light(strength=WORLD_STRENGTH / 4)
+    world(strength=WORLD_STRENGTH / 4)
     space = stage.space
     bodies(stage, space.depth(0.3), space.depth(0.5), every_sort())
     radius = pixels * space.footprint(0)
-    ball = put("firefly", surfaces.sphere(), glow("firefly", (1.0, 0.8, 0.5), FIREFLY_POWER / radius**2), (0, 0, 0))
+    shine = glow("firefly", (1.0, 0.8, 0.5), FIREFLY_POWER / radius**2)
+    ball = put(surfaces.sphere(), shine, (0, 0, 0), name="firefly")
     for place, _ in lattice(stage, space.depth(-0.2), space.depth(0.2), Grid(3.3)):
-        twin(ball, place, radius)
+        again(ball, place, radius)
     bpy.data.objects.remove(ball)
 
 
-def share(stage: Stage, lenses: float) -> None:
+def fraction(stage: Stage, lenses: float) -> None:
     """Bodies behind a card on the display plane whose hole is a block of lenses."""
-    world_light()
-    sun()
+    light()
     space = stage.space
     nearest = max(space.depth(0.1), 1.3)
     bodies(stage, nearest, max(space.depth(1), nearest), every_sort())
     columns, rows = hole(space.lenses, lenses)
     if (columns, rows) == space.lenses:
         return
-    card = put("card", frame_about(space, (columns, rows)), glow("card", (0.05, 0.05, 0.05), 1.0), (0, 0, 0))
-    to_background(card)
+    dark = glow("card", (0.05, 0.05, 0.05), 1.0)
+    to_background(put(frame_about(space, (columns, rows)), dark, (0, 0, 0), name="card"))
 
 
 def frame_about(space: Space, block: tuple[int, int]) -> Surface:
@@ -183,7 +164,7 @@ def frame_about(space: Space, block: tuple[int, int]) -> Surface:
 
 def hdri(stage: Stage, times: float) -> None:
     """Bodies before a visible world that is brighter to the eye than as a light."""
-    background = world_light("interior.exr")
+    background = world("interior")
     graph = Graph(bpy.context.scene.world.node_tree)
     seen = graph.node("ShaderNodeLightPath").outputs["Is Camera Ray"]
     factor = math_node(graph, "MULTIPLY_ADD", seen, WORLD_STRENGTH * (times - 1), WORLD_STRENGTH)
@@ -196,9 +177,9 @@ def hdri(stage: Stage, times: float) -> None:
 
 def border(stage: Stage, contrast: float) -> None:
     """Glossy metal tiles of one lens each on the display plane: dark ones that stay, and brighter ones."""
-    world_light(strength=2 * WORLD_STRENGTH)
+    world(strength=2 * WORLD_STRENGTH)
     bright = DARK_TILE * (1 + contrast) / (1 - contrast)
-    material, graph, shader = surface_of("tiles", Metallic=1.0, Roughness=0.12)
+    material, graph, shader = principled("tiles", Metallic=1.0, Roughness=0.12)
     # Edges of the tiles are edges of lenses, also where their number is odd.
     odd = tuple(0.5 * (count % 2) for count in stage.space.lenses)
     checker = tiles(graph, stage.space.lens, (DARK_TILE,) * 3, (bright,) * 3, (odd[0], 0.5, odd[1]))
@@ -208,7 +189,7 @@ def border(stage: Stage, contrast: float) -> None:
 
 def motion(stage: Stage, lenses_per_frame: float) -> None:
     """A printed card that goes round a rectangle before bodies at rest; nothing stands between it and its light."""
-    world_light()
+    world()
     space, scene = stage.space, bpy.context.scene
     y, half, path = card_of_motion(space, int(lenses_per_frame), stage.frames)
     bodies(stage, max(space.depth(0.8), y + 2), max(space.depth(1), y + 2), opaque_sorts())
@@ -223,18 +204,18 @@ def motion(stage: Stage, lenses_per_frame: float) -> None:
 
 def eye(stage: Stage, slope: float) -> None:
     """A printed board at the depth where neighbouring rendered views see points ``slope`` lenses apart."""
-    world_light()
+    world()
     y = stage.space.depth_of_slope(slope)
     full_board(stage, "print", y, printed("print", 0.6 / stage.space.magnified(y)))
 
 
 def recall(stage: Stage, pixels: float) -> None:
     """Single bright specks before and behind the display plane."""
-    world_light()
+    world()
     space = stage.space
-    speck = put("speck", surfaces.sphere(), glow("speck", (1.0, 0.95, 0.85), 1.0), (0, 0, 0))
+    speck = put(surfaces.sphere(), glow("speck", (1.0, 0.95, 0.85), 1.0), (0, 0, 0), name="speck")
     for place, _ in lattice(stage, space.depth(-0.5), space.depth(0.5), Grid(3.0)):
-        twin(speck, place, pixels * space.footprint(place[1]) / 2)
+        again(speck, place, pixels * space.footprint(place[1]) / 2)
     bpy.data.objects.remove(speck)
 
 
@@ -246,6 +227,7 @@ def full_board(stage: Stage, name: str, y: float, material: bpy.types.Material) 
 
 BUILDERS: dict[str, Callable[[Stage, float], None]] = {
     "samples": samples, "depth-behind": depth, "depth-front": lambda stage, usable: depth(stage, -usable), "wire": wire,
-    "texture": texture, "glass-index": glass_index, "glass-roughness": glass_roughness, "mirror": mirror,
-    "caustics": caustics, "fireflies": fireflies, "share": share, "hdri": hdri, "border": border, "motion": motion,
+    "texture": texture, "glass-index": lambda stage, index: glass_scene(stage, glass(index, 0.0)),
+    "glass-roughness": lambda stage, roughness: glass_scene(stage, glass(1.45, roughness)), "mirror": mirror,
+    "caustics": caustics, "fireflies": fireflies, "share": fraction, "hdri": hdri, "border": border, "motion": motion,
     "eye": eye, "recall": recall}

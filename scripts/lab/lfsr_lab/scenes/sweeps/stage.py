@@ -1,4 +1,4 @@
-"""What every stress scene stands on: an empty Blender, the camera array, light, and plain ways to add things.
+"""Generated scenes of the studies: the camera array, materials and boards, and the script that writes them.
 
 World axes: X right, Z up, Y away from the viewer. One unit is one lens pitch, the
 display plane is y = 0, see lfsr_lab.experiments.sweeps.sweeps.
@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -15,16 +17,14 @@ import numpy as np
 
 from blender_addon.array import edit
 from blender_addon.scene import subject
-from blender_addon.scene.light import add_light
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
+from lfsr_core.render.protocol import emit
+from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.graph import Graph, principled
-from lfsr_lab.scenes.shared.objects import add_surface
-from lfsr_lab.scenes.shared.surfaces import Surface
-from lfsr_lab.scenes.stress.space import Space
-
-SUN_TURN = (0.7, 0.0, -0.6)   # from the upper left, before the display
-WORLD_STRENGTH, SUN_STRENGTH, SUN_ANGLE = 0.45, 1.2, 0.1
+from lfsr_lab.scenes.shared.objects import put
+from lfsr_lab.scenes.shared.script import leave, run, save
+from lfsr_lab.scenes.sweeps.space import Space
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,42 +48,9 @@ class Stage:
         return cls(Space.of(profile, scale), frames, np.random.default_rng(7))
 
 
-def world_light(picture: str = "city.exr", strength: float = WORLD_STRENGTH) -> bpy.types.Node:
-    """Light from one of Blender's own world pictures, kept inside the file; its background node."""
-    world = add_light(bpy.context.scene, picture)
-    graph = Graph(world.node_tree)
-    graph.only("TEX_ENVIRONMENT").image.pack()
-    background = graph.only("BACKGROUND")
-    background.inputs["Strength"].default_value = strength
-    return background
-
-
-def sun(strength: float = SUN_STRENGTH, angle: float = SUN_ANGLE) -> bpy.types.Object:
-    """Light from the upper left of the viewer; ``angle`` in radians."""
-    light = bpy.data.lights.new("sun", "SUN")
-    light.energy, light.angle = strength, angle
-    thing = bpy.data.objects.new("sun", light)
-    thing.rotation_euler = SUN_TURN
-    bpy.context.scene.collection.objects.link(thing)
-    return thing
-
-
-def surface_of(name: str, **inputs: Any) -> tuple[bpy.types.Material, Graph, bpy.types.Node]:
-    """Principled material with ``inputs`` by socket name (spaces as _): material, its graph, its shader."""
-    material, graph, shader = principled(name)
-    for key, value in inputs.items():
-        graph.feed(shader.inputs[key.replace("_", " ")], value)
-    return material, graph, shader
-
-
-def plain(name: str, color: tuple[float, float, float], **inputs: Any) -> bpy.types.Material:
-    """Principled material of one scene-linear colour."""
-    return surface_of(name, Base_Color=(*color, 1.0), **inputs)[0]
-
-
 def glow(name: str, color: Any, strength: float) -> bpy.types.Material:
     """Material that shines and reflects nothing; ``color`` a colour or a function of the graph that gives one."""
-    material, graph, shader = surface_of(name, Base_Color=(0.0, 0.0, 0.0, 1.0), Roughness=1.0, Specular_IOR_Level=0.0,
+    material, graph, shader = principled(name, Base_Color=(0.0, 0.0, 0.0, 1.0), Roughness=1.0, Specular_IOR_Level=0.0,
                                          Emission_Strength=strength)
     graph.feed(shader.inputs["Emission Color"], color(graph) if callable(color) else (*color, 1.0))
     return material
@@ -95,10 +62,10 @@ def object_vector(graph: Graph, **mapping: tuple[float, float, float]) -> bpy.ty
     return graph.node("ShaderNodeMapping", {"Vector": source, **mapping}).outputs["Vector"]
 
 
-def between(graph: Graph, share: bpy.types.NodeSocket, low: tuple[float, ...], high: tuple[float, ...],
+def between(graph: Graph, fraction: bpy.types.NodeSocket, low: tuple[float, ...], high: tuple[float, ...],
             sharp: bool = False) -> bpy.types.NodeSocket:
-    """Colour from ``low`` to ``high`` as ``share`` goes from 0.4 to 0.6, or jumps in the middle."""
-    ramp = graph.node("ShaderNodeValToRGB", {0: share})
+    """Colour from ``low`` to ``high`` as ``fraction`` goes from 0.4 to 0.6, or jumps in the middle."""
+    ramp = graph.node("ShaderNodeValToRGB", {0: fraction})
     first, second = ramp.color_ramp.elements
     first.position, second.position = (0.0, 0.5) if sharp else (0.4, 0.6)
     first.color, second.color = (*low, 1.0), (*high, 1.0)
@@ -108,27 +75,8 @@ def between(graph: Graph, share: bpy.types.NodeSocket, low: tuple[float, ...], h
 
 def board(name: str, y: float, half: tuple[float, float], material: bpy.types.Material) -> bpy.types.Object:
     """Upright rectangle at depth ``y`` of half-sizes (x, z), facing the viewer; its coordinates are lens pitches."""
-    (x, z) = half
-    corners = np.array([(-x, 0, -z), (x, 0, -z), (x, 0, z), (-x, 0, z)])
-    thing = add_surface(Surface(corners, np.array([[0, 1, 2, 3]]), smooth=False), material, name)
-    thing.location = (0.0, y, 0.0)
-    return thing
-
-
-def put(name: str, surface: Surface, material: bpy.types.Material, at: tuple[float, float, float],
-        size: float = 1.0) -> bpy.types.Object:
-    """Object of a surface at a place, scaled."""
-    thing = add_surface(surface, material, name)
-    thing.location, thing.scale = at, (size,) * 3
-    return thing
-
-
-def twin(thing: bpy.types.Object, at: tuple[float, float, float], size: float = 1.0) -> bpy.types.Object:
-    """Another object of the same mesh."""
-    other = thing.copy()
-    bpy.context.scene.collection.objects.link(other)
-    other.location, other.scale = at, (size,) * 3
-    return other
+    x, z = half
+    return put(surfaces.card(x, z), material, (0.0, y, 0.0), name=name)
 
 
 def to_background(thing: bpy.types.Object) -> None:
@@ -146,3 +94,21 @@ def turned(thing: bpy.types.Object, degrees: tuple[float, float, float]) -> bpy.
     """The object, turned by Euler angles."""
     thing.rotation_euler = tuple(math.radians(angle) for angle in degrees)
     return thing
+
+
+def write_scenes(builders: Mapping[str, Callable[[Stage, float], None]]) -> None:
+    """Write the scenes of the JSON file that the script's last argument names, then end Blender's process.
+
+    The file holds "display" (a profile), "scale", "frames" and "scenes": objects of "name" (of ``builders``), "path",
+    and "value" where one is varied.
+    """
+    def build(data: dict[str, Any]) -> None:
+        profile = DisplayProfile.from_dict(data["display"])
+        for number, entry in enumerate(data["scenes"]):
+            name, value = entry["name"], entry.get("value", 0.0)
+            emit(stage="scene", fraction=number / len(data["scenes"]), message=f"{name} {value:g}")
+            builders[name](Stage.empty(profile, data["scale"], data["frames"]), value)
+            bpy.context.scene.frame_set(1)
+            save(Path(entry["path"]))
+
+    leave(run(build, "a list of scenes"))

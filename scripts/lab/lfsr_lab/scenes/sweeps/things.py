@@ -1,4 +1,4 @@
-"""Bodies, boards, prints and wires of the stress scenes."""
+"""Bodies, boards, prints and wires of the parameter sweeps."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 from lfsr_lab.scenes.shared import surfaces
-from lfsr_lab.scenes.shared.graph import Graph
+from lfsr_lab.scenes.shared.graph import Graph, paint, principled
+from lfsr_lab.scenes.shared.objects import again, put
 from lfsr_lab.scenes.shared.surfaces import Surface
-from lfsr_lab.scenes.stress.stage import Stage, between, object_vector, plain, put, surface_of, turned, twin
+from lfsr_lab.scenes.sweeps.stage import Stage, between, object_vector
 
 BODY_SIZE = 0.95  # radius in lenses
 JITTER = 0.35
@@ -44,9 +45,9 @@ def lattice(stage: Stage, low: float, high: float, grid: Grid) -> Iterator[tuple
 def bodies(stage: Stage, low: float, high: float, materials: Sequence[bpy.types.Material],
            grid: Grid = Grid()) -> list[bpy.types.Object]:
     """Balls, boxes, rings and pillows of the given materials between two depths."""
-    kinds = [put(f"body {index}", shape, material, (0, 0, 0))
+    kinds = [put(shape, material, (0, 0, 0), name=f"body {index}")
              for index, (shape, material) in enumerate(zip(itertools.cycle(_shapes(stage)), materials, strict=False))]
-    made = [turned(twin(kinds[index % len(kinds)], place, size * BODY_SIZE), tuple(stage.rng.uniform(0, 180, 3)))
+    made = [again(kinds[index % len(kinds)], place, size * BODY_SIZE, np.radians(stage.rng.uniform(0, 180, 3)))
             for index, (place, size) in enumerate(lattice(stage, low, high, grid))]
     for kind in kinds:
         bpy.data.objects.remove(kind)
@@ -75,7 +76,7 @@ def print_of(graph: Graph, scale: float, octaves: float = 4.0) -> bpy.types.Node
 
 def printed(name: str, scale: float, **inputs: float) -> bpy.types.Material:
     """Matt material with a detailed print."""
-    material, graph, shader = surface_of(name, **{"Roughness": 1.0, "Specular_IOR_Level": 0.0} | inputs)
+    material, graph, shader = principled(name, **{"Roughness": 1.0, "Specular_IOR_Level": 0.0} | inputs)
     graph.feed(shader.inputs["Base Color"], print_of(graph, scale))
     return material
 
@@ -90,20 +91,20 @@ def tiles(graph: Graph, size: tuple[float, float], dark: tuple[float, ...], brig
 
 def every_sort() -> list[bpy.types.Material]:
     """Printed, glossy, metal, glass and plain surfaces."""
-    return [printed("print", 1.5), plain("plastic", (0.05, 0.2, 0.65), Roughness=0.15),
-            plain("gold", (1.0, 0.7, 0.3), Metallic=1.0, Roughness=0.25), glass(1.45, 0.0),
-            printed("fine print", 4.0, Roughness=0.4, Specular_IOR_Level=0.5), plain("white", (0.8, 0.8, 0.75))]
+    return [printed("print", 1.5), paint("plastic", (0.05, 0.2, 0.65), 0.15),
+            paint("gold", (1.0, 0.7, 0.3), 0.25, Metallic=1.0), glass(1.45, 0.0),
+            printed("fine print", 4.0, Roughness=0.4, Specular_IOR_Level=0.5), paint("white", (0.8, 0.8, 0.75))]
 
 
 def opaque_sorts() -> list[bpy.types.Material]:
     """Printed and plain surfaces, nothing that shows something else's depth."""
-    return [printed("print", 1.5), plain("matt blue", (0.05, 0.2, 0.65), Roughness=0.9),
-            printed("fine print", 4.0), plain("white", (0.8, 0.8, 0.75), Roughness=0.9)]
+    return [printed("print", 1.5), paint("matt blue", (0.05, 0.2, 0.65), 0.9),
+            printed("fine print", 4.0), paint("white", (0.8, 0.8, 0.75), 0.9)]
 
 
 def glass(index: float, roughness: float) -> bpy.types.Material:
     """Clear glass."""
-    return plain("glass", (0.97, 0.99, 0.98), Transmission_Weight=1.0, IOR=index, Roughness=roughness)
+    return paint("glass", (0.97, 0.99, 0.98), roughness, Transmission_Weight=1.0, IOR=index)
 
 
 def wires(stage: Stage, y: float, thickness: float, material: bpy.types.Material) -> list[bpy.types.Object]:
@@ -119,5 +120,5 @@ def wires(stage: Stage, y: float, thickness: float, material: bpy.types.Material
         for index in range(-int(length / every), int(length / every) + 1):
             place = across * every * (index + 0.3)
             path = np.stack([place - along * length, place + along * length])
-            made.append(put("wire", surfaces.tube(path, thickness / 2, 16), material, (0.0, y, 0.0)))
+            made.append(put(surfaces.tube(path, thickness / 2, 16), material, (0.0, y, 0.0), name="wire"))
     return made

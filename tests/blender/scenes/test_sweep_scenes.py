@@ -1,4 +1,4 @@
-"""Scenes of the stability suite: the dial is in them, as large as it says, and nothing else is turned."""
+"""Scenes of the parameter sweeps: the value is in them, as large as it says, and nothing else changes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from lfsr_core.frames.job import Job
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_lab.experiments.sweeps.sweeps import SWEEPS
-from lfsr_lab.scenes.stress.space import Space, card_of_motion, hole
+from lfsr_lab.scenes.sweeps.space import Space, card_of_motion, hole
 from tests.support.prerequisites import needs_bpy
 
 pytestmark = needs_bpy
@@ -34,14 +34,13 @@ SPACE = Space.of(DISPLAY, SCALE)
 
 
 @pytest.fixture
-def built(monkeypatch):
-    """Function that builds the scene of one dial and value in this Blender."""
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    from stress import dials
-    from stress.stage import Stage
+def built():
+    """Function that builds the scene of one sweep and value in this Blender."""
+    from lfsr_lab.scenes.sweeps import builders
+    from lfsr_lab.scenes.sweeps.stage import Stage
 
-    def build(dial, value):
-        dials.BUILDERS[dial](Stage.empty(DISPLAY, SCALE, FRAMES), value)
+    def build(sweep, value):
+        builders.BUILDERS[sweep](Stage.empty(DISPLAY, SCALE, FRAMES), value)
         bpy.context.view_layer.update()
         return bpy.context.scene
 
@@ -65,27 +64,27 @@ def shader(item, kind="BSDF_PRINCIPLED"):
     return next(node for node in item.data.materials[0].node_tree.nodes if node.type == kind)
 
 
-def test_there_is_a_builder_for_every_dial(built, monkeypatch):
-    from stress import dials
+def test_there_is_a_builder_for_every_sweep():
+    from lfsr_lab.scenes.sweeps import builders
 
-    assert set(dials.BUILDERS) == {dial.name for dial in SWEEPS}
+    assert set(builders.BUILDERS) == {sweep.name for sweep in SWEEPS}
 
 
-@pytest.mark.parametrize("dial", SWEEPS, ids=lambda dial: dial.name)
-def test_every_scene_has_the_array_of_the_display_and_light(built, dial):
-    for value in (dial.values[0], dial.values[-1]):
-        scene = built(dial.name, value)
+@pytest.mark.parametrize("sweep", SWEEPS, ids=lambda sweep: sweep.name)
+def test_every_scene_has_the_array_of_the_display_and_light(built, sweep):
+    for value in (sweep.values[0], sweep.values[-1]):
+        scene = built(sweep.name, value)
         array, matrix = rig.placement(scene, DISPLAY)
         assert (array.half_width, array.half_height) == pytest.approx((4, 3), rel=1e-5)
         assert (array.distance, array.spacing) == pytest.approx((SPACE.distance, SPACE.spacing), rel=1e-5)
         assert np.array(matrix)[:3, 3] == pytest.approx([0, -SPACE.distance, 0], abs=1e-4)
         assert np.array(matrix)[:3, 2] == pytest.approx([0, 1, 0], abs=1e-6), "looks along +Y"
         assert light.has_light(scene) and subject.find_subject(scene) and not missing_images()
-        assert scene.render.film_transparent == (dial.name != "hdri")
+        assert scene.render.film_transparent == (sweep.name != "hdri")
 
 
 @pytest.mark.parametrize("pixels", [2, 1 / 8])
-def test_wires_are_as_thick_as_the_dial_says(built, pixels):
+def test_wires_are_as_thick_as_the_sweep_says(built, pixels):
     y = SPACE.depth(0.5)
     for wire in meshes(built("wire", pixels), "wire"):
         at = points(wire)
@@ -97,9 +96,9 @@ def test_wires_are_as_thick_as_the_dial_says(built, pixels):
         assert at.mean(0)[1] == pytest.approx(y, rel=1e-5)
 
 
-@pytest.mark.parametrize(("dial", "usable"), [("depth-behind", 1.5), ("depth-front", -1.5), ("depth-behind", 0)])
-def test_bodies_stand_at_the_dials_depth_and_fill_what_the_views_see(built, dial, usable):
-    items = meshes(built(dial, abs(usable)), "body")
+@pytest.mark.parametrize(("sweep", "usable"), [("depth-behind", 1.5), ("depth-front", -1.5), ("depth-behind", 0)])
+def test_bodies_stand_at_the_sweeps_depth_and_fill_what_the_views_see(built, sweep, usable):
+    items = meshes(built(sweep, abs(usable)), "body")
     y = SPACE.depth(usable)
     assert {round(item.location.y, 4) for item in items} == {round(y, 4)}
     sizes = {round(item.scale.x / SPACE.magnified(y), 5) for item in items}
@@ -108,7 +107,7 @@ def test_bodies_stand_at_the_dials_depth_and_fill_what_the_views_see(built, dial
     assert (reach[[0, 2]] >= np.array(SPACE.window(y)) - 2 * SPACE.magnified(y)).all()
 
 
-def test_a_body_only_changes_its_depth_along_the_dial(built):
+def test_a_body_only_changes_its_depth_along_the_sweep(built):
     first = [item.data.materials[0].name.split(".")[0] for item in meshes(built("depth-behind", 0), "body")]
     second = [item.data.materials[0].name.split(".")[0] for item in meshes(built("depth-behind", 1), "body")]
     assert set(first) == set(second) and len(second) >= len(first)
@@ -119,7 +118,7 @@ def test_samples_keep_within_half_a_usable_depth(built):
     assert SPACE.depth(-0.5) <= min(depths) < 0 < max(depths) <= SPACE.depth(0.5)
 
 
-def test_the_grating_has_the_dials_frequency(built):
+def test_the_grating_has_the_sweeps_frequency(built):
     board = meshes(built("texture", 1.5), "grating")[0]
     factors = [node.inputs[1].default_value for node in board.data.materials[0].node_tree.nodes
                if node.type == "MATH" and node.operation == "MULTIPLY" and not node.inputs[1].is_linked]
@@ -129,7 +128,7 @@ def test_the_grating_has_the_dials_frequency(built):
     assert board.location.y == pytest.approx(y, rel=1e-5)
 
 
-def test_glass_has_the_dials_index_and_roughness(built):
+def test_glass_has_the_sweeps_index_and_roughness(built):
     node = shader(meshes(built("glass-index", 1.8), "body")[0])
     assert [node.inputs[name].default_value for name in ("IOR", "Roughness", "Transmission Weight")] == \
         pytest.approx([1.8, 0, 1])
@@ -137,7 +136,7 @@ def test_glass_has_the_dials_index_and_roughness(built):
     assert [node.inputs[name].default_value for name in ("IOR", "Roughness")] == pytest.approx([1.45, 0.4])
 
 
-def test_the_mirror_shows_its_board_at_the_dials_depth(built):
+def test_the_mirror_shows_its_board_at_the_sweeps_depth(built):
     scene = built("mirror", 1.5)
     mirror, shown = meshes(scene, "mirror")[0], meshes(scene, "shown")[0]
     normal = np.array(mirror.matrix_world.to_3x3() @ mirror.data.polygons[0].normal)
@@ -150,7 +149,7 @@ def test_the_mirror_shows_its_board_at_the_dials_depth(built):
     assert not shown.visible_camera and shown.visible_glossy
 
 
-def test_the_lamp_of_the_caustics_is_as_large_as_the_dial_says(built):
+def test_the_lamp_of_the_caustics_is_as_large_as_the_sweep_says(built):
     lamps = [item.data for item in built("caustics", 15).objects if item.type == "LIGHT"]
     assert [math.degrees(lamp.angle) for lamp in lamps] == pytest.approx([15])
 
@@ -165,16 +164,16 @@ def test_fireflies_shrink_at_constant_power(built):
     assert found[0] == pytest.approx(found[1], rel=1e-2)
 
 
-@pytest.mark.parametrize("share", [1, 0.02])
-def test_the_foregrounds_share_is_that_of_the_hole(built, tmp_path, share):
-    scene = built("share", share)
+@pytest.mark.parametrize("fraction", [1, 0.02])
+def test_the_foregrounds_fraction_is_that_of_the_hole(built, tmp_path, fraction):
+    scene = built("share", fraction)
     render_job(scene, Job(str(tmp_path), DISPLAY, scale=SCALE, spp=4))
     frame, layers = read_frame(tmp_path), read_layers(tmp_path / "lr_eia.exr")
-    columns, rows = hole(DISPLAY.lenses, share)
+    columns, rows = hole(DISPLAY.lenses, fraction)
     mask = foreground_mask(layers, DISPLAY.lenses)
-    assert ("index" in frame.layers) == (share < 1)
-    assert mask.sum() == pytest.approx(columns * rows, abs=2 if share == 1 else 0)
-    assert abs(columns * rows / 48 - share) < 0.02
+    assert ("index" in frame.layers) == (fraction < 1)
+    assert mask.sum() == pytest.approx(columns * rows, abs=2 if fraction == 1 else 0)
+    assert abs(columns * rows / 48 - fraction) < 0.02
 
 
 def test_the_world_is_brighter_to_the_eye_alone(built):
@@ -186,7 +185,7 @@ def test_the_world_is_brighter_to_the_eye_alone(built):
     assert next(node for node in nodes if node.type == "BACKGROUND").inputs["Strength"].links[0].from_node == factor
 
 
-def test_tiles_of_the_border_are_lenses_of_the_dials_contrast(built):
+def test_tiles_of_the_border_are_lenses_of_the_sweeps_contrast(built):
     board = meshes(built("border", 0.5), "tiles")[0]
     checker = shader(board, "TEX_CHECKER")
     bright, dark = (checker.inputs[name].default_value[0] for name in ("Color1", "Color2"))
@@ -214,12 +213,12 @@ def test_the_card_steps_by_whole_lenses_and_its_print_goes_with_it(built):
     assert all(item.location.y > y + 1 for item in meshes(scene, "body")), "nothing before the card"
 
 
-def test_the_eyes_board_has_the_dials_slope(built):
+def test_the_eyes_board_has_the_sweeps_slope(built):
     board = meshes(built("eye", 2), "print")[0]
     assert SPACE.slope(board.location.y) == pytest.approx(2, rel=1e-4)
 
 
-def test_specks_are_as_large_as_the_dial_says(built):
+def test_specks_are_as_large_as_the_sweep_says(built):
     for speck in meshes(built("recall", 1 / 4), "speck"):
         radius = np.linalg.norm(points(speck) - np.array(speck.location), axis=1).max()
         assert 2 * radius == pytest.approx(SPACE.footprint(speck.location.y) / 4, rel=1e-2)
@@ -230,7 +229,7 @@ def run_script(folder, scenes):
     job = folder / "scenes.json"
     job.write_text(json.dumps({"display": DISPLAY.to_dict(), "scale": SCALE, "frames": FRAMES, "scenes": scenes}),
                    encoding="utf-8")
-    command = [sys.executable, SCRIPTS / "stress_scenes.py", job]
+    command = [sys.executable, SCRIPTS / "sweep_scenes.py", job]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     lines = [line.removeprefix("LFSR ") for line in done.stdout.splitlines() if line.startswith("LFSR ")]
     return done.returncode, json.loads(lines[-1])
@@ -238,7 +237,7 @@ def run_script(folder, scenes):
 
 def test_the_script_writes_files_that_hold_all_they_need(tmp_path):
     path = tmp_path / "wire" / "scene.blend"
-    assert run_script(tmp_path, [{"dial": "wire", "value": 1, "path": str(path)}]) == (0, {"stage": "done"})
+    assert run_script(tmp_path, [{"name": "wire", "value": 1, "path": str(path)}]) == (0, {"stage": "done"})
     assert [item.name for item in path.parent.iterdir()] == ["scene.blend"]
     scene = open.open_scene(path)
     assert rig.find(scene) is not None and meshes(scene, "wire")
@@ -247,7 +246,7 @@ def test_the_script_writes_files_that_hold_all_they_need(tmp_path):
 
 def test_an_impossible_depth_is_reported_and_leaves_no_file(tmp_path):
     path = tmp_path / "eye" / "scene.blend"
-    code, message = run_script(tmp_path, [{"dial": "eye", "value": 50, "path": str(path)}])
+    code, message = run_script(tmp_path, [{"name": "eye", "value": 50, "path": str(path)}])
     assert (code, message["stage"]) == (2, "error") and "slope of 50" in message["message"]
     assert not path.exists()
 
@@ -262,8 +261,8 @@ def test_the_suite_runs_from_scene_to_page(tmp_path):
     command = ["stress", "-o", str(tmp_path / "out"), "--display", str(display), "--quick", "--reference-spp", "8",
                "--sweeps", "samples"]
     assert main([*command, "--methods", "bilinear"]) == 0
-    dial = read_json(tmp_path / "out" / "stress.json", "the report")["dials"][0]
-    quality = {(cell["value"], cell["method"]): cell["metrics"]["ssim_eia_fg"] for cell in dial["cells"]}
+    sweep = read_json(tmp_path / "out" / "stress.json", "the report")["dials"][0]
+    quality = {(cell["value"], cell["method"]): cell["metrics"]["ssim_eia_fg"] for cell in sweep["cells"]}
     assert quality[64, "bicubic"] > quality[1, "bicubic"] + 0.05
-    assert dial["breaks"]["bicubic"]["value"] in (16, 1)
+    assert sweep["breaks"]["bicubic"]["value"] in (16, 1)
     assert (tmp_path / "out" / "index.html").is_file() and (tmp_path / "out" / "samples" / "reference").is_dir()
