@@ -73,8 +73,6 @@ SHIFTED = tuple(tuple(value + 0.3 * (column == 3) for column, value in enumerate
 @pytest.mark.parametrize(("changes", "message"), [
     ({"scale": 2}, "has scale 2"),
     ({"display": dataclasses.replace(load_display("mini"), name="other")}, "display other"),
-    ({"display": dataclasses.replace(load_display("mini"), viewing_angle_deg=30.0)}, "display"),
-    ({"convention": "paper"}, "convention paper"),
     ({"frame": 7}, "frame number 7"),
     ({"world_visible": True}, "with visible world, but the frame with no visible world"),
     ({"array": dataclasses.replace(REFERENCE.array, distance=9.0)}, "cameras"),
