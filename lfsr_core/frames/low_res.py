@@ -12,7 +12,6 @@ import numpy as np
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, Frame
-from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.rays import RayLayout
 from lfsr_core.optics.world_view import WorldImage, WorldView
@@ -133,6 +132,8 @@ def read_world(folder: str | Path, frame: Frame) -> WorldView | None:
 
     LfsrError where its file is missing or of another size.
     """
+    from lfsr_core.images.exr import clean, read_layers  # needs OpenImageIO, which Blender's panel does without
+
     if not frame.world_apart:
         return None
     path, layout = Path(folder) / WORLD_FILE, finished_layout(frame)

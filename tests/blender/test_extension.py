@@ -194,6 +194,13 @@ def check_cube(folder):
     assert report["method"] == "oidn+bicubic"
 
 
+def test_the_panel_starts_without_openimageio():
+    """Blender's Python need not find it; the second stage does."""
+    code = "import sys; sys.modules['OpenImageIO'] = None; import bpy, blender_addon; blender_addon.register()"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_tool_that_fails_leaves_no_zip(tmp_path, monkeypatch):
     def broken(folder):
         (folder / "lfsr-0-py3-none-any.whl").write_bytes(b"no wheel")
