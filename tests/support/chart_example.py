@@ -63,7 +63,8 @@ def _cell(role: str, method: str, samples: int, slowness: float) -> Cell:
 def measured_cell(role: str, method: str, samples: int, render: float, second: tuple[float, ...],
                   metrics: Figures) -> Cell:
     """A cell of these times and metrics."""
-    return Cell(role, method, 1 if role == DIRECT else 4, samples, (render,), 0.9, second,
-                {"load": 0.1, "mask": 0.0, "upscale": second[0] - 0.05, "assemble": 0.0, "color": 0.0, "write": 0.05},
-                Spread(render + second[len(second) // 2], render + min(second), render + max(second)), metrics,
-                {"ssim_eia_fg": 0.01, "ssim_eia": 0.004, "ssim_lens_fg": 0.01, "psnr_fg": 0.3}, (), 0.5, "CPU")
+    stages = {"load": 0.1, "mask": 0.0, "upscale": second[0] - 0.05, "assemble": 0.0, "color": 0.0, "write": 0.05}
+    return Cell(second, stages, (), 0.5, metrics,
+                {"ssim_eia_fg": 0.01, "ssim_eia": 0.004, "ssim_lens_fg": 0.01, "psnr_fg": 0.3}, role=role,
+                method=method, scale=1 if role == DIRECT else 4, samples=samples, render_seconds=(render,),
+                open_seconds=0.9, seconds=Spread.of((render,), second), device="CPU")

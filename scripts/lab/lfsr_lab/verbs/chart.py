@@ -19,8 +19,8 @@ EVERY = ("all",)
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
     parser.add_argument("scenes", nargs="+", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR",
-                        help="bench folder; what is complete in it is not made again")
+    parser.add_argument("-o", "--output", dest="folder", type=Path, required=True, metavar="DIR",
+                        help="folder of the chart; what is complete in it is not made again")
     parser.add_argument("--display", default="small", metavar="NAME|FILE.toml", help="default: %(default)s")
     parser.add_argument("--methods", type=_names, metavar="NAME,NAME", help="default: every method there is")
     parser.add_argument("--ours", metavar="NAME", help="method that is held against the others; default: the default")
@@ -59,13 +59,12 @@ def _add_measure_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--retime", type=_names, default=(), metavar="NAME,NAME",
                         help="methods to time afresh, metrics kept; `all` for every one")
     parser.add_argument("--retime-renders", action="store_true",
-                        help="time every render afresh --render-repeats times, pictures kept; once per folder")
+                        help="time every render afresh --render-repeats times, images kept; once per folder")
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Measure, then write the tables and pictures and name them."""
-    from lfsr_lab.experiments.chart.overall import Overall, costs
-    from lfsr_lab.experiments.chart.run import measure, write_pages
+    from lfsr_lab.experiments.chart.run import run as run_chart
     from lfsr_lab.experiments.engine.environment import check_packages
 
     check_packages()
@@ -73,30 +72,25 @@ def run(arguments: argparse.Namespace) -> None:
     if not settings.only_measure:
         for scene in arguments.scenes:
             check_scene(scene)
-    overall = Overall(costs(settings, arguments.scenes))
-    try:
-        chart, stem = measure(settings, arguments.scenes, overall)
-    finally:
-        overall.end()
-    for path in write_pages(settings.folder, chart, stem):
+    for path in run_chart(settings, arguments.scenes):
         print(path)
 
 
 def _settings(arguments: argparse.Namespace) -> Settings:
     from lfsr_core.optics.display import load_display
     from lfsr_core.reconstruct.method_name import default_method
-    from lfsr_lab.experiments.chart.settings import DIRECT_METHODS, Settings, check_methods, default_methods
+    from lfsr_core.reconstruct.registry import method
+    from lfsr_lab.experiments.chart.settings import DIRECT_METHODS, Settings, default_methods
 
     ours = arguments.ours or default_method(load_display(arguments.display).parallax)
     methods = tuple(dict.fromkeys([ours, *(arguments.methods or default_methods())]))
-    chosen = {name: getattr(arguments, name) for name in ("again", "retime")}
-    check_methods((ours, *(arguments.methods or ()), *(name for names in chosen.values() if names != EVERY
-                                                       for name in names)))
-    chosen = {name: (*methods, *DIRECT_METHODS) if names == EVERY else names for name, names in chosen.items()}
-    same = ("display", "scale", "spps", "direct_spps", "reference_spp", "lenses", "ceiling_spp", "repeats",
-            "render_repeats", "only_measure", "device", "blender", "retime_renders", "seed", "subject", "world_visible")
-    return Settings(folder=arguments.output, methods=methods, direct_methods=DIRECT_METHODS, ours=ours, **chosen,
-                    **{name: getattr(arguments, name) for name in same})
+    every = (*methods, *DIRECT_METHODS)
+    chosen = {name: every if names == EVERY else names
+              for name, names in (("again", arguments.again), ("retime", arguments.retime))}
+    for name in (*methods, *chosen["again"], *chosen["retime"]):
+        method(name)
+    given = {name: value for name, value in vars(arguments).items() if name in Settings.__dataclass_fields__}
+    return Settings(**given | chosen | {"methods": methods, "direct_methods": DIRECT_METHODS, "ours": ours})
 
 
 def _names(text: str) -> tuple[str, ...]:

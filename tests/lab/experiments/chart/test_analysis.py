@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from lfsr_lab.experiments.chart.analysis import (
     analyse,
     ceiling,
-    dominates,
-    face_off,
-    mean_points,
+    curves,
+    duel,
+    mean_cells,
     pareto_front,
-    reverse,
+    points,
     target,
     time_to_reach,
 )
@@ -40,66 +40,43 @@ def cell(role, method, samples, render, second, value, flip=0.1):
 
 
 @given(POINTS)
-def test_no_point_dominates_one_of_the_front_and_every_other_point_is_dominated_by_one_of_it(candidates):
+def test_the_front_rises_and_something_on_it_is_as_fast_and_as_good_as_any_point(candidates):
     front = pareto_front(candidates)
-    assert not any(dominates(other, point) for other in candidates for point in front)
+    for before, after in itertools.pairwise(front):
+        assert before.seconds < after.seconds and before.value < after.value
     for point in candidates:
-        assert point in front or any(dominates(better, point) for better in front)
-
-
-def test_a_point_as_fast_and_less_accurate_or_as_accurate_and_slower_is_dominated():
-    best, as_fast, as_good = curve((1, 0.5), (1, 0.4), (2, 0.5))
-    assert dominates(best, as_fast) and dominates(best, as_good)
-    assert not dominates(best, best) and not dominates(as_fast, as_good) and not dominates(as_good, as_fast)
-
-
-@given(POINTS)
-def test_the_front_rises_in_time_and_value(candidates):
-    for before, after in itertools.pairwise(pareto_front(candidates)):
-        assert before.seconds <= after.seconds and before.value <= after.value
+        assert any(better.seconds <= point.seconds and better.value >= point.value for better in front)
 
 
 @given(POINTS, VALUES, VALUES)
 def test_a_higher_accuracy_never_takes_less_time(candidates, one, other):
-    lower, higher = (time_to_reach(candidates, value).seconds for value in sorted((one, other)))
+    lower, higher = (time_to_reach(candidates, value)[0] for value in sorted((one, other)))
     assert higher is None or (lower is not None and lower <= higher * (1 + 1e-9))
 
 
 @given(POINTS)
 def test_the_front_is_reached_at_its_own_time(candidates):
     for point in pareto_front(candidates):
-        reached = time_to_reach(candidates, point.value)
-        assert reached.seconds == pytest.approx(point.seconds) and not reached.bound
+        assert time_to_reach(candidates, point.value) == (pytest.approx(point.seconds), False)
 
 
-def test_time_goes_by_its_logarithm_between_sample_counts():
-    assert time_to_reach(curve((1, 0.5), (100, 0.9)), 0.7).seconds == pytest.approx(10)
-
-
-def test_beyond_the_curve_there_is_a_bound_below_and_nothing_above():
+def test_time_goes_by_its_logarithm_and_past_the_curve_there_is_a_bound_or_nothing():
+    assert time_to_reach(curve((1, 0.5), (100, 0.9)), 0.7)[0] == pytest.approx(10)
     below, above = (time_to_reach(curve((2, 0.5), (8, 0.9)), value) for value in (0.4, 0.91))
-    assert (below.seconds, below.bound) == (2, True)
-    assert (above.seconds, above.bound) == (None, False)
-
-
-def test_a_slower_and_worse_run_of_the_same_method_is_no_part_of_its_curve():
-    assert time_to_reach(curve((2, 0.8), (4, 0.7), (8, 0.9)), 0.75).seconds == 2
+    assert below == (2, True) and above == (None, False)
+    assert time_to_reach(curve((2, 0.8), (4, 0.7), (8, 0.9)), 0.75)[0] == 2, "what is slower and worse does not count"
 
 
 def test_wins_and_losses_are_both_named():
-    ours, rival = curve((1, 0.5), (4, 0.8)), curve((3, 0.4), (12, 0.8), (40, 0.9), role=DIRECT, method="oidn")
-    duels = face_off(ours, {(DIRECT, "oidn"): rival})
-    assert [duel.outcome for duel in duels] == ["win", "win", "loss"]
-    assert [duel.ratio for duel in duels] == [pytest.approx(1 / 3), pytest.approx(1 / 3), None]
-    assert [duel.bound for duel in duels] == [True, False, False]
-    back = reverse(ours, {(DIRECT, "oidn"): rival})
-    assert [(duel.method, duel.outcome) for duel in back] == [("oidn", "win"), ("oidn", "win")]
+    ours, rival, key = curve((1, 0.5), (4, 0.8)), curve((3, 0.4), (12, 0.8), (40, 0.9)), (DIRECT, "oidn")
+    duels = [duel(point, ours, key) for point in rival]
+    assert [(each.outcome, each.ratio, each.bound) for each in duels] == [
+        ("win", pytest.approx(1 / 3), True), ("win", pytest.approx(1 / 3), False), ("loss", None, False)]
+    back = [duel(point, rival, key, of_rival=True) for point in ours]
+    assert [(each.method, each.outcome) for each in back] == [("oidn", "win"), ("oidn", "win")]
     assert back[1].needs_seconds == pytest.approx(12)
-
-
-def test_reverse_calls_a_rival_that_is_faster_a_loss():
-    duel, = reverse(curve((10, 0.5)), {(DIRECT, "oidn"): curve((2, 0.6), role=DIRECT, method="oidn")})
-    assert duel.outcome == "loss" and duel.ratio == pytest.approx(0.2)
+    lost = duel(Point(LOW, "ours", 1, 10, 0.5), curve((2, 0.6)), key, of_rival=True)
+    assert lost.outcome == "loss" and lost.ratio == pytest.approx(0.2)
 
 
 def test_the_target_takes_the_worst_accuracy_between_one_and_four_samples():
@@ -133,5 +110,5 @@ def test_opening_the_scene_counts_only_where_it_is_asked_for():
 def test_means_are_over_what_every_scene_has():
     scenes = [scene_row("a", (cell(LOW, "ours", 1, seconds - 1, 1, value), cell(LOW, "only", samples, 1, 1, 0.1)))
               for seconds, value, samples in ((2, 0.4, 1), (8, 0.6, 4))]
-    point, = mean_points(scenes, "ssim_eia_fg")
-    assert point == Point(LOW, "ours", 1, pytest.approx(4), pytest.approx(0.5))
+    (_, points_of), = curves(points(mean_cells(scenes), "ssim_eia_fg")).items()
+    assert points_of == [Point(LOW, "ours", 1, pytest.approx(4), pytest.approx(0.5))]

@@ -24,7 +24,7 @@ LENSES = tuple((row, column) for row in range(2, 8) for column in range(3, 11))
 @pytest.fixture
 def no_start(monkeypatch):
     """Starting programs is tested once; elsewhere it would only take time."""
-    monkeypatch.setattr(chart_cells, "_process_seconds", lambda command: 1.25)
+    monkeypatch.setattr(chart_cells, "upscale_seconds", lambda folder, name: 1.25)
 
 
 @pytest.fixture
@@ -208,15 +208,14 @@ def test_our_method_must_be_measured(tmp_path):
 
 
 def test_cost_of_networks():
-    assert chart_cells.method_cost("oidn+bicubic", 4, (10, 10)).parameters is None
-    cost = chart_cells.method_cost("oidn+espcn", 4, (10, 10))
-    assert cost.multiply_adds_per_low_pixel == 75 * 64 + 9 * 64 * 32 + 9 * 32 * 48
-    assert cost.parameters == 76 * 64 + (9 * 64 + 1) * 32 + (9 * 32 + 1) * 48
+    assert chart_cells.network_cost("oidn+bicubic", 4, (10, 10)) == (None, None)
+    assert chart_cells.network_cost("oidn+espcn", 4, (10, 10)) == (
+        76 * 64 + (9 * 64 + 1) * 32 + (9 * 32 + 1) * 48, 75 * 64 + 9 * 64 * 32 + 9 * 32 * 48)
 
 
 @pytest.mark.parametrize(("name", "expected"), [("oidn-both+refine+epi", 2992), ("light", 12400)])
 def test_cost_of_our_networks_is_their_formula(name, expected):
-    assert chart_cells.method_cost(name, 4, (10, 10)).multiply_adds_per_low_pixel == expected
+    assert chart_cells.network_cost(name, 4, (10, 10))[1] == expected
 
 
 @needs_bpy

@@ -1,11 +1,11 @@
-"""What the cells of a chart say: fronts, times to reach an accuracy, wins and losses. Pure functions."""
+"""What follows from the cells of a chart: fronts, times to reach an accuracy, wins and losses. Pure functions."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 import statistics
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from lfsr_lab.experiments.chart.records import (
     CEILING,
@@ -20,140 +20,133 @@ from lfsr_lab.experiments.chart.records import (
     Key,
     Point,
     SceneRow,
+    Spread,
 )
 
-LOWER_IS_BETTER = frozenset({"flip"})
 METRICS = (*MAIN_METRICS, "ssim_views_fg", "ssim_eia", "ssim_lens", "psnr_fg", "flip")
 TARGET, STRETCH = 1 / 4, 1 / 8
 TARGET_SAMPLES = (1, 4)
 RIVAL: Key = (DIRECT, "oidn")
 
 
-@dataclasses.dataclass(frozen=True)
-class Reach:
-    """Seconds to an accuracy, None where it is never reached; ``bound``: at most so many, the curve starts above it."""
-
-    seconds: float | None
-    bound: bool = False
-
-
 def sign_of(metric: str) -> int:
-    """What a metric is multiplied with so that more is better."""
-    return -1 if metric in LOWER_IS_BETTER else 1
+    """Return the factor that makes more of a metric better."""
+    return -1 if metric == "flip" else 1
 
 
 def points(cells: Iterable[Cell], metric: str, with_opening: bool = False) -> list[Point]:
-    """Points of every cell that has ``metric``, the ceiling's left out; ``with_opening``: opening the scene counts."""
-    return [Point(*cell.key, cell.render + cell.second_stage + (cell.open_seconds if with_opening else 0),
-                  sign_of(metric) * value)
-            for cell in cells if cell.role != CEILING and (value := cell.value(metric)) is not None]
+    """Return the point of every cell that has ``metric``, but for the ceiling's.
+
+    ``with_opening``: the time of opening the scene counts.
+    """
+    return [Point(*cell.key, cell.seconds.median + (cell.open_seconds if with_opening else 0), sign_of(metric) * value)
+            for cell in cells if cell.role != CEILING and (value := cell.metrics.get(metric)) is not None]
 
 
-def dominates(one: Point, other: Point) -> bool:
-    """True if ``one`` is as fast and as accurate, and better in either."""
-    return (one.seconds <= other.seconds and one.value >= other.value
-            and (one.seconds, one.value) != (other.seconds, other.value))
-
-
-def pareto_front(candidates: Sequence[Point]) -> list[Point]:
-    """The points that no other dominates, from the fastest to the most accurate."""
-    front = [point for point in candidates if not any(dominates(other, point) for other in candidates)]
-    return sorted(front, key=lambda point: (point.seconds, point.value))
+def pareto_front(candidates: Iterable[Point]) -> list[Point]:
+    """Return the points that are better than every faster one, from the fastest to the most accurate."""
+    front: list[Point] = []
+    for point in sorted(candidates, key=lambda point: (point.seconds, -point.value)):
+        if not front or point.value > front[-1].value:
+            front.append(point)
+    return front
 
 
 def curves(candidates: Iterable[Point]) -> dict[Key, list[Point]]:
-    """Points by (role, method), by samples."""
+    """Return points by role and method, each curve by samples."""
     found: dict[Key, list[Point]] = {}
     for point in sorted(candidates, key=lambda point: point.samples):
         found.setdefault(point.curve, []).append(point)
     return found
 
 
-def time_to_reach(curve: Sequence[Point], value: float) -> Reach:
-    """Least time at which a method reaches ``value``, between measured sample counts by the logarithm of time.
+def time_to_reach(curve: Iterable[Point], value: float) -> tuple[float | None, bool]:
+    """Return the least seconds at which a method reaches ``value``, None for never, and whether it may need less.
 
-    Points that are slower and no better than another of the same method are left out, so that the time never falls
-    as ``value`` rises.
+    Between two sample counts time is interpolated by its logarithm. Points that are slower and no better than another
+    one are left out, so that the time never falls as ``value`` rises.
     """
     rising = pareto_front(curve)
     if not rising or value > rising[-1].value:
-        return Reach(None)
+        return None, False
     if value <= rising[0].value:
-        return Reach(rising[0].seconds, bound=value < rising[0].value)
+        return rising[0].seconds, value < rising[0].value
     index = next(index for index, point in enumerate(rising) if point.value >= value)
     before, after = rising[index - 1], rising[index]
     if after.value == value:
-        return Reach(after.seconds)
+        return after.seconds, False
     part = (value - before.value) / (after.value - before.value)
-    return Reach(math.exp(math.log(before.seconds) * (1 - part) + math.log(after.seconds) * part))
+    return math.exp(math.log(before.seconds) * (1 - part) + math.log(after.seconds) * part), False
 
 
-def face_off(ours: Sequence[Point], rivals: Mapping[Key, Sequence[Point]]) -> tuple[Duel, ...]:
-    """For every measured point of every rival: how long we need for its accuracy, and who wins."""
-    return tuple(_duel(time_to_reach(ours, point.value), point, point.curve)
-                 for curve in rivals.values() for point in curve)
-
-
-def reverse(ours: Sequence[Point], rivals: Mapping[Key, Sequence[Point]]) -> tuple[Duel, ...]:
-    """For every measured point of ours (its samples, seconds, value): how long every rival needs for that accuracy."""
-    return tuple(_duel(time_to_reach(curve, point.value), point, rival, of_rival=True)
-                 for rival, curve in rivals.items() for point in ours)
-
-
-def _duel(reach: Reach, point: Point, rival: Key, of_rival: bool = False) -> Duel:
-    """``reach``: how long it takes who must match ``point``, us, or ``of_rival`` the rival."""
-    ratio = None if reach.seconds is None else reach.seconds / point.seconds
+def duel(point: Point, curve: Iterable[Point], rival: Key, of_rival: bool = False) -> Duel:
+    """Return how ``curve``, ours or ``of_rival`` the rival's, does against ``point``: how long it takes, who wins."""
+    seconds, bound = time_to_reach(curve, point.value)
+    ratio = None if seconds is None else seconds / point.seconds
     faster = ratio is not None and ratio < 1
-    return Duel(*rival, point.samples, point.seconds, point.value, reach.seconds, reach.bound, ratio,
+    return Duel(*rival, point.samples, point.seconds, point.value, seconds, bound, ratio,
                 "loss" if faster == of_rival else "win")
 
 
 def target(ours: Sequence[Point], rival: Sequence[Point]) -> Goal | None:
-    """Worst ratio of our time to the rival's over every accuracy it reaches from 1 to 4 samples.
+    """Return the worst ratio of our time to the rival's over every accuracy it reaches from 1 to 4 samples.
 
     Both times are piecewise log-linear in the accuracy, so the worst lies at a measured accuracy of either.
     None where the rival was not measured there.
     """
-    measured = pareto_front([point for point in rival if TARGET_SAMPLES[0] <= point.samples <= TARGET_SAMPLES[1]])
+    measured = pareto_front(point for point in rival if TARGET_SAMPLES[0] <= point.samples <= TARGET_SAMPLES[1])
     if not measured:
         return None
     low, high = measured[0].value, measured[-1].value
-    accuracies = sorted({point.value for point in (*measured, *ours) if low <= point.value <= high})
-    ratios = [_ratio(ours, measured, accuracy) for accuracy in accuracies]
-    known = [ratio for ratio in ratios if ratio is not None]
-    worst = max(known) if len(known) == len(ratios) else None
+    accuracies = {point.value for point in (*measured, *ours) if low <= point.value <= high}
+    times = [(time_to_reach(ours, accuracy)[0], time_to_reach(measured, accuracy)[0]) for accuracy in accuracies]
+    ratios = [we / they for we, they in times if we is not None and they is not None]
+    worst = max(ratios) if len(ratios) == len(times) else None
     return Goal(low, high, worst, worst is not None and worst <= TARGET, worst is not None and worst <= STRETCH)
 
 
-def _ratio(ours: Sequence[Point], rival: Sequence[Point], accuracy: float) -> float | None:
-    we, they = time_to_reach(ours, accuracy), time_to_reach(rival, accuracy)
-    return None if we.seconds is None or they.seconds is None else we.seconds / they.seconds
-
-
 def ceiling(cells: Iterable[Cell], metric: str) -> Ceiling | None:
-    """The best that a method makes of the nearly noise-free low-resolution render."""
+    """Return the best that a method makes of the nearly noise-free low-resolution render."""
     known = [Ceiling(cell.method, cell.samples, value) for cell in cells
-             if cell.role == CEILING and (value := cell.value(metric)) is not None]
+             if cell.role == CEILING and (value := cell.metrics.get(metric)) is not None]
     return max(known, key=lambda found: sign_of(metric) * found.value, default=None)
 
 
 def analyse(cells: Sequence[Cell], ours: str, metric: str = MAIN_METRICS[0]) -> Analysis:
-    """Everything about one scene and one metric."""
+    """Return everything that follows from one scene by one metric."""
     found, opened = curves(points(cells, metric)), curves(points(cells, metric, with_opening=True))
     us: Key = (LOW, ours)
-    rival = found.get(RIVAL, [])
-    mine = found.get(us, [])
+    mine, rival = found.get(us, []), found.get(RIVAL, [])
     others = {key: curve for key, curve in found.items() if key != us}
-    front = pareto_front([point for curve in found.values() for point in curve])
+    front = pareto_front(point for curve in found.values() for point in curve)
     return Analysis(metric, ceiling(cells, metric), tuple(front), target(mine, rival),
                     target(opened.get(us, []), opened.get(RIVAL, [])),
                     {method: target(curve, rival) for (role, method), curve in others.items() if role == LOW},
-                    face_off(mine, others), reverse(mine, others))
+                    tuple(duel(point, mine, key) for key, curve in others.items() for point in curve),
+                    tuple(duel(point, curve, key, of_rival=True) for key, curve in others.items() for point in mine))
 
 
-def mean_points(scenes: Sequence[SceneRow], metric: str) -> list[Point]:
-    """Points that every scene has: geometric mean of the seconds, mean of the metric."""
-    tables = [{(*point.curve, point.samples): point for point in points(scene.cells, metric)} for scene in scenes]
-    shared = [key for key in (tables[0] if tables else {}) if all(key in table for table in tables)]
-    return [Point(*key, statistics.geometric_mean(table[key].seconds for table in tables),
-                  statistics.fmean(table[key].value for table in tables)) for key in shared]
+def mean_cells(scenes: Sequence[SceneRow]) -> list[Cell]:
+    """Return the cells that every scene has: geometric means of times, means of metrics, no intervals."""
+    tables = [{cell.key: cell for cell in scene.cells} for scene in scenes]
+    return [_mean([table[key] for table in tables]) for key in tables[0] if all(key in table for table in tables)]
+
+
+def _mean(cells: Sequence[Cell]) -> Cell:
+    first = cells[0]
+    seconds = [_typical(values) for values in zip(*(dataclasses.astuple(cell.seconds) for cell in cells), strict=True)]
+    return dataclasses.replace(
+        first, seconds=Spread(*seconds), ci95={}, second_stage_seconds=(_typical(cell.second_stage for cell in cells),),
+        stage_seconds={name: _typical(cell.stage_seconds[name] for cell in cells) for name in first.stage_seconds},
+        metrics={name: _average([cell.metrics.get(name) for cell in cells]) for name in first.metrics})
+
+
+def _typical(values: Iterable[float]) -> float:
+    """Return the geometric mean, 0 where any value is 0."""
+    known = list(values)
+    return statistics.geometric_mean(known) if min(known) > 0 else 0.0
+
+
+def _average(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return statistics.fmean(known) if len(known) == len(values) else None

@@ -16,39 +16,15 @@ from lfsr_core.frames.job import Job
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_core.render.store import is_complete
-from lfsr_lab.experiments.chart.records import CEILING, DIRECT, LOW, MethodCost, Role
-from lfsr_lab.experiments.chart.settings import CELL_FOLDER, FRESH_FOLDER, Settings, render_folder
+from lfsr_lab.experiments.chart.records import CEILING, DIRECT, LOW, Cell, MethodCost, Role, Spread
+from lfsr_lab.experiments.chart.settings import Settings
 from lfsr_lab.experiments.engine.accuracy import Accuracy, Target, check_pair
-from lfsr_lab.experiments.engine.records import Fingerprint, Records, method_facts
-from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, Store, digest, foreground, frame_digest, reference_of
-from lfsr_lab.experiments.engine.timing import StageTimes, scratch_copy, second_stage_times
+from lfsr_lab.experiments.engine.records import Records, method_facts
+from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, digest, foreground, frame_digest, reference_of
+from lfsr_lab.experiments.engine.timing import scratch_copy, second_stage_times
 
-CELL_FORMAT = 4
-
-
-@dataclasses.dataclass(frozen=True)
-class MeasuredCell:
-    """What is measured of a render and a method."""
-
-    method: str
-    accuracy: Accuracy
-    times: StageTimes
-
-
-@dataclasses.dataclass(frozen=True)
-class FreshSeconds:
-    """Seconds of `lfsr upscale` in a process of its own, start included."""
-
-    seconds: float
-
-
-@dataclasses.dataclass(frozen=True)
-class Effort:
-    """What is measured although a stored cell fits."""
-
-    repeats: int  # timed runs of the second stage
-    again: bool = False  # everything
-    retime: bool = False  # the times; metrics stay
+CELL_FORMAT = 5
+CELL_FOLDER, COST_FOLDER = "cells", "fresh-process"
 
 
 def wanted_renders(settings: Settings, scene: Path) -> Iterator[tuple[Role, Job]]:
@@ -62,11 +38,11 @@ def wanted_renders(settings: Settings, scene: Path) -> Iterator[tuple[Role, Job]
 
 
 def low_job(settings: Settings, scene: Path, scale: int, samples: int) -> Job:
-    """Return one render of a scene."""
-    folder = render_folder(settings.folder / scene.stem, scale, samples, settings.seed)
-    return Job(output=str(folder), display=settings.profile, scene=str(scene.resolve()), scale=scale, spp=samples,
-               layers=LAYERS, device=settings.device, seed=settings.seed, subject=settings.subject,
-               world_visible=settings.world_visible)
+    """Return one render of a scene; renders of other seeds lie beside each other."""
+    name = f"s{scale}-spp{samples}" + (f"-seed{settings.seed}" if settings.seed else "")
+    return Job(output=str(settings.folder / scene.stem / name), display=settings.profile, scene=str(scene.resolve()),
+               scale=scale, spp=samples, layers=LAYERS, device=settings.device, seed=settings.seed,
+               subject=settings.subject, world_visible=settings.world_visible)
 
 
 def reference_job(settings: Settings, scene: Path) -> Job:
@@ -83,81 +59,65 @@ def read_target(settings: Settings, scene: Path) -> Target:
     return Target.read(folder / REFERENCE, foreground(widest) if widest else None)
 
 
-def cell(folder: Path, name: str, target: Target, effort: Effort) -> MeasuredCell:
+def measured(folder: Path, role: Role, name: str, target: Target, settings: Settings,
+             render_seconds: tuple[float, ...]) -> Cell:
     """Return the cell of a render and a method, measured unless it is stored and still fits.
 
-    Parameters
-    ----------
-    folder : frame folder of the render; it is not written to
-    name : the method
-    target : what it is measured against
-    effort : what is measured in any case
-
-    Raises
-    ------
-    LfsrError : the method cannot finish this frame
+    ``folder`` has the render and is not written to. LfsrError where the method cannot finish it.
     """
-    records, mark = Records(folder.parent / CELL_FOLDER, MeasuredCell), fingerprint(folder, name, target)
-    file_name = f"{folder.name}-{name}"
-    known = None if effort.again else records.read(file_name, mark)
-    if known and not effort.retime and len(known.times.second_stage_seconds) >= effort.repeats:
-        return known
-    check_pair(read_frame(folder), target)
-    with scratch_copy(folder) as copy:
-        accuracy = known.accuracy if known else target.accuracy(finished_linear(copy, name), foreground(copy))
-        found = MeasuredCell(name, accuracy, second_stage_times(copy, name, effort.repeats, warm=known is None))
-    records.write(file_name, mark, found)
-    return found
-
-
-def fingerprint(folder: Path, name: str, target: Target) -> Fingerprint:
-    """Return what a cell depends on."""
-    return {"format": CELL_FORMAT, "lfsr": __version__, "frame": frame_digest(folder),
+    records = Records(folder.parent / CELL_FOLDER, Cell)
+    mark = {"format": CELL_FORMAT, "lfsr": __version__, "frame": frame_digest(folder),
             "reference": frame_digest(target.reference.folder), "mask": digest(target.mask.tobytes()),
             **method_facts(name)}
+    file_name = f"{folder.name}-{name}"
+    found = None if name in settings.again else records.read(file_name, mark)
+    if (found is None or (name in settings.retime and role != CEILING)
+            or len(found.second_stage_seconds) < settings.repeats):
+        frame = read_frame(folder)
+        check_pair(frame, target)
+        with scratch_copy(folder) as copy:
+            accuracy: Accuracy = found or target.accuracy(finished_linear(copy, name), foreground(copy))
+            times = second_stage_times(copy, name, settings.repeats, warm=found is None)
+        found = Cell(role=role, method=name, scale=frame.scale, samples=frame.samples, render_seconds=render_seconds,
+                     open_seconds=frame.seconds.get("open", 0.0), device=frame.device, metrics=accuracy.metrics,
+                     seconds=Spread.of(render_seconds, times.second_stage_seconds), ci95=accuracy.ci95, **vars(times))
+        records.write(file_name, mark, found)
+    return dataclasses.replace(found, role=role, render_seconds=render_seconds,
+                               seconds=Spread.of(render_seconds, found.second_stage_seconds))
 
 
-def method_cost(name: str, scale: int, low_views: tuple[int, int], seconds: float | None = None) -> MethodCost:
-    """Return what a method costs; Open Image Denoise, whose size is not known, is not counted.
+def method_cost(settings: Settings, name: str, folder: Path) -> MethodCost:
+    """Return what a method costs; a process of its own finishes the render in ``folder`` once per method."""
+    records, low_views = Records(settings.folder / COST_FOLDER, MethodCost), settings.profile.low_views(settings.scale)
+    if name in (*settings.again, *settings.retime):
+        records.path(name).unlink(missing_ok=True)
+    return records.get(name, {"scale": settings.scale, "views": [*low_views], **method_facts(name)}, lambda: MethodCost(
+        name, *network_cost(name, settings.scale, low_views), upscale_seconds(folder, name)))
 
-    Parameters
-    ----------
-    name : the method
-    scale : of its networks
-    low_views : (w, h) pixels of a low-resolution elemental image
-    seconds : of a process of its own
+
+def network_cost(name: str, scale: int, low_views: tuple[int, int]) -> tuple[int | None, float | None]:
+    """Return parameters of a method's networks, and multiply-adds per low-resolution pixel, None without a network.
+
+    ``low_views`` (w, h): pixels of a low-resolution elemental image. Open Image Denoise, whose size is not known, is
+    not counted.
     """
-    counts = [_count(part, scale, low_views) for part in MethodName.parse(name).networks]
-    if not counts:
-        return MethodCost(name, None, None, seconds)
-    return MethodCost(name, sum(count for count, _ in counts), float(sum(work for _, work in counts)), seconds)
-
-
-def _count(part: str, scale: int, low_views: tuple[int, int]) -> tuple[int, float]:
-    """Return the parameters of a network and its multiply-adds per low-resolution pixel."""
+    parts = MethodName.parse(name).networks
+    if not parts:
+        return None, None
     from lfsr_lab.networks.cost import multiply_adds, parameters
     from lfsr_lab.networks.networks import build
 
-    network = build(part, scale).eval()
-    return parameters(network), multiply_adds(network, *low_views[::-1])
+    networks = [build(part, scale).eval() for part in parts]
+    return sum(map(parameters, networks)), float(sum(multiply_adds(each, *low_views[::-1]) for each in networks))
 
 
-def fresh_seconds(folder: Path, name: str, store: Store, again: bool) -> float:
-    """Return the wall seconds of `lfsr upscale` of a render in a process of its own, measured once per method."""
-    records, mark = Records(store.folder / FRESH_FOLDER, FreshSeconds), {"weights": method_facts(name)["weights"]}
-    if again:
-        records.path(name).unlink(missing_ok=True)
-    return records.get(name, mark, lambda: FreshSeconds(_upscaled(folder, name))).seconds
-
-
-def _upscaled(folder: Path, name: str) -> float:
+def upscale_seconds(folder: Path, name: str) -> float:
+    """Return the wall seconds of `lfsr upscale` of a render in a process of its own, start included."""
     with scratch_copy(folder) as copy:
-        return _process_seconds([sys.executable, "-m", "lfsr_core.cli", "upscale", str(copy), "--method", name])
-
-
-def _process_seconds(command: list[str]) -> float:
-    started = time.perf_counter()
-    finished = subprocess.run(command, capture_output=True, text=True, check=False)
-    if finished.returncode:
-        raise LfsrError(f"`{' '.join(command[3:])}` failed ({finished.stderr.strip()}): choose another method")
-    return round(time.perf_counter() - started, 3)
+        started = time.perf_counter()
+        finished = subprocess.run([sys.executable, "-m", "lfsr_core.cli", "upscale", str(copy), "--method", name],
+                                  capture_output=True, text=True, check=False)
+        if finished.returncode:
+            raise LfsrError(f"`lfsr upscale {folder} --method {name}` failed ({finished.stderr.strip()}): "
+                            "choose another method")
+        return round(time.perf_counter() - started, 3)

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 import statistics
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Literal
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json
 from lfsr_core.records import from_data
-from lfsr_lab.experiments.engine.accuracy import MAIN_METRICS, Figures
+from lfsr_lab.experiments.engine.accuracy import MAIN_METRICS, Accuracy
 from lfsr_lab.experiments.engine.environment import Environment
+from lfsr_lab.experiments.engine.timing import StageTimes
 
 FORMAT = 1
 Role = Literal["low", "direct", "ceiling"]
 LOW: Final = "low"
 DIRECT: Final = "direct"
 CEILING: Final = "ceiling"
-Key = tuple[Role, str]
-"""Role and method of a curve."""
+Key = tuple[Role, str]  # role and method of a curve
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -51,10 +52,16 @@ class Spread:
     least: float
     most: float
 
+    @classmethod
+    def of(cls, render: Sequence[float], second: Sequence[float]) -> Spread:
+        """Return the seconds end to end of every run of a render and of the second stage."""
+        median = statistics.median(statistics.median(render) + seconds for seconds in second)
+        return cls(median, min(render) + min(second), max(render) + max(second))
 
-@dataclasses.dataclass(frozen=True)
-class Cell:
-    """One render, finished by one method."""
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Cell(Accuracy, StageTimes):
+    """One render, finished by one method: its accuracy, the times of the second stage, and those of the render."""
 
     role: Role  # what the render is for
     method: str  # what finished it
@@ -62,13 +69,7 @@ class Cell:
     samples: int  # per pixel of the render
     render_seconds: tuple[float, ...]  # of every run of the render
     open_seconds: float  # of opening the scene
-    second_stage_seconds: tuple[float, ...]  # of every run of the second stage
-    stage_seconds: dict[str, float]  # medians of the second stage's parts; "upscale" is the method itself
     seconds: Spread  # end to end
-    metrics: Figures  # how near it comes to the reference
-    ci95: Figures  # half-widths of the metrics' 95 % intervals, as far as they are known
-    notes: tuple[str, ...]  # sentences of the second stage
-    load_average: float | None  # how busy the machine was
     device: str  # what Cycles ran on
 
     @property
@@ -77,18 +78,9 @@ class Cell:
         return self.role, self.method, self.samples
 
     @property
-    def render(self) -> float:
-        """Median seconds of the render."""
-        return statistics.median(self.render_seconds)
-
-    @property
     def second_stage(self) -> float:
         """Median seconds of the second stage."""
         return statistics.median(self.second_stage_seconds)
-
-    def value(self, metric: str) -> float | None:
-        """One metric."""
-        return self.metrics.get(metric)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -141,7 +133,7 @@ class Ceiling:
 class Analysis:
     """What follows from the cells of a scene by one metric; values whose less is better have their sign turned."""
 
-    metric: str  # of analysis.METRICS
+    metric: str
     ceiling: Ceiling | None  # None where it was not measured
     front: tuple[Point, ...]  # the points that no other beats in both time and accuracy
     target: Goal | None  # of our method
@@ -171,7 +163,7 @@ class SceneRow:
 
     scene: str  # its name
     blender: str  # version that rendered the reference
-    p: float  # share of lenses with foreground
+    p: float  # fraction of lenses with foreground
     reference: UsedReference
     cells: tuple[Cell, ...]
     analysis: tuple[Analysis, ...]
@@ -182,10 +174,6 @@ class SceneRow:
         if found is None:
             raise LfsrError(f"scene {self.scene} was not analysed by {metric}: measure the chart again")
         return found
-
-    def knows(self, metric: str) -> bool:
-        """True if any cell has the metric: a reference of sampled lenses gives no ``ssim_eia_fg``."""
-        return any(cell.value(metric) is not None for cell in self.cells)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -212,16 +200,19 @@ class Chart:
     @property
     def metric(self) -> str:
         """What the chart is judged by: the first of MAIN_METRICS that all of its scenes know."""
-        return next((name for name in MAIN_METRICS if all(scene.knows(name) for scene in self.scenes)), MAIN_METRICS[0])
+        tables = [[cell.metrics for cell in scene.cells] for scene in self.scenes]
+        known = [name for name in MAIN_METRICS
+                 if all(any(metrics.get(name) is not None for metrics in table) for table in tables)]
+        return (*known, MAIN_METRICS[0])[0]
 
 
 def read_chart(path: Path) -> Chart:
-    """The chart in a file; LfsrError, one sentence, for the first thing in it that is not as it should be."""
+    """Read a chart; LfsrError, one sentence, for the first thing in it that is not as it should be."""
     return chart_of(read_json(path, "a chart"), str(path))
 
 
 def chart_of(data: object, source: str = "chart") -> Chart:
-    """The chart that JSON data describes; ``source`` names the data in errors."""
+    """Return the chart that JSON data describes; ``source`` names the data in errors."""
     found = data.get("format") if isinstance(data, dict) else None
     if found != FORMAT:
         raise LfsrError(f"{source} has format {found!r}, but this version reads {FORMAT}: measure the chart again")

@@ -3,29 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-import statistics
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import Frame, read_frame
 from lfsr_core.frames.job import Job
+from lfsr_core.progress import ProgressBar
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import write_record
-from lfsr_lab.experiments.chart import page, panels, tables
+from lfsr_lab.experiments.chart import cells, panels, tables
 from lfsr_lab.experiments.chart.analysis import METRICS, analyse
-from lfsr_lab.experiments.chart.cells import (
-    Effort,
-    MeasuredCell,
-    cell,
-    fresh_seconds,
-    low_job,
-    method_cost,
-    read_target,
-    reference_job,
-    wanted_renders,
-)
-from lfsr_lab.experiments.chart.overall import Overall
 from lfsr_lab.experiments.chart.records import (
     CEILING,
     DIRECT,
@@ -35,7 +22,6 @@ from lfsr_lab.experiments.chart.records import (
     MethodCost,
     Role,
     SceneRow,
-    Spread,
     UsedReference,
     read_chart,
 )
@@ -50,77 +36,62 @@ CHART = "chart"  # stem of the files' names
 MOST_STEM = 60  # characters of it
 
 
-def measure(settings: Settings, scenes: Sequence[Path], overall: Overall) -> tuple[Chart, str]:
-    """Measure ``scenes`` as far as they are not; what is known is written as JSON after every one.
+def run(settings: Settings, scenes: Sequence[Path]) -> list[Path]:
+    """Measure ``scenes`` as far as they are not, write the chart, and return the paths of its files.
 
-    Other scenes that were measured with the same settings in this folder stay in the chart. ``overall`` is told of
-    every step. LfsrError where not one scene can be measured.
-
-    Returns
-    -------
-    The chart, and the stem of its files' names: another than "chart" where that chart has other scenes and settings
+    What is known is written as JSON after every scene. Other scenes that were measured with the same settings in this
+    folder stay in the chart; where its settings are others, the files have another stem. LfsrError where not one
+    scene can be measured.
     """
-    _check_names(scenes)
     names = [scene.stem for scene in scenes]
-    before, stem = _before(settings, names)
-    store = Store(settings.folder, settings.blender, not settings.only_measure, overall)
-    run = _Run(settings, store, overall, stem)
-    costs: tuple[MethodCost, ...] = ()
-    # Each stays in its place.
-    rows: dict[str, SceneRow | None] = {row.scene: None if row.scene in names else row for row in before}
+    for name in names:
+        if names.count(name) > 1:
+            raise LfsrError(f"two scenes are called {name!r}, but each has a folder of its name: rename one file")
+    rows, stem = _earlier(settings, names)
+    store = Store(settings.folder, settings.blender, not settings.only_measure)
+    chart, measuring = None, _Run(settings, store, len(scenes) * settings.steps)
     for scene in scenes:
-        row = rows[scene.stem] = run.scene(scene)
-        if row is not None:
-            costs = costs or tuple(run.costs(scene, row))
-            run.write(rows.values(), costs)
-    if not any(rows[name] for name in names):
-        raise LfsrError(f"no scene could be measured ({'; '.join(run.skipped)}): run it without --only-measure")
-    return run.write(rows.values(), costs), stem
+        rows[scene.stem] = measuring.scene(scene)
+        if any(rows[name] for name in names):
+            chart = measuring.chart(rows.values())
+            write_record(settings.folder / f"{stem}.json", chart)
+    if chart is None:
+        raise LfsrError(f"no scene could be measured ({'; '.join(measuring.skipped)}): run it without --only-measure")
+    return write_report(settings.folder, stem, None, {
+        ".html": tables.page(chart), ".svg": panels.picture(chart), ".md": tables.markdown(chart)})
 
 
-def write_pages(folder: Path, chart: Chart, stem: str = CHART) -> list[Path]:
-    """Write what people read beside the JSON file, and return the paths of all files."""
-    return write_report(folder, stem, None, {".html": page.page(chart), ".svg": panels.picture(chart),
-                                             ".md": tables.markdown(chart)})
-
-
-def _before(settings: Settings, names: Sequence[str]) -> tuple[tuple[SceneRow, ...], str]:
-    """Return the scenes of an earlier run with the same settings, and the stem of this run's files."""
+def _earlier(settings: Settings, names: Sequence[str]) -> tuple[dict[str, SceneRow | None], str]:
+    """Return the scenes of an earlier run with the same settings, None for ``names``, and the stem of the files."""
     path = settings.folder / f"{CHART}.json"
     try:
         before = read_chart(path) if path.exists() else None
     except LfsrError:  # of another version
         before = None
     if before is None or {scene.scene for scene in before.scenes} <= set(names):
-        return (), CHART
+        return dict.fromkeys(names), CHART
     if before.settings == settings.figures:
-        return before.scenes, CHART
-    return (), f"{CHART}-{'-'.join(names)}"[:MOST_STEM]
-
-
-def _check_names(scenes: Sequence[Path]) -> None:
-    names = [scene.stem for scene in scenes]
-    for name in names:
-        if names.count(name) > 1:
-            raise LfsrError(f"two scenes are called {name!r}, but each has a folder of its name: rename one file")
+        return {scene.scene: None if scene.scene in names else scene for scene in before.scenes} | dict.fromkeys(
+            names), CHART
+    return dict.fromkeys(names), f"{CHART}-{'-'.join(names)}"[:MOST_STEM]
 
 
 @dataclasses.dataclass
 class _Run:
-    """One run: its settings, store and progress, the stem of its files, and sentences on what was left out."""
+    """One run of a chart, and what it found so far."""
 
     settings: Settings
     store: Store
-    overall: Overall
-    stem: str
-    skipped: list[str] = dataclasses.field(default_factory=list)
+    steps: int  # how many there are
+    done: int = 0  # steps that are begun
+    bar: ProgressBar = dataclasses.field(default_factory=ProgressBar)
+    costs: tuple[MethodCost, ...] = ()
+    skipped: list[str] = dataclasses.field(default_factory=list)  # sentences on what was left out
 
-    def write(self, rows: Iterable[SceneRow | None], costs: tuple[MethodCost, ...]) -> Chart:
-        """Write the chart as far as it is known; the environment knows only now whether PyTorch was needed."""
+    def chart(self, rows: Iterable[SceneRow | None]) -> Chart:
+        """Return the chart as far as it is known; the environment knows only now whether PyTorch was needed."""
         known = tuple(row for row in rows if row is not None)
-        chart = Chart(FORMAT, self.settings.figures, environment(), costs, tuple(self.skipped), known)
-        write_record(self.settings.folder / f"{self.stem}.json", chart)
-        return chart
+        return Chart(FORMAT, self.settings.figures, environment(), self.costs, tuple(self.skipped), known)
 
     def scene(self, path: Path) -> SceneRow | None:
         """Return the row of one scene; None if its reference is missing, or if no method finishes a render."""
@@ -128,80 +99,67 @@ class _Run:
             self._skip(f"{path.stem} has no reference")
             return None
         made = list(self._renders(path))
-        target = read_target(self.settings, path)
-        cells = tuple(found for role, folder in made for found in self._cells(path, role, folder, target))
-        if not cells:
+        target = cells.read_target(self.settings, path)
+        found = tuple(cell for role, job in made for cell in self._cells(path, role, job, target))
+        if not found:
             self._skip(f"{path.stem} has no render that a method could finish")
             return None
+        self.costs = self.costs or tuple(self._costs(path, found))
         frame = target.reference.frame
         lenses = None if frame.lens_list is None else len(frame.lens_list)
         return SceneRow(path.stem, frame.blender, float(target.mask.mean()),
-                        UsedReference(frame.samples, lenses, sum(frame.seconds.values())), cells,
-                        tuple(analyse(cells, self.settings.ours, metric) for metric in METRICS))
+                        UsedReference(frame.samples, lenses, sum(frame.seconds.values())), found,
+                        tuple(analyse(found, self.settings.ours, metric) for metric in METRICS))
 
-    def costs(self, scene: Path, row: SceneRow) -> Iterator[MethodCost]:
-        """Yield what every method that was measured costs; its start is timed on the first scene's first render."""
-        settings, known = self.settings, {cell.method for cell in row.cells if cell.role != DIRECT}
-        folder = Path(low_job(settings, scene, settings.scale, row.cells[0].samples).output)
-        for name in settings.methods:
-            if name in known:
-                self.overall.begin(name, f"{name} in a process of its own")
-                seconds = fresh_seconds(folder, name, self.store, name in (*settings.again, *settings.retime))
-                yield method_cost(name, settings.scale, settings.profile.low_views(settings.scale), seconds)
+    def _costs(self, scene: Path, found: Sequence[Cell]) -> Iterator[MethodCost]:
+        """Yield what every method that was measured costs; its start is timed on the first render."""
+        folder = Path(cells.low_job(self.settings, scene, self.settings.scale, found[0].samples).output)
+        for name in self.settings.methods:
+            if any(cell.method == name and cell.role != DIRECT for cell in found):
+                yield cells.method_cost(self.settings, name, folder)
 
     def _reference(self, scene: Path) -> Path | None:
         """Return the folder of the reference; one that is there may have any lenses and samples."""
         settings = self.settings
-        most = low_job(settings, scene, settings.scale, max(settings.spps))
-        job = sampled(reference_job(settings, scene), settings.lenses, lambda: self._render(scene, most))
-        self.overall.begin(Path(job.output), f"{scene.stem}: reference of {job.spp} samples")
+        self._begin(f"{scene.stem}: reference")
+        most = cells.low_job(settings, scene, settings.scale, max(settings.spps))
+        job = sampled(cells.reference_job(settings, scene), settings.lenses, lambda: self.store.render(most))
         return self.store.render(job)
 
-    def _renders(self, scene: Path) -> Iterator[tuple[Role, Path]]:
-        for role, job in wanted_renders(self.settings, scene):
-            folder = self._render(scene, job)
-            if folder is None:
+    def _renders(self, scene: Path) -> Iterator[tuple[Role, Job]]:
+        for role, job in cells.wanted_renders(self.settings, scene):
+            self._begin(f"{scene.stem}: scale {job.scale}, {job.spp} samples")
+            if self.store.render(job) is None:
                 self._skip(f"{scene.stem} has no render at scale {job.scale} with {job.spp} samples")
             else:
-                yield role, folder
+                yield role, job
 
-    def _render(self, scene: Path, job: Job) -> Path | None:
-        self.overall.begin(Path(job.output), f"{scene.stem}: scale {job.scale}, {job.spp} samples")
-        return self.store.render(job)
-
-    def _cells(self, scene: Path, role: Role, folder: Path, target: Target) -> Iterator[Cell]:
+    def _cells(self, scene: Path, role: Role, job: Job, target: Target) -> Iterator[Cell]:
         """Yield the cells of every method on one render."""
-        settings, frame = self.settings, read_frame(folder)
-        job = low_job(settings, scene, frame.scale, frame.samples)
+        settings = self.settings
         # The ceiling's time is on no axis.
-        seconds = [frame.seconds["render"]] if role == CEILING else render_seconds(
-            job, self.store, settings.render_repeats, settings.retime_renders)
+        repeats, retime = (1, False) if role == CEILING else (settings.render_repeats, settings.retime_renders)
+        seconds = tuple(render_seconds(job, self.store, repeats, retime))
         for name in settings.direct_methods if role == DIRECT else settings.methods:
+            self._begin(f"{scene.stem}: {name} at scale {job.scale}, {job.spp} samples")
             parsed = MethodName.parse(name)
-            missing = parsed.untrained(frame.scale)
-            if not parsed.works_with(frame.display.parallax):
+            missing = parsed.untrained(job.scale)
+            if not parsed.works_with(job.display.parallax):
                 self._skip(f"{name}: it needs views in two directions")
                 continue
             if missing:
-                self._skip(f"{name} at scale {frame.scale}: {', '.join(missing)} has no weights for it")
+                self._skip(f"{name} at scale {job.scale}: {', '.join(missing)} has no weights for it")
                 continue
-            self.overall.begin((folder, name), f"{scene.stem}: {name} at scale {frame.scale}, {frame.samples} samples")
-            effort = Effort(settings.repeats, name in settings.again, name in settings.retime and role != CEILING)
             try:
-                yield _cell(role, frame, tuple(seconds), cell(folder, name, target, effort))
+                yield cells.measured(Path(job.output), role, name, target, settings, seconds)
             except LfsrError as error:
-                self._skip(f"{name} at scale {frame.scale}: {error}")
+                self._skip(f"{name} at scale {job.scale}: {error}")
+
+    def _begin(self, step: str) -> None:
+        self.bar(CHART, self.done / self.steps, step)
+        self.done += 1
 
     def _skip(self, sentence: str) -> None:
         if sentence not in self.skipped:
             self.skipped.append(sentence)
-            self.overall.note(f"skipped: {sentence}")
-
-
-def _cell(role: Role, frame: Frame, render: tuple[float, ...], found: MeasuredCell) -> Cell:
-    second = found.times.second_stage_seconds
-    median = statistics.median(statistics.median(render) + seconds for seconds in second)
-    return Cell(role, found.method, frame.scale, frame.samples, render, frame.seconds.get("open", 0.0),
-                seconds=Spread(median, min(render) + min(second), max(render) + max(second)),
-                metrics=found.accuracy.metrics, ci95=found.accuracy.ci95, device=frame.device,
-                **dataclasses.asdict(found.times))
+            self.bar.note(f"skipped: {sentence}")

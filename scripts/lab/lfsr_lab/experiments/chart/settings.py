@@ -1,4 +1,4 @@
-"""What one chart measures, and where everything of it lies in the bench folder."""
+"""What one chart measures."""
 
 from __future__ import annotations
 
@@ -9,19 +9,17 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_CHAINS, PLAIN_METHOD, UPSCALERS
 from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.registry import method
 from lfsr_lab.experiments.chart.records import ChartSettings
 
 DENOISER, AS_RENDERED = "oidn", "none"
 DIRECT_METHODS = (AS_RENDERED, DENOISER)
-CELL_FOLDER, FRESH_FOLDER = "cells", "fresh-process"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Settings(ChartSettings):
     """One chart: what decides its figures, and how it is run. LfsrError for numbers that cannot be."""
 
-    folder: Path  # bench folder with a folder per scene
+    folder: Path  # output folder, with a folder per scene
     only_measure: bool = False  # new renders are refused
     again: tuple[str, ...] = ()  # methods whose cells are measured afresh
     retime: tuple[str, ...] = ()  # methods that are only timed afresh
@@ -38,7 +36,7 @@ class Settings(ChartSettings):
         if self.ours not in self.methods:
             raise LfsrError(f"our method {self.ours!r} is not among those measured, {', '.join(self.methods)}: "
                             "add it to --methods or choose another with --ours")
-        self.profile.low_views(self.scale)
+        self.profile.low_views(self.scale)  # refuses a scale that does not divide them
 
     @property
     def profile(self) -> DisplayProfile:
@@ -46,8 +44,14 @@ class Settings(ChartSettings):
         return load_display(self.display)
 
     @property
+    def steps(self) -> int:
+        """Renders and cells of a scene, with its reference."""
+        return 1 + (len(self.spps) + bool(self.ceiling_spp)) * (1 + len(self.methods)) + (
+            len(self.direct_spps) * (1 + len(self.direct_methods)))
+
+    @property
     def figures(self) -> ChartSettings:
-        """The part that decides the figures."""
+        """Return the part that decides the figures."""
         return ChartSettings(**{field.name: getattr(self, field.name) for field in dataclasses.fields(ChartSettings)})
 
 
@@ -58,29 +62,15 @@ def _check_samples(name: str, samples: tuple[int, ...]) -> None:
         raise LfsrError("there are no samples per pixel to measure at: give some with --spps, as in 1,4,16,64")
 
 
-def render_folder(scene_folder: Path, scale: int, samples: int, seed: int = 0) -> Path:
-    """Frame folder of one render of a scene; renders of other seeds lie beside each other."""
-    return scene_folder / (f"s{scale}-spp{samples}" + (f"-seed{seed}" if seed else ""))
-
-
 def default_methods() -> tuple[str, ...]:
-    """Every upscaler alone and after the denoiser, as far as it is meant to be; the default method first.
-
-    Taken from ``upscale.UPSCALERS``, so that a method that is added there is measured without being named here.
-    """
+    """Return every upscaler alone and after the denoiser, as far as it is meant to be; the default method first."""
     upscalers = [name for name in UPSCALERS if name != AS_RENDERED]
     return tuple(dict.fromkeys([DEFAULT_METHOD, *(chain for name in upscalers for chain in _chains(name))]))
 
 
 def _chains(upscaler: str) -> tuple[str, ...]:
-    """The ways to use one upscaler: networks of ours were trained for one of them only."""
+    """Return the ways to use one upscaler: networks of ours were trained for one of them only."""
     network = catalogue.NETWORKS.get(upscaler)
     if network and network.light_field:
         return (network.chain(upscaler),)
     return upscaler, *(PLAIN_CHAINS if upscaler == PLAIN_METHOD else (f"{DENOISER}+{upscaler}",))
-
-
-def check_methods(names: tuple[str, ...]) -> None:
-    """LfsrError for a name that is no method."""
-    for name in names:
-        method(name)
