@@ -1,6 +1,6 @@
-"""Temporal averaging and fits for animations, measured by one command that can be stopped and started again.
+"""Temporal averaging of animations, measured by one command that can be stopped and started again.
 
-    python -m lfsr_lab.experiments.animations -o OUT            everything, about an hour on two cores
+    python -m lfsr_lab.experiments.animations -o OUT            everything, half an hour on two cores
     python -m lfsr_lab.experiments.animations -o OUT --quick    three frames and few samples, minutes; no figures to use
     python -m lfsr_lab.experiments.animations --cost NAME       only what averaging costs on a display, at scale 4
 
@@ -49,9 +49,8 @@ def run(arguments: argparse.Namespace) -> None:
     store = Store(arguments.output, arguments.blender)
     store.claim(settings)
     build_scenes(store, settings)
-    fit_seconds = 1 if arguments.quick else arguments.fit_seconds
-    found = tuple(each for name in names for each in _measured(Animation(store, settings, name, fit_seconds)))
-    quick = " --quick" if arguments.quick else f" --fit-seconds {arguments.fit_seconds:g}"
+    found = tuple(each for name in names for each in _measured(Animation(store, settings, name)))
+    quick = " --quick" if arguments.quick else ""
     command = f"python -m lfsr_lab.experiments.animations -o OUT --seed {arguments.seed}{quick}"
     text = markdown(found)
     write_report(arguments.output, STEM, Report(settings, environment(), command, found),
@@ -60,7 +59,6 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _measured(animation: Animation) -> Iterator[Found]:
-    animation.store.render_all(animation.jobs())
     records = Records(animation.folder / "cells", Figures)
     for way, spp, cell in animation.cells():
         for figures in measured([cell], records, animation.store):
@@ -86,8 +84,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--cost", metavar="NAME", help="display on which to measure only what averaging costs")
     parser.add_argument("--only", metavar="NAME,NAME", help=f"of {', '.join(NAMES)}")
     parser.add_argument("--quick", action="store_true", help="three frames and few samples")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of renders and fits, default: %(default)s")
-    parser.add_argument("--fit-seconds", type=float, default=30, metavar="N", help="of each fit, default: %(default)s")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of renders, default: %(default)s")
     parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")
     return parser
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import frame_folder
 from lfsr_core.frames.job import Job
@@ -17,10 +17,10 @@ from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.methods import temporal_averaging
 from lfsr_core.reconstruct.neighbours import read_low
-from lfsr_core.reconstruct.registry import Method, method
-from lfsr_lab.experiments.animations.accuracy import AFTER, Figures, Truth, Window, measure
+from lfsr_core.reconstruct.registry import method
+from lfsr_lab.experiments.animations.accuracy import Figures, Truth, measure
 from lfsr_lab.experiments.engine.cells import Cell
-from lfsr_lab.experiments.engine.records import Fingerprint, method_facts
+from lfsr_lab.experiments.engine.records import method_facts
 from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, SCENE_FILE, Store, reference_of
 
 DISPLAY_FILE = Path(__file__).parent / "animations.toml"
@@ -29,8 +29,6 @@ FIXED, CHANGING, TURNING = "fixed", "changing", "turning"  # seeds of the frames
 PERIOD = 5
 SCENE_SCALE = 4  # at which what the scenes show is within the usable depth
 SEED_STEP = 1000  # from the seeds of one repetition to those of the next
-ONCE, EACH = "once", "each"
-FIT_LENSES = 24  # of a reference, that a fit learns from
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,32 +58,19 @@ class Settings:
         return tuple((int(place) // sx, int(place) % sx) for place in np.sort(chosen))
 
 
-OWN, TWO = Window(), Window(2, 2)
-
-
 @dataclasses.dataclass(frozen=True)
 class Way:
     """One way to render and finish an animation."""
 
     name: str
-    seeds: str = CHANGING
-    window: Window = OWN
-    fitted: str = ""  # ONCE for the animation, EACH frame, or not at all
+    seeds: str
+    reach: int = 0  # half the number of frames that each is averaged with
 
 
-FIXED_ALONE, ALONE = Way("fixed seeds, every frame alone", FIXED), Way("seeds that change, every frame alone")
-AVERAGED = Way("shared over 5 frames, 5 seeds in turn", TURNING, Window(2, 2, whole=True))
-WAYS = (
-    FIXED_ALONE, ALONE,
-    Way("shared, 1 before and 1 after", window=Window(1, 1)),
-    Way("shared, 2 before and 2 after", window=TWO), AVERAGED,
-    Way("shared, 2 before", window=Window(2, 0)),
-    Way("fixed seeds, shared, 2 before and 2 after", FIXED, TWO),
-    Way("all of 2 before and 2 after, no test", window=Window(2, 2, tested=False)),
-    Way("finished images shared, 2 before and 2 after", window=Window(2, 2, where=AFTER)),
-)
-FITS = (Way("fitted once", fitted=ONCE), Way("fitted to each frame", fitted=EACH),
-        Way("fitted once, shared, 2 before and 2 after", window=TWO, fitted=ONCE))
+FIXED_ALONE = Way("fixed seeds, every frame alone", FIXED)
+ALONE = Way("seeds that change, every frame alone", CHANGING)
+AVERAGED = Way("averaged over 5 frames, 5 seeds in turn", TURNING, PERIOD // 2)
+WAYS = (FIXED_ALONE, ALONE, AVERAGED)
 
 
 def build_scenes(store: Store, settings: Settings) -> None:
@@ -101,7 +86,6 @@ class Animation:
     store: Store
     settings: Settings
     name: str  # of NAMES
-    fit_seconds: float
 
     @property
     def folder(self) -> Path:
@@ -111,19 +95,11 @@ class Animation:
     def cells(self) -> Iterator[tuple[Way, int, Cell[Figures]]]:
         """Yield what is measured: ways and samples per pixel."""
         settings = self.settings
-        wanted = [(way, spp) for spp in settings.samples for way in WAYS] + [(ALONE, spp) for spp in settings.more]
-        wanted += [(way, spp) for spp in settings.samples for way in FITS
-                   if way.fitted != EACH or spp == settings.samples[-1]]
-        for way, spp in wanted:
+        inputs = {"method": DEFAULT_METHOD, **method_facts(DEFAULT_METHOD), "averaging": temporal_averaging.VERSION}
+        for way, spp in [*itertools.product(WAYS, settings.samples), *((ALONE, spp) for spp in settings.more)]:
             name = f"{way.name} spp{spp}".replace(",", "").replace(" ", "-")
-            yield way, spp, Cell(name, self._inputs(way), functools.partial(self._measure, way, spp))
-
-    def jobs(self) -> list[Job]:
-        """Return all renders and references."""
-        settings = self.settings
-        pairs = [(seeds, spp) for spp in settings.samples for seeds in (FIXED, TURNING)]
-        pairs += [(CHANGING, spp) for spp in (*settings.samples, *settings.more)]
-        return [job for pair in pairs for job in self.low(*pair)] + self.references()
+            jobs = self.low(way.seeds, spp)
+            yield way, spp, Cell(name, inputs, functools.partial(self._measure, way, jobs), jobs + self.references())
 
     def low(self, seeds: str, spp: int) -> list[Job]:
         """Return the low-resolution renders of all frames with one kind of seeds."""
@@ -149,35 +125,5 @@ class Animation:
         """The references, read."""
         return Truth.read([Path(job.output) for job in self.references()])
 
-    @property
-    def unseen(self) -> Array:
-        """Numbers of the lenses that no fit learns from, see ``train.fit``."""
-        return np.random.default_rng(self.settings.seed).permutation(len(self.truth.lenses))[FIT_LENSES:]
-
-    def _inputs(self, way: Way) -> Fingerprint:
-        averaged = temporal_averaging.VERSION if way.window.tested and way.window != OWN else 0
-        return {"method": DEFAULT_METHOD, **method_facts(DEFAULT_METHOD), "averaging": averaged,
-                "fit": self.fit_seconds if way.fitted else 0}
-
-    def _measure(self, way: Way, spp: int) -> Figures:
-        folders = [Path(job.output) for job in self.low(way.seeds, spp)]
-        lows = [read_low(folder) for folder in folders]
-        return measure(lows, self.truth, self._methods(way, folders), way.window, self.unseen)
-
-    def _methods(self, way: Way, folders: Sequence[Path]) -> list[Method]:
-        if not way.fitted:
-            return [method(DEFAULT_METHOD)] * len(folders)
-        middle = len(folders) // 2
-        chosen = [middle if way.fitted == ONCE else number for number in range(len(folders))]
-        return [method(DEFAULT_METHOD, self._weights(folders[number], number)) for number in chosen]
-
-    def _weights(self, folder: Path, number: int) -> Path:
-        """Return weights fitted to one frame, made once."""
-        from lfsr_lab.train.fit import FitOptions, fit
-
-        path = self.folder / "fits" / f"{folder.parent.name}-{folder.name}-{self.fit_seconds:g}.safetensors"
-        if not path.exists():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            options = FitOptions(lenses=FIT_LENSES, seconds=self.fit_seconds, seed=self.settings.seed)
-            fit(folder, Path(self.references()[number].output), path, options)
-        return path
+    def _measure(self, way: Way, jobs: Sequence[Job]) -> Figures:
+        return measure([read_low(Path(job.output)) for job in jobs], self.truth, method(DEFAULT_METHOD), way.reach)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from lfsr_lab.experiments.animations.accuracy import Figures
-from lfsr_lab.experiments.animations.cells import ALONE, AVERAGED, FITS, FIXED_ALONE, NAMES, Settings
+from lfsr_lab.experiments.animations.cells import ALONE, AVERAGED, FIXED_ALONE, NAMES, Settings
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.environment import Environment
 from lfsr_lab.experiments.engine.report import markdown_table, number
@@ -40,28 +40,18 @@ class Report:
 
 
 def markdown(found: Sequence[Found]) -> str:
-    """Return a table per animation, and one of the fits."""
-    fits = {way.name for way in FITS}
+    """Return a table per animation."""
     lines: list[str] = []
-    for name in NAMES:
-        rows = [_row(each) for each in found if each.animation == name and each.way not in fits]
-        lines += [f"**{TITLES[name]}**", "", *markdown_table(HEADER, rows, "lr"), ""] if rows else []
-    rows = [(TITLES[each.animation], each.way, each.samples, _digits(each.figures.unseen, 4),
-             _digits(each.figures.flicker, 2), _digits(each.figures.offset, 2))
-            for each in found if each.way in {*fits, ALONE.name, AVERAGED.name}]
-    header = ("", "", "samples", "split SSIM of unseen lenses", "flicker", "low-frequency error")
-    rows.sort(key=lambda row: (row[0], row[2]))
-    return "\n".join([*lines, "**Fits**", "", *markdown_table(header, rows, "llr")]) + "\n"
+    for name in dict.fromkeys(each.animation for each in found):
+        rows = [_row(each) for each in found if each.animation == name]
+        lines += [f"**{TITLES[name]}**", "", *markdown_table(HEADER, rows, "lr"), ""]
+    return "\n".join(lines)
 
 
 def _row(each: Found) -> tuple[object, ...]:
     figures = each.figures
-    return (each.way, each.samples, _digits(figures.ssim, 4), _digits(figures.flicker, 2), _digits(figures.offset, 2),
-            _digits(figures.lag, 2))
-
-
-def _digits(value: float, digits: int) -> str:
-    return number(value, digits=digits)
+    return (each.way, each.samples, number(figures.ssim, digits=4),
+            *(number(value, digits=2) for value in (figures.flicker, figures.offset, figures.lag)))
 
 
 def chart(found: Sequence[Found]) -> Any:
