@@ -31,5 +31,5 @@ def test_a_chart_is_refused_before_it_is_measured_where_it_could_not_be_written(
     monkeypatch.setitem(sys.modules, "jinja2", None)
     for words in (["chart", "vase.blend"], ["stress"]):
         message = fails([*words, "-o", str(tmp_path / "out")], capsys)
-        assert "'Jinja2', which is not installed: install lfsr[bench]" in message
+        assert "'Jinja2', which is not installed: install lfsr-lab" in message
     assert not (tmp_path / "out").exists()

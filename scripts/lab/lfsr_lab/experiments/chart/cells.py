@@ -18,7 +18,7 @@ from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_core.render.store import is_complete
 from lfsr_lab.experiments.chart.records import CEILING, DIRECT, LOW, Cell, MethodCost, Role, Spread
 from lfsr_lab.experiments.chart.settings import Settings
-from lfsr_lab.experiments.engine.accuracy import Accuracy, Target, check_pair
+from lfsr_lab.experiments.engine.accuracy import Accuracy, Target
 from lfsr_lab.experiments.engine.records import Records, method_facts
 from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, digest, foreground, frame_digest, reference_of
 from lfsr_lab.experiments.engine.timing import scratch_copy, second_stage_times
@@ -74,7 +74,7 @@ def measured(folder: Path, role: Role, name: str, target: Target, settings: Sett
     if (found is None or (name in settings.retime and role != CEILING)
             or len(found.second_stage_seconds) < settings.repeats):
         frame = read_frame(folder)
-        check_pair(frame, target)
+        target.check(frame)
         with scratch_copy(folder) as copy:
             accuracy: Accuracy = found or target.accuracy(finished_linear(copy, name), foreground(copy))
             times = second_stage_times(copy, name, settings.repeats, warm=found is None)

@@ -1,7 +1,7 @@
 """How near a panel's image comes to a reference: on the panel, and for eyes before it.
 
-One reference is a light field of every view, woven as finely as there is, another the panel's subpixels traced: each
-is home to some of the ways, and the error of interpolating lies between them. The two halves of a reference are
+One reference is a light field of every view, woven; the other is a render of the panel's own subpixels. They differ by
+the error of interpolating between views, so each favours some of the ways. The two halves of a reference are
 independent, so that its noise cancels.
 """
 
@@ -66,14 +66,14 @@ class Target:
 
     @classmethod
     def of(cls, folder: Path) -> Target:
-        """Of the frame folder of a reference of every view."""
+        """Read the frame folder of a reference of every view."""
         reference = Reference.read(folder)
         profile = reference.frame.display
         return cls._with(profile, shown(reference.half_a, profile, "all"), shown(reference.half_b, profile, "all"))
 
     @classmethod
     def of_subpixels(cls, folder: Path) -> Target:
-        """Of the frame folder of a reference of the panel's subpixels."""
+        """Read the frame folder of a reference of the panel's subpixels."""
         return cls._with(read_rendered(folder).display, *(traced(folder, name) for name in REFERENCE_FILES))
 
     @classmethod
@@ -81,7 +81,7 @@ class Target:
         return cls(profile, (a, b), tuple(zip(seen(a, profile), seen(b, profile), strict=True)))
 
     def accuracy(self, panel: Array, seen: Sequence[Array]) -> Accuracy:
-        """Of a panel's image (H, W, 3) uint8, and of what eyes see of it."""
+        """Return the accuracy of a panel's image (H, W, 3) uint8 and of what eyes see of it."""
         error = np.mean([split_mse(eye, *halves) for eye, halves in zip(seen, self.eyes, strict=True)])
         ssim = np.mean([mean_of(split_ssim_map(eye, *halves)) for eye, halves in zip(seen, self.eyes, strict=True)])
         on_panel = split_mse(panel / 255, *(half / 255 for half in self.panels))

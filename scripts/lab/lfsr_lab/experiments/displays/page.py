@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from lfsr_lab.experiments.chart.analysis import time_to_reach
+from lfsr_lab.experiments.chart.records import LOW
+from lfsr_lab.experiments.chart.records import Point as ChartPoint
 from lfsr_lab.experiments.displays.measure import Accuracy, Point
 from lfsr_lab.experiments.displays.ways import EVERY_VIEW, NAMES, OTHER, OURS, SUBPIXEL, USUAL
 from lfsr_lab.experiments.engine.environment import Environment
@@ -73,22 +76,11 @@ def judged(point: Point, reference: str) -> Accuracy:
     return point.traced if reference == TRACED and point.traced else point.accuracy
 
 
-def seconds_for(points: tuple[Point, ...], value: float, reference: str = WOVEN) -> float | None:
-    """CPU seconds at which a way's curve first reaches an ``ssim_eye``, by the logarithm of time between two points.
-
-    None where it never does. Better already at its first point: that point's seconds.
-    """
-    before = None
-    for point in points:
-        reached = judged(point, reference).ssim_eye
-        if reached >= value:
-            if before is None:
-                return point.cpu
-            least = judged(before, reference).ssim_eye
-            share = (value - least) / (reached - least)
-            return before.cpu * (point.cpu / before.cpu) ** share
-        before = point
-    return None
+def seconds_for(points: Sequence[Point], value: float, reference: str = WOVEN) -> float | None:
+    """Return the CPU seconds at which a way's curve reaches an ``ssim_eye``; None where it never does."""
+    curve = [ChartPoint(LOW, point.way, point.samples, point.cpu, judged(point, reference).ssim_eye)
+             for point in points]
+    return time_to_reach(curve, value)[0]
 
 
 def figure(found: Comparison, reference: str = WOVEN) -> Figure | None:

@@ -148,7 +148,7 @@ def _children() -> float:
 
 
 def _seconds(stat: Path) -> float:
-    """Of a process of /proc that is a child of this one, else 0."""
+    """Return the CPU seconds of a process of /proc, 0 unless it is a child of this one."""
     try:
         fields = stat.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
     except OSError:  # it has ended

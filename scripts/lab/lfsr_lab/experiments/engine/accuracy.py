@@ -15,6 +15,7 @@ import numpy as np
 from lfsr_core.arrays import Array, Mask
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import recall
+from lfsr_core.frames.frame import Frame
 from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES, compare
@@ -51,6 +52,10 @@ class Target:
             raise LfsrError(f"{folder} shows only some lenses, so a low-resolution render must show which are "
                             "foreground, but there is none: run it without --only-measure")
         return cls(reference, reference.foreground_mask(mask))
+
+    def check(self, frame: Frame) -> None:
+        """LfsrError unless the reference shows what a frame shows."""
+        check_reference(frame, self.reference.frame)
 
     @property
     def lenses(self) -> tuple[int, int]:
@@ -92,11 +97,6 @@ class Target:
         rows, columns = self.reference.lenses[counted].T
         half_a, half_b = (half[counted] for half in self.reference.elemental_images())
         return srgb_encode(to_elemental_images(image, self.lenses)[rows, columns]), half_a, half_b
-
-
-def check_pair(frame: Any, target: Target) -> None:
-    """LfsrError unless the reference shows what the frame shows."""
-    check_reference(frame, target.reference.frame)
 
 
 def lens_ssims(images: Array, half_a: Array, half_b: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The machine and the versions that measured figures depend on besides the code."""
+"""The machine and the versions of packages that measured figures depend on."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from lfsr_core import __version__
 from lfsr_core.errors import LfsrError
 
 PACKAGES = ("bpy", "numpy", "pyoidn", "torch", "OpenImageIO", "opencolorio")
-REPORT_PACKAGES = ("Jinja2", "matplotlib")  # the extra "bench"
+REPORT_PACKAGES = ("Jinja2", "matplotlib")  # of the package lfsr-lab
 
 
 @dataclasses.dataclass(frozen=True)
 class Environment:
-    """What figures were measured with, as every report of a benchmark keeps it."""
+    """Machine and versions that figures were measured with; every report has it."""
 
     cpu: str  # name of the processor
     cores: int  # number of its logical cores
@@ -41,7 +41,7 @@ class Environment:
 
 
 def environment() -> Environment:
-    """Of this process, now: a graphics card counts only after PyTorch was loaded."""
+    """Return the environment of this process; a graphics card is named only once PyTorch is loaded."""
     versions = {"lfsr": __version__} | {name: found for name in PACKAGES if (found := _version(name))}
     return Environment(_cpu(), os.cpu_count() or 1, _memory_gib(), platform.system(), platform.python_version(), _gpu(),
                        versions)
@@ -51,11 +51,11 @@ def check_packages() -> None:
     """LfsrError if a package that writes the reports is not installed: before hours of measuring, not after them."""
     for package in REPORT_PACKAGES:
         if importlib.util.find_spec(package.lower()) is None:
-            raise LfsrError(f"reports need the Python package {package!r}, which is not installed: install lfsr[bench]")
+            raise LfsrError(f"reports need the Python package {package!r}, which is not installed: install lfsr-lab")
 
 
 def load_average() -> float | None:
-    """Processes that wanted to run over the last minute, None where it is not known."""
+    """Return the load average of the last minute, None where it is not known."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 

@@ -1,4 +1,4 @@
-"""Charts by matplotlib: the same picture for the same figures, colours and shapes that every eye tells apart.
+"""Charts by matplotlib: the same image for the same figures, in colours and shapes that every eye tells apart.
 
 Names stand beside what they name instead of in a legend, moved to where they hide least. A figure becomes an SVG
 document (its text stays text) or a PNG file, both without a date in them.
@@ -137,7 +137,7 @@ def name_curves(axes: Axes, curves: Sequence[Curve], taken: Iterable[Any] = ()) 
 
 
 def time_axis(axes: Axes, low: float, high: float) -> None:
-    """Seconds from ``low`` to ``high`` on a logarithmic axis, in words of a person."""
+    """Set a logarithmic axis of seconds from ``low`` to ``high``, with units that are easy to read."""
     axes.set_xscale("log")
     axes.set_xlim(low, high)
     axes.set_xticks(ticks := time_ticks(low, high), [time_text(tick) for tick in ticks])
@@ -145,7 +145,7 @@ def time_axis(axes: Axes, low: float, high: float) -> None:
 
 
 def time_text(seconds: float) -> str:
-    """Seconds as a person would say them."""
+    """Return seconds in the unit that is easiest to read."""
     if seconds >= 3600:
         return f"{seconds / 3600:.3g} h"
     if seconds >= 180:
@@ -193,7 +193,7 @@ def value_axis(axes: Axes, low: float, high: float, toward_one: bool) -> None:
 
 
 def height(values: Any) -> Any:
-    """Where values stand on an axis that stretches towards 1: how often 1 − value was halved."""
+    """Return the places of values on an axis that stretches towards 1: how often 1 − value was halved."""
     return -np.log2(np.maximum(1 - np.asarray(values), LEAST_MISSING))
 
 

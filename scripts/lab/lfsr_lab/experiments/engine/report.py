@@ -109,8 +109,3 @@ def exit_code(name: str, action: Callable[[], object]) -> int:
         print(f"{name}: stopped; run the same command again to continue", file=sys.stderr)
         return STOPPED
     return 0
-
-
-def write_page(path: Path, template: str, **values: Any) -> Path:
-    """Write ``page_html`` to ``path``, whole or not at all, and return ``path``."""
-    return write_text(path, page_html(template, **values))

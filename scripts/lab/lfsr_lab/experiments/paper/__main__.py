@@ -5,7 +5,7 @@
     python -m lfsr_lab.experiments.paper -o OUT --only fig10a,table3 --docs docs
 
 What is complete in OUT is not done again. OUT/results.json, OUT/paper.md and OUT/images are written after
-every figure; --docs also puts the page and its pictures there.
+every figure; --docs also puts the page and its images there.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
@@ -24,11 +24,7 @@ from lfsr_lab.experiments.engine.environment import check_packages, environment
 from lfsr_lab.experiments.engine.plots import save
 from lfsr_lab.experiments.engine.report import exit_code, write_text
 from lfsr_lab.experiments.paper import page, renders, settings
-from lfsr_lab.experiments.paper.figure import Figure
 from lfsr_lab.experiments.paper.records import Results
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Sheet
 
 RESULTS_FILE, PAGE_FILE, IMAGES = "results.json", "paper.md", "images"
 PAGE_IN_DOCS = "notebook/paper.md"
@@ -53,18 +49,15 @@ def reproduce(arguments: argparse.Namespace, command: str) -> dict[str, Results]
         write_json(file, {"settings": facts, "environment": to_data(run.environment), "command": command,
                           "figures": {name: to_data(of) for name, of in results.items()}})
         sheet = figure.draw(found, chosen.output) if figure.draw else None
-        _publish(figure, sheet, chosen.output, page.markdown(results, run, IMAGES))
+        pages = {chosen.output: (PAGE_FILE, IMAGES)}
         if arguments.docs:
-            _publish(figure, sheet, arguments.docs, page.markdown(results, run, f"../{IMAGES}"), PAGE_IN_DOCS)
+            pages[arguments.docs] = PAGE_IN_DOCS, f"../{IMAGES}"
+        for folder, (file_name, images) in pages.items():
+            if sheet:
+                save(sheet, folder / IMAGES / page.picture_name(figure))
+            write_text(folder / file_name, page.markdown(results, run, images))
         print(f"{figure.title}: {figure.line(found)}", flush=True)
     return results
-
-
-def _publish(figure: Figure, sheet: Sheet | None, folder: Path, text: str, page_file: str = PAGE_FILE) -> None:
-    """Write the figure's picture and the page so far into a folder."""
-    if sheet:
-        save(sheet, folder / IMAGES / page.picture_name(figure))
-    write_text(folder / page_file, text)
 
 
 def make_settings(arguments: argparse.Namespace) -> settings.Settings:

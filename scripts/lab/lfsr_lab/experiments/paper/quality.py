@@ -17,7 +17,7 @@ from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.registry import Method
 from lfsr_core.reconstruct.second_stage import linear_and_mask, panel_image
 from lfsr_lab.experiments.engine import timing
-from lfsr_lab.experiments.engine.accuracy import Target, check_pair
+from lfsr_lab.experiments.engine.accuracy import Target
 from lfsr_lab.experiments.engine.cells import to_stderr
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.paper import renders, weights
@@ -81,7 +81,7 @@ def row(settings: Settings, records: Records[Row], view: View, name: str, key: s
 
 def accuracy(seen: Finished, _file: Path | None = None) -> Row:
     """Return the metrics of an image, where its error lies, and its split SSIM per foreground lens."""
-    check_pair(seen.frame, seen.target)
+    seen.target.check(seen.frame)
     found = seen.target.accuracy(seen.image, intervals=False)
     lenses = seen.target.lens_ssim(seen.image)
     return Row(metrics={name: value for name, value in found.metrics.items() if name != "recall"}, ci95=found.ci95,

@@ -48,9 +48,9 @@ Actuals = dict[Candidate, Actual]
 
 @dataclasses.dataclass(frozen=True)
 class Draw:
-    """One draw of lenses on one scene of the bench."""
+    """One draw of lenses on one scene."""
 
-    folder: Path  # the scene's folder in the bench
+    folder: Path  # of the scene
     scene_file: str  # what Blender opens, empty where renders are replayed
     seed: int  # of the lenses
     work: Path  # where the sample is stored

@@ -1,6 +1,6 @@
-"""What every candidate of a bench folder reaches and takes as a whole frame, and renders replayed from it.
+"""What every candidate of a folder of renders reaches and takes as a whole frame, and renders replayed from it.
 
-A bench folder holds per scene ``reference/`` and ``s{scale}-spp{n}/``, whole frame
+Such a folder holds per scene ``reference/`` and ``s{scale}-spp{n}/``, whole frame
 folders of `lfsr reference` and `lfsr render`.
 """
 
@@ -25,7 +25,7 @@ from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.plan.candidates import Candidate
 from lfsr_core.plan.times import path_samples, render_seconds
 from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
-from lfsr_lab.experiments.engine.accuracy import Target, check_pair
+from lfsr_lab.experiments.engine.accuracy import Target
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import REFERENCE
 from lfsr_lab.experiments.engine.timing import known_seconds, scratch_copy
@@ -73,7 +73,7 @@ def actual(scene: Path, candidate: Candidate, metric: str, records: Records[Actu
     """
     def measure() -> Actual:
         folder, target = renders(scene)[candidate.scale, candidate.spp], _target(scene / REFERENCE)
-        check_pair(read_frame(folder), target)
+        target.check(read_frame(folder))
         similarity = target.lens_ssim(finished_linear(folder, candidate.method), metric == "ssim_lens_fg")
         return Actual(float(similarity.mean()), _seconds(folder, candidate.method))
 
@@ -99,7 +99,7 @@ def _seconds(folder: Path, method: str) -> float:
 
 
 def timed_frame(folder: Path) -> Frame:
-    """The frame of a bench's render with the seconds of its timed repeats (`lfsr chart --retime-renders`), if any."""
+    """The frame of a render with the seconds of its timed repeats (`lfsr chart --retime-renders`), if any."""
     frame = read_frame(folder)
     return dataclasses.replace(frame, seconds={**frame.seconds, "render": float(np.median(known_seconds(folder)))})
 
@@ -115,7 +115,7 @@ def setup_seconds(scene: Path) -> float:
 
 
 def replay(scene: Path, job: Job) -> None:
-    """Do ``job`` by cutting its lenses out of a whole frame of the bench folder, instead of rendering them.
+    """Do ``job`` by cutting its lenses out of a whole frame of the folder, instead of rendering them.
 
     Seconds are the scene's set-up and what is left of the frame's, for as many
     pixels. A reference's two halves show the same half of the bench's, which of

@@ -25,7 +25,7 @@ from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.plan.sample import Lens, Mosaic, with_neighbours
 from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.second_stage import finished_lenses, finished_linear
-from lfsr_lab.experiments.engine.accuracy import Target, check_pair, lens_ssims
+from lfsr_lab.experiments.engine.accuracy import Target, lens_ssims
 
 REACHES = (0, 1, 2, 3)
 REACHES_IN_A_VIEW = (0, 2, 4, 8, 16)  # where views differ along one axis, and the denoiser sees a pixel per lens
@@ -36,7 +36,7 @@ def differences(folder: Path, reference: Path, name: str) -> Iterator[tuple[int,
     """Neighbours on each side, and by how much that changes the split SSIM (n,) of each foreground lens."""
     frame = read_frame(folder)
     target = Target.read(reference, np.ones(frame.display.lenses[::-1], bool))
-    check_pair(frame, target)
+    target.check(frame)
     known = target.reference
     shown = np.flatnonzero(known.foreground)
     shown = shown[np.arange(0, len(shown), -(-len(shown) // MOST_LENSES))]

@@ -20,7 +20,7 @@ EXTRAS = {"border": ("rmse_border", "rmse_centre", "border_ratio", "ssim_centre"
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """What decides every figure of a bench folder besides the sweeps and methods."""
+    """What decides every figure of a folder besides the sweeps and methods."""
 
     display: DisplayProfile  # that all scenes are made for
     scale: int  # of the low-resolution renders, at least 2
@@ -96,10 +96,10 @@ class SweepReport:
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """Everything that was measured in a bench folder."""
+    """Everything that was measured in a folder."""
 
     format: int  # of the file
-    settings: Settings  # of the bench folder
+    settings: Settings  # of the folder
     environment: dict[str, Any]  # of the machine that wrote the report
     methods: tuple[str, ...]  # their names, bicubic first
     sweeps: tuple[SweepReport, ...] = dataclasses.field(metadata={"key": "dials"})

@@ -117,7 +117,7 @@ def measure_architecture(settings: Settings) -> Networks:
 
 
 def _measure(settings: Settings, figure: str, names: Sequence[str], only_quality: Sequence[str] = ()) -> Networks:
-    """Accuracy is that of a render nearly without noise: what a network adds there is its own."""
+    """Measure networks; accuracy on a render nearly without noise, so that only the network matters."""
     inputs = {"networks": list(names), "workload": list(settings.workload), "repeats": settings.repeats,
               "device": settings.device, "scale": settings.scale, "step": STEP}
     timed, records = quality.records_of(settings, figure, NetworkTimes), quality.records_of(settings, figure, Row)
@@ -196,7 +196,7 @@ def line_architecture(results: Networks) -> str:
 
 
 def worst(faster: Difference, better: Difference) -> Difference:
-    """Above zero where a rival surely lacks one of both, below where it surely has both."""
+    """Return a difference above zero where a rival is slower or less accurate, below where it is better in both."""
     return Difference(-min(faster.sign, better.sign), 0.0)
 
 

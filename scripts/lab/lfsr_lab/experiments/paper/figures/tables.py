@@ -128,7 +128,7 @@ def _ceiling(found: Found, ours: str) -> list[str]:
 
 
 def measure_cost(settings: Settings) -> Costs:
-    """Counted, not timed; at every scale that a network comes in."""
+    """Count multiply-adds at the settings' scale; nothing is timed."""
     from lfsr_lab.networks.cost import multiply_adds, parameters
 
     display, scale, rows = settings.timing_display, settings.scale, []
