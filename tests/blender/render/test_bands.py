@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon.background.steps import file_copy
-from blender_addon.render import bands, frame_folder
+from blender_addon.render import bands, frame_folder, view_by_view
 from blender_addon.render.inputs import Opened
 from lfsr_core.frames.job import LAYERS, Job
 from lfsr_core.images import exr
@@ -59,8 +59,9 @@ def test_parts_are_the_whole_image(noisy, tmp_path, monkeypatch, options):
     options |= {"layers": layers, "world_visible": True}
     whole, _ = rendered(noisy, tmp_path / "whole", **options)
     assert set(whole["lr_eia.exr"]) == {"color", *layers, "environment"}
-    # So short that bands also run out of time and are given up; of views, that each is kept alone, however fast it is.
-    monkeypatch.setenv("LFSR_SECONDS_PER_PART", "0.0001" if "view-by-view" in options.values() else "0.02")
+    # So short that bands also run out of time and are given up. Each view is stored, however fast it is.
+    monkeypatch.setenv("LFSR_SECONDS_PER_PART", "0.01")
+    monkeypatch.setattr(view_by_view, "seconds_per_part", lambda: 0.0)
     kept = tmp_path / "kept"
     assert_same(rendered(noisy, tmp_path / "parts", parts=str(kept), **options)[0], whole)
     names = sorted(path.name for path in kept.glob("*.exr"))
