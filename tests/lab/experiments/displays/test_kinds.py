@@ -18,7 +18,7 @@ def pitch(profile: DisplayProfile) -> tuple[float, float]:
 
 @pytest.mark.parametrize("name", FULL_WIDTH)
 def test_a_smaller_panel_has_the_same_sheet_before_the_same_pixels(name):
-    whole, part = kind(name).profile, kind(name, 384).profile
+    whole, part = kind(name), kind(name, 384)
     assert part.panel_pixels == (384, 216)
     for here, there in zip(pitch(part), pitch(whole), strict=True):
         assert math.isclose(here, there)
@@ -39,7 +39,7 @@ def test_a_width_without_whole_lenses_is_refused(width):
 
 @pytest.mark.parametrize("name", FULL_WIDTH)
 def test_few_views_keep_the_lenses(name):
-    profile = kind(name, 384).profile
+    profile = kind(name, 384)
     few = with_few_views(profile)
     assert few.lenses == profile.lenses
     assert few.views == (FEW, 1 if name == "lenticular" else FEW)

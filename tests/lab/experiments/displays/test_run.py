@@ -10,9 +10,8 @@ import pytest
 from lfsr_core.records import read_record
 from lfsr_lab.experiments.displays import __main__ as run
 from lfsr_lab.experiments.displays import page
-from lfsr_lab.experiments.displays.kinds import Kind
 from lfsr_lab.experiments.displays.measure import Accuracy, Point, Target, seen
-from lfsr_lab.experiments.displays.ways import NAMES, OTHER, OURS, SUBPIXEL, shown
+from lfsr_lab.experiments.displays.ways import OTHER, OURS, SUBPIXEL, WAYS, Way, shown
 from lfsr_lab.experiments.engine.renders import Store
 from tests.support.panels import whole
 from tests.support.played_blender import played_blender
@@ -21,8 +20,8 @@ from tests.support.synthetic import light_field, write_reference
 PANEL = whole("lenticular")
 
 
-def point(way: str, cpu: float, ssim: float) -> Point:
-    return Point(way, 4, cpu / 2, cpu / 2, Accuracy(30.0, None, ssim))
+def point(way: Way, cpu: float, ssim: float) -> Point:
+    return Point(way.name, 4, cpu / 2, cpu / 2, Accuracy(30.0, None, ssim))
 
 
 def accuracy(target: Target, panel: np.ndarray) -> Accuracy:
@@ -32,7 +31,7 @@ def accuracy(target: Target, panel: np.ndarray) -> Accuracy:
 @pytest.fixture
 def one_kind(monkeypatch):
     monkeypatch.setattr(run, "FULL_WIDTH", {"lenticular": 128})
-    monkeypatch.setattr(run, "kind", lambda name, width: Kind(name, PANEL))
+    monkeypatch.setattr(run, "kind", lambda name, width: PANEL)
 
 
 def test_everything_is_measured_once_and_shown(tmp_path, one_kind):
@@ -42,11 +41,11 @@ def test_everything_is_measured_once_and_shown(tmp_path, one_kind):
     store = Store(tmp_path / "out", played_blender(blender))
     found = run.compare(store, None, 256, [scene], told.append)
     points = {(of.way, of.samples): of for of in found.rows[0].points}
-    assert {way for way, _ in points} == set(NAMES) and len(points) == len(told) == 13
-    assert points[OURS, 64].accuracy.ssim_eye > points[OURS, 4].accuracy.ssim_eye > 0.5
-    assert points[SUBPIXEL, 16].traced.ssim_eye > points[SUBPIXEL, 1].traced.ssim_eye > 0.5
-    assert points[SUBPIXEL, 16].traced.psnr_panel > points[SUBPIXEL, 16].accuracy.psnr_panel, "at home there"
-    assert (points[OURS, 4].scale, points[OTHER, 4].scale, points[SUBPIXEL, 4].scale) == (2, 4, 1)
+    assert {way for way, _ in points} == {way.name for way in WAYS} and len(points) == len(told) == 13
+    assert points[OURS.name, 64].accuracy.ssim_eye > points[OURS.name, 4].accuracy.ssim_eye > 0.5
+    assert points[SUBPIXEL.name, 16].traced.ssim_eye > points[SUBPIXEL.name, 1].traced.ssim_eye > 0.5
+    assert points[SUBPIXEL.name, 16].traced.psnr_panel > points[SUBPIXEL.name, 16].accuracy.psnr_panel, "at home there"
+    assert (points[OURS.name, 4].scale, points[OTHER.name, 4].scale, points[SUBPIXEL.name, 4].scale) == (2, 4, 1)
     assert all(of.finish_cpu > 0 and of.render_cpu >= 0 for of in points.values())
     blender.unlink()
     assert run.compare(store, None, 256, [scene], told.append).rows == found.rows

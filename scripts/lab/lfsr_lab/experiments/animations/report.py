@@ -60,16 +60,12 @@ def chart(found: Sequence[Found]) -> Any:
     figure, grid = plots.panel_sheet(len(SHOWN) * len(names), columns=len(names))
     for axes, (kind, name) in zip(grid, [(kind, name) for kind in SHOWN for name in names], strict=True):
         curves = [_curve(found, name, way, kind) for way in DRAWN]
-        axes.set_title(f"{TITLES[name]}: {SHOWN[kind]}", loc="left", fontsize=13, color=plots.INK)
         axes.set_xscale("log", base=2)
         ticks = sorted({x for curve in curves for x in curve.x})
         axes.set_xticks(ticks, [f"{tick:g} samples" if tick == ticks[0] else f"{tick:g}" for tick in ticks])
         axes.set_xticks([], minor=True)
-        axes.grid(color=plots.GRID)
-        for curve in curves:
-            plots.draw_curve(axes, curve)
         axes.margins(0.08)
-        plots.name_curves(axes, curves)
+        plots.draw_curves(axes, curves, f"{TITLES[name]}: {SHOWN[kind]}")
     return figure
 
 

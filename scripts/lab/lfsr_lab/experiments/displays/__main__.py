@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import functools
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.records import write_record
@@ -21,7 +21,7 @@ from lfsr_lab.experiments.displays.kinds import FULL_WIDTH, kind
 from lfsr_lab.experiments.displays.measure import Point, Target, measure
 from lfsr_lab.experiments.displays.page import Comparison, Row
 from lfsr_lab.experiments.displays.renders import Renders
-from lfsr_lab.experiments.displays.ways import USUAL, Way, measured_at
+from lfsr_lab.experiments.displays.ways import USUAL, measured_at
 from lfsr_lab.experiments.engine.cells import Cell, Report, measured, to_stderr
 from lfsr_lab.experiments.engine.environment import check_packages, environment
 from lfsr_lab.experiments.engine.plots import svg
@@ -61,7 +61,7 @@ def compare(store: Store, width: int | None, reference_spp: int, scenes: Sequenc
         for name in FULL_WIDTH:
             shown = kind(name, width)
             points = tuple(_points(Renders(store, scene, shown, reference_spp), report))
-            rows.append(Row(scene.stem, name, shown.profile.panel_pixels, points))
+            rows.append(Row(scene.stem, name, shown.panel_pixels, points))
             found = Comparison(width, reference_spp, environment(), tuple(rows))
             write_record(store.folder / f"{STEM}.json", found)
     return found
@@ -74,10 +74,6 @@ def write_pages(folder: Path, found: Comparison) -> list[Path]:
     return write_report(folder, STEM, None, texts)
 
 
-def _measure(way: Way, samples: int, rendered: Path, cpu: float, targets: Callable[[], list[Target]]) -> Point:
-    return measure(way, samples, rendered, cpu, targets())
-
-
 def _points(renders: Renders, report: Report) -> Iterator[Point]:
     costs, records = renders.fill(), Records(renders.folder / "points", Point)
 
@@ -86,13 +82,13 @@ def _points(renders: Renders, report: Report) -> Iterator[Point]:
         traced = renders.traced_reference
         return [Target.of(renders.reference), *([Target.of_subpixels(traced)] if traced else [])]
 
-    for way, samples in measured_at(renders.kind.profile):
+    for way, samples in measured_at(renders.display):
         rendered, cpu = renders.path(way, samples), costs[way.name, samples].cpu
-        cell = Cell(rendered.name if way.name != USUAL else f"{USUAL}-{samples}",
+        cell = Cell(rendered.name if way != USUAL else f"{USUAL.name}-{samples}",
                     {"version": VERSION, "reference": renders.reference_spp, "render": cpu},
-                    functools.partial(_measure, way, samples, rendered, cpu, targets))
+                    functools.partial(measure, way, samples, rendered, cpu, targets))
         for point in measured([cell], records, renders.store, lambda line: None):
-            report(f"{renders.scene.stem}, {renders.kind.name}, {way.name}, {samples} samples: {point.cpu:.2f} s, "
+            report(f"{renders.scene.stem}, {renders.display.name}, {way.name}, {samples} samples: {point.cpu:.2f} s, "
                    f"{point.accuracy.ssim_eye:.4f} (load {records.load or 0:.1f})")
             yield point
 

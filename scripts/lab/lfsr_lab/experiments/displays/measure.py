@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -88,20 +88,17 @@ class Target:
         return Accuracy(psnr(on_panel), psnr(float(error)), float(ssim))
 
 
-def measure(way: Way, samples: int, rendered: Path, render_cpu: float, targets: Sequence[Target]) -> Point:
+def measure(way: Way, samples: int, rendered: Path, render_cpu: float, targets: Callable[[], list[Target]]) -> Point:
     """Finish a way's render and compare it with the woven reference and, where there is one, the traced one."""
-    if way.name != USUAL:
-        finish(rendered, way)  # loads libraries, which hardly counts where OIDN runs for each view
-    panel, seconds = finish(rendered, way)
-    eyes, frame = seen(panel, targets[0].profile), read_rendered(rendered)
-    close, *traced_ = (target.accuracy(panel, eyes) for target in targets)
-    return Point(way.name, samples, render_cpu, seconds, close, frame.scale, traced_[0] if traced_ else None)
-
-
-def finish(folder: Path, way: Way) -> tuple[Array, float]:
-    """Return the panel's image of a rendered frame and the processor seconds that it took."""
-    started = cpu_seconds()
-    return panel_image(folder, way), cpu_seconds() - started
+    for _ in range(1 if way == USUAL else 2):  # the first loads libraries, which hardly counts where OIDN runs per view
+        started = cpu_seconds()
+        panel = panel_image(rendered, way)
+        seconds = cpu_seconds() - started
+    woven, *others = targets()
+    eyes = seen(panel, woven.profile)
+    close, *traced_ = (target.accuracy(panel, eyes) for target in (woven, *others))
+    scale = read_rendered(rendered).scale
+    return Point(way.name, samples, render_cpu, seconds, close, scale, traced_[0] if traced_ else None)
 
 
 def seen(panel: Array, profile: DisplayProfile) -> list[Array]:

@@ -1,4 +1,4 @@
-"""What people read of the comparison: a table and a picture."""
+"""What people read of the comparison: tables and figures."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ from lfsr_lab.experiments.chart.analysis import time_to_reach
 from lfsr_lab.experiments.chart.records import LOW
 from lfsr_lab.experiments.chart.records import Point as ChartPoint
 from lfsr_lab.experiments.displays.measure import Accuracy, Point
-from lfsr_lab.experiments.displays.ways import EVERY_VIEW, NAMES, OTHER, OURS, SUBPIXEL, USUAL
+from lfsr_lab.experiments.displays.ways import EVERY_VIEW, OTHER, OURS, SUBPIXEL, USUAL, WAYS, Way
 from lfsr_lab.experiments.engine.environment import Environment
 from lfsr_lab.experiments.engine.plots import (
     COLORS,
     MARKERS,
     Curve,
-    draw_curve,
+    draw_curves,
     height,
-    name_curves,
     panel_sheet,
     time_axis,
     value_axis,
@@ -64,7 +63,7 @@ class Comparison:
 def markdown(found: Comparison) -> str:
     """Tables of every point and of what they say."""
     lines = [f"{found.environment.machine}; {found.environment.packages}.", "",
-             *(f"- {name}: {text}." for name, text in NAMES.items()), "",
+             *(f"- {way.name}: {way.meaning}." for way in WAYS), "",
              *markdown_table(("scene", "display", "reference", "against", "at samples", "its SSIM eye", "its CPU s",
                               "ours CPU s", "times"), _verdicts(found), "llll"), "",
              *markdown_table(HEADER, _lines(found), "lll")]
@@ -97,8 +96,8 @@ def figure(found: Comparison, reference: str = WOVEN) -> Figure | None:
     return figure
 
 
-def _of(row: Row, way: str) -> tuple[Point, ...]:
-    return tuple(point for point in row.points if point.way == way)
+def _of(row: Row, way: Way) -> tuple[Point, ...]:
+    return tuple(point for point in row.points if point.way == way.name)
 
 
 def _lines(found: Comparison) -> Iterator[tuple]:
@@ -126,15 +125,11 @@ def _verdicts(found: Comparison) -> Iterator[tuple]:
 
 
 def _panel(axes: Axes, row: Row, reference: str) -> None:
-    curves = [Curve(way, COLORS[index], MARKERS[index], [point.cpu for point in points],
+    curves = [Curve(way.name, COLORS[index], MARKERS[index], [point.cpu for point in points],
                     [judged(point, reference).ssim_eye for point in points],
                     notes=[str(point.samples) for point in points], bold=way == OURS)
               for index, way in enumerate((OURS, *OTHERS)) if (points := _of(row, way))]
     seconds, values = ([value for curve in curves for value in getattr(curve, axis)] for axis in "xy")
     time_axis(axes, min(seconds) / 1.3, max(seconds) * 1.3)
     value_axis(axes, height(min(values)) - 0.3, height(max(values)) + 0.3, toward_one=True)
-    axes.set_title(f"{row.scene}, {row.kind} {row.panel_pixels[0]}×{row.panel_pixels[1]}", loc="left", fontsize=14)
-    axes.grid(color="#e6e6e6")
-    for curve in curves:
-        draw_curve(axes, curve)
-    name_curves(axes, curves)
+    draw_curves(axes, curves, f"{row.scene}, {row.kind} {row.panel_pixels[0]}×{row.panel_pixels[1]}")

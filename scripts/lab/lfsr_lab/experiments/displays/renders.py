@@ -12,8 +12,6 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-import os
-import resource
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,15 +20,14 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.render.store import is_complete
-from lfsr_lab.experiments.displays.kinds import Kind
-from lfsr_lab.experiments.displays.ways import EVERY_VIEW, OTHER, OURS, SUBPIXEL, USUAL, WAYS, Way, measured_at
+from lfsr_lab.experiments.displays.ways import EVERY_VIEW, SUBPIXEL, USUAL, Way, measured_at
 from lfsr_lab.experiments.engine.records import Fingerprint, Records
 from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, Store, check_render, reference_of
+from lfsr_lab.experiments.engine.timing import children_cpu_seconds
 
 CPU_FOLDER = "cpu"
 SINGLE = ("opening", "single")  # renders of a few lenses
 FEW = 4
-EVERY_VIEW_WAY, SUBPIXEL_WAY = (next(way for way in WAYS if way.name == name) for name in (EVERY_VIEW, SUBPIXEL))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,7 +35,6 @@ class Cost:
     """What a render took."""
 
     cpu: float  # seconds on all cores, in a Blender that has the scene open, beyond those of a few lenses
-    fixed: float  # those of a few lenses
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,13 +43,13 @@ class Renders:
 
     store: Store
     scene: Path
-    kind: Kind
+    display: DisplayProfile
     reference_spp: int
 
     @property
     def folder(self) -> Path:
         """Where they are."""
-        return self.store.folder / self.scene.stem / self.kind.profile.name
+        return self.store.folder / self.scene.stem / self.display.name
 
     @property
     def reference(self) -> Path:
@@ -63,17 +59,16 @@ class Renders:
     @property
     def traced_reference(self) -> Path | None:
         """Frame folder of the panel's subpixels in two halves; None where the panel has no lens sheet."""
-        return self.folder / f"{REFERENCE}-{SUBPIXEL}" if self.kind.profile.is_woven else None
+        return self.folder / f"{REFERENCE}-{SUBPIXEL.folder}" if self.display.is_woven else None
 
     def path(self, way: Way, samples: int) -> Path:
         """Return the frame folder of a way's render; the usual way's has every view too."""
-        name = {OURS: "ours", OTHER: "ours-other", SUBPIXEL: "straight"}.get(way.name, "every-view")
-        return self.folder / f"{name}-spp{samples}"
+        return self.folder / f"{way.folder}-spp{samples}"
 
     def fill(self) -> dict[tuple[str, int], Cost]:
         """Render what is missing and return what each render took, by way and samples."""
-        jobs = {(way.name, samples): self._job(way, samples) for way, samples in measured_at(self.kind.profile)}
-        usual = [self._job(EVERY_VIEW_WAY, samples) for name, samples in jobs if name == USUAL]
+        jobs = {(way.name, samples): self._job(way, samples) for way, samples in measured_at(self.display)}
+        usual = [self._job(EVERY_VIEW, samples) for name, samples in jobs if name == USUAL.name]
         every = {job.output: job for job in (*jobs.values(), *usual, *self._references())}
         missing = [job for job in every.values() if self._cost(job) is None]
         if missing:
@@ -87,22 +82,22 @@ class Renders:
         cost = self._cost(job)
         if cost is None:
             raise LfsrError(f"what {job.output} took is not known: delete it and run this again")
-        fraction = math.prod(self.kind.profile.views) / math.prod(job.display.views)
+        fraction = math.prod(self.display.views) / math.prod(job.display.views)
         return dataclasses.replace(cost, cpu=cost.cpu * fraction)
 
     def _render(self, jobs: Sequence[Job]) -> None:
         """Render one after the other; first two of a few lenses: the first builds the scene, the second is measured."""
         lenses = tuple(itertools.product(range(4), range(4)))
         single = [dataclasses.replace(jobs[0], output=str(self.folder / name), scale=1, scales=(), spp=1, kind="render",
-                                      display=self.kind.profile, layout="one-pass", lens_list=lenses)
+                                      display=self.display, layout="one-pass", lens_list=lenses)
                   for name in SINGLE]
-        seconds = [_children()]
+        seconds = [children_cpu_seconds()]
 
         def rendered(job: Job) -> None:
-            seconds.append(_children())
+            seconds.append(children_cpu_seconds())
             if job not in single:
                 fixed = seconds[2] - seconds[1]
-                cost = Cost(max(0.0, seconds[-1] - seconds[-2] - fixed), fixed)
+                cost = Cost(max(0.0, seconds[-1] - seconds[-2] - fixed))
                 self._costs.write(Path(job.output).name, _mark(job), cost)
 
         for job in (*single, *jobs):
@@ -118,16 +113,16 @@ class Renders:
         return self._costs.read(folder.name, _mark(job)) if is_complete(folder, job.kind) else None
 
     def _references(self) -> list[Job]:
-        ways = [(EVERY_VIEW_WAY, self.reference), (SUBPIXEL_WAY, self.traced_reference)]
+        ways = [(EVERY_VIEW, self.reference), (SUBPIXEL, self.traced_reference)]
         return [reference_of(self._job(way, self.reference_spp), self.reference_spp, folder, scales=())
                 for way, folder in ways if folder]
 
     def _job(self, way: Way, samples: int) -> Job:
-        scales, one_by_one = way.scales(self.kind.profile), way.name == USUAL
+        scales, one_by_one = way.scales(self.display), way == USUAL
         return Job(output=str(self.folder / f"few-views-spp{samples}" if one_by_one else self.path(way, samples)),
-                   display=with_few_views(self.kind.profile) if one_by_one else self.kind.profile,
+                   display=with_few_views(self.display) if one_by_one else self.display,
                    scene=str(self.scene.resolve()), scale=max(scales, default=1), scales=scales, spp=samples,
-                   layers=() if way.name in (USUAL, SUBPIXEL) else LAYERS, layout=way.layout)
+                   layers=() if way in (USUAL, SUBPIXEL) else LAYERS, layout=way.layout)
 
 
 def with_few_views(profile: DisplayProfile) -> DisplayProfile:
@@ -139,19 +134,3 @@ def with_few_views(profile: DisplayProfile) -> DisplayProfile:
 
 def _mark(job: Job) -> Fingerprint:
     return {"samples": job.spp, "scale": job.scale, "layout": job.layout}
-
-
-def _children() -> float:
-    """Processor seconds of this process's children so far, those that still run too."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime + sum(map(_seconds, Path("/proc").glob("[0-9]*/stat")))
-
-
-def _seconds(stat: Path) -> float:
-    """Return the CPU seconds of a process of /proc, 0 unless it is a child of this one."""
-    try:
-        fields = stat.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
-    except OSError:  # it has ended
-        return 0.0
-    parent, user, system = int(fields[1]), int(fields[11]), int(fields[12])
-    return (user + system) / os.sysconf("SC_CLK_TCK") if parent == os.getpid() else 0.0

@@ -24,63 +24,62 @@ from lfsr_core.reconstruct.methods.guides import GUIDES, from_unit, in_unit
 from lfsr_core.reconstruct.panel_stage import linear_panel_image
 from lfsr_core.reconstruct.second_stage import finished_linear
 
-OURS, OTHER, EVERY_VIEW, SUBPIXEL, USUAL = "ours", "ours, other scale", "every view", "straight", "usual"
-
 
 @dataclasses.dataclass(frozen=True)
 class Way:
     """How a panel's image is made."""
 
-    name: str  # of NAMES
+    name: str
+    folder: str  # of its renders, without samples
     layout: str  # how it is rendered, see frames.frame.LAYOUTS
     samples: tuple[int, ...]  # per pixel of the render, at which it is measured
+    meaning: str
 
     def scales(self, profile: DisplayProfile) -> tuple[int, ...]:
-        """Scales to choose from by the scene's depth as `lfsr render` does, the largest first; empty: scale 1."""
-        if self.name == OTHER:
+        """Return the scales that the scene's depth chooses from, as `lfsr render` does, largest first; empty: 1."""
+        if self == OTHER:
             return (2,) if scales_up_to(profile)[0] > 2 else (4,)
-        if self.name != OURS:
+        if self != OURS:
             return ()
         method = MethodName.parse(default_method(profile.parallax))
         return tuple(scale for scale in scales_up_to(profile) if scale == 1 or method.works_at(scale))
 
 
-WAYS = (Way(OURS, "one-pass", (4, 16, 64)), Way(OTHER, "one-pass", (4, 16, 64)),
-        Way(EVERY_VIEW, "one-pass", (1, 4, 16)), Way(SUBPIXEL, SUBPIXELS, (1, 4, 16)),
-        Way(USUAL, "view-by-view", (4,)))
-NAMES = {
-    OURS: "fewer views in one pass, as many as `lfsr render` chooses, the default method, the weave",
-    OTHER: "the same with half or a quarter of the views along each axis, whichever is not chosen for a flat scene",
-    EVERY_VIEW: "every view in one pass, OIDN, the weave",
-    SUBPIXEL: "rays of the panel's subpixels, each a pixel of the render, OIDN, no weave",
-    USUAL: "one render per view, OIDN per view, the nearest view",
-}
+OURS = Way("ours", "ours", "one-pass", (4, 16, 64),
+           "fewer views in one pass, as many as `lfsr render` chooses, the default method, the weave")
+OTHER = Way("ours, other scale", "ours-other", "one-pass", (4, 16, 64),
+            "the same with half or a quarter of the views along each axis, whichever is not chosen for a flat scene")
+EVERY_VIEW = Way("every view", "every-view", "one-pass", (1, 4, 16), "every view in one pass, OIDN, the weave")
+SUBPIXEL = Way("straight", "straight", SUBPIXELS, (1, 4, 16),
+               "rays of the panel's subpixels, each a pixel of the render, OIDN, no weave")
+USUAL = Way("usual", "every-view", "view-by-view", (4,), "one render per view, OIDN per view, the nearest view")
+WAYS = (OURS, OTHER, EVERY_VIEW, SUBPIXEL, USUAL)
 
 
 def measured_at(profile: DisplayProfile) -> list[tuple[Way, int]]:
-    """Every way that a display has, with every number of samples."""
-    return [(way, samples) for way in WAYS for samples in way.samples if way.name != SUBPIXEL or profile.is_woven]
+    """Return every way that a display has, with every number of samples."""
+    return [(way, samples) for way in WAYS for samples in way.samples if way != SUBPIXEL or profile.is_woven]
 
 
 def panel_image(folder: Path, way: Way) -> Array:
-    """What the panel shows, (H, W, 3) uint8 sRGB, from the rendered frame in ``folder``."""
-    if way.name == SUBPIXEL:
+    """Return what the panel shows, (H, W, 3) uint8 sRGB, from the rendered frame in ``folder``."""
+    if way == SUBPIXEL:
         return traced(folder, LOW_RES_FILE, "oidn")
     frame = read_frame(folder)
-    if way.name == USUAL:
+    if way == USUAL:
         return shown(_view_by_view(folder, frame), frame.display, "nearest")
     method = MethodName.parse(default_method(frame.display.parallax))
     return shown(finished_linear(folder, method if frame.scale > 1 else method.without_upscaler()), frame.display)
 
 
 def traced(folder: Path, name: str, method: str = "none") -> Array:
-    """What the panel shows of the file ``name`` of a render of its subpixels, (H, W, 3) uint8 sRGB."""
+    """Return what the panel shows of the file ``name`` of a render of its subpixels, (H, W, 3) uint8 sRGB."""
     layers, frame = clean(read_layers(folder / name))[0], read_rendered(folder)
     return _encoded(linear_panel_image(layers, frame, MethodName.parse(method)))
 
 
 def shown(linear: Array, display: DisplayProfile, sampling: str | None = None) -> Array:
-    """The panel's image (H, W, 3) uint8 of a scene-linear light field (rows, columns, 3) in view order.
+    """Return the panel's image (H, W, 3) uint8 of a scene-linear light field (rows, columns, 3) in view order.
 
     ``sampling``: of display.WEAVES, None for the display's own; for a display that is woven.
     """

@@ -136,6 +136,15 @@ def name_curves(axes: Axes, curves: Sequence[Curve], taken: Iterable[Any] = ()) 
         crowd.place(text, NAME_PLACES)
 
 
+def draw_curves(axes: Axes, curves: Sequence[Curve], title: str) -> None:
+    """Draw and name the curves of a panel whose axes are set, over a grid."""
+    axes.set_title(title, loc="left", fontsize=14, color=INK)
+    axes.grid(color=GRID)
+    for curve in curves:
+        draw_curve(axes, curve)
+    name_curves(axes, curves)
+
+
 def time_axis(axes: Axes, low: float, high: float) -> None:
     """Set a logarithmic axis of seconds from ``low`` to ``high``, with units that are easy to read."""
     axes.set_xscale("log")
