@@ -78,7 +78,7 @@ def test_where_a_reference_shows_only_some_lenses_all_scenes_are_judged_lens_by_
     mixed = dataclasses.replace(chart, scenes=(whole, scene_row("Sampled", cells)))
     assert (chart.metric, mixed.metric) == ("ssim_eia_fg", "ssim_lens_fg")
     assert "lens by lens" in " ".join(texts(panels.picture(mixed)))
-    assert "each lens on its own" in tables.page(mixed) and "on the whole picture" in tables.page(chart)
+    assert "each lens on its own" in tables.page(mixed) and "on the whole image" in tables.page(chart)
     tables_of = tables.markdown(mixed).split("## Sampled: subject")
     assert "ssim_eia_fg" not in tables_of[1] and "ssim_eia_fg" in tables_of[0]
 
