@@ -25,23 +25,24 @@ from lfsr_lab.scenes.shared.objects import add_object, settle
 from lfsr_lab.scenes.shared.script import leave, save, script_arguments
 
 HELMET, VASE, TREE, HEAD = "FlightHelmet.gltf", "GlassVaseFlowers.gltf", "japaneseMaple.obj", "head.glb"
-# By scene the HDRI and its models: where their middles stand, y away from the viewer, longest side, turn in radians.
-SCENES = {
-    "row": ("city", (HELMET, (-0.8, -2.2, -0.1), 1.0, 0.3), (VASE, (0, -0.4, 0), 1.1, 0.0),
-            (HEAD, (0.7, 1.4, 0), 1.0, 0.0), (TREE, (-0.3, 3.0, 0.2), 1.8, 0.0)),
-    "grove": ("forest", (TREE, (-0.9, -1.8, 0), 1.0, 0.0), (TREE, (0.5, -0.6, 0), 1.2, 1.0),
-              (TREE, (-0.4, 0.8, 0.1), 1.4, 2.0), (TREE, (0.8, 2.4, 0.2), 1.8, 3.0)),
-    "steps": ("courtyard", (VASE, (-1, -0.9, -0.2), 0.9, 0.0), (HELMET, (0, 0, -0.1), 1.0, 0.0),
-              (VASE, (0.9, 1.0, 0.1), 1.0, 2.0)),
+# Model, place of its middle (y away from the viewer), longest side, turn in radians.
+Item = tuple[str, tuple[float, float, float], float, float]
+SCENES: dict[str, tuple[str, list[Item]]] = {  # HDRI and models
+    "row": ("city", [(HELMET, (-0.8, -2.2, -0.1), 1.0, 0.3), (VASE, (0, -0.4, 0), 1.1, 0.0),
+            (HEAD, (0.7, 1.4, 0), 1.0, 0.0), (TREE, (-0.3, 3.0, 0.2), 1.8, 0.0)]),
+    "grove": ("forest", [(TREE, (-0.9, -1.8, 0), 1.0, 0.0), (TREE, (0.5, -0.6, 0), 1.2, 1.0),
+              (TREE, (-0.4, 0.8, 0.1), 1.4, 2.0), (TREE, (0.8, 2.4, 0.2), 1.8, 3.0)]),
+    "steps": ("courtyard", [(VASE, (-1, -0.9, -0.2), 0.9, 0.0), (HELMET, (0, 0, -0.1), 1.0, 0.0),
+              (VASE, (0.9, 1.0, 0.1), 1.0, 2.0)]),
 }
 
 
-def build(models: Path, light: str, things: tuple[tuple[str, tuple[float, float, float], float, float], ...]) -> None:
+def build(models: Path, light: str, items: list[Item]) -> None:
     """One of the scenes in an empty Blender, everything packed."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     world(light, 1.0)
     bpy.context.scene.render.film_transparent = True
-    for name, at, size, turn in things:
+    for name, at, size, turn in items:
         holder = add_object(None, None, name)
         load(found(models, name)).parent = holder
         settle(holder, at, size, (0, 0, turn))
@@ -80,8 +81,8 @@ def load(path: Path) -> bpy.types.Object:
 def main(models: Path, folder: Path) -> int:
     """Write every scene into ``folder``; exit code: 0, 2 without the models."""
     try:
-        for name, (light, *things) in SCENES.items():
-            build(models, light, tuple(things))
+        for name, (light, items) in SCENES.items():
+            build(models, light, items)
             folder.mkdir(parents=True, exist_ok=True)
             save(folder / f"{name}.blend")
     except LfsrError as error:

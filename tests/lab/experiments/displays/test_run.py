@@ -11,7 +11,7 @@ from lfsr_core.records import read_record
 from lfsr_lab.experiments.displays import __main__ as run
 from lfsr_lab.experiments.displays import page
 from lfsr_lab.experiments.displays.measure import Accuracy, Point, Target, seen
-from lfsr_lab.experiments.displays.ways import OTHER, OURS, SUBPIXEL, WAYS, Way, shown
+from lfsr_lab.experiments.displays.ways import OURS, SUBPIXEL, WAYS, Way, shown
 from lfsr_lab.experiments.engine.renders import Store
 from tests.support.panels import whole
 from tests.support.played_blender import played_blender
@@ -41,16 +41,16 @@ def test_everything_is_measured_once_and_shown(tmp_path, one_kind):
     store = Store(tmp_path / "out", played_blender(blender))
     found = run.compare(store, None, 256, [scene], told.append)
     points = {(of.way, of.samples): of for of in found.rows[0].points}
-    assert {way for way, _ in points} == {way.name for way in WAYS} and len(points) == len(told) == 13
+    assert {way for way, _ in points} == {way.name for way in WAYS} and len(points) == len(told) == 10
     assert points[OURS.name, 64].accuracy.ssim_eye > points[OURS.name, 4].accuracy.ssim_eye > 0.5
     assert points[SUBPIXEL.name, 16].traced.ssim_eye > points[SUBPIXEL.name, 1].traced.ssim_eye > 0.5
     assert points[SUBPIXEL.name, 16].traced.psnr_panel > points[SUBPIXEL.name, 16].accuracy.psnr_panel, "at home there"
-    assert (points[OURS.name, 4].scale, points[OTHER.name, 4].scale, points[SUBPIXEL.name, 4].scale) == (2, 4, 1)
+    assert (points[OURS.name, 4].scale, points[SUBPIXEL.name, 4].scale) == (2, 1)
     assert all(of.finish_cpu > 0 and of.render_cpu >= 0 for of in points.values())
     blender.unlink()
     assert run.compare(store, None, 256, [scene], told.append).rows == found.rows
     _, table, *pictures = run.write_pages(store.folder, found)
-    assert table.read_text().count("| disc |") == 2 * 10 + 13
+    assert table.read_text().count("| disc |") == 2 * 7 + 10
     assert len(pictures) == 2 and all("<svg" in picture.read_text() for picture in pictures)
     assert read_record(store.folder / "displays.json", page.Comparison, "a comparison").rows == found.rows
 

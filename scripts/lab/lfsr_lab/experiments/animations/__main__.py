@@ -15,7 +15,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.optics.display import load_display
 from lfsr_lab.experiments.animations.accuracy import Figures, cost_of_averaging
 from lfsr_lab.experiments.animations.cells import NAMES, Animation, Settings, build_scenes
@@ -44,12 +43,11 @@ def run(arguments: argparse.Namespace) -> None:
         print(f"{arguments.cost}, scale {COST_SCALE}: {seconds:.2f} CPU seconds per neighbouring frame")
         return
     check_packages()
-    names = _names(arguments.only)
     settings = Settings(seed=arguments.seed, **(QUICK if arguments.quick else {}))
     store = Store(arguments.output, arguments.blender)
     store.claim(settings)
     build_scenes(store, settings)
-    found = tuple(each for name in names for each in _measured(Animation(store, settings, name)))
+    found = tuple(each for name in arguments.only for each in _measured(Animation(store, settings, name)))
     quick = " --quick" if arguments.quick else ""
     command = f"python -m lfsr_lab.experiments.animations -o OUT --seed {arguments.seed}{quick}"
     text = markdown(found)
@@ -67,22 +65,13 @@ def _measured(animation: Animation) -> Iterator[Found]:
             yield Found(animation.name, way.name, spp, figures)
 
 
-def _names(text: str | None) -> tuple[str, ...]:
-    names = tuple(text.split(",")) if text else NAMES
-    for name in names:
-        if name not in NAMES:
-            raise LfsrError(f"animation {name[:30]!r} is unknown: {did_you_mean(name, NAMES)}It must be one of "
-                            f"{', '.join(NAMES)}")
-    return names
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m lfsr_lab.experiments.animations",
                                      description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, default=Path("animations"), metavar="OUT",
                         help="folder of everything that is made, default: %(default)s")
     parser.add_argument("--cost", metavar="NAME", help="display on which to measure only what averaging costs")
-    parser.add_argument("--only", metavar="NAME,NAME", help=f"of {', '.join(NAMES)}")
+    parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES, help="default: all")
     parser.add_argument("--quick", action="store_true", help="three frames and few samples")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of renders, default: %(default)s")
     parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")

@@ -11,7 +11,7 @@ from lfsr_lab.experiments.chart.analysis import time_to_reach
 from lfsr_lab.experiments.chart.records import LOW
 from lfsr_lab.experiments.chart.records import Point as ChartPoint
 from lfsr_lab.experiments.displays.measure import Accuracy, Point
-from lfsr_lab.experiments.displays.ways import EVERY_VIEW, OTHER, OURS, SUBPIXEL, USUAL, WAYS, Way
+from lfsr_lab.experiments.displays.ways import EVERY_VIEW, OURS, SUBPIXEL, USUAL, WAYS, Way
 from lfsr_lab.experiments.engine.environment import Environment
 from lfsr_lab.experiments.engine.plots import (
     COLORS,
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 WOVEN, TRACED = "woven", "traced"  # references: every view, woven or as it is; the panel's subpixels
 HEADER = ("scene", "display", "way", "samples", "scale", "render", "rest", "CPU s", "PSNR panel", "PSNR eye",
           "SSIM eye", "traced: PSNR panel", "PSNR eye", "SSIM eye")
-OTHERS = (OTHER, EVERY_VIEW, SUBPIXEL, USUAL)
+OTHERS = (EVERY_VIEW, SUBPIXEL, USUAL)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -37,8 +37,6 @@ class Way:
 
     def scales(self, profile: DisplayProfile) -> tuple[int, ...]:
         """Return the scales that the scene's depth chooses from, as `lfsr render` does, largest first; empty: 1."""
-        if self == OTHER:
-            return (2,) if scales_up_to(profile)[0] > 2 else (4,)
         if self != OURS:
             return ()
         method = MethodName.parse(default_method(profile.parallax))
@@ -47,13 +45,11 @@ class Way:
 
 OURS = Way("ours", "ours", "one-pass", (4, 16, 64),
            "fewer views in one pass, as many as `lfsr render` chooses, the default method, the weave")
-OTHER = Way("ours, other scale", "ours-other", "one-pass", (4, 16, 64),
-            "the same with half or a quarter of the views along each axis, whichever is not chosen for a flat scene")
 EVERY_VIEW = Way("every view", "every-view", "one-pass", (1, 4, 16), "every view in one pass, OIDN, the weave")
 SUBPIXEL = Way("straight", "straight", SUBPIXELS, (1, 4, 16),
                "rays of the panel's subpixels, each a pixel of the render, OIDN, no weave")
 USUAL = Way("usual", "every-view", "view-by-view", (4,), "one render per view, OIDN per view, the nearest view")
-WAYS = (OURS, OTHER, EVERY_VIEW, SUBPIXEL, USUAL)
+WAYS = (OURS, EVERY_VIEW, SUBPIXEL, USUAL)
 
 
 def measured_at(profile: DisplayProfile) -> list[tuple[Way, int]]:

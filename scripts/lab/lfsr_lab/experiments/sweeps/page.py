@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from lfsr_lab.experiments.sweeps.sweeps import Sweep, breaking_point, choose_swe
 if TYPE_CHECKING:
     from markupsafe import Markup
 
-STEM, PAGE_FILE, PICTURES = "stress", "index.html", "pictures"
+STEM, PAGE_FILE, CROPS = "stress", "index.html", "pictures"
 LENSES_IN_CROP, LEAST_CROP, GAP = 3, 240, 6
 DASHES = ("solid", "dashed", "dotted")  # after each round of colours
 WIDTH, HEIGHT = 6.4, 3.0  # of a drawing of curves, in inches
@@ -34,18 +33,13 @@ LEGEND = ("A number is the first value of the sweep where the method breaks: **b
           "own start. – : it never breaks. ? : nothing could be measured.")
 
 
-@dataclasses.dataclass(frozen=True)
-class Picture:
+class Crop(NamedTuple):
     """The worst crop of one method along one sweep."""
 
     source: str  # path of the file, as seen from the page
     method: str
     cell: Cell  # whose worst lens it shows
-
-    @property
-    def order(self) -> tuple[str, ...]:
-        """What the crops show, from left to right."""
-        return tuple(dict.fromkeys(("reference", BASELINE, self.method)))
+    order: tuple[str, ...]  # what is shown, from left to right
 
 
 def run(store: Store, settings: Settings, choice: Choice) -> Path:
@@ -100,17 +94,16 @@ def _metric_table(sweep: SweepReport, methods: Sequence[str], metric: str) -> li
 
 def html(store: Store, report: Report) -> str:
     """Return the page; its crops are written into the folder."""
-    pictures = {sweep.name: [picture for method in report.methods
-                             if (picture := _write_crop(store, report.settings, sweep, method))]
-                for sweep in report.sweeps}
-    return page_html("sweeps.html", report=report, legend=LEGEND.split("**"), pictures=pictures,
+    crops = {sweep.name: [crop for method in report.methods
+                          if (crop := _write_crop(store, report.settings, sweep, method))] for sweep in report.sweeps}
+    return page_html("sweeps.html", report=report, legend=LEGEND.split("**"), crops=crops,
                      curves={sweep.name: curves(sweep, report.methods) for sweep in report.sweeps},
                      strokes=list(zip(report.methods, map(stroke, range(len(report.methods))), strict=True)),
                      label=label, number=number)
 
 
 def shown_cell(sweep: SweepReport, method: str) -> Cell | None:
-    """The cell whose crop is shown: where the method breaks, else where its judged figure is lowest."""
+    """Return the cell whose crop is shown: where the method breaks, else where its judged figure is lowest."""
     cells = [cell for cell in sweep.cells if cell.method == method and cell.worst_lens is not None]
     found = sweep.breaks[method]
     if found is not None:
@@ -119,31 +112,26 @@ def shown_cell(sweep: SweepReport, method: str) -> Cell | None:
     return min(judged, key=lambda pair: pair[0], default=(None, None))[1]
 
 
-def _write_crop(store: Store, settings: Settings, entry: SweepReport, method: str) -> Picture | None:
+def _write_crop(store: Store, settings: Settings, entry: SweepReport, method: str) -> Crop | None:
     """Write the crops of reference, bicubic and method around the worst lens."""
     cell = shown_cell(entry, method)
     if cell is None or cell.worst_lens is None:
         return None
     scene = Scene(store, settings, choose_sweeps([entry.name])[0], cell.value)
     halves, render = scene.target.halves, Path(scene.job().output)
-    images = [(halves[0] + halves[1]) / 2,
-              *(finished_linear(render, name) for name in dict.fromkeys((BASELINE, method)))]
-    crops = [enlarged(crop_around(srgb_encode(image), settings.display.lenses, cell.worst_lens)) for image in images]
-    source = f"{PICTURES}/{entry.name}-{method.replace('+', '-')}.png"
+    names = tuple(dict.fromkeys((BASELINE, method)))
+    images = [(halves[0] + halves[1]) / 2, *(finished_linear(render, name) for name in names)]
+    crops = [crop_around(srgb_encode(image), settings.display.lenses, cell.worst_lens) for image in images]
+    source = f"{CROPS}/{entry.name}-{method.replace('+', '-')}.png"
     write_png(store.folder / source, side_by_side(crops))
-    return Picture(source, method, cell)
+    return Crop(source, method, cell, ("reference", *names))
 
 
 def crop_around(image: Array, lenses: tuple[int, int], lens: tuple[int, int],
                 across: int = LENSES_IN_CROP) -> Array:
-    """The elemental images around a lens.
+    """Return the elemental images of an EIA (H, W, 3) around ``lens`` (row, column), near the edges beside it.
 
-    Parameters
-    ----------
-    image: EIA (H, W, 3).
-    lenses: (sx, sy) of the EIA.
-    lens: (row, column), in the middle of the crop where the image reaches so far.
-    across: lenses of the crop along the axis where they have most pixels; along the other as many as make it square.
+    ``across``: lenses along the axis where they have most pixels; along the other as many as make the crop square.
     """
     size = image.shape[0] // lenses[1], image.shape[1] // lenses[0]
     spans = []
@@ -154,21 +142,16 @@ def crop_around(image: Array, lenses: tuple[int, int], lens: tuple[int, int],
     return image[tuple(spans)]
 
 
-def enlarged(crop: Array) -> Array:
-    """8-bit crop of sRGB values in [0, 1], pixels repeated until it is LEAST_CROP high."""
-    times = max(1, -(-LEAST_CROP // crop.shape[0]))
-    return np.rint(np.clip(crop, 0, 1) * 255).astype(np.uint8).repeat(times, axis=0).repeat(times, axis=1)
-
-
 def side_by_side(crops: Sequence[Array]) -> Array:
-    """Crops of equal height in a row with white gaps."""
-    gap = np.full((crops[0].shape[0], GAP, 3), 255, np.uint8)
-    parts = [part for crop in crops for part in (gap, crop)]
-    return np.concatenate(parts[1:], axis=1)
+    """Return crops of sRGB values in [0, 1], enlarged to LEAST_CROP rows, in a row with white gaps, 8 bits."""
+    times = max(1, -(-LEAST_CROP // crops[0].shape[0]))
+    large = [np.rint(np.clip(crop, 0, 1) * 255).astype(np.uint8).repeat(times, 0).repeat(times, 1) for crop in crops]
+    gap = np.full((large[0].shape[0], GAP, 3), 255, np.uint8)
+    return np.concatenate([part for crop in large for part in (gap, crop)][1:], axis=1)
 
 
 def stroke(index: int) -> tuple[str, str]:
-    """Colour and dashes of the curve of method number ``index``."""
+    """Return colour and dashes of the curve of method number ``index``."""
     return COLORS[index % len(COLORS)], DASHES[index // len(COLORS) % len(DASHES)]
 
 

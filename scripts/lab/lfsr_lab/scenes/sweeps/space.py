@@ -18,6 +18,7 @@ SQUARE = 0.01  # by which rows and columns may differ where a profile's rounding
 LEAST_NEAR = 0.08  # nearest distance from the viewer, in viewing distances, that anything may have
 CARD = (5, 3)  # lenses that the moving card covers, where the display has room for it
 CARD_DEPTH = 0.25  # usable depths behind the display
+Pair = tuple[int, int]  # (columns, rows)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,58 +94,45 @@ class Space:
     def window(self, y: float) -> tuple[float, float]:
         """Half-width and half-height at depth ``y`` of all that any view sees."""
         reach = self.spacing * abs(y) / self.distance / 2
-        return tuple(size / 2 * self.magnified(y) + reach * views
-                     for size, views in zip(self.size, self.views, strict=True))
+        (width, height), (across, down) = self.size, self.views
+        return width / 2 * self.magnified(y) + reach * across, height / 2 * self.magnified(y) + reach * down
 
     def nyquist(self, y: float) -> float:
         """Cycles per lens pitch, at depth ``y`` != 0, above which rendered views alias inside an elemental image."""
         return self.distance / (2 * self.scale * self.spacing * abs(y))
 
 
-def hole(lenses: tuple[int, int], fraction: float) -> tuple[int, int]:
-    """(columns, rows) of a block of lenses whose fraction of all is nearest to ``fraction``, the squarest of those."""
+def hole(lenses: Pair, fraction: float) -> Pair:
+    """Return (columns, rows) of the block that is nearest to ``fraction`` of all lenses, the squarest of those."""
     blocks = [(columns, rows) for columns in range(1, lenses[0] + 1) for rows in range(1, lenses[1] + 1)]
     return min(blocks, key=lambda block: (round(abs(math.prod(block) / math.prod(lenses) - fraction), 9),
                                           abs(math.log(block[0] / block[1] / (lenses[0] / lenses[1])))))
 
 
-def rectangle_path(frames: int, lenses_per_frame: int, room: tuple[int, int]) -> list[tuple[int, int]]:
-    """(column, row) in whole lenses of each of ``frames`` frames: clockwise round a rectangle inside ``room``.
-
-    Steps are ``lenses_per_frame`` long; 0 stays at the start.
-    """
+def rectangle_path(frames: int, lenses_per_frame: int, room: Pair) -> list[Pair]:
+    """Return (column, row) in whole lenses of each frame: clockwise round a rectangle inside ``room``."""
     if lenses_per_frame == 0:
         return [(0, 0)] * frames
     across, down = (max(1, reach // lenses_per_frame) for reach in room)
     steps = [(1, 0)] * across + [(0, 1)] * down + [(-1, 0)] * across + [(0, -1)] * down
-    place, path = (0, 0), []
-    for frame in range(frames):
-        path.append(place)
-        step = steps[frame % len(steps)]
-        place = tuple(at + lenses_per_frame * by for at, by in zip(place, step, strict=True))
+    path = [(0, 0)]
+    for frame in range(frames - 1):
+        (column, row), (right, below) = path[-1], steps[frame % len(steps)]
+        path.append((column + lenses_per_frame * right, row + lenses_per_frame * below))
     return path
 
 
-def card_of_motion(space: Space, lenses_per_frame: int,
-                   frames: int) -> tuple[float, tuple[float, float], list[tuple[int, int]]]:
-    """Depth y of the moving card, its half-sizes (x, z), and its place per frame in whole lenses."""
-    covered = tuple(min(card, lenses - 2) for card, lenses in zip(CARD, space.lenses, strict=True))
-    room = tuple(lenses - card - 1 for lenses, card in zip(space.lenses, covered, strict=True))
+def card_of_motion(space: Space, lenses_per_frame: int, frames: int) -> tuple[float, tuple[float, float], list[Pair]]:
+    """Return the depth y of the moving card, its half-sizes (x, z), and its place per frame in whole lenses."""
+    across, down = (min(card, lenses - 2) for card, lenses in zip(CARD, space.lenses, strict=True))
+    room = space.lenses[0] - across - 1, space.lenses[1] - down - 1
     y = space.depth(CARD_DEPTH)
-    half = tuple(card * lens / 2 * space.magnified(y) for card, lens in zip(covered, space.lens, strict=True))
+    half = (across / 2 * space.magnified(y), down * space.row / 2 * space.magnified(y))
     return y, half, rectangle_path(frames, lenses_per_frame, room)
 
 
-def card_centre(space: Space, y: float, place: tuple[int, int], path: Sequence[tuple[int, int]]) -> tuple[float, float]:
-    """(x, z) of the moving card, z upwards.
-
-    Parameters
-    ----------
-    space: of the display.
-    y: depth of the card.
-    place: where on its path it is, (column, row).
-    path: all of it, which lies in the middle of the display.
-    """
+def card_centre(space: Space, y: float, place: Pair, path: Sequence[Pair]) -> tuple[float, float]:
+    """Return (x, z) of the moving card at depth ``y``, z upwards, at ``place`` of a path that the display centres."""
     middle = [(min(axis) + max(axis)) / 2 for axis in zip(*path, strict=True)]
     x, down = ((at - mean) * lens * space.magnified(y)
                for at, mean, lens in zip(place, middle, space.lens, strict=True))
