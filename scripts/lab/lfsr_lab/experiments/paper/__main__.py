@@ -11,6 +11,7 @@ every figure; --docs also puts the page and its images there.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -63,12 +64,11 @@ def reproduce(arguments: argparse.Namespace, command: str) -> dict[str, Results]
 def make_settings(arguments: argparse.Namespace) -> settings.Settings:
     """Settings of the command line; LfsrError where a display, scene or folder is wrong."""
     scenes = tuple(arguments.scenes) or (renders.demo_scene(arguments.output),)
-    names = ("bench", "lenses", "weights", "train_epochs", "photographs", "validation", "device", "render_device",
-             "blender", "repeats", "spp", "clean_spp", "reference_spp", "scale", "convention")
-    changes = {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
+    names = {field.name for field in dataclasses.fields(settings.Settings)} - {"output", "scenes", "quick"}
+    changes = {name: value for name, value in vars(arguments).items() if name in names and value is not None}
     for name in ("display", "timing_display"):
-        if getattr(arguments, name) is not None:
-            changes[name] = load_display(getattr(arguments, name))
+        if name in changes:
+            changes[name] = load_display(changes[name])
     if arguments.weights is not None and not arguments.weights.is_dir():
         raise LfsrError(f"--weights {arguments.weights} is no folder: give one with NAME-x{arguments.scale or 4}"
                         ".safetensors files")

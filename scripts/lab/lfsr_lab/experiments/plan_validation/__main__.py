@@ -68,7 +68,7 @@ class Case:
 
 
 def validate(draw: Draw, render: Render, options: PlanOptions, targets: Sequence[float]) -> Iterator[Verdict]:
-    """One verdict per target; the sample in ``draw.work`` serves all targets.
+    """Yield a verdict per target; the sample in ``draw.work`` serves all targets.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def validate(draw: Draw, render: Render, options: PlanOptions, targets: Sequence
 
 
 def judge(planned: Planned, actuals: Actuals, case: Case) -> Verdict:
-    """How a plan compares with what its candidates reach and take as whole frames."""
+    """Compare a plan with what its candidates reach and take as whole frames."""
     meeting = [candidate for candidate, found in actuals.items() if found.accuracy >= case.target]
     best = min(meeting, key=lambda candidate: actuals[candidate].seconds, default=None)
     measured = [(row, row.estimate, actuals[row.candidate]) for row in planned.rated
@@ -115,7 +115,7 @@ def judge(planned: Planned, actuals: Actuals, case: Case) -> Verdict:
 
 
 def with_between(actuals: Actuals, steps: int) -> Actuals:
-    """``actuals`` and those between them, by the rule of a plan (candidates.between); seconds grow with the samples."""
+    """Return ``actuals`` and candidates between them, by the rule of a plan; seconds grow with the samples."""
     found = dict(actuals)
     for scale, method in {(candidate.scale, candidate.method) for candidate in actuals}:
         known = {c.spp: one for c, one in actuals.items() if (c.scale, c.method) == (scale, method)}
@@ -128,7 +128,7 @@ def with_between(actuals: Actuals, steps: int) -> Actuals:
 
 
 def summary(rows: Sequence[Verdict]) -> Summary:
-    """Over all plans."""
+    """Summarise all plans."""
     chosen = [row for row in rows if row.met is not None]
     costs = [row.cost for row in rows if row.cost is not None]
     possible = [row for row in rows if row.hindsight is not None]
@@ -144,7 +144,7 @@ def summary(rows: Sequence[Verdict]) -> Summary:
 
 
 def markdown(rows: Sequence[Verdict]) -> str:
-    """A table of all plans, one of the candidates that they measured, and one of the summary."""
+    """Return tables of all plans, of the candidates that they measured, and of the summary."""
     lines = markdown_table(COLUMNS, ([getattr(row, name) for name in COLUMNS] for row in rows))
     lines += ["", *markdown_table(CANDIDATE_COLUMNS, _of_candidates(rows))]
     whole = dataclasses.asdict(summary(rows))
@@ -154,7 +154,7 @@ def markdown(rows: Sequence[Verdict]) -> str:
 
 
 def _of_candidates(rows: Sequence[Verdict]) -> Iterator[list[object]]:
-    """Every scene's candidates, their estimates in every draw of lenses, whatever the target."""
+    """Yield a row per candidate of every scene, over all draws of lenses."""
     found: dict[tuple[str, str], dict[int, tuple[Any, ...]]] = {}
     for row in rows:
         for name, *values in zip(row.measured, row.actuals, row.errors, row.covered, row.times, strict=True):

@@ -1,4 +1,4 @@
-"""What every candidate of a folder of renders reaches and takes as a whole frame, and renders replayed from it.
+"""Accuracy and seconds of every candidate as a whole frame, and renders that are cut out of whole frames.
 
 Such a folder holds per scene ``reference/`` and ``s{scale}-spp{n}/``, whole frame
 folders of `lfsr reference` and `lfsr render`.
@@ -42,12 +42,12 @@ class Actual:
 
 
 def scenes(bench: Path) -> list[Path]:
-    """Folders of the scenes with a reference and at least one render."""
+    """Return the folders of the scenes with a reference and at least one render."""
     return sorted(path.parents[1] for path in bench.glob(f"*/{REFERENCE}/{FRAME_FILE}") if renders(path.parents[1]))
 
 
 def renders(scene: Path) -> dict[tuple[int, int], Path]:
-    """Frame folders of a scene by scale and samples."""
+    """Return the frame folders of a scene by scale and samples."""
     found = {}
     for path in scene.glob(f"s*-spp*/{FRAME_FILE}"):
         name = RENDER_FOLDER.fullmatch(path.parent.name)
@@ -99,13 +99,13 @@ def _seconds(folder: Path, method: str) -> float:
 
 
 def timed_frame(folder: Path) -> Frame:
-    """The frame of a render with the seconds of its timed repeats (`lfsr chart --retime-renders`), if any."""
+    """Return the frame of a render with the seconds of its timed repeats (`lfsr chart --retime-renders`), if any."""
     frame = read_frame(folder)
     return dataclasses.replace(frame, seconds={**frame.seconds, "render": float(np.median(known_seconds(folder)))})
 
 
 def setup_seconds(scene: Path) -> float:
-    """What a render of the scene takes whatever its size, from the bench's: seconds over path samples, as a line."""
+    """Return the seconds that every render of the scene takes whatever its size, from a fitted line."""
     frames = [timed_frame(folder) for folder in renders(scene).values()]
     samples, seconds = np.array([(path_samples(frame), render_seconds(frame)) for frame in frames], float).T
     if len(set(samples)) < 2:

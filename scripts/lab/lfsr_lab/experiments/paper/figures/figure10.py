@@ -62,12 +62,12 @@ def measure_step(settings: Settings) -> Steps:
         return quality.network_times(settings, dict.fromkeys(steps, weights.untrained(NETWORK, settings.scale)), steps)
 
     records = quality.records_of(settings, "fig10a", NetworkTimes)
-    times = quality.measure_once(records, "steps", inputs, run)
-    return Steps(**vars(times), workload=settings.workload, load=records.load)
+    return Steps(**vars(quality.measure_once(records, "steps", inputs, run)), workload=settings.workload,
+                 load=records.load)
 
 
 def draw_step(results: Steps, _output: Path) -> plots.Figure:
-    """Milliseconds over the step, quartiles as bars."""
+    """Draw milliseconds over the step, quartiles as bars."""
     sheet, grid = plots.sheet(5, 3)
     steps = sorted(results.seconds, key=int)
     low, middle, high = np.transpose([_quartiles(results.seconds[step]) for step in steps])
@@ -78,7 +78,7 @@ def draw_step(results: Steps, _output: Path) -> plots.Figure:
 
 
 def table_step(results: Steps) -> list[str]:
-    """Median and quartiles of each step."""
+    """Return a table of median and quartiles of each step."""
     found = {step: _quartiles(results.seconds[step]) for step in sorted(results.seconds, key=int)}
     rows = [[step, *(number(ms, digits=1) for ms in (middle, low, high))]
             for step, (low, middle, high) in found.items()]
@@ -86,7 +86,7 @@ def table_step(results: Steps) -> list[str]:
 
 
 def line_step(results: Steps) -> str:
-    """Slowest against fastest step; both are chosen on every other run and compared on the rest."""
+    """Return sentences on slowest against fastest step; both are chosen on every other run and compared on the rest."""
     seconds = results.seconds
     choosing = {step: statistics.median(times[::2]) for step, times in seconds.items()}
     fastest, slowest = min(choosing, key=choosing.__getitem__), max(choosing, key=choosing.__getitem__)
@@ -131,7 +131,7 @@ def _measure(settings: Settings, figure: str, names: Sequence[str], only_quality
 
 
 def draw(results: Networks, _output: Path) -> plots.Figure:
-    """Time as bars, accuracy of every scene as points."""
+    """Draw time as bars, accuracy of every scene as points."""
     names = list(results.times.seconds)
     sheet, grid = plots.sheet(8, 3, 1, 2)
     times, accuracy = grid[0]
@@ -154,7 +154,7 @@ def draw(results: Networks, _output: Path) -> plots.Figure:
 
 
 def table(results: Networks) -> list[str]:
-    """Time per network, accuracy per scene."""
+    """Return a table of time per network, accuracy per scene."""
     scenes, found = scenes_of(results.rows), measured(results.rows)
     rows = []
     for name in dict.fromkeys(row.method for row in results.rows):
@@ -166,7 +166,7 @@ def table(results: Networks) -> list[str]:
 
 
 def line_depth(results: Networks) -> str:
-    """What the deeper ones add to time and accuracy."""
+    """Return sentences on what the deeper ones add to time and accuracy."""
     seconds = results.times.seconds
     slower = {name: paired(seconds[name], seconds[NETWORK]) for name in DEPTHS if name != NETWORK}
     words = sentence("More convolutions cost time", slower, "s")
@@ -181,7 +181,7 @@ def line_depth(results: Networks) -> str:
 
 
 def line_architecture(results: Networks) -> str:
-    """Whether any rival is both faster and more accurate than the generator."""
+    """Return sentences on whether any rival is both faster and more accurate than the generator."""
     seconds = results.times.seconds
     words: list[str] = []
     unbeaten: dict[str, Difference] = {}

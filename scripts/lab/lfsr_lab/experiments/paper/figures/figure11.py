@@ -95,7 +95,7 @@ def draw(results: Rows, output: Path) -> plots.Figure:
 
 
 def table(results: Rows) -> list[str]:
-    """PSNR of the EPIs, and of their border views."""
+    """Return a table of PSNR of the EPIs, and of their border views."""
     rows = [[row.scene, row.method, _decibels(row.epi), _decibels(row.epi_border)]
             for row in results.rows if row.epi]
     return markdown_table(["scene", "method", "EPI PSNR, dB", "of border views, dB"], rows)
@@ -112,7 +112,7 @@ def _less_error(results: Rows, better: str, worse: str, name: str = "epi") -> di
 
 
 def line(results: Rows) -> str:
-    """Each upscaler per EI against itself over the whole array; then the default against the paper's."""
+    """Return sentences on each upscaler per EI against itself over the whole array, and on the default method."""
     found = {per_ei: _less_error(results, per_ei, whole) for per_ei, whole in PAIRS}
     words = [overall(*found.values())]
     for per_ei, whole in PAIRS:

@@ -59,7 +59,7 @@ def mosaic(images: Array, across: int = ACROSS) -> Array:
 
 
 def draw(results: Rows, output: Path) -> plots.Figure:
-    """One row per scene, one column per method, at the most samples; above each its split SSIM."""
+    """Draw one row per scene, one column per method, at the most samples; above each its split SSIM."""
     rows = results.at(results.samples[-1])
     scenes = scenes_of(rows)
     sheet, grid = plots.sheet(2.4 * len(METHODS), 1.9 * len(scenes), len(scenes), len(METHODS))
@@ -78,7 +78,7 @@ def draw(results: Rows, output: Path) -> plots.Figure:
 
 
 def table(results: Rows) -> list[str]:
-    """Metrics of every scene, sample count and method."""
+    """Return a table of metrics of every scene, sample count and method."""
     columns = known(results.rows, COLUMNS)
     rows = [[row.scene, row.samples, row.method, *(metric(row, name) for name in columns)]
             for row in results.rows if row.metrics]
@@ -86,7 +86,7 @@ def table(results: Rows) -> list[str]:
 
 
 def line(results: Rows) -> str:
-    """Each half of the claim, at each number of samples."""
+    """Return sentences on each half of the claim, at each number of samples."""
     parts = {(spp, better, worse): gains(results.at(spp), better, worse)
              for spp in results.samples for better, worse in PARTS}
     words = [sentence(f"{better} above {worse} at {spp} samples", found, "split SSIM of foreground lenses")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from lfsr_core.frames.frame import read_frame
@@ -78,21 +78,22 @@ class Selections(Results):
 
 
 def measure_share(settings: Settings) -> Selections:
-    """The whole second stage with and without selection, for the first scene seen from several distances."""
-    cells, scene = quality.records_of(settings, "fig10b", Selection), settings.scenes[0]
-    rows = tuple(_selection(settings, cells, scene, f"{scene.stem}-{share:g}", share) for share in settings.moves)
-    return Selections(rows=rows, scene=scene.stem, load=cells.load)
+    """Measure the second stage with and without selection, for the first scene seen from several distances."""
+    return _selections(settings, "fig10b", [(settings.scenes[0], distance) for distance in settings.moves])
 
 
 def measure_scenes(settings: Settings) -> Selections:
-    """The second stage of every scene with and without selection."""
-    cells = quality.records_of(settings, "fig12b", Selection)
-    rows = tuple(_selection(settings, cells, scene, scene.stem) for scene in settings.scenes)
-    return Selections(rows=rows, load=cells.load)
+    """Measure the second stage of every scene with and without selection."""
+    return _selections(settings, "fig12b", [(scene, None) for scene in settings.scenes])
 
 
-def _selection(of: Settings, cells: Records[Selection], scene: Path, key: str,
-               distance: float | None = None) -> Selection:
+def _selections(settings: Settings, figure: str, seen: Sequence[tuple[Path, float | None]]) -> Selections:
+    records = quality.records_of(settings, figure, Selection)
+    rows = tuple(_selection(settings, records, scene, distance) for scene, distance in seen)
+    return Selections(rows=rows, scene=seen[0][0].stem, load=records.load)
+
+
+def _selection(of: Settings, cells: Records[Selection], scene: Path, distance: float | None) -> Selection:
     """Measure the scene as it is, or from another distance."""
     inputs = {"scene": scene.stem, "display": of.timing_display.to_dict(), "scale": of.scale, "spp": of.spp,
               "repeats": of.repeats, "device": of.device} | ({} if distance is None else {"distance": distance})
@@ -106,11 +107,12 @@ def _selection(of: Settings, cells: Records[Selection], scene: Path, key: str,
         return Selection(p=float(foreground(folder).mean()), seconds=timing.take_turns(runs, of.repeats),
                          distance=distance, scene=scene.stem, render=read_frame(folder).seconds["render"])
 
+    key = scene.stem if distance is None else f"{scene.stem}-{distance:g}"
     return quality.measure_once(cells, key, inputs, measure)
 
 
 def draw_share(results: Selections, _output: Path) -> plots.Figure:
-    """Milliseconds over the fraction of foreground."""
+    """Draw milliseconds over the fraction of foreground."""
     sheet, grid = plots.sheet(5, 3)
     for kind, color, line in zip(KINDS, plots.COLORS, _medians(results.by_share), strict=False):
         grid[0, 0].plot([row.p for row in results.by_share], line, marker="o", color=color, label=f"{kind} selection")
@@ -120,7 +122,7 @@ def draw_share(results: Selections, _output: Path) -> plots.Figure:
 
 
 def draw_scenes(results: Selections, _output: Path) -> plots.Figure:
-    """Two bars per scene."""
+    """Draw two bars per scene."""
     sheet, grid = plots.sheet(6, 3)
     names = [f"{row.scene}\np = {row.p:.2f}" for row in results.rows]
     for index, (kind, bars) in enumerate(zip(KINDS, _medians(results.rows), strict=True)):
@@ -139,19 +141,19 @@ def _medians(rows: Iterable[Selection]) -> list[tuple[float, ...]]:
 
 
 def table_share(results: Selections) -> list[str]:
-    """Distance, fraction of foreground, both times."""
+    """Return a table of distance, fraction of foreground, both times."""
     rows = [[f"{row.distance:g}", row.p, *(number(ms, digits=1) for ms in row.medians)] for row in results.rows]
     return markdown_table(["distance", "p", "ms with selection", "ms without"], rows)
 
 
 def table_scenes(results: Selections) -> list[str]:
-    """Times of every scene."""
+    """Return a table of times of every scene."""
     rows = [[row.scene, row.p, row.render, *(number(ms, digits=1) for ms in row.medians)] for row in results.rows]
     return markdown_table(["scene", "p", "render, s", "ms with selection", "ms without"], rows)
 
 
 def line_share(results: Selections) -> str:
-    """Saved time at every share, and whether a smaller foreground saves more."""
+    """Return sentences on saved time at every fraction, and whether a smaller foreground saves more."""
     found = {f"p = {row.p:.2f}": row.saved for row in results.by_share}
     words = sentence("Selection saves time", found, "s")
     least, most = results.by_share[0], results.by_share[-1]
@@ -163,7 +165,7 @@ def line_share(results: Selections) -> str:
 
 
 def line_scenes(results: Selections) -> str:
-    """Saved time per scene, also as a fraction of the frame."""
+    """Return sentences on saved time per scene, also as a fraction of the frame."""
     found = {row.scene: row.saved for row in results.rows}
     shares = [100 * row.saved.value / (row.render + row.medians[1] / 1e3) for row in results.rows]
     return (f"{overall(found)} {sentence('Selection saves time', found, 's')} That is {min(shares):.1f} to "
@@ -222,7 +224,7 @@ def _scale(settings: Settings, cells: Records[ScaleRow], view: View) -> ScaleRow
 
 
 def draw_scales(results: Scales, _output: Path) -> plots.Figure:
-    """Seconds per frame over the scale factor, a line per resolution."""
+    """Draw seconds per frame over the scale factor, a line per resolution."""
     sheet, grid = plots.sheet(5.5, 3.2)
     for color, ((width, height), rows) in zip(plots.COLORS, results.by_pixels.items(), strict=False):
         grid[0, 0].plot([row.scale for row in rows], [row.total for row in rows], "o-", color=color,
@@ -234,7 +236,7 @@ def draw_scales(results: Scales, _output: Path) -> plots.Figure:
 
 
 def table_scales(results: Scales) -> list[str]:
-    """Both stages, the sum, and how many times faster than direct."""
+    """Return a table of both stages, the sum, and how many times faster than direct."""
     rows = [[f"{width}×{height}", row.scale if row.scale > 1 else "direct", row.render, row.second_stage, row.total,
              number(found[0].total / row.total, digits=1)]
             for (width, height), found in results.by_pixels.items() for row in found]
@@ -242,7 +244,7 @@ def table_scales(results: Scales) -> list[str]:
 
 
 def line_scales(results: Scales) -> str:
-    """Direct minus two stages in every cell, and the frame rate."""
+    """Return sentences on direct minus two stages in every cell, and the frame rate."""
     found = {f"{pixels[1]} rows at s = {row.scale}": single_runs(direct.total, row.total)
              for pixels, (direct, *ours) in results.by_pixels.items() for row in ours}
     best = max((row for row in results.rows if row.scale > 1), key=lambda row: (row.pixels[0], -row.total))

@@ -84,7 +84,7 @@ def _one(settings: Settings, view: View, method: Method) -> Row:
 
 
 def table_rivals(results: Rows) -> list[str]:
-    """Time, frame rate and accuracy."""
+    """Return a table of time, frame rate and accuracy."""
     columns = known(results.rows, METRICS)
     rows = [[row.scene, row.method, row.how, number(row.render), number(row.second_stage), number(1 / row.total),
              *(metric(row, name) for name in columns)] for row in results.rows if row.metrics]
@@ -92,7 +92,7 @@ def table_rivals(results: Rows) -> list[str]:
 
 
 def line_rivals(results: Rows) -> str:
-    """The paper's method, with its adversary if it was trained, against each rival."""
+    """Return sentences on the paper's method, with its adversary if it was trained, against each rival."""
     found = measured(results.rows)
     ours = next((name for name in (PAPER, PAPER_PLAIN) if any(method == name for _, method in found)), None)
     if ours is None:
@@ -144,7 +144,7 @@ def measure_cost(settings: Settings) -> Costs:
 
 
 def table_cost(results: Costs) -> list[str]:
-    """Parameters and multiply-adds."""
+    """Return a table of parameters and multiply-adds."""
     rows = [[row.method, row.parameters, f"{row.per_low_pixel:.0f}", f"{row.per_frame / 1e9:.2f}"]
             for row in results.rows]
     return markdown_table(["network", "parameters", "multiply-adds per low-resolution pixel",
@@ -152,7 +152,7 @@ def table_cost(results: Costs) -> list[str]:
 
 
 def line_cost(results: Costs) -> str:
-    """The generator against the other architectures."""
+    """Return sentences on the generator against the other architectures."""
     cost = {row.method: row.per_low_pixel for row in results.rows}
     others = {name: Difference(value / cost["paper"] - 1, 0.0) for name, value in cost.items()
               if not name.startswith("paper")}
