@@ -53,29 +53,6 @@ def default_methods(scale: int, parallax: tuple[bool, bool] = (True, True)) -> l
     return [name for name in dict.fromkeys(names) if MethodName.parse(name).works_with(parallax)]
 
 
-def build_scenes(store: Store, settings: Settings, choice: Choice) -> None:
-    """Write the scene files that are missing."""
-    wanted = {scene_folder(store, sweep, value) / SCENE_FILE: {"name": sweep.name, "value": value}
-              for sweep, values in choice.values.items() for value in values}
-    store.build("sweep_scenes.py", wanted, display=settings.display.to_dict(), scale=settings.scale,
-                frames=settings.frames)
-
-
-def scene_folder(store: Store, sweep: Sweep, value: float) -> Path:
-    """Return the folder of one scene."""
-    return store.folder / sweep.scene_name(value)
-
-
-def measured(store: Store, settings: Settings, sweep: Sweep, value: float, methods: Sequence[str]) -> Iterator[Cell]:
-    """Yield the cell of every method at one value of a sweep; what is missing is rendered and measured now."""
-    records = Records(scene_folder(store, sweep, value) / CELLS, Cell)
-    scene = Scene(store, settings, sweep, value)
-    wanted = [cells.Cell(f"{name}-{sweep.name}-spp{sweep.samples(value)}", method_facts(name),
-                         functools.partial(scene.measure, name), scene.jobs) for name in methods]
-    yield from cells.measured(wanted, records, store, lambda line: print(f"  {sweep.name} {label(value)} {line}",
-                                                                         flush=True))
-
-
 @dataclasses.dataclass(frozen=True)
 class Scene:
     """A sweep's scene at one value, with its renders."""
@@ -84,6 +61,19 @@ class Scene:
     settings: Settings
     sweep: Sweep
     value: float
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the scene, its reference and its renders."""
+        return self.store.folder / self.sweep.scene_name(self.value)
+
+    def cells(self, methods: Sequence[str]) -> Iterator[Cell]:
+        """Yield the cell of every method; what is missing is rendered and measured now."""
+        samples = self.sweep.samples(self.value)
+        wanted = [cells.Cell(f"{name}-{self.sweep.name}-spp{samples}", method_facts(name),
+                             functools.partial(self.measure, name), self.jobs) for name in methods]
+        yield from cells.measured(wanted, Records(self.folder / CELLS, Cell), self.store,
+                                  lambda line: print(f"  {self.sweep.name} {label(self.value)} {line}", flush=True))
 
     @property
     def jobs(self) -> list[Job]:
@@ -95,12 +85,11 @@ class Scene:
     @property
     def reference_job(self) -> Job:
         """The reference."""
-        return reference_of(self.job(), self.settings.reference_samples,
-                            scene_folder(self.store, self.sweep, self.value) / REFERENCE)
+        return reference_of(self.job(), self.settings.reference_samples, self.folder / REFERENCE)
 
     def job(self, frame: int = 1, seed: int = 0) -> Job:
         """Return a low-resolution render: of a frame other than 1 only of the moving card; ``seed`` of its noise."""
-        settings, folder = self.settings, scene_folder(self.store, self.sweep, self.value)
+        settings, folder = self.settings, self.folder
         samples = self.sweep.samples(self.value)
         suffix = "" if (frame, seed) == (1, 0) else f"-frame{frame}-seed{seed}"
         return Job(output=str(folder / f"s{settings.scale}-spp{samples}{suffix}"), display=settings.display,

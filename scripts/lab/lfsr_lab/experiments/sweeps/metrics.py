@@ -37,7 +37,7 @@ class Compared:
 
 
 def border_and_centre(of: Compared, width: int) -> Figures:
-    """RMS error and split SSIM of the outer ``width`` pixels of foreground EIs and of the rest, and the errors' ratio.
+    """Return RMS error and split SSIM of the outer ``width`` pixels of foreground EIs and of the rest, and their ratio.
 
     Values None where there are no such pixels, the ratio also where the centre's
     error is below what the reference's noise lets one see.
@@ -55,14 +55,14 @@ def border_and_centre(of: Compared, width: int) -> Figures:
 
 
 def _ring(shape: tuple[int, ...], width: int) -> Array:
-    """The outer pixels (py, px); along an axis with one view there is no border."""
+    """Return the outer pixels (py, px); along an axis with one view there is no border."""
     down, across = (np.minimum(np.arange(size), np.arange(size)[::-1]) < width if size > 1 else np.zeros(1, bool)
                     for size in shape)
     return down[:, None] | across
 
 
 def neighbour_view_error(of: Compared) -> float | None:
-    """RMS error of the difference between views side by side and one above the other, over foreground lenses.
+    """Return the RMS error of the differences between neighbouring views, across and down, over foreground lenses.
 
     What an eye sees change as it moves by one view, beside what should change;
     invented or lost detail counts, an error that all views share does not.
@@ -110,29 +110,22 @@ def _step_along(views: Array, axis: int, step: int) -> Array:
 
 
 def card_pixels(space: Space, y: float, centre: tuple[float, float], half: tuple[float, float]) -> Array:
-    """(sy, sx, py, px) bool: pixels all of whose rays meet a card, by exact geometry without a render.
+    """Return the pixels (sy, sx, py, px) bool all of whose rays meet a card at depth ``y``, by exact geometry.
 
-    Parameters
-    ----------
-    space: of the display.
-    y: depth of the card.
-    centre, half: its middle and half its size, (x, z) in lens pitches, z upwards.
+    ``centre``, ``half``: its middle and half its size, (x, z) in lens pitches, z upwards.
     """
-    columns, rows = (_meets(space, axis, y, centre[axis] * (1, -1)[axis], half[axis]) for axis in (0, 1))
-    return rows[:, None, :, None] & columns[None, :, None, :]
-
-
-def _meets(space: Space, axis: int, y: float, centre: float, half: float) -> Array:
-    """(lenses, views) bool along one axis, rightwards or downwards."""
-    lens = (np.arange(space.lenses[axis]) + 0.5 - space.lenses[axis] / 2) * space.lens[axis]
-    view = (np.arange(space.views[axis]) + 0.5 - space.views[axis] / 2) * space.spacing
-    met = view + (lens[:, None] - view) * (space.distance + y) / space.distance
-    return np.abs(met - centre) <= half - space.footprint(y, axis) / 2
+    met = []
+    for axis, sign in enumerate((1, -1)):
+        lens = (np.arange(space.lenses[axis]) + 0.5 - space.lenses[axis] / 2) * space.lens[axis]
+        view = (np.arange(space.views[axis]) + 0.5 - space.views[axis] / 2) * space.spacing
+        at = view + (lens[:, None] - view) * (space.distance + y) / space.distance
+        met.append(np.abs(at - sign * centre[axis]) <= half[axis] - space.footprint(y, axis) / 2)
+    return met[1][:, None, :, None] & met[0][None, :, None, :]
 
 
 def flicker(frames: Sequence[Array], lenses: Pair, path: Sequence[Pair],
             cards: Sequence[Array]) -> float | None:
-    """RMS change from frame to frame of a card that moves by whole lenses, after moving it back.
+    """Return the RMS change from frame to frame of a card that moves by whole lenses, after moving it back.
 
     Parameters
     ----------
@@ -158,14 +151,14 @@ def flicker(frames: Sequence[Array], lenses: Pair, path: Sequence[Pair],
 
 
 def _overlap(dx: int, dy: int, shape: tuple[int, ...]) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Slices (rows, columns) of the earlier and the later frame that show the same places."""
+    """Return slices (rows, columns) of the earlier and the later frame that show the same places."""
     pairs = [(slice(max(0, -step), size - max(0, step)), slice(max(0, step), size + min(0, step)))
              for step, size in zip((dy, dx), shape, strict=True)]
     return (pairs[0][0], pairs[1][0]), (pairs[0][1], pairs[1][1])
 
 
 def worst_lens(of: Compared) -> Pair | None:
-    """(row, column) of the foreground lens with the largest squared error; None without foreground."""
+    """Return (row, column) of the foreground lens with the largest squared error; None without foreground."""
     if not of.mask.any():
         return None
     errors = np.where(of.mask, of.squares.mean((2, 3, 4)), -np.inf)

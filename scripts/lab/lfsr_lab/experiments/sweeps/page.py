@@ -16,9 +16,9 @@ from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_core.records import to_data
 from lfsr_lab.experiments.engine.environment import environment
 from lfsr_lab.experiments.engine.plots import COLORS, sheet, svg
-from lfsr_lab.experiments.engine.renders import Store
+from lfsr_lab.experiments.engine.renders import SCENE_FILE, Store
 from lfsr_lab.experiments.engine.report import inline_svg, markdown_table, number, page_html, write_report, write_text
-from lfsr_lab.experiments.sweeps.measure import BASELINE, Choice, Scene, build_scenes, measured
+from lfsr_lab.experiments.sweeps.measure import BASELINE, Choice, Scene
 from lfsr_lab.experiments.sweeps.records import FORMAT, Cell, Report, Settings, SweepReport
 from lfsr_lab.experiments.sweeps.sweeps import Sweep, breaking_point, choose_sweeps, label
 
@@ -51,11 +51,16 @@ def run(store: Store, settings: Settings, choice: Choice) -> Path:
     for name in choice.methods:
         MethodName.parse(name).check_parallax(settings.display.parallax)
     store.claim(settings)
-    build_scenes(store, settings, choice)
+    scenes = {sweep: [Scene(store, settings, sweep, value) for value in values]
+              for sweep, values in choice.values.items()}
+    wanted = {scene.folder / SCENE_FILE: {"name": scene.sweep.name, "value": scene.value}
+              for of_sweep in scenes.values() for scene in of_sweep}
+    store.build("sweep_scenes.py", wanted, display=settings.display.to_dict(), scale=settings.scale,
+                frames=settings.frames)
     sweeps = []
     for number_, (sweep, values) in enumerate(choice.values.items(), start=1):
         print(f"sweep {number_} of {len(choice.values)}: {sweep.name}, {len(values)} values", flush=True)
-        cells = tuple(cell for value in values for cell in measured(store, settings, sweep, value, choice.methods))
+        cells = tuple(cell for scene in scenes[sweep] for cell in scene.cells(choice.methods))
         sweeps.append(report_of(sweep, values, cells, choice.methods))
     report = Report(FORMAT, settings, to_data(environment()), choice.methods, tuple(sweeps))
     paths = write_report(store.folder, STEM, report, {".md": markdown(report)})
