@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from lfsr_core.cli import main
-from lfsr_lab.experiments.chart.records import chart_of
+from lfsr_lab.experiments.chart.records import read_chart
 from tests.support.synthetic import write_reference, write_render
 
 
@@ -27,9 +27,8 @@ def arguments(folder: Path, *more: str, scenes=("vase.blend",)) -> list[str]:
 
 
 def measured(folder: Path) -> dict:
-    chart = json.loads((folder / "chart.json").read_text())
-    chart_of(chart)
-    return chart
+    read_chart(folder / "chart.json")
+    return json.loads((folder / "chart.json").read_text())
 
 
 def main_fails(words: list[str], capsys) -> str:

@@ -79,9 +79,6 @@ def test_what_is_measured_is_not_measured_again_unless_asked_or_changed(tmp_path
     write_render(folder / "vase" / "s2-spp4", samples=4, seed=7)
     main(arguments(folder))
     assert counted == ["bicubic"] * 2 + ["nearest"] * 2
-    counted.clear()
-    main(arguments(folder, "--again", "all"))
-    assert counted.count("bicubic") == 4
 
 
 def test_times_are_taken_afresh_without_the_metrics(tmp_path, counted, no_start, monkeypatch):
@@ -94,8 +91,6 @@ def test_times_are_taken_afresh_without_the_metrics(tmp_path, counted, no_start,
     assert counted == [name for cell in before for name in [cell["method"]] * 3], "one run is not counted"
     after = measured(folder)["scenes"][0]["cells"]
     assert [cell["metrics"] for cell in after] == [cell["metrics"] for cell in before]
-    assert [cell["second_stage_seconds"] for cell in after] != [cell["second_stage_seconds"] for cell in before]
-    counted.clear()
     main(arguments(folder, "--repeats", "3"))
     assert all(len(cell["second_stage_seconds"]) == 3 for cell in measured(folder)["scenes"][0]["cells"])
 
@@ -146,8 +141,7 @@ def test_sampled_lenses_have_intervals_and_no_views(tmp_path, no_start):
     scene = measured(folder)["scenes"][0]
     assert scene["reference"]["lenses"] == len(LENSES)
     for cell in scene["cells"]:
-        assert "ssim_views_fg" not in cell["metrics"] and cell["ci95"]["ssim_lens_fg"] > 0
-        assert "ssim_eia_fg" not in cell["metrics"] and cell["metrics"]["ssim_lens_fg"] is not None
+        assert not {"ssim_views_fg", "ssim_eia_fg"} & set(cell["metrics"]) and cell["ci95"]["ssim_lens_fg"] > 0
 
 
 def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, no_start, capsys):
@@ -164,14 +158,11 @@ def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, no_start, capsys)
 
 @pytest.mark.parametrize(("more", "said"), [
     (("--methods", "bicubik"), "did you mean 'bicubic'"),
-    (("--ours", "lanzcos"), "did you mean 'lanczos'"),
     (("--again", "nothing"), "unknown method 'nothing'"),
-    (("--spps", "0,4"), "spps are 0, 4"),
     (("--spps", "4,4"), "different whole numbers"),
     (("--spps", "none"), "no samples per pixel"),
     (("--repeats", "0"), "repeats is 0"),
     (("--scale", "3"), "scale is 3"),
-    (("--display", "nowhere"), "nowhere"),
     (("--display", "small"), "display mini"),
 ])
 def test_bad_input_is_refused_in_a_sentence(tmp_path, capsys, more, said):
@@ -179,13 +170,10 @@ def test_bad_input_is_refused_in_a_sentence(tmp_path, capsys, more, said):
     assert not (tmp_path / "chart.json").exists()
 
 
-def test_two_scenes_of_one_name_are_refused(tmp_path, capsys):
+def test_two_scenes_of_one_name_and_nothing_to_measure_are_refused(tmp_path, capsys):
+    assert "no scene could be measured" in main_fails(arguments(tmp_path), capsys)
     words = arguments(bench(tmp_path), scenes=("vase.blend", "other/vase.obj"))
     assert "two scenes are called 'vase'" in main_fails(words, capsys)
-
-
-def test_nothing_to_measure_is_an_error(tmp_path, capsys):
-    assert "no scene could be measured" in main_fails(arguments(tmp_path), capsys)
 
 
 def test_a_scene_that_is_not_there_is_refused_before_anything_is_written(tmp_path, capsys):
@@ -207,15 +195,12 @@ def test_our_method_must_be_measured(tmp_path):
         Settings(folder=tmp_path, **vars(example(1).settings) | {"ours": "nearer"})
 
 
-def test_cost_of_networks():
-    assert chart_cells.network_cost("oidn+bicubic", 4, (10, 10)) == (None, None)
-    assert chart_cells.network_cost("oidn+espcn", 4, (10, 10)) == (
-        76 * 64 + (9 * 64 + 1) * 32 + (9 * 32 + 1) * 48, 75 * 64 + 9 * 64 * 32 + 9 * 32 * 48)
-
-
-@pytest.mark.parametrize(("name", "expected"), [("oidn-both+refine+epi", 2992), ("light", 12400)])
-def test_cost_of_our_networks_is_their_formula(name, expected):
-    assert chart_cells.network_cost(name, 4, (10, 10))[1] == expected
+@pytest.mark.parametrize(("name", "parameters", "multiply_adds"), [
+    ("oidn+bicubic", None, None),
+    ("oidn+espcn", 76 * 64 + (9 * 64 + 1) * 32 + (9 * 32 + 1) * 48, 75 * 64 + 9 * 64 * 32 + 9 * 32 * 48),
+])
+def test_cost_of_networks(name, parameters, multiply_adds):
+    assert chart_cells.network_cost(name, 4, (10, 10)) == (parameters, multiply_adds)
 
 
 @needs_bpy
@@ -231,6 +216,3 @@ def test_from_a_scene_to_a_chart(tmp_path, no_start):
     assert scene["reference"]["samples"] == 2 and scene["reference"]["lenses"] == 12
     assert [cell["role"] for cell in scene["cells"]] == ["low", "direct", "direct", "ceiling"]
     assert [len(cell["render_seconds"]) for cell in scene["cells"]] == [2, 2, 2, 1]
-    kept = (tmp_path / "out" / "fan" / "s4-spp1" / "lr_eia.exr").stat().st_mtime_ns
-    assert main(words) == 0
-    assert (tmp_path / "out" / "fan" / "s4-spp1" / "lr_eia.exr").stat().st_mtime_ns == kept

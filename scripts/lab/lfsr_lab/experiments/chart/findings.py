@@ -1,17 +1,39 @@
-"""What a chart says, in sentences made from its numbers."""
+"""What a chart says: sentences and tables made from its numbers, the same for its page and its Markdown file."""
 
 from __future__ import annotations
 
 import collections
+import dataclasses
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
 from lfsr_lab.experiments.chart.analysis import RIVAL, mean_cells, pareto_front, points
-from lfsr_lab.experiments.chart.records import DIRECT, Chart, Key, Point
+from lfsr_lab.experiments.chart.records import DIRECT, Cell, Chart, Duel, Goal, Key, Point, SceneRow
 from lfsr_lab.experiments.engine.plots import time_text
+from lfsr_lab.experiments.engine.report import UNKNOWN, count, markdown_table, number
 
 LITTLE_MORE, LEAST_GAIN = 1.15, 0.005  # steps of advice smaller than these are not worth a line
+METRICS = ("ssim_eia", "ssim_eia_fg", "ssim_lens", "ssim_lens_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain",
+           "ssim_ceiling", "ssim_lens_plain", "ssim_lens_ceiling", "flip")
+MARKS = {"win": "✔ win", "loss": "✘ loss"}
+AGAINST_US = ("scene", "samples", "SSIM", "it takes", "we take", "ours ÷ its", "")
+AGAINST_THEM = ("scene", "our samples", "our SSIM", "we take", "it takes", "its ÷ ours", "")
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """One table."""
+
+    title: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    align: str = "lr"  # a letter per column, "l" or "r"; the last one stands for all further columns
+
+    @property
+    def left(self) -> list[int]:
+        """Numbers of the columns of text."""
+        return [index for index, letter in enumerate(self.align) if letter == "l"]
 
 
 def label(key: Key, ours: str) -> str:
@@ -20,32 +42,6 @@ def label(key: Key, ours: str) -> str:
     if role == DIRECT:
         return "every view" if name == "none" else f"every view +{name.upper() if name == RIVAL[1] else name}"
     return f"{name} (ours)" if name == ours else name
-
-
-def advice(chart: Chart) -> list[list[str]]:
-    """Return the front of the mean in steps: from how many seconds on, which method and samples, what it reaches."""
-    steps = []
-    for key, group in groupby(worth_a_step(pareto_front(points(mean_cells(chart.scenes), chart.metric))),
-                              key=lambda point: point.curve):
-        run = list(group)
-        values = f"{run[0].value:.3f}" if len(run) == 1 else f"{run[0].value:.3f} to {run[-1].value:.3f}"
-        counts = ", ".join(str(point.samples) for point in run)
-        noun = "sample" if counts == "1" else "samples"
-        steps.append([f"from {time_text(run[0].seconds)}",
-                      f"{label(key, chart.settings.ours)} at {counts} {noun}", values])
-    return steps
-
-
-def worth_a_step(front: Sequence[Point]) -> list[Point]:
-    """Return the points of a front that a little more time does not better, and that better the one before."""
-    patient = [point for point in front
-               if not any(other.value > point.value and other.seconds <= LITTLE_MORE * point.seconds
-                          for other in front)]
-    worth: list[Point] = []
-    for point in patient:
-        if not worth or point.value >= worth[-1].value + LEAST_GAIN:
-            worth.append(point)
-    return worth
 
 
 def headline(chart: Chart) -> str:
@@ -90,3 +86,106 @@ def opening(chart: Chart) -> str:
     """Return how long opening a scene takes, which the time axis leaves out."""
     seconds = [statistics.median(cell.open_seconds for cell in scene.cells) for scene in chart.scenes]
     return f"{min(seconds):.1f} to {max(seconds):.1f} s" if len(seconds) > 1 else f"{seconds[0]:.1f} s"
+
+
+def markdown(chart: Chart) -> str:
+    """Return the headline and all tables as Markdown."""
+    tables = [advice(chart), *duels(chart), target(chart), *numbers(chart), costs(chart)]
+    parts = [[f"## {table.title}", "", *markdown_table(table.header, table.rows, table.align), ""] for table in tables]
+    return "\n".join([headline(chart), "", *(line for part in parts for line in part)])
+
+
+def advice(chart: Chart) -> Table:
+    """Which method when: the front of the mean in steps."""
+    front = worth_a_step(pareto_front(points(mean_cells(chart.scenes), chart.metric)))
+    steps = [list(group) for _, group in groupby(front, key=lambda point: point.curve)]
+    return Table("Which method when", ("you can wait", "use", "samples", "SSIM"), [
+        [f"from {time_text(step[0].seconds)}", label(step[0].curve, chart.settings.ours),
+         ", ".join(str(point.samples) for point in step),
+         " to ".join(dict.fromkeys(f"{point.value:.3f}" for point in (step[0], step[-1])))] for step in steps], "llr")
+
+
+def worth_a_step(front: Sequence[Point]) -> list[Point]:
+    """Return the points of a front that a little more time does not better, and that better the one before."""
+    patient = [point for point in front
+               if not any(other.value > point.value and other.seconds <= LITTLE_MORE * point.seconds
+                          for other in front)]
+    worth: list[Point] = []
+    for point in patient:
+        if not worth or point.value >= worth[-1].value + LEAST_GAIN:
+            worth.append(point)
+    return worth
+
+
+def duels(chart: Chart) -> list[Table]:
+    """Return ours against every other method, direct rendering with OIDN first, and the reverse."""
+    ours, parts = chart.settings.ours, {scene.scene: scene.by(chart.metric) for scene in chart.scenes}
+    rivals = sorted(dict.fromkeys(duel.curve for part in parts.values() for duel in part.versus),
+                    key=lambda key: (key != RIVAL, key[0] != DIRECT))
+    versus, reverse = ({name: getattr(part, side) for name, part in parts.items()} for side in ("versus", "reverse"))
+    return [*(Table(f"{ours} against {label(key, ours)}", AGAINST_US, _rows(versus, key)) for key in rivals),
+            *(Table(f"{label(key, ours)} against {ours}", AGAINST_THEM, _rows(reverse, key)) for key in rivals)]
+
+
+def _rows(duels_of: Mapping[str, Iterable[Duel]], key: Key) -> list[list[str]]:
+    return [[scene, str(duel.samples), f"{duel.value:.3f}", time_text(duel.seconds), *_needs(duel), MARKS[duel.outcome]]
+            for scene, duels in duels_of.items() for duel in duels if duel.curve == key]
+
+
+def _needs(duel: Duel) -> tuple[str, str]:
+    """Return time and ratio of a duel: "never" where the accuracy is not reached, ≤ where only a bound is known."""
+    if duel.needs_seconds is None:
+        return "never", UNKNOWN
+    at_most = "≤ " if duel.bound else ""
+    return at_most + time_text(duel.needs_seconds), at_most + number(duel.ratio, digits=2)
+
+
+def target(chart: Chart) -> Table:
+    """How our method does against the target on every scene."""
+    return Table("The target", ("scene", "ours ÷ its", "with opening", "", "best other method"),
+                 [_target_row(chart, scene) for scene in chart.scenes], "lrrll")
+
+
+def _target_row(chart: Chart, scene: SceneRow) -> list[str]:
+    main = scene.by(chart.metric)
+    goal, others = main.target, main.targets_of_others.items()
+    ratios = [(found.worst_ratio, method) for method, found in others if found and found.worst_ratio is not None]
+    best = "{1}: {0:.2f}".format(*min(ratios)) if ratios else "none"
+    met = goal and ("✔ an eighth" if goal.stretch_met else "✔ a quarter" if goal.met else "✘ missed")
+    return [scene.scene, _ratio(goal), _ratio(main.target_with_opening), met or "", best]
+
+
+def _ratio(goal: Goal | None) -> str:
+    return "not measured" if goal is None else "never" if goal.worst_ratio is None else f"{goal.worst_ratio:.2f}"
+
+
+def numbers(chart: Chart) -> Iterator[Table]:
+    """Every cell with its times and metrics: of the mean where there are several scenes, and of every scene."""
+    if len(chart.scenes) > 1:
+        yield _numbers(f"Mean of {len(chart.scenes)} scenes", mean_cells(chart.scenes), chart)
+    for scene in chart.scenes:
+        shown = "every lens" if scene.reference.lenses is None else f"{scene.reference.lenses} lenses"
+        yield _numbers(f"{scene.scene}: subject in {scene.p:.0%} of the lenses, reference of {scene.reference.samples} "
+                       f"samples, {shown}", scene.cells, chart)
+
+
+def _numbers(title: str, cells: Sequence[Cell], chart: Chart) -> Table:
+    metrics = [name for name in METRICS if any(cell.metrics.get(name) is not None for cell in cells)]
+    header = ("method", "samples", "scale", "seconds (spread)", "second stage ms", "method ms", *metrics)
+    return Table(title, header, [
+        [label((cell.role, cell.method), chart.settings.ours), str(cell.samples), str(cell.scale),
+         f"{cell.seconds.median:.2f} ({cell.seconds.least:.2f}–{cell.seconds.most:.2f})",
+         f"{1000 * cell.second_stage:.0f}", f"{1000 * cell.stage_seconds['upscale']:.1f}",
+         *(_metric(cell, name) for name in metrics)] for cell in cells])
+
+
+def _metric(cell: Cell, name: str) -> str:
+    return number(cell.metrics.get(name), cell.ci95.get(name), 1 if name == "psnr_fg" else 4)
+
+
+def costs(chart: Chart) -> Table:
+    """What each method costs."""
+    header = ("method", "multiply-adds per low pixel", "parameters", "in a process of its own s")
+    return Table("What each method costs", header, [
+        [cost.method, count(cost.multiply_adds_per_low_pixel), count(cost.parameters),
+         number(cost.fresh_process_seconds, digits=1)] for cost in chart.methods])

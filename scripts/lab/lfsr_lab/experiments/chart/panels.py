@@ -1,4 +1,4 @@
-"""The picture of a chart: seconds across, accuracy up; the same method looks the same in every panel."""
+"""The picture of a chart and its page: seconds across, accuracy up; the same method looks the same in every panel."""
 
 from __future__ import annotations
 
@@ -8,17 +8,19 @@ import statistics
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from lfsr_lab.experiments.chart import findings
 from lfsr_lab.experiments.chart.analysis import RIVAL, curves, mean_cells, pareto_front, points
-from lfsr_lab.experiments.chart.findings import label
 from lfsr_lab.experiments.chart.records import DIRECT, LOW, Cell, Chart, Key, Point, SceneRow
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.plots import Curve
+from lfsr_lab.experiments.engine.report import inline_svg, page_html
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 STYLES = list(zip(plots.COLORS, plots.MARKERS, strict=True))
 FRONT = "#f3dfa2"
+LOSSES_SHOWN = 6
 AXES = {"ssim_eia_fg": "SSIM of the subject", "ssim_lens_fg": "SSIM of the subject, lens by lens"}
 
 
@@ -62,6 +64,12 @@ def picture(chart: Chart) -> str:
                  f"Display {chart.settings.display}, {environment.cores} cores of {environment.cpu}.")
 
 
+def page(chart: Chart) -> str:
+    """Return the chart as one HTML file, without a script, that loads nothing from elsewhere."""
+    pictures = [inline_svg(drawn(chart, [panel]), panel.title) for panel in panels(chart)]
+    return page_html("chart.html", chart=chart, findings=findings, losses_shown=LOSSES_SHOWN, pictures=pictures)
+
+
 def drawn(chart: Chart, shown: Sequence[Panel], footer: str = "") -> str:
     """Return panels as one SVG."""
     figure, grid = plots.panel_sheet(len(shown), footer=footer)
@@ -91,7 +99,7 @@ def _curve(chart: Chart, panel: Panel, key: Key, line: Sequence[Point], look: tu
     cells = {cell.key: cell for cell in panel.cells if cell.ci95}
     barred = [cells[(*key, point.samples)] for point in line if cells]
     us = (LOW, chart.settings.ours)
-    return Curve(label(key, chart.settings.ours), *look, x=[point.seconds for point in line],
+    return Curve(findings.label(key, chart.settings.ours), *look, x=[point.seconds for point in line],
                  y=[point.value for point in line], halves=[cell.ci95.get(chart.metric) for cell in barred],
                  spans=[(cell.seconds.least, cell.seconds.most) for cell in barred],
                  notes=[str(point.samples) for point in line] if key in (us, RIVAL) else (), bold=key == us)

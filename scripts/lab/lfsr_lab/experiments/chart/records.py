@@ -151,11 +151,6 @@ class UsedReference:
     lenses: int | None  # how many it shows, None for all
     seconds: float  # it took
 
-    @property
-    def shown(self) -> str:
-        """Its lenses in words."""
-        return "every lens" if self.lenses is None else f"{self.lenses} lenses"
-
 
 @dataclasses.dataclass(frozen=True)
 class SceneRow:
@@ -208,12 +203,8 @@ class Chart:
 
 def read_chart(path: Path) -> Chart:
     """Read a chart; LfsrError, one sentence, for the first thing in it that is not as it should be."""
-    return chart_of(read_json(path, "a chart"), str(path))
-
-
-def chart_of(data: object, source: str = "chart") -> Chart:
-    """Return the chart that JSON data describes; ``source`` names the data in errors."""
+    data = read_json(path, "a chart")
     found = data.get("format") if isinstance(data, dict) else None
     if found != FORMAT:
-        raise LfsrError(f"{source} has format {found!r}, but this version reads {FORMAT}: measure the chart again")
-    return from_data(Chart, data, source)
+        raise LfsrError(f"{path} has format {found!r}, but this version reads {FORMAT}: measure the chart again")
+    return from_data(Chart, data, str(path))

@@ -11,7 +11,7 @@ from lfsr_core.frames.job import Job
 from lfsr_core.progress import ProgressBar
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import write_record
-from lfsr_lab.experiments.chart import cells, panels, tables
+from lfsr_lab.experiments.chart import cells, findings, panels
 from lfsr_lab.experiments.chart.analysis import METRICS, analyse
 from lfsr_lab.experiments.chart.records import (
     CEILING,
@@ -58,7 +58,7 @@ def run(settings: Settings, scenes: Sequence[Path]) -> list[Path]:
     if chart is None:
         raise LfsrError(f"no scene could be measured ({'; '.join(measuring.skipped)}): run it without --only-measure")
     return write_report(settings.folder, stem, None, {
-        ".html": tables.page(chart), ".svg": panels.picture(chart), ".md": tables.markdown(chart)})
+        ".html": panels.page(chart), ".svg": panels.picture(chart), ".md": findings.markdown(chart)})
 
 
 def _earlier(settings: Settings, names: Sequence[str]) -> tuple[dict[str, SceneRow | None], str]:

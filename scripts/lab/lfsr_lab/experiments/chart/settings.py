@@ -56,10 +56,10 @@ class Settings(ChartSettings):
 
 
 def _check_samples(name: str, samples: tuple[int, ...]) -> None:
-    if not all(count >= 1 for count in samples) or len(set(samples)) != len(samples):
-        raise LfsrError(f"{name} are {', '.join(map(str, samples))}, but they must be different whole numbers from 1")
     if name == "spps" and not samples:
         raise LfsrError("there are no samples per pixel to measure at: give some with --spps, as in 1,4,16,64")
+    if min(samples, default=1) < 1 or len(set(samples)) < len(samples):
+        raise LfsrError(f"{name} are {', '.join(map(str, samples))}, but they must be different whole numbers from 1")
 
 
 def default_methods() -> tuple[str, ...]:
