@@ -30,7 +30,8 @@ def main(folder: Path, scene: Path, frames: str) -> None:
     job = Job(str(folder.resolve() / "film"), load_display(DISPLAY), str(scene.resolve()), scale=SCALE, spp=SAMPLES)
     write_record(folder / "job.json", job)
     film = [sys.executable, "-m", "lfsr_core.cli", "render", job.scene, "-o", job.output, "--display", DISPLAY,
-            "--scale", str(SCALE), "--spp", str(SAMPLES), "--method", "bicubic", "--layers", "none", "--frames"]
+            "--scale", str(SCALE), "--spp", str(SAMPLES), "--method", "bicubic", "--layers", "none",
+            "--device", "CPU", "--frames"]
     ways = {OWN: [sys.executable, __file__, OWN, str(folder / "job.json")], "lfsr render --frames": film}
     numbers = parse_frames(frames)
     first, *rounds = [{name: [_seconds([*way, part], job) for part in (str(numbers[0]), frames)]
@@ -66,6 +67,9 @@ def blenders_own(job: Job, frames: str) -> None:
         with encoded_camera(scene, shot), cycles_settings(scene, settings, frame.rays.size):
             scene.render.filepath = str(Path(job.output, f"####_{LOW_RES_FILE}"))
             bpy.ops.render.render(animation=True, scene=scene.name)
+    written = len(list(Path(job.output).glob(f"*_{LOW_RES_FILE}")))
+    if written != len(numbers):
+        raise SystemExit(f"Blender wrote {written} of {len(numbers)} frames")
 
 
 if __name__ == "__main__":
