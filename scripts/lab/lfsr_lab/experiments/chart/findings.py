@@ -65,21 +65,12 @@ def _range(ratios: Sequence[float]) -> str:
 
 def losses(chart: Chart) -> list[str]:
     """Return a sentence for every method that ours loses to, most often first, or one that there is none."""
-    ours, duels = chart.settings.ours, collections.Counter[Key]()
-    lost: dict[Key, dict[str, list[int]]] = {}
-    for scene in chart.scenes:
-        for duel in scene.by(chart.metric).versus:
-            duels[duel.curve] += 1
-            if duel.outcome == "loss":
-                lost.setdefault(duel.curve, {}).setdefault(scene.scene, []).append(duel.samples)
-    times = {key: sum(map(len, places.values())) for key, places in lost.items()}
-    return [f"{label(key, ours)}: wins {times[key]} of {duels[key]} times ({_places(lost[key])})"
-            for key in sorted(lost, key=lambda key: (key[0] != DIRECT, -times[key]))] or [
+    duels = [duel for scene in chart.scenes for duel in scene.by(chart.metric).versus]
+    every, ours = collections.Counter(duel.curve for duel in duels), chart.settings.ours
+    lost = collections.Counter(duel.curve for duel in duels if duel.outcome == "loss")
+    return [f"{label(key, ours)}: wins {lost[key]} of {every[key]} times"
+            for key in sorted(lost, key=lambda key: (key[0] != DIRECT, -lost[key]))] or [
                 f"{ours} loses to no method that was measured, at no accuracy, on no scene."]
-
-
-def _places(samples_of: Mapping[str, Sequence[int]]) -> str:
-    return "; ".join(f"{scene} at {', '.join(map(str, sorted(samples)))}" for scene, samples in samples_of.items())
 
 
 def opening(chart: Chart) -> str:

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 STYLES = list(zip(plots.COLORS, plots.MARKERS, strict=True))
 FRONT = "#f3dfa2"
-LOSSES_SHOWN = 6
 AXES = {"ssim_eia_fg": "SSIM of the subject", "ssim_lens_fg": "SSIM of the subject, lens by lens"}
 
 
@@ -67,7 +66,7 @@ def picture(chart: Chart) -> str:
 def page(chart: Chart) -> str:
     """Return the chart as one HTML file, without a script, that loads nothing from elsewhere."""
     pictures = [inline_svg(drawn(chart, [panel]), panel.title) for panel in panels(chart)]
-    return page_html("chart.html", chart=chart, findings=findings, losses_shown=LOSSES_SHOWN, pictures=pictures)
+    return page_html("chart.html", chart=chart, findings=findings, pictures=pictures)
 
 
 def drawn(chart: Chart, shown: Sequence[Panel], footer: str = "") -> str:

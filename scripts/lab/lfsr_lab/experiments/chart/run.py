@@ -57,6 +57,7 @@ def run(settings: Settings, scenes: Sequence[Path]) -> list[Path]:
             write_record(settings.folder / f"{stem}.json", chart)
     if chart is None:
         raise LfsrError(f"no scene could be measured ({'; '.join(measuring.skipped)}): run it without --only-measure")
+    measuring.bar.close()
     return write_report(settings.folder, stem, None, {
         ".html": panels.page(chart), ".svg": panels.picture(chart), ".md": findings.markdown(chart)})
 
