@@ -21,7 +21,7 @@ from lfsr_core.plan.times import path_samples
 from lfsr_core.records import read_record
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.timing import Repeats
-from lfsr_lab.experiments.plan_validation import actual, blocks
+from lfsr_lab.experiments.plan_validation import actual
 from lfsr_lab.experiments.plan_validation.__main__ import Case, judge, main, summary, with_between
 from lfsr_lab.experiments.plan_validation.actual import Actual
 from lfsr_lab.experiments.plan_validation.records import Validation
@@ -140,17 +140,6 @@ def test_what_lies_between_two_is_their_mean():
     known = {Candidate(4, 4, "bilinear"): Actual(0.9, 2.0), Candidate(4, 16, "bilinear"): Actual(0.94, 5.0)}
     found = with_between(known, 1)
     assert len(found) == 3 and found[Candidate(4, 8, "bilinear")] == Actual(pytest.approx(0.92), pytest.approx(3.0))
-
-
-def test_a_method_of_single_lenses_needs_no_neighbours(bench, capsys):
-    folders = [str(bench / "toy" / name) for name in ("s2-spp16", "reference")]
-    assert blocks.main([*folders, "--method", "bilinear"]) == 0
-    lines = capsys.readouterr().out.splitlines()[1:]
-    assert [float(line.split()[1]) for line in lines] == [0, 0, 0, 0]
-    assert blocks.main([*folders, "--method", "bicubic-eia"]) == 0
-    changes = [abs(float(line.split()[1])) for line in capsys.readouterr().out.splitlines()[1:]]
-    # Its kernel reaches four pixels far: one lens of 4×4 is enough, none is not.
-    assert changes[0] > 1e-3 and max(changes[1:]) < 1e-4
 
 
 def test_a_bench_without_scenes_is_refused(tmp_path, capsys):
