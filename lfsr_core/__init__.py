@@ -14,6 +14,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
+from lfsr_core.version import __version__ as __version__
+
 if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.errors import LfsrError
     from lfsr_core.exports.formats import Exported, export
@@ -39,7 +41,6 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.render.blender import Blender, find_blender
     from lfsr_core.render.process import run_job
 
-__version__ = "0.1.0"
 __all__ = [
     "Blender", "CameraArray", "DisplayProfile", "ExportOptions", "Exported", "Frame", "ImportGeometry", "Imported",
     "Job", "LfsrError", "MethodName", "Metrics", "Page", "PlanOptions", "Planned", "RayLayout", "Reference",

@@ -12,7 +12,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from lfsr_core import __version__
 from lfsr_core.commands import (
     compare,
     displays,
@@ -31,6 +30,7 @@ from lfsr_core.commands import (
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import check_name, system_errors
 from lfsr_core.progress import is_openjd, tell_openjd
+from lfsr_core.version import __version__
 
 VERBS: tuple[laboratory.Verb, ...] = (
     displays, render, merge, upscale, view, export, import_views, views, farm, plan, reference, compare)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core import __version__
 from lfsr_core.frames.frame import Frame
 from lfsr_core.frames.identity import digest, job_facts
 from lfsr_core.frames.job import Job
 from lfsr_core.records import to_data
 from lfsr_core.render.content import file_content, stamp
+from lfsr_core.version import __version__
 
 from ..scene.notices import image_files
 

@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from lfsr_core import __version__
 from lfsr_core.files import locks
 from lfsr_core.frames.identity import PLACES, digest, job_facts
 from lfsr_core.frames.job import Job
@@ -20,6 +19,7 @@ from lfsr_core.render.content import scene_content
 from lfsr_core.render.process import Warn
 from lfsr_core.render.staging import LOCK_FILE, has_parts
 from lfsr_core.render.store import is_complete
+from lfsr_core.version import __version__
 
 IGNORED = (*PLACES, "scale", "spp")  # fields of the job that is planned for
 SECONDS_CACHED = 24 * 3600  # changes of textures and linked files are not noticed, so old renders are not reused

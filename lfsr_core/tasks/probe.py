@@ -6,8 +6,8 @@ import importlib
 import platform
 import sys
 
-from lfsr_core import __version__
 from lfsr_core.reconstruct.methods import denoise
+from lfsr_core.version import __version__
 
 OLDEST_PYTHON = (3, 11)
 NEEDED = ("numpy", "OpenImageIO", "PyOpenColorIO", "lfsr_core.reconstruct.second_stage")

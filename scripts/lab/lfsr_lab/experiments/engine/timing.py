@@ -6,6 +6,7 @@ import dataclasses
 import os
 import shutil
 import statistics
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -145,6 +146,8 @@ def children_cpu_seconds() -> float:
 
 def _child_seconds(stat: Path) -> float:
     """Return the seconds of a process of /proc that is a child of this one, else 0."""
+    if sys.platform == "win32":
+        return 0.0
     try:
         fields = stat.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
     except OSError:  # it has ended
