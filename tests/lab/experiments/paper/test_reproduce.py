@@ -4,31 +4,30 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
+import statistics
 
 import cv2
+import numpy as np
 import pytest
 
-from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.reference import Reference
+from lfsr_core.errors import LfsrError
 from lfsr_core.metrics.compare import compare_folders
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES
 from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.registry import method
-from lfsr_core.reconstruct.second_stage import linear_and_mask, upscale_frame
+from lfsr_core.reconstruct.second_stage import upscale_frame
 from lfsr_core.records import from_data, to_data
 from lfsr_core.render import store
 from lfsr_lab.experiments.engine import timing
-from lfsr_lab.experiments.engine.accuracy import Target
 from lfsr_lab.experiments.engine.plots import save
 from lfsr_lab.experiments.paper import __main__ as command
-from lfsr_lab.experiments.paper import page, quality, renders, settings, weights
-from lfsr_lab.experiments.paper.figures import figure9, figure11
-from lfsr_lab.train.config import load_config
+from lfsr_lab.experiments.paper import measuring, page, renders, settings, weights
+from lfsr_lab.experiments.paper.figure import LENS_SSIM, Results
+from lfsr_lab.experiments.paper.figures import images
 from tests.support.synthetic import MINI, write_reference, write_render
 from tests.support.training_photographs import some_photographs
 
-SCALE, SPP, CLEAN = 4, 4, 8
+SPP, CLEAN = 4, 8
+FIG9 = images.FIG9
 HALF = renders.resolution(MINI, 2)
 
 
@@ -47,8 +46,8 @@ def frames(tmp_path_factory):
     write_render(root / "bench" / moved.stem / f"s4-spp{SPP}", 4, samples=SPP)
     for scale in (1, 2, 4):
         write_render(root / f"bench-{HALF.name}" / "toy" / f"s{scale}-spp{SPP}", scale, HALF, samples=SPP)
-    return settings.quick(root, (scene,), display=MINI, timing_display=MINI, spp=SPP, clean_spp=CLEAN, repeats=3,
-                          steps=(4, 8), moves=(1.0,), workload=(8, 4), device="cpu")
+    return settings.make_settings(root, (scene,), True, display=MINI, timing_display=MINI, spp=SPP, clean_spp=CLEAN,
+                                  repeats=3, steps=(4, 8), moves=(1.0,), workload=(8, 4), device="cpu")
 
 
 @pytest.fixture(scope="module")
@@ -59,21 +58,21 @@ def measured(frames):
 def test_every_figure_measures_draws_and_speaks(frames, measured, tmp_path):
     for name, figure in page.FIGURES.items():
         results = measured[name]
-        assert from_data(figure.kind, json.loads(json.dumps(to_data(results))), name) == results
-        rows = figure.table(results)
+        assert from_data(Results, json.loads(json.dumps(to_data(results))), name) == results
+        rows = figure.table(results.rows)
         assert len(rows) > 2 and len({row.count("|") for row in rows}) == 1, rows
         assert figure.line(results).startswith("**")
         if figure.draw:
-            path = tmp_path / page.picture_name(figure)
-            save(figure.draw(results, frames.output), path)
+            path = tmp_path / page.image_name(figure)
+            save(figure.draw(results.rows, frames.output / settings.CELLS / name), path)
             assert cv2.imread(str(path)).std() > 5 and path.stat().st_size < 150_000
 
 
 def test_networks_without_weights_are_named_and_not_invented(measured):
     found = measured["fig9"]
-    assert [row.method for row in found.rows if row.metrics is None] == ["paper-gan"] * 2
-    assert "for want of weights: paper-gan" in figure9.line(found)
-    assert found.schedules["paper"].startswith("short schedule: ")
+    assert [row.method for row in found.rows if not row.values] == ["paper-gan"] * 2
+    assert "Not measured, because they have no weights: paper-gan." in FIG9.line(found)
+    assert found.schedules["paper"].startswith("40 epochs of 16 ")
     assert found.schedules["paper-gan"] == "no weights"
 
 
@@ -82,70 +81,49 @@ def test_accuracy_is_what_compare_gives(frames, measured):
     upscale_frame(folder, "bicubic")
     expected = compare_folders(folder, frames.bench / "toy" / "reference")
     row = next(row for row in measured["fig9"].rows if row.method == "bicubic" and row.samples == CLEAN)
-    assert row.metrics == pytest.approx({name: getattr(expected, name) for name in METRIC_NAMES})
-    assert sum(row.lens_ssim_fg) / len(row.lens_ssim_fg) == pytest.approx(expected.ssim_lens_fg, abs=0.01)
-    assert -10 * math.log10(row.error.border + row.error.centre) == pytest.approx(expected.psnr_fg, abs=0.01)
+    assert {name: row.values[name] for name in METRIC_NAMES} == pytest.approx(
+        {name: getattr(expected, name) for name in METRIC_NAMES})
+    assert statistics.mean(row.series[LENS_SSIM]) == pytest.approx(expected.ssim_lens_fg, abs=0.01)
 
 
-def test_sampled_lenses_are_compared_as_they_are_elsewhere(frames, tmp_path):
-    listed = tuple((row, column) for row in range(0, 12, 3) for column in range(0, 16, 2))
-    write_reference(tmp_path, noise=0.02, lens_list=listed)
-    reference, folder = Reference.read(tmp_path), frames.bench / "toy" / f"s4-spp{CLEAN}"
-    image, mask = linear_and_mask(folder, method("bicubic"))
-    target = Target(reference, reference.foreground_mask(mask))
-    found = quality.accuracy(quality.Finished(image, read_frame(folder), target))
-    inside = [mask[row, column] for row, column in listed]
-    assert 0 < sum(inside) < len(listed) and len(found.lens_ssim_fg) == reference.foreground.sum()
-    assert found.ci95["ssim_lens_fg"] > 0
-    if list(reference.foreground) == inside:
-        assert sum(found.lens_ssim_fg) / sum(inside) == pytest.approx(found.metrics["ssim_lens_fg"], abs=1e-5)
-    rows, columns = reference.lenses[quality.middle_lenses(reference, 4)].T
-    assert len(rows) == 4 and mask[rows, columns].all()
-
-
-def test_sampled_references_have_no_epipolar_images(frames, tmp_path):
+def test_references_of_some_lenses_are_refused(frames, tmp_path):
     write_reference(tmp_path / "toy" / "reference", lens_list=((1, 2), (3, 4)))
-    write_render(tmp_path / "toy" / f"s4-spp{CLEAN}", 4, samples=CLEAN)
-    sampled = dataclasses.replace(frames, bench=tmp_path, output=tmp_path)
-    results = figure11.measure(sampled)
-    assert page.FIGURES["fig11"].line(results).startswith("**Not measured.**")
-    assert len(figure11.draw(results, tmp_path).axes) == 1
+    with pytest.raises(LfsrError, match="shows only some lenses: give --bench a folder"):
+        FIG9.measure(dataclasses.replace(frames, bench=tmp_path, output=tmp_path))
+
+
+def test_the_middle_lenses_are_shown():
+    mask = np.zeros((12, 16), bool)
+    mask[6:9, 13:] = True
+    assert images.middle(mask, (8, 4)) == (slice(6 * 4, 9 * 4), slice(12 * 8, 16 * 8))
 
 
 def test_a_second_run_measures_nothing(frames, measured, monkeypatch):
     def forbidden(*_, **__):
         raise AssertionError("measured again")
 
-    for module, name in ((quality, "linear_and_mask"), (timing, "take_turns"), (store, "run_job")):
+    for module, name in ((measuring, "linear_and_mask"), (timing, "take_turns"), (store, "run_job")):
         monkeypatch.setattr(module, name, forbidden)
     for name, figure in page.FIGURES.items():
         assert figure.measure(frames) == measured[name], name
     with pytest.raises(AssertionError, match="measured again"):
-        figure9.measure(dataclasses.replace(frames, output=frames.output / "other"))
+        FIG9.measure(dataclasses.replace(frames, output=frames.output / "other"))
 
 
 def test_stopped_run_keeps_what_is_done(frames, measured, tmp_path, monkeypatch):
-    monkeypatch.setattr(quality, "accuracy", _stop_at(3))
-    again = dataclasses.replace(frames, output=tmp_path)
-    with pytest.raises(KeyboardInterrupt):
-        figure9.measure(again)
-    monkeypatch.undo()
-    done = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
-    assert len(done) == 2
-    assert figure9.measure(again).rows == measured["fig9"].rows
-    assert all(path.stat().st_mtime_ns == before for path, before in done.items())
+    original, calls = measuring.accuracy, []
 
-
-def _stop_at(call):
-    original, calls = quality.accuracy, []
-
-    def accuracy(made):
+    def stop_at_third(made):
         calls.append(1)
-        if len(calls) == call:
+        if len(calls) == 3:
             raise KeyboardInterrupt
         return original(made)
 
-    return accuracy
+    monkeypatch.setattr(measuring, "accuracy", stop_at_third)
+    again = dataclasses.replace(frames, output=tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        FIG9.measure(again)
+    assert FIG9.measure(again).rows == measured["fig9"].rows and len(calls) == 5, "4 rows have weights, 1 call stopped"
 
 
 def test_training_is_labelled_and_done_once(tmp_path, frames):
@@ -153,37 +131,24 @@ def test_training_is_labelled_and_done_once(tmp_path, frames):
     photographs.mkdir()
     for name, image in zip(some_photographs().names, some_photographs(height=100, width=100).images, strict=True):
         cv2.imwrite(str(photographs / name), image)
-    chosen = dataclasses.replace(frames, output=tmp_path, train_epochs=1, photographs=str(photographs),
-                                 validation=str(photographs))
+    chosen = dataclasses.replace(frames, output=tmp_path, train_epochs=1, photographs=str(photographs))
     path = weights.weights(chosen, "paper-3")
     before = path.stat().st_mtime_ns
     assert weights.weights(chosen, "paper-3") == path and path.stat().st_mtime_ns == before
-    assert path.parent == weights.trained_folder(chosen)
-    assert weights.schedule(path).startswith("short schedule: 1 epochs of ")
-    assert weights.fingerprint(path) != weights.fingerprint(weights.weights(frames, "paper"))
-    assert weights.weights(chosen, "refine") == catalogue.weights_path("refine", chosen.scale), "ours ship"
+    assert path.parent == weights.trained_folder(chosen, "paper-3")
+    assert weights.schedule(path).startswith("1 epochs of ")
+    assert weights.fingerprints(chosen, "paper-3") != weights.fingerprints(frames, "paper-3")
+    assert weights.weights(chosen, "refine") == catalogue.weights_path("refine", settings.SCALE), "ours ship"
     given = dataclasses.replace(frames, weights=path.parent)
     assert weights.weights(given, "paper-3") == path
     assert weights.weights(given, "paper-4") is None
-
-
-def test_a_short_adversary_begins_with_the_generator_of_the_same_run(tmp_path, frames):
-    path = tmp_path / "given" / f"paper-x{frames.scale}.safetensors"
-    weights._published(catalogue.weights_path("paper", frames.scale), path.parent)
-    given = dataclasses.replace(frames, weights=path.parent)
-    assert weights._start(given, "paper-gan") == str(path.resolve())
-    assert weights._start(given, "paper") == weights._start(given, "paper-3") == ""
-    full = dataclasses.asdict(load_config("paper-gan"))
-    assert weights._is_full(full) and not weights._is_full({**full, "epochs": 5})
 
 
 def test_one_command_writes_pages_and_goes_on(frames, tmp_path, capsys):
     words = ["-o", str(tmp_path / "out"), "--scenes", str(frames.scenes[0]), "--bench", str(frames.bench), "--quick",
              "--display", "mini", "--timing-display", "mini", "--spp", str(SPP), "--clean-spp", str(CLEAN),
              "--repeats", "3", "--docs", str(tmp_path / "docs")]
-    run = command.main
-    assert run([*words, "--only", "table3"]) == 0
-    assert run([*words, "--only", "fig9"]) == 0
+    assert [command.main([*words, "--only", name]) for name in ("table3", "fig9")] == [0, 0]
     text = (tmp_path / "docs" / "notebook" / "paper.md").read_text()
     assert "## Table 3: multiply-adds" in text and "![Fig. 9: residuals](../images/paper-fig9.png)" in text
     assert "Not measured in this run" in text and "Quick mode" in text
@@ -195,7 +160,7 @@ def test_one_command_writes_pages_and_goes_on(frames, tmp_path, capsys):
 def test_bad_input_is_one_sentence(frames, tmp_path, capsys):
     common = ["-o", str(tmp_path), "--scenes", str(frames.scenes[0])]
     for words, sentence in ((["--only", "fig13"], "there is no figure 'fig13'"),
-                            (["--weights", str(tmp_path / "none")], "is no folder"),
+                            (["--weights", str(tmp_path / "none")], "is not a folder"),
                             (["--bench", str(frames.bench), "--only", "fig9"],
                              "was rendered with display mini, but display small was asked for")):
         assert command.main([*common, *words]) == 2

@@ -11,7 +11,6 @@ every figure; --docs also puts the page and its images there.
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,69 +24,68 @@ from lfsr_lab.experiments.engine.environment import check_packages, environment
 from lfsr_lab.experiments.engine.plots import save
 from lfsr_lab.experiments.engine.report import exit_code, write_text
 from lfsr_lab.experiments.paper import page, renders, settings
-from lfsr_lab.experiments.paper.records import Results
+from lfsr_lab.experiments.paper.figure import Results
 
 RESULTS_FILE, PAGE_FILE, IMAGES = "results.json", "paper.md", "images"
 PAGE_IN_DOCS = "notebook/paper.md"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Exit code 0, 2 after bad input, 130 if stopped."""
+    """Run the command line and return exit code 0, 2 after bad input, 130 if stopped."""
     arguments = _parser().parse_args(argv)
     command = _command(sys.argv[1:] if argv is None else argv)
     return exit_code("paper", lambda: reproduce(arguments, command))
 
 
 def reproduce(arguments: argparse.Namespace, command: str) -> dict[str, Results]:
-    """Measure, draw and write figure by figure; returns all results by id, earlier ones included."""
+    """Measure, draw and write figure by figure, and return all results by id, earlier ones included."""
     check_packages()
     figures, chosen = page.chosen(arguments.only), make_settings(arguments)
-    run = page.Run(chosen, environment(), command)
+    machine = environment()
+    run = page.run_text(chosen, machine, command)
     file, facts = chosen.output / RESULTS_FILE, chosen.facts()
     results = _earlier(file, facts)
     for figure in figures:
         found = results[figure.id] = figure.measure(chosen)
-        write_json(file, {"settings": facts, "environment": to_data(run.environment), "command": command,
+        write_json(file, {"settings": facts, "environment": to_data(machine), "command": command,
                           "figures": {name: to_data(of) for name, of in results.items()}})
-        sheet = figure.draw(found, chosen.output) if figure.draw else None
+        sheet = figure.draw(found.rows, chosen.output / settings.CELLS / figure.id) if figure.draw else None
         pages = {chosen.output: (PAGE_FILE, IMAGES)}
         if arguments.docs:
             pages[arguments.docs] = PAGE_IN_DOCS, f"../{IMAGES}"
-        for folder, (file_name, images) in pages.items():
+        for folder, (page_file, images) in pages.items():
             if sheet:
-                save(sheet, folder / IMAGES / page.picture_name(figure))
-            write_text(folder / file_name, page.markdown(results, run, images))
+                save(sheet, folder / IMAGES / page.image_name(figure))
+            write_text(folder / page_file, page.markdown(results, run, images))
         print(f"{figure.title}: {figure.line(found)}", flush=True)
     return results
 
 
 def make_settings(arguments: argparse.Namespace) -> settings.Settings:
-    """Settings of the command line; LfsrError where a display, scene or folder is wrong."""
+    """Return the settings of the command line; LfsrError where a display, scene or folder is wrong."""
     scenes = tuple(arguments.scenes) or (renders.demo_scene(arguments.output),)
-    names = {field.name for field in dataclasses.fields(settings.Settings)} - {"output", "scenes", "quick"}
-    changes = {name: value for name, value in vars(arguments).items() if name in names and value is not None}
-    for name in ("display", "timing_display"):
-        if name in changes:
-            changes[name] = load_display(changes[name])
+    own = ("output", "scenes", "quick", "only", "docs")
+    changes = {name: load_display(value) if name in ("display", "timing_display") else value
+               for name, value in vars(arguments).items() if name not in own and value is not None}
     if arguments.weights is not None and not arguments.weights.is_dir():
-        raise LfsrError(f"--weights {arguments.weights} is no folder: give one with NAME-x{arguments.scale or 4}"
+        raise LfsrError(f"--weights {arguments.weights} is not a folder: give one with NAME-x{settings.SCALE}"
                         ".safetensors files")
-    return (settings.quick if arguments.quick else settings.full)(arguments.output, scenes, **changes)
+    return settings.make_settings(arguments.output, scenes, arguments.quick, **changes)
 
 
 def _earlier(path: Path, facts: dict[str, Any]) -> dict[str, Results]:
-    """Figures of an earlier run with the same settings, none where they differ."""
+    """Return the figures of an earlier run with the same settings, none where they differ."""
     if not path.exists():
         return {}
     data = read_json(path, "the results of an earlier run")
     if data.get("settings") == facts:
-        return {name: from_data(page.FIGURES[name].kind, found, str(path)) for name, found in data["figures"].items()}
-    print(f"{path} is of other settings: its figures leave the page, their measurements stay", file=sys.stderr)
+        return {name: from_data(Results, found, str(path)) for name, found in data["figures"].items()}
+    print(f"{path} has other settings: its figures leave the page, their measurements stay", file=sys.stderr)
     return {}
 
 
 def _command(words: Sequence[str]) -> str:
-    """The command line without this machine's folders."""
+    """Return the command line without this machine's folders."""
     shown = [Path(word).name if Path(word).is_absolute() else word for word in words]
     return " ".join(["python -m lfsr_lab.experiments.paper", *shown])
 
@@ -103,16 +101,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--bench", type=Path, metavar="DIR", help="folder with renders on --display to reuse and add to")
     add("--display", metavar="NAME|FILE.toml", help="for accuracy; default: small")
     add("--timing-display", metavar="NAME|FILE.toml", help="for times of whole frames; default: bupt-32in-8k")
-    add("--scale", type=int, metavar="S", help="default: 4")
     add("--spp", type=int, metavar="N", help="samples a user renders with, default: 16")
     add("--clean-spp", type=int, metavar="N", help="samples where noise should not matter, default: 4096")
     add("--reference-spp", type=int, metavar="N", help="default: 1024")
-    add("--lenses", type=int, metavar="N", help="lenses of a reference; default: all")
-    add("--convention", choices=("centred", "paper"), help="where views lie, default: centred")
-    add("--weights", type=Path, metavar="DIR", help="trained networks, as of lfsr_lab.train.suite")
+    add("--weights", type=Path, metavar="DIR", help="trained networks, NAME-x4.safetensors")
     add("--train-epochs", type=int, metavar="N", help="train each network that --weights lacks by the short recipe")
-    add("--photographs", metavar="DIR|FILE", help="to train with; default: as in lfsr_core/train/configs")
-    add("--validation", metavar="DIR|FILE", help="to validate with; default: as in lfsr_core/train/configs")
+    add("--photographs", metavar="DIR|FILE", help="to train with; default: as in lfsr_lab/train/configs")
     add("--device", choices=("auto", "cpu", "cuda"), help="for networks, default: auto")
     add("--render-device", metavar="NAME", help="Cycles device, default: CPU")
     add("--blender", metavar="PATH", help="default: the bpy package, then PATH")

@@ -1,102 +1,115 @@
-"""What every figure of the paper offers to the script, and the pieces that their tables and sentences share."""
+"""What every figure of the paper is made of: cells that measure rows, a table, a sentence and an image."""
 
 from __future__ import annotations
 
 import dataclasses
-import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, Generic, TypeVar
 
-from lfsr_lab.experiments.engine import plots
-from lfsr_lab.experiments.engine.accuracy import MAIN_METRICS
-from lfsr_lab.experiments.engine.report import number
-from lfsr_lab.experiments.paper.records import Results, Row
-from lfsr_lab.experiments.paper.settings import Settings
+from lfsr_lab.experiments.engine import cells, plots
+from lfsr_lab.experiments.engine.accuracy import Figures as Numbers
+from lfsr_lab.experiments.engine.cells import Cell
+from lfsr_lab.experiments.engine.records import Records
+from lfsr_lab.experiments.engine.report import markdown_table, number
+from lfsr_lab.experiments.paper import renders, weights
+from lfsr_lab.experiments.paper.settings import CELLS, VERSION, Settings
 from lfsr_lab.experiments.paper.verdict import Difference, paired
 
-Measured = TypeVar("Measured", bound=Results)
-ALIKE = 1.5  # times as many crops as another network has seen
-CROPS_SEEN = re.compile(r"^(?P<kind>[^:]*): (?P<epochs>\d+) epochs of (?P<crops>\d+) (?P<size>\d+)-pixel crops per "
-                        r"photograph, rate (?P<rate>\S+ \w+),")
+LENS_SSIM, SECONDS = "split SSIM of lenses", "seconds"  # names of series
+ACCURACY = "ssim_eia_fg"  # the metric that is drawn: split SSIM of the foreground
+LARGE = 100  # numbers from here on have no decimals
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Row:
+    """One row of a figure's table, and what it is compared by."""
+
+    scene: str = ""  # its name, or that of the case
+    method: str = ""  # its name, or that of the row
+    how: str = ""  # how it was made, where the method does not tell
+    samples: int | None = None  # per pixel of the render
+    values: Numbers = dataclasses.field(default_factory=dict)  # by column; empty where nothing was measured
+    # One number per foreground lens, row of lenses or run; those of two methods are compared pair by pair.
+    series: dict[str, tuple[float, ...]] = dataclasses.field(default_factory=dict)
+    image: str | None = None  # file name, in the folder of the figure's measurements
+    has_weights: bool = True  # False: nothing was measured
+
+    def value(self, name: str) -> float:
+        """Return a value, 0 where it is not known."""
+        return self.values.get(name) or 0.0
+
+    def text(self, name: str) -> str:
+        """Return a value as the table shows it."""
+        value = self.values.get(name)
+        return number(value, digits=3 if value is None or abs(value) < LARGE else 0)
 
 
 @dataclasses.dataclass(frozen=True)
-class Figure(Generic[Measured]):
+class Rows:
+    """What one cell measures at once."""
+
+    rows: tuple[Row, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Results:
+    """All rows of a figure."""
+
+    rows: tuple[Row, ...]
+    load: float | None = None  # highest load average seen after any measurement, None where the system tells none
+    schedules: dict[str, str] = dataclasses.field(default_factory=dict)  # how each method's network was trained
+
+
+@dataclasses.dataclass(frozen=True)
+class Figure:
     """One figure or table of the paper."""
 
     id: str  # on the command line and in file names
     title: str  # on the page
     claim: str  # what the paper says, as far as it is known here
-    kind: type[Measured]  # class of its results
-    measure: Callable[[Settings], Measured]  # makes the results, and goes on where an earlier call was stopped
-    table: Callable[[Measured], list[str]]  # Markdown lines of the results
-    line: Callable[[Measured], str]  # what became of the claim, in words
-    # A picture of the results and of files in the output folder; None for a table only.
-    draw: Callable[[Measured, Path], plots.Figure] | None = None
+    cells: Callable[[Settings], Iterable[Cell[Rows]]]  # what is measured
+    columns: tuple[str, ...]  # values in the table
+    rule: Callable[[Sequence[Row]], str]  # what became of the claim, in words
+    # Image of the rows and of the files in the folder of their measurements; None for a table only.
+    draw: Callable[[Sequence[Row], Path], plots.Figure] | None = None
+    methods: tuple[str, ...] = ()  # those whose training matters
+
+    def measure(self, settings: Settings) -> Results:
+        """Measure what an earlier call has not measured yet, and return everything."""
+        records = Records(settings.output / CELLS / self.id, Rows)
+        wanted = (dataclasses.replace(cell, inputs={"version": VERSION, **cell.inputs})
+                  for cell in self.cells(settings))
+        found = [row for each in cells.measured(wanted, records, renders.store(settings)) for row in each.rows]
+        return Results(tuple(found), records.load, weights.schedules(settings, self.methods))
+
+    def table(self, rows: Iterable[Row]) -> list[str]:
+        """Return the lines of a Markdown table of the rows that have values."""
+        shown = [row for row in rows if row.values]
+        labels = [name for name in ("scene", "method", "how", "samples") if any(getattr(row, name) for row in shown)]
+        lines = [[*(getattr(row, name) or None for name in labels), *map(row.text, self.columns)] for row in shown]
+        return markdown_table([*labels, *self.columns], lines)
+
+    def line(self, results: Results) -> str:
+        """Return what became of the claim, and what the results lack."""
+        absent = ", ".join(dict.fromkeys(row.method for row in results.rows if not row.has_weights))
+        without = f" Not measured, because they have no weights: {absent}." if absent else ""
+        return self.rule(results.rows) + without + _unequal(results.schedules.values())
 
 
-def metric(row: Row, name: str, digits: int = 3) -> str:
-    """One metric that was measured, with its interval where it has one."""
-    return number((row.metrics or {}).get(name), row.ci95.get(name), digits)
+def _unequal(schedules: Iterable[str]) -> str:
+    """Return a caution where the networks were not trained alike; seconds and device do not count."""
+    recipes = {text.rpartition(", ")[0] for text in schedules if not text.startswith((weights.NONE, weights.RENDERED))}
+    unequal = len(recipes) > 1 or "" in recipes
+    return " The networks were not trained alike, or it is not recorded how." if unequal else ""
 
 
-def known(rows: Iterable[Any], names: Iterable[str]) -> list[str]:
-    """Those of ``names`` that a row has: of a reference that shows every lens, or of one that shows some."""
-    found = [row.metrics for row in rows if row.metrics]
-    return [name for name in names if any(metrics.get(name) is not None for metrics in found)]
+def gains(rows: Iterable[Row], more: str, less: str, series: str = LENS_SSIM) -> dict[str, Difference]:
+    """Return what method ``more`` has more than ``less`` in a series, for every scene that has both."""
+    found = {(row.scene, row.method): row.series[series] for row in rows if row.series.get(series)}
+    return {scene: paired(ours, found[scene, less]) for (scene, method), ours in found.items()
+            if method == more and (scene, less) in found}
 
 
-def main_metric(rows: Sequence[Any]) -> str:
-    """What accuracy is drawn: ``ssim_eia_fg``, or ``ssim_lens_fg`` where a row's reference shows only some lenses."""
-    return next((name for name in MAIN_METRICS
-                 if all(name in row.metrics for row in rows if row.metrics)), MAIN_METRICS[0])
-
-
-def measured(rows: Iterable[Any]) -> dict[tuple[str, str], Any]:
-    """Return the rows that have figures, by scene and method."""
-    return {(row.scene, row.method): row for row in rows if row.is_measured}
-
-
-def differences(rows: Iterable[Any], first: str, second: str,
-                values: Callable[[Any], Sequence[float]]) -> dict[str, Difference]:
-    """What method ``first`` has more than ``second``, for every scene where both were measured.
-
-    Parameters
-    ----------
-    rows: of any methods and scenes.
-    first, second: names of methods.
-    values: of a row, as many and in the same order for both methods.
-    """
-    found = {key: values(row) for key, row in measured(rows).items()}
-    return {scene: paired(ours, found[scene, second]) for (scene, method), ours in found.items()
-            if method == first and ours and found.get((scene, second))}
-
-
-def gains(rows: Iterable[Row], better: str, worse: str) -> dict[str, Difference]:
-    """Split SSIM per foreground lens of method ``better`` over ``worse``, for every scene that has both."""
-    return differences(rows, better, worse, lambda row: row.lens_ssim_fg)
-
-
-def scenes_of(rows: Iterable[Any]) -> list[str]:
-    """Names of the rows' scenes, each once."""
-    return list(dict.fromkeys(row.scene for row in rows))
-
-
-def cautions(rows: Iterable[Any], schedules: Mapping[str, str]) -> str:
-    """Clauses that name the methods that could not be measured, and networks that were not trained alike."""
-    names = dict.fromkeys(row.method for row in rows if not row.is_measured)
-    return (f" Not measured, for want of weights: {', '.join(names)}." if names else "") + _unequal(schedules)
-
-
-def _unequal(schedules: Mapping[str, str]) -> str:
-    """A clause where the networks compared were not trained alike, by what ``weights.schedule`` says of each."""
-    found = [CROPS_SEEN.search(text) for text in schedules.values() if text != "no weights"]
-    if len(found) < 2 or None in found:
-        return " How the networks were trained is not known of all." if None in found else ""
-    matches = [match for match in found if match]
-    seen = [int(match["epochs"]) * int(match["crops"]) for match in matches]
-    same_recipe = len({(match["kind"], match["size"], match["rate"]) for match in matches}) == 1
-    if same_recipe and max(seen) <= ALIKE * min(seen):
-        return ""
-    return f" The networks were not trained alike: {min(seen)} to {max(seen)} crops of each photograph."
+def scenes_of(rows: Iterable[Row]) -> list[str]:
+    """Return the names of the rows' scenes, each once."""
+    return list(dict.fromkeys(row.scene for row in rows if row.scene))

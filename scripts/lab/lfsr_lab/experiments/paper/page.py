@@ -1,21 +1,19 @@
-"""The page: every figure with its picture, its table and what became of the claim."""
+"""The page: every figure with its image, its table and what became of the claim."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 from lfsr_core.errors import LfsrError
 from lfsr_lab.experiments.engine.environment import Environment
-from lfsr_lab.experiments.paper.figure import Figure
-from lfsr_lab.experiments.paper.figures import figure9, figure10, figure11, frames, tables
-from lfsr_lab.experiments.paper.records import Results
-from lfsr_lab.experiments.paper.settings import Settings
+from lfsr_lab.experiments.paper.figure import Figure, Results
+from lfsr_lab.experiments.paper.figures import frames, images
+from lfsr_lab.experiments.paper.figures.networks import ARCHITECTURE, COST, DEPTH, STEPS
+from lfsr_lab.experiments.paper.settings import SCALE, Settings
 
-FIGURES: dict[str, Figure[Any]] = {figure.id: figure for figure in (
-    figure9.FIGURE, figure10.STEPS, frames.SHARE, figure10.DEPTH, figure10.ARCHITECTURE, figure11.FIGURE,
-    frames.SCALES, frames.SCENES, tables.RIVALS, tables.COST)}
+FIGURES: dict[str, Figure] = {figure.id: figure for figure in (
+    images.FIG9, STEPS, frames.FRACTION, DEPTH, ARCHITECTURE, images.FIG11, frames.SCALES,
+    frames.SCENES, frames.TABLE2, COST)}
 """Every figure and table by its id, in the paper's order."""
 
 INTRODUCTION = """# The paper, measured again
@@ -25,18 +23,17 @@ super-resolution", Optics Express 29(23), 37862 (2021). Its abstract claims more
 an SSIM that can be over 0.90, from a low-resolution path-traced EIA, elemental images that a light network (trained
 with an adversary) super-resolves one by one, and foreground selection.
 
-Its text and curves were not at hand when this was written: the claims below are as far as they are known here, and
-whether the paper's words agree with its own curves is not judged. Its graphics card, scenes and lens count are not
-known either, so times are compared with times of this machine only.
+Its text and curves were not at hand: the claims below are as far as they are known here. Its graphics card, scenes and
+lens count are not known either, so times are compared with times of this machine only.
 
 Every sentence beside a figure is derived from the numbers. "Holds" and "other way round" mean that the 95 % interval
 of the paired difference (the same lenses, or runs taken in turns) lies on that side of zero; neighbouring lenses
-resemble each other, so these intervals are rather too narrow. SSIM is the split estimate of [metrics.md](metrics.md)
-unless it is called plain. Scenes and samples are in each table."""
+resemble each other, so these intervals are rather too narrow.
+SSIM is the split estimate of [metrics.md](../reference/metrics.md) unless it is called plain."""
 
 
 def chosen(only: str | None) -> list[Figure]:
-    """Figures of a comma-separated list of ids, all without one; LfsrError for an unknown id."""
+    """Return the figures of a comma-separated list of ids, all without one; LfsrError for an unknown id."""
     if only is None:
         return list(FIGURES.values())
     names = [name.strip() for name in only.split(",") if name.strip()]
@@ -46,54 +43,36 @@ def chosen(only: str | None) -> list[Figure]:
     return [figure for name, figure in FIGURES.items() if name in names]
 
 
-def picture_name(figure: Figure) -> str:
-    """File name of a figure's picture."""
+def image_name(figure: Figure) -> str:
+    """Return the file name of a figure's image."""
     return f"paper-{figure.id}.png"
 
 
-@dataclasses.dataclass(frozen=True)
-class Run:
-    """One run of the reproduction."""
-
-    settings: Settings  # what it measures
-    environment: Environment  # of the machine
-    command: str  # line that began it
-
-
-def markdown(results: Mapping[str, Results], run: Run, images: str = "images") -> str:
-    """The page of the figures in ``results``, by id; ``images``: folder of the pictures as seen from it."""
-    parts = [INTRODUCTION, *_run(run)]
-    parts += ["\n".join(_section(figure, results[name], images)) for name, figure in FIGURES.items() if name in results]
+def markdown(results: Mapping[str, Results], run: Sequence[str], folder: str = "images") -> str:
+    """Return the page of the figures in ``results``, by id, of a ``run``; ``folder`` holds the images."""
+    there = [figure for name, figure in FIGURES.items() if name in results]
+    parts = [INTRODUCTION, *run, *("\n".join(_section(figure, results[figure.id], folder)) for figure in there)]
     absent = [figure.title for name, figure in FIGURES.items() if name not in results]
     if absent:
         parts.append("## Not measured in this run\n\n" + "; ".join(absent))
     return "\n\n".join(parts) + "\n"
 
 
-def _section(figure: Figure[Any], results: Results, images: str) -> list[str]:
-    picture = ["", f"![{figure.title}]({images}/{picture_name(figure)})"] if figure.draw else []
+def _section(figure: Figure, results: Results, folder: str) -> list[str]:
+    image = ["", f"![{figure.title}]({folder}/{image_name(figure)})"] if figure.draw else []
+    trained = [f"- {name}: {text}" for name, text in results.schedules.items()]
+    networks = ["", "Networks (the paper's recipes are in lfsr_lab/train/configs):", "", *trained] if trained else []
     # This program's own threads count too.
     load = [] if results.load is None else ["", f"Load average while this was measured: at most {results.load:g}."]
-    return [f"## {figure.title}", "", f"Claim: {figure.claim}", "", f"Here: {figure.line(results)}", *picture, "",
-            *figure.table(results), *_schedules(results.schedules), *load]
+    return [f"## {figure.title}", "", f"Claim: {figure.claim}", "", f"Here: {figure.line(results)}", *image, "",
+            *figure.table(results.rows), *networks, *load]
 
 
-def _schedules(schedules: Mapping[str, str]) -> list[str]:
-    """How the networks were trained, those with the same schedule together."""
-    if not schedules:
-        return []
-    groups: dict[str, list[str]] = {}
-    for name, text in schedules.items():
-        groups.setdefault(text, []).append(name)
-    return ["", "Networks:", "", *(f"- {', '.join(names)}: {text}" for text, names in groups.items())]
-
-
-def _run(run: Run) -> list[str]:
-    of, machine = run.settings, run.environment
-    quick = ("**Quick mode: tiny frames and few samples, which touch every figure but decide nothing.**",)
-    lenses = "all lenses" if of.lenses is None else f"{of.lenses} lenses"
-    return [*(quick if of.quick else ()), "## The run", "    " + run.command,
-            f"Accuracy on `{of.display.name}`, times of whole frames on `{of.timing_display.name}`; s = {of.scale}, "
-            f"{of.spp} samples per pixel ({of.clean_spp} where noise should not matter), references of {lenses}, "
-            f"convention {of.convention}. Scenes: {', '.join(scene.stem for scene in of.scenes)}. "
-            f"{machine.cores} cores of {machine.cpu}, Python {machine.python}, {machine.packages}."]
+def run_text(of: Settings, machine: Environment, command: str) -> list[str]:
+    """Return paragraphs about a run: its command line, what it measures and on which machine."""
+    quick = ["**Quick mode: tiny frames and few samples, which touch every figure but decide nothing.**"]
+    return [*(quick if of.quick else []), "## The run", "    " + command,
+            f"Accuracy on `{of.display.name}`, times of whole frames on `{of.timing_display.name}`; s = {SCALE}, "
+            f"{of.spp} samples per pixel ({of.clean_spp} where noise should not matter, {of.reference_spp} of "
+            f"references), rendered on {of.render_device}. Scenes: {', '.join(scene.stem for scene in of.scenes)}. "
+            f"{machine.machine}, Python {machine.python}, {machine.packages}."]

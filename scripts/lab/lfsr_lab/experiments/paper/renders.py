@@ -12,44 +12,38 @@ from lfsr_core.files import write_json
 from lfsr_core.frames.job import Job, check_scene
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.render.blender import find_blender
-from lfsr_lab.experiments.engine import renders
-from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, Store
-from lfsr_lab.experiments.paper.settings import Settings
+from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, Store, reference_of
+from lfsr_lab.experiments.paper.settings import SCALE, Settings
 from lfsr_lab.scenes import scene_script
 from lfsr_lab.scenes.running import run_script
 
 
 @dataclasses.dataclass(frozen=True)
 class View:
-    """One low-resolution render."""
+    """One render."""
 
     scene: Path  # its file
-    scale: int  # factor, 1 for every view
     spp: int  # samples per pixel
+    scale: int = SCALE  # factor, 1 for every view
     display: DisplayProfile | None = None  # None for that of accuracy
     layout: str = "one-pass"  # how views are rendered, see ``Job``
 
 
-def low_resolution(settings: Settings, view: View) -> Path:
+def rendered(settings: Settings, view: View) -> Path:
     """Return the frame folder of a render; LfsrError where the folder holds another one."""
-    return _store(settings).rendered(_job(settings, view))
+    return store(settings).rendered(_job(settings, view))
 
 
 def reference(settings: Settings, scene: Path) -> Path:
     """Return the reference folder of a scene on ``settings.display``; one that is there may have any samples."""
-    job = _job(settings, View(scene, settings.scale, settings.spp))
-    folder = Path(job.output).with_name(REFERENCE + _convention(settings))
-    store = _store(settings)
-    return store.rendered(renders.sampled(renders.reference_of(job, settings.reference_spp, folder), settings.lenses,
-                                          lambda: store.rendered(job)))
+    job = _job(settings, View(scene, settings.spp))
+    folder = Path(job.output).with_name(REFERENCE)
+    return store(settings).rendered(reference_of(job, settings.reference_spp, folder))
 
 
-def _store(settings: Settings) -> Store:
+def store(settings: Settings) -> Store:
+    """Return the store that makes missing renders."""
     return Store(settings.output, settings.blender)
-
-
-def _convention(settings: Settings) -> str:
-    return "" if settings.convention == "centred" else f"-{settings.convention}"
 
 
 def _job(settings: Settings, view: View) -> Job:
@@ -57,9 +51,9 @@ def _job(settings: Settings, view: View) -> Job:
     display = view.display or settings.display
     bench = settings.bench if display == settings.display else settings.output / f"bench-{display.name}"
     variant = "" if view.layout == "one-pass" else f"-{view.layout}"
-    folder = bench / view.scene.stem / f"s{view.scale}-spp{view.spp}{variant}{_convention(settings)}"
+    folder = bench / view.scene.stem / f"s{view.scale}-spp{view.spp}{variant}"
     return Job(output=str(folder), display=display, scene=check_scene(view.scene), scale=view.scale, spp=view.spp,
-               layers=LAYERS, layout=view.layout, convention=settings.convention, device=settings.render_device)
+               layers=LAYERS, layout=view.layout, device=settings.render_device)
 
 
 def moved(settings: Settings, scene: Path, fraction: float) -> Path:

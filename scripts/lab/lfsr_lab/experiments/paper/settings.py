@@ -9,7 +9,8 @@ from typing import Any
 from lfsr_core.optics.display import DisplayProfile, load_display
 
 CELLS = "cells"  # folder of measurements
-VERSION = 4  # another one where a measurement of the same inputs holds other numbers
+VERSION = 5  # increase it when a measurement of the same inputs yields other numbers
+SCALE = 4  # factor of the low-resolution renders
 QUICK_DISPLAY = DisplayProfile("paper-quick", (192, 112), (192.0, 112.0), (12, 7), (16, 16), 250.0, 40.0)
 
 
@@ -21,49 +22,36 @@ class Settings:
     scenes: tuple[Path, ...]  # scene files
     bench: Path  # folder of renders on ``display``, may be shared
     display: DisplayProfile  # for accuracy
-    timing_display: DisplayProfile  # for whole frames whose time counts
-    scale: int = 4  # factor of the low-resolution renders
+    timing_display: DisplayProfile  # for times of whole frames
     spp: int = 16  # samples per pixel that a user renders with
     clean_spp: int = 4096  # samples per pixel nearly free of noise
     reference_spp: int = 1024  # samples per pixel of a reference
-    lenses: int | None = None  # lenses of a reference, None for all
-    convention: str = "centred"  # where views lie, see ``Job``
     weights: Path | None = None  # folder of trained networks, None for those that ship
     train_epochs: int = 0  # training per missing network, 0 trains none
     photographs: str = ""  # to train with, empty for those of the built-in configs
-    validation: str = ""  # to train with, empty for those of the built-in configs
     device: str = "auto"  # for networks
     render_device: str = "CPU"  # for Cycles
     blender: str | None = None  # executable, None to look for one
     repeats: int = 10  # runs of everything timed but renders
     steps: tuple[int, ...] = (8, 16, 32, 48, 80, 128, 208)  # elemental images per call in Fig. 10(a)
-    # Distances of the camera array in Fig. 10(b), as a share of its own.
-    moves: tuple[float, ...] = (0.3, 0.45, 0.7, 1.0, 1.6)
+    moves: tuple[float, ...] = (0.3, 0.45, 0.7, 1.0, 1.6)  # distances of the camera array in Fig. 10(b), 1: its own
     resolutions: tuple[int, ...] = (4, 2, 1)  # divisors of ``timing_display`` in Fig. 12(a)
-    # Elemental images per frame and their low-resolution side where only a network is timed.
-    workload: tuple[int, int] = (5184, 20)
+    workload: tuple[int, int] = (5184, 20)  # elemental images and their side where only a network is timed
     quick: bool = False  # whether the run only touches every figure
 
     def facts(self) -> dict[str, Any]:
-        """What the page says about the run: no paths."""
-        names = ("scale", "spp", "clean_spp", "reference_spp", "lenses", "convention", "train_epochs", "repeats",
-                 "quick", "render_device")
+        """Return what the page says about the run: no paths."""
+        names = ("spp", "clean_spp", "reference_spp", "train_epochs", "repeats", "quick", "render_device")
         return {**{name: getattr(self, name) for name in names}, "display": self.display.name,
                 "timing_display": self.timing_display.name, "version": VERSION,
                 "scenes": [scene.stem for scene in self.scenes]}
 
 
-def full(output: Path, scenes: tuple[Path, ...], **changes: Any) -> Settings:
-    """Settings of the whole reproduction; ``changes`` replace single ones."""
-    values: dict[str, Any] = {"output": output, "scenes": scenes, "bench": output / "bench",
-                              "display": load_display("small"),
-                              "timing_display": load_display("bupt-32in-8k")}
-    return Settings(**values | changes)
-
-
-def quick(output: Path, scenes: tuple[Path, ...], **changes: Any) -> Settings:
-    """Settings that touch every figure in a few minutes: the numbers mean little."""
-    small = {"display": QUICK_DISPLAY, "timing_display": QUICK_DISPLAY, "spp": 4, "clean_spp": 64, "reference_spp": 32,
-             "repeats": 6, "steps": (8, 48, 208), "moves": (0.5, 1.0, 2.0), "resolutions": (2, 1),
-             "workload": (416, 20), "quick": True}
-    return full(output, scenes, **small | changes)
+def make_settings(output: Path, scenes: tuple[Path, ...], is_quick: bool = False, **changes: Any) -> Settings:
+    """Return the settings of a run; ``is_quick`` touches every figure in minutes, and its numbers mean little."""
+    values: dict[str, Any] = {"display": load_display("small"), "timing_display": load_display("bupt-32in-8k")}
+    if is_quick:
+        values = {"display": QUICK_DISPLAY, "timing_display": QUICK_DISPLAY, "spp": 4, "clean_spp": 64, "repeats": 6,
+                  "reference_spp": 32, "steps": (8, 48, 208), "moves": (0.5, 1.0, 2.0), "resolutions": (2, 1),
+                  "workload": (416, 20), "quick": True}
+    return Settings(output, scenes, **{"bench": output / "bench", **values, **changes})

@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 from lfsr_core.metrics.intervals import student_95
 
 FEWEST = 3  # values that show their own spread
-SINGLE_RUN = 0.10  # share of a time taken once that is within its noise
+SINGLE_RUN = 0.10  # fraction of a time taken once that is within its noise
+WORDS = {1: "holds", -1: "the other way round", 0: "cannot be told"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -17,7 +18,7 @@ class Difference:
     """A difference with its 95 % interval."""
 
     value: float  # the difference itself
-    half: float  # half-width of the interval, infinite where the spread is not known
+    half: float = 0.0  # half-width of the interval, infinite where the spread is not known
 
     @property
     def sign(self) -> int:
@@ -25,11 +26,14 @@ class Difference:
         return int(self.value - self.half > 0) - int(self.value + self.half < 0)
 
     def __str__(self) -> str:
-        return f"{self.value:+.4f}" + (f" ± {self.half:.4f}" if 0 < self.half < math.inf else "")
+        return f"{self.value:+.3g}" + (f" ± {self.half:.2g}" if 0 < self.half < math.inf else "")
+
+
+Differences = Mapping[str, Difference]  # by the case's name
 
 
 def mean_interval(values: Sequence[float]) -> Difference:
-    """Mean of independent values with its interval of Student's t."""
+    """Return the mean of independent values with its interval of Student's t."""
     count = len(values)
     mean = math.fsum(values) / count
     if count < FEWEST:
@@ -39,62 +43,54 @@ def mean_interval(values: Sequence[float]) -> Difference:
 
 
 def paired(ours: Sequence[float], theirs: Sequence[float]) -> Difference:
-    """Mean of ``ours`` - ``theirs``, pair by pair: what both share cancels."""
+    """Return the mean of ``ours`` - ``theirs``, pair by pair: what both have in common cancels."""
     return mean_interval([a - b for a, b in zip(ours, theirs, strict=True)])
 
 
 def single_runs(ours: float, theirs: float) -> Difference:
-    """``ours`` - ``theirs`` of two times that were each taken once."""
+    """Return ``ours`` - ``theirs`` of two times that were each taken once."""
     return Difference(ours - theirs, SINGLE_RUN * max(ours, theirs))
 
 
-def overall(*parts: Mapping[str, Difference]) -> str:
-    """What became of a claim whose ``parts`` must all be above zero, in a few words."""
+def overall(*parts: Differences) -> str:
+    """Return in bold what became of a claim whose ``parts`` must all be above zero."""
     signs = {difference.sign for part in parts for difference in part.values()}
     if not signs:
         return "**Not measured.**"
-    if signs == {1}:
-        words = "Holds"
-    elif 1 in signs:
-        words = "Holds in part"
+    if 1 in signs:
+        words = "Holds" if signs == {1} else "Holds in part"
     else:
-        words = "Does not hold" if signs == {-1} else "Does not hold where it can be told"
-        words = words if -1 in signs else "Cannot be told"
+        words = "Does not hold" if -1 in signs else "Cannot be told"
     return f"**{words}.**" if all(parts) else f"**{words}; not all of it was measured.**"
 
 
-def sentence(statement: str, differences: Mapping[str, Difference], unit: str = "", factor: float = 1.0) -> str:
-    """Whether a statement holds, and by how much.
+def sentence(statement: str, differences: Differences, unit: str = "") -> str:
+    """Return whether a statement holds, where, and by how much.
 
     Parameters
     ----------
-    statement: what holds where the differences are above zero.
-    differences: by the case's name.
-    unit: of what is written.
-    factor: that the differences are multiplied with for that.
+    statement : what holds where the differences are above zero
+    differences : by the case's name
+    unit : of the differences
     """
     if not differences:
         return f"{statement}: not measured."
-    scaled = {name: Difference(factor * d.value, factor * d.half) for name, d in differences.items()}
-    return f"{statement}: {holds(differences)} ({span(scaled)}{' ' if unit else ''}{unit})."
+    return f"{statement}: {holds(differences)} ({span(differences)} {unit}".rstrip() + ")."
 
 
-def holds(differences: Mapping[str, Difference]) -> str:
-    """Whether "above zero" holds: in all cases, in none, or in which; ``differences`` by the case's name."""
-    groups = {sign: [name for name, difference in differences.items() if difference.sign == sign]
-              for sign in (1, -1, 0)}
-    words = {1: "holds", -1: "the other way round", 0: "cannot be told from these numbers"}
-    everywhere = next((sign for sign, names in groups.items() if len(names) == len(differences)), None)
-    if everywhere is not None:
-        return words[everywhere] + (f" (all {len(differences)} cases)" if len(differences) > 1 else "")
-    parts = [f"{words[sign]} in {len(names)} of {len(differences)} ({', '.join(names)})"
-             for sign, names in groups.items() if names]
+def holds(differences: Differences) -> str:
+    """Return whether "above zero" holds: in all cases, or in which."""
+    total, parts = len(differences), []
+    for sign, words in WORDS.items():
+        names = [name for name, difference in differences.items() if difference.sign == sign]
+        if len(names) == total:
+            return words + (f" (all {total} cases)" if total > 1 else "")
+        if names:
+            parts.append(f"{words} in {len(names)} of {total} ({', '.join(names)})")
     return "; ".join(parts)
 
 
-def span(differences: Mapping[str, Difference]) -> str:
-    """The differences' values in one phrase: one with its interval, several as a range."""
-    found = list(differences.values())
-    if len(found) == 1:
-        return str(found[0])
-    return f"{min(d.value for d in found):+.4f} to {max(d.value for d in found):+.4f}" if found else "–"
+def span(differences: Differences) -> str:
+    """Return a single difference with its interval, several as a range."""
+    found = sorted(differences.values(), key=lambda difference: difference.value)
+    return str(found[0]) if len(found) == 1 else f"{found[0].value:+.3g} to {found[-1].value:+.3g}"

@@ -1,0 +1,169 @@
+"""Fig. 10(a), (c), (d) and Table 3: images per call, convolutions, architecture and multiply-adds of networks."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from lfsr_core.reconstruct.networks import catalogue
+from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.engine.cells import Cell
+from lfsr_lab.experiments.paper import weights
+from lfsr_lab.experiments.paper.figure import ACCURACY, SECONDS, Figure, Row, Rows, gains, scenes_of
+from lfsr_lab.experiments.paper.measuring import TIME_COLUMNS, accuracy, accuracy_cell, network_times
+from lfsr_lab.experiments.paper.renders import View
+from lfsr_lab.experiments.paper.settings import SCALE, Settings
+from lfsr_lab.experiments.paper.verdict import Difference, overall, paired, sentence, span
+from lfsr_lab.networks import comparators
+
+NETWORK, BICUBIC = "paper", "bicubic"
+DEEPER = tuple(f"paper-{n}" for n in (3, 4, 5, 6))
+RIVALS = ("espcn", "fsrcnn")
+STEP = 48
+WORTH = 0.01  # split SSIM that a deeper network would have to add
+CLAIM_STEP = "The number of elemental images per call, 8 to 208, changes the time of the second stage."
+CLAIM_DEPTH = "Two convolutions suffice: more cost time and add little."
+CLAIM_ARCHITECTURE = ("Its words are not known here; taken as: no other light network is both faster and more "
+                      "accurate than the generator.")
+CLAIM_COST = "The generator needs fewer multiply-adds than other networks for super-resolution."
+COLUMNS = ("ms", ACCURACY)
+PER_PIXEL, PER_FRAME = "multiply-adds per low-resolution pixel", "10⁹ per frame, all lenses"
+
+
+def step_cells(settings: Settings) -> Iterator[Cell[Rows]]:
+    """Yield the generator alone on one frame, for each step."""
+    yield network_times(settings, {str(step): (NETWORK, step) for step in settings.steps})
+
+
+def depth_cells(settings: Settings) -> Iterator[Cell[Rows]]:
+    """Yield the generator with two to six convolutions."""
+    yield from _network_cells(settings, "fig10c", (NETWORK, *DEEPER))
+
+
+def architecture_cells(settings: Settings) -> Iterator[Cell[Rows]]:
+    """Yield the generator and other architectures, and bicubic for comparison of accuracy."""
+    yield from _network_cells(settings, "fig10d", (NETWORK, *RIVALS), (BICUBIC,))
+
+
+def _network_cells(settings: Settings, figure: str, names: Sequence[str],
+                   untimed: Sequence[str] = ()) -> Iterator[Cell[Rows]]:
+    """Yield times, and accuracy of a render nearly without noise: what a network adds there is its own."""
+    yield network_times(settings, {name: (name, STEP) for name in names})
+    for scene in settings.scenes:
+        for name in (*names, *untimed):
+            yield accuracy_cell(settings, figure, View(scene, settings.clean_spp), name, accuracy)
+
+
+def draw_step(rows: Sequence[Row], _folder: Path) -> plots.Figure:
+    """Draw milliseconds over the step, quartiles as bars."""
+    sheet, grid = plots.sheet(5, 3)
+    bars = [[abs(row.value(name) - row.value("ms")) for row in rows] for name in TIME_COLUMNS[1:]]
+    grid[0, 0].errorbar([int(row.method) for row in rows], [row.value("ms") for row in rows], bars,
+                        color=plots.COLORS[0], marker="o", capsize=3)
+    grid[0, 0].set(xlabel="elemental images per call", ylabel=f"ms for {rows[0].how}", ylim=(0, None))
+    return sheet
+
+
+def draw_networks(rows: Sequence[Row], _folder: Path) -> plots.Figure:
+    """Draw time as bars, accuracy of every scene as points."""
+    sheet, grid = plots.sheet(8, 3, 1, 2)
+    times, accuracies = grid[0]
+    timed = [row for row in rows if row.series.get(SECONDS)]
+    times.bar([row.method for row in timed], [row.value("ms") for row in timed], color=plots.COLORS[0])
+    times.set_ylabel(f"ms for {timed[0].how}", fontsize=8)
+    for index, scene in enumerate(scenes_of(rows)):
+        shown = [row for row in rows if row.scene == scene and row.values]
+        accuracies.plot([row.method for row in shown], [row.value(ACCURACY) for row in shown], "o-", ms=4, lw=0.8,
+                        label=scene, color=plots.COLORS[index % len(plots.COLORS)])
+    accuracies.set_ylabel(f"split SSIM ({ACCURACY})", fontsize=8)
+    accuracies.legend(frameon=False, fontsize=7)
+    for axis in grid[0]:
+        axis.tick_params(axis="x", rotation=20, labelsize=8)
+    return sheet
+
+
+def rule_step(rows: Sequence[Row]) -> str:
+    """Return slowest against fastest step; both are chosen on every other run and compared on the rest."""
+    order = sorted(rows, key=lambda row: statistics.median(row.series[SECONDS][::2]))
+    fastest, slowest = order[0], order[-1]
+    found = {"": paired(slowest.series[SECONDS][1::2], fastest.series[SECONDS][1::2])}
+    ratio = slowest.value("ms") / fastest.value("ms")
+    statement = f"Step {slowest.method} takes longer than step {fastest.method}, {ratio:.2f} times"
+    return f"{overall(found)} {sentence(statement, found, 's')}"
+
+
+def rule_depth(rows: Sequence[Row]) -> str:
+    """Return what the deeper networks add to time and accuracy."""
+    slower = {name: gains(rows, name, NETWORK, SECONDS)[""] for name in DEEPER}
+    added = {f"{name} on {scene}": gain for name in DEEPER for scene, gain in gains(rows, name, NETWORK).items()}
+    # Above zero where even the upper end of what is gained stays below WORTH.
+    room = {name: Difference(WORTH - gain.value, gain.half) for name, gain in added.items()}
+    little = sentence(f"They add less than {WORTH} of split SSIM", room, "to spare")
+    little += f" They add {span(added)} of split SSIM." if added else ""
+    return (f"{overall(slower, room)} {sentence('More convolutions cost time', slower, 's')} Six take "
+            f"{_ratio(rows, DEEPER[-1]):.2f} times as long as two. {little}")
+
+
+def rule_architecture(rows: Sequence[Row]) -> str:
+    """Return whether any rival is both faster and more accurate than the generator."""
+    words: list[str] = []
+    unbeaten: dict[str, Difference] = {}
+    for name in RIVALS:
+        faster, better = gains(rows, NETWORK, name, SECONDS), gains(rows, name, NETWORK)
+        statement = f"{name} is faster than the generator ({_ratio(rows, name):.2f} times its time)"
+        words += [sentence(statement, faster, "s"), sentence(f"{name} is more accurate", better, "split SSIM")]
+        unbeaten |= {f"{name} on {scene}": worst(faster[""], gain) for scene, gain in better.items()}
+    words.append(sentence("The generator is more accurate than bicubic", gains(rows, NETWORK, BICUBIC), "split SSIM"))
+    return " ".join([overall(unbeaten), *words])
+
+
+def worst(faster: Difference, better: Difference) -> Difference:
+    """Return what is above zero where a rival surely lacks one of both, below where it surely has both."""
+    return Difference(-min(faster.sign, better.sign))
+
+
+def _ratio(rows: Sequence[Row], name: str) -> float:
+    """Return how many times as long as the generator a network takes."""
+    ms = {row.method: row.value("ms") for row in rows if row.series.get(SECONDS)}
+    return ms[name] / ms[NETWORK]
+
+
+def cost_cells(settings: Settings) -> Iterator[Cell[Rows]]:
+    """Yield the costs of all networks, which are counted, not timed."""
+    yield Cell("costs", {"display": settings.timing_display.to_dict(), "networks": sorted(catalogue.NETWORKS)},
+               lambda: _costs(settings))
+
+
+def _costs(settings: Settings) -> Rows:
+    from lfsr_lab.networks.cost import multiply_adds, parameters
+
+    display, rows = settings.timing_display, []
+    width, height = display.eia_pixels
+    for name, entry in catalogue.NETWORKS.items():
+        # Only what works on an elemental image of its own; the adversary leaves the generator's size as it is.
+        if entry.upscaler != comparators.PER_IMAGE or name == "paper-gan" or SCALE not in entry.scales:
+            continue
+        network = weights.untrained(name, SCALE)
+        per_pixel = multiply_adds(network, *display.low_views(SCALE)[::-1])
+        rows.append(Row(method=name, values={"parameters": parameters(network), PER_PIXEL: per_pixel,
+                                             PER_FRAME: per_pixel * width * height / SCALE**2 / 1e9}))
+    return Rows(tuple(rows))
+
+
+def rule_cost(rows: Sequence[Row]) -> str:
+    """Return the generator against the other architectures."""
+    cost = {row.method: row.value(PER_PIXEL) for row in rows}
+    others = {name: Difference(value / cost["paper"] - 1) for name, value in cost.items()
+              if not name.startswith("paper")}
+    ratios = ", ".join(f"{name} {1 + other.value:.2f}" for name, other in others.items())
+    return f"{overall(others)} Times the generator's: {ratios} (counted, so without an interval)."
+
+
+STEPS = Figure("fig10a", "Fig. 10(a): step", CLAIM_STEP, step_cells, TIME_COLUMNS, rule_step, draw_step)
+DEPTH = Figure("fig10c", "Fig. 10(c): number of convolutions", CLAIM_DEPTH, depth_cells, COLUMNS, rule_depth,
+               draw_networks, (NETWORK, *DEEPER))
+ARCHITECTURE = Figure("fig10d", "Fig. 10(d): architectures", CLAIM_ARCHITECTURE, architecture_cells, COLUMNS,
+                      rule_architecture, draw_networks, (NETWORK, *RIVALS))
+COST = Figure("table3", "Table 3: multiply-adds", CLAIM_COST, cost_cells, ("parameters", PER_PIXEL, PER_FRAME),
+              rule_cost)
