@@ -43,12 +43,12 @@ class Way:
         return tuple(scale for scale in scales_up_to(profile) if scale == 1 or method.works_at(scale))
 
 
-OURS = Way("ours", "ours", "one-pass", (4, 16, 64),
+OURS = Way("default", "ours", "one-pass", (4, 16, 64),
            "fewer views in one pass, as many as `lfsr render` chooses, the default method, the weave")
 EVERY_VIEW = Way("every view", "every-view", "one-pass", (1, 4, 16), "every view in one pass, OIDN, the weave")
-SUBPIXEL = Way("straight", "straight", SUBPIXELS, (1, 4, 16),
+SUBPIXEL = Way("direct subpixels", "straight", SUBPIXELS, (1, 4, 16),
                "rays of the panel's subpixels, each a pixel of the render, OIDN, no weave")
-USUAL = Way("usual", "every-view", "view-by-view", (4,), "one render per view, OIDN per view, the nearest view")
+USUAL = Way("view by view", "every-view", "view-by-view", (4,), "one render per view, OIDN per view, the nearest view")
 WAYS = (OURS, EVERY_VIEW, SUBPIXEL, USUAL)
 
 
