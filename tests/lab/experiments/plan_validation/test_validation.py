@@ -22,7 +22,7 @@ from lfsr_core.records import read_record
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.timing import Repeats
 from lfsr_lab.experiments.plan_validation import actual
-from lfsr_lab.experiments.plan_validation.__main__ import Case, judge, main, summary, with_between
+from lfsr_lab.experiments.plan_validation.__main__ import judge, main, summary, with_between
 from lfsr_lab.experiments.plan_validation.actual import Actual
 from lfsr_lab.experiments.plan_validation.records import Validation
 from tests.support.noisy_renders import JOB, render
@@ -125,12 +125,12 @@ def test_a_plan_that_promises_too_much_is_found_out():
             Rated(**vars(costly), seconds=4.0, estimate=Estimate(0.97, 0.96, 0.98, 0.005, 30)))
     sample = SampleFacts({"foreground": 30}, 90, "s1-spp16 oidn", 100.0, 4.0, 1.0, 0.04, 0.04, 1.5, True, 0.02, 0.01)
     known = {cheap: Actual(0.94, 1.1), costly: Actual(0.965, 4.4)}
-    wrong = judge(Planned(rows, Choice(rows[0], rows[1]), sample), known, Case("toy", 0, 0.95, MINI))
+    wrong = judge(Planned(rows, Choice(rows[0], rows[1]), sample), known, MINI, "toy", 0, 0.95)
     assert wrong.met is False and wrong.cost is None and wrong.hindsight == costly.name
     assert wrong.covered == (False, True)
-    wasteful = judge(Planned(rows, Choice(rows[1], rows[1]), sample), known, Case("toy", 0, 0.93, MINI))
+    wasteful = judge(Planned(rows, Choice(rows[1], rows[1]), sample), known, MINI, "toy", 0, 0.93)
     assert wasteful.met is True and wasteful.cost == pytest.approx(4) == wasteful.samples
-    nothing = judge(Planned(rows, Choice(None, rows[1], "noise"), sample), known, Case("toy", 0, 0.95, MINI))
+    nothing = judge(Planned(rows, Choice(None, rows[1], "noise"), sample), known, MINI, "toy", 0, 0.95)
     found = summary([wrong, wasteful, nothing])
     assert (found.met, found.nothing_chosen_though_possible, found.cheap_enough) == (0.5, 1, 0.0)
     assert found.bounds_below_actual == 0.5 and math.isclose(found.mean_share_of_seconds, 0.04)

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from lfsr_core.commands.arguments import names, numbers
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import Job
@@ -30,11 +31,10 @@ from lfsr_core.plan.planner import Planned, make_plan
 from lfsr_core.records import write_record
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import run_job
-from lfsr_core.render.store import Render
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import REFERENCE
 from lfsr_lab.experiments.engine.report import exit_code, markdown_table
-from lfsr_lab.experiments.plan_validation.actual import Actual, actual, renders, replay, scenes
+from lfsr_lab.experiments.plan_validation.actual import Actual, actuals, renders, replay, scenes
 from lfsr_lab.experiments.plan_validation.records import Summary, Validation, Verdict
 
 TARGETS = (0.8, 0.85, 0.9, 0.925, 0.95, 0.97)
@@ -46,58 +46,41 @@ TRUTH = "truth"  # folder of measured candidates beside a scene's samples
 Actuals = dict[Candidate, Actual]
 
 
-@dataclasses.dataclass(frozen=True)
-class Draw:
-    """One draw of lenses on one scene."""
-
-    folder: Path  # of the scene
-    scene_file: str  # what Blender opens, empty where renders are replayed
-    seed: int  # of the lenses
-    work: Path  # where the sample is stored
-    records: Records[Actual]  # measured candidates
-
-
-@dataclasses.dataclass(frozen=True)
-class Case:
-    """One plan: ``scene``, ``seed`` of its lenses, ``target`` accuracy, and the ``display``."""
-
-    scene: str
-    seed: int
-    target: float
-    display: DisplayProfile
-
-
-def validate(draw: Draw, render: Render, options: PlanOptions, targets: Sequence[float]) -> Iterator[Verdict]:
-    """Yield a verdict per target; the sample in ``draw.work`` serves all targets.
+def validate(scene: Path, scene_file: str, plans: PlanOptions, options: argparse.Namespace) -> Iterator[Verdict]:
+    """Yield a verdict per seed and target; one sample of a seed serves all targets.
 
     Parameters
     ----------
-    draw : scene, seed and folders
-    render : makes the sample's renders
-    options : of the plans, apart from their targets
-    targets : accuracies to plan for
+    scene : folder of the scene
+    scene_file : what Blender opens, empty where renders are replayed
+    plans : options of the plans, apart from their targets
+    options : of the command line
     """
-    display = read_frame(draw.folder / REFERENCE).display
-    options = dataclasses.replace(options, renders=tuple(renders(draw.folder)))
-    job = Job(output=str(draw.work), display=display, scene=draw.scene_file, layers=("albedo", "normal"),
-              seed=draw.seed)
-    known = with_between(_actuals(draw, options.candidates(display), options.metric), options.between)
-    for target in targets:
-        planned = make_plan(job, dataclasses.replace(options, target=target), lambda job, _: render(job), draw.work)
-        yield judge(planned, known, Case(draw.folder.name, draw.seed, target, display))
+    display, folder = read_frame(scene / REFERENCE).display, options.output / scene.name
+    plans = dataclasses.replace(plans, renders=tuple(renders(scene)))
+    known = with_between(actuals(scene, plans.candidates(display), Records(folder / TRUTH, Actual)), plans.between)
+    render = partial(replay, scene) if options.replay else partial(run_job, blender=find_blender(options.blender))
+    for seed in options.seeds:
+        print(f"{scene.name}, seed {seed}", file=sys.stderr, flush=True)
+        with tempfile.TemporaryDirectory(prefix="lfsr-replay-") as replayed:
+            work = replayed if options.replay else folder / f"seed-{seed}"
+            job = Job(output=str(work), display=display, scene=scene_file, layers=("albedo", "normal"), seed=seed)
+            for target in options.targets:
+                planned = make_plan(job, dataclasses.replace(plans, target=target), lambda job, _: render(job), work)
+                yield judge(planned, known, display, scene.name, seed, target)
 
 
-def judge(planned: Planned, actuals: Actuals, case: Case) -> Verdict:
-    """Compare a plan with what its candidates reach and take as whole frames."""
-    meeting = [candidate for candidate, found in actuals.items() if found.accuracy >= case.target]
+def judge(planned: Planned, actuals: Actuals, display: DisplayProfile, scene: str, seed: int,
+          target: float) -> Verdict:
+    """Compare a plan for a scene, seed of lenses and target with what its candidates reach and take as whole frames."""
+    meeting = [candidate for candidate, found in actuals.items() if found.accuracy >= target]
     best = min(meeting, key=lambda candidate: actuals[candidate].seconds, default=None)
     measured = [(row, row.estimate, actuals[row.candidate]) for row in planned.rated
                 if row.estimate is not None and row.note != BETWEEN and row.candidate in actuals]
     row = planned.choice.chosen
     verdict = Verdict(
-        case.scene, case.seed, case.target, row.candidate.name if row else None,
-        best.name if best else None, None, None, None,
-        planned.sample, planned.choice.limit,
+        scene, seed, target, row.candidate.name if row else None, best.name if best else None,
+        sample=planned.sample, limit=planned.choice.limit,
         covered=tuple(estimate.low <= found.accuracy for _, estimate, found in measured),
         errors=tuple(estimate.mean - found.accuracy for _, estimate, found in measured),
         times=tuple(row.seconds / found.seconds for row, _, found in measured),
@@ -107,10 +90,10 @@ def judge(planned: Planned, actuals: Actuals, case: Case) -> Verdict:
         return verdict
     found = actuals[row.candidate]
     verdict = dataclasses.replace(verdict, estimate=row.estimate.mean, bound=row.estimate.low, actual=found.accuracy,
-                                  met=found.accuracy >= case.target)
+                                  met=found.accuracy >= target)
     if best is None or not verdict.met:
         return verdict
-    samples = samples_of(row.candidate, case.display) / samples_of(best, case.display)
+    samples = samples_of(row.candidate, display) / samples_of(best, display)
     return dataclasses.replace(verdict, cost=found.seconds / actuals[best].seconds, samples=samples)
 
 
@@ -166,18 +149,6 @@ def _of_candidates(rows: Sequence[Verdict]) -> Iterator[list[object]]:
                f"{sum(covered)} of {len(draws)}", _median(times)]
 
 
-def _actuals(draw: Draw, wanted: Sequence[Candidate], metric: str) -> Actuals:
-    found = {}
-    for candidate in wanted:
-        try:
-            found[candidate] = actual(draw.folder, candidate, metric, draw.records)
-        except LfsrError as error:
-            if candidate == wanted[-1] and not found:
-                raise
-            print(f"{draw.folder.name}, {candidate.name}: {error}", file=sys.stderr)
-    return found
-
-
 def _mean(values: Iterable[float]) -> float | None:
     values = list(values)
     return float(np.mean(values)) if values else None
@@ -197,32 +168,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(options: argparse.Namespace) -> None:
     """Validate every scene, write the JSON after each, print the tables."""
     files = {path.stem: str(path.resolve()) for path in options.scenes}
-    wanted = PlanOptions(metric=options.metric, spps=options.spps, methods=options.methods, lenses=options.lenses,
-                         between=options.between, budget=options.budget, reference_spp=options.reference_spp)
+    plans = PlanOptions(spps=options.spps, methods=options.methods, lenses=options.lenses, between=options.between)
     rows: list[Verdict] = []
-    for folder in scenes(options.bench):
-        if options.replay or folder.name in files:
-            rows += _scene(folder, wanted, options, files.get(folder.name, ""))
+    for scene in scenes(options.bench):
+        if options.replay or scene.name in files:
+            rows += validate(scene, files.get(scene.name, ""), plans, options)
             write_record(options.json, Validation(options.replay, summary(rows), tuple(rows)))
     if not rows:
         raise LfsrError(f"{options.bench} has no scene of the files given: name them, or use --replay")
     print(markdown(rows))
-
-
-def _scene(folder: Path, wanted: PlanOptions, options: argparse.Namespace, scene_file: str) -> list[Verdict]:
-    rows: list[Verdict] = []
-    folders = options.output / folder.name
-    for seed in options.seeds:
-        print(f"{folder.name}, seed {seed}", file=sys.stderr, flush=True)
-        draw = Draw(folder, scene_file, seed, folders / f"seed-{seed}", Records(folders / TRUTH, Actual))
-        if options.replay:
-            with tempfile.TemporaryDirectory(prefix="lfsr-replay-") as work:
-                rows += validate(dataclasses.replace(draw, work=Path(work)), lambda job: replay(folder, job), wanted,
-                                 options.targets)
-        else:
-            blender = find_blender(options.blender)
-            rows += validate(draw, partial(run_job, blender=blender), wanted, options.targets)
-    return rows
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -234,21 +188,14 @@ def _parser() -> argparse.ArgumentParser:
     add("--json", type=Path, required=True)
     add("--scenes", type=Path, nargs="*", default=[], help="scene files; needless with --replay")
     add("--replay", action="store_true", help="cut the sample out of the bench's frames")
-    add("--targets", type=_floats, default=TARGETS)
+    add("--targets", type=lambda text: tuple(map(float, text.split(","))), default=TARGETS)
     add("--seeds", type=_ints, default=(101,))
-    add("--metric", default=PlanOptions.metric)
-    add("--spps", type=_ints, default=PlanOptions.spps)
+    add("--spps", type=numbers, default=PlanOptions.spps)
     add("--between", type=int, default=PlanOptions.between)
-    add("--methods", type=lambda text: tuple(text.split(",")), default=None)
-    add("--lenses", type=int, default=None)
-    add("--budget", type=float, default=PlanOptions.budget)
-    add("--reference-spp", type=int, default=PlanOptions.reference_spp)
+    add("--methods", type=names)
+    add("--lenses", type=int)
     add("--blender")
     return parser
-
-
-def _floats(text: str) -> tuple[float, ...]:
-    return tuple(float(part) for part in text.split(","))
 
 
 def _ints(text: str) -> tuple[int, ...]:

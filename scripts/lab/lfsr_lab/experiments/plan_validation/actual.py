@@ -10,7 +10,8 @@ import dataclasses
 import functools
 import re
 import shutil
-from collections.abc import Mapping
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from lfsr_core.frames.job import Job
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.plan.candidates import Candidate
+from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.times import path_samples, render_seconds
 from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
 from lfsr_lab.experiments.engine.accuracy import Target
@@ -31,6 +33,7 @@ from lfsr_lab.experiments.engine.renders import REFERENCE
 from lfsr_lab.experiments.engine.timing import known_seconds, scratch_copy
 
 RENDER_FOLDER = re.compile(r"s(\d+)-spp(\d+)")
+_read_layers = functools.lru_cache(maxsize=16)(read_layers)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,28 +59,29 @@ def renders(scene: Path) -> dict[tuple[int, int], Path]:
     return found
 
 
-def actual(scene: Path, candidate: Candidate, metric: str, records: Records[Actual]) -> Actual:
-    """Return what a candidate reaches as a whole frame, measured unless it is stored.
+def actuals(scene: Path, candidates: Sequence[Candidate], records: Records[Actual]) -> dict[Candidate, Actual]:
+    """Return what candidates reach as whole frames, measured unless it is in ``records``.
 
-    Parameters
-    ----------
-    scene : folder of the scene
-    candidate : what to measure
-    metric : "ssim_lens_fg" for foreground lenses, else all lenses count
-    records : where it is stored
-
-    Raises
-    ------
-    LfsrError : where it cannot be made, or where the reference is of sampled lenses only: its own uncertainty would
-        be as large as the plan's
+    A candidate that cannot be made is left out; LfsrError where none can, or where the reference is of sampled lenses
+    only: its own uncertainty would be as large as the plan's.
     """
-    def measure() -> Actual:
-        folder, target = renders(scene)[candidate.scale, candidate.spp], _target(scene / REFERENCE)
-        target.check(read_frame(folder))
-        similarity = target.lens_ssim(finished_linear(folder, candidate.method), metric == "ssim_lens_fg")
-        return Actual(float(similarity.mean()), _seconds(folder, candidate.method))
+    found = {}
+    for candidate in candidates:
+        try:
+            found[candidate] = records.get(f"{candidate.name.replace(' ', '-')}-{PlanOptions.metric}", {},
+                                           functools.partial(_measure, scene, candidate))
+        except LfsrError as error:
+            if candidate == candidates[-1] and not found:
+                raise
+            print(f"{scene.name}, {candidate.name}: {error}", file=sys.stderr)
+    return found
 
-    return records.get(f"{candidate.name.replace(' ', '-')}-{metric}", {}, measure)
+
+def _measure(scene: Path, candidate: Candidate) -> Actual:
+    folder, target = renders(scene)[candidate.scale, candidate.spp], _target(scene / REFERENCE)
+    target.check(read_frame(folder))
+    similarity = target.lens_ssim(finished_linear(folder, candidate.method))
+    return Actual(float(similarity.mean()), _seconds(folder, candidate.method))
 
 
 @functools.lru_cache(maxsize=1)
@@ -131,7 +135,7 @@ def replay(scene: Path, job: Job) -> None:
         files = dict.fromkeys(REFERENCE_FILES, REFERENCE_FILES[job.seed % 2])
     for name, original in files.items():
         write_layers(target / name, {layer: _cut(pixels, frame, tiled)
-                                     for layer, pixels in _layers(source / original).items()})
+                                     for layer, pixels in _read_layers(source / original).items()})
     for name in frame.render_files[1:]:
         shutil.copy(source / name, target)
     whole, world = render_seconds(frame), 0.0 if job.world else frame.seconds.get("world", 0.0)
@@ -148,11 +152,6 @@ def _source(scene: Path, job: Job) -> Path:
     if not known:
         raise LfsrError(f"{scene} has no render of scale {job.scale}, which a plan starts from: render one")
     return known[min(known, key=lambda spp: abs(spp - job.spp))]
-
-
-@functools.lru_cache(maxsize=16)
-def _layers(path: Path) -> Mapping[str, Array]:
-    return read_layers(path)
 
 
 def _cut(pixels: Array, whole: Frame, tiled: Frame) -> Array:

@@ -17,21 +17,24 @@ class Verdict:
     target: float
     chosen: str | None  # name of the chosen candidate, None where nothing met the target
     hindsight: str | None  # the cheapest candidate that meets the target as a whole frame, None where none does
-    met: bool | None  # whether the chosen one does; None without one, like all that follow
-    cost: float | None  # seconds of the chosen one over those of the one in hindsight, where the target is met
-    samples: float | None  # the same of path samples
     sample: SampleFacts  # what was looked at
     limit: str  # why nothing was chosen
-    covered: tuple[bool, ...]  # for each measured candidate, whether its lower bound holds
-    errors: tuple[float, ...]  # for each, its estimate minus its accuracy as a whole frame
-    times: tuple[float, ...]  # for each, predicted over actual seconds
-    # estimate, bound: of the chosen one
-    estimate: float | None = None
-    bound: float | None = None
-    actual: float | None = None  # its accuracy as a whole frame
-    # measured, actuals: for each measured candidate, its name and its accuracy as a whole frame
+    # Of each measured candidate: its name, its accuracy as a whole frame, whether its lower bound holds, its estimate
+    # minus its accuracy, and predicted over actual seconds.
     measured: tuple[str, ...] = ()
     actuals: tuple[float, ...] = ()
+    covered: tuple[bool, ...] = ()
+    errors: tuple[float, ...] = ()
+    times: tuple[float, ...] = ()
+    # Of the chosen candidate, None without one: its estimate and lower bound, its accuracy as a whole frame, and
+    # whether that meets the target.
+    estimate: float | None = None
+    bound: float | None = None
+    actual: float | None = None
+    met: bool | None = None
+    # Seconds and path samples of the chosen candidate over those of the one in hindsight, where the target is met.
+    cost: float | None = None
+    samples: float | None = None
 
 
 @dataclasses.dataclass(frozen=True)
