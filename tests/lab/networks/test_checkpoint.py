@@ -15,7 +15,7 @@ from lfsr_core.files import read_json
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_lab.networks import checkpoint
 from lfsr_lab.networks.networks import load
-from lfsr_lab.networks.paper import PaperGenerator
+from lfsr_lab.networks.photograph_networks import PaperGenerator
 
 
 @pytest.fixture

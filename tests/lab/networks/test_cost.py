@@ -6,10 +6,8 @@ import pytest
 from torch import nn
 
 from lfsr_lab.networks.cost import multiply_adds, parameters
-from lfsr_lab.networks.espcn import ESPCN
-from lfsr_lab.networks.fsrcnn import FSRCNN
 from lfsr_lab.networks.lightfield import LightFieldConfig, LightFieldNet
-from lfsr_lab.networks.paper import PaperGenerator
+from lfsr_lab.networks.photograph_networks import ESPCN, FSRCNN, PaperGenerator
 
 
 @pytest.mark.parametrize(("network", "expected"), [

@@ -9,9 +9,7 @@ import torch
 from torch import nn
 
 from lfsr_lab.networks.deconvolution import fold_for_inference
-from lfsr_lab.networks.espcn import ESPCN
-from lfsr_lab.networks.fsrcnn import FSRCNN
-from lfsr_lab.networks.paper import PaperGenerator
+from lfsr_lab.networks.photograph_networks import ESPCN, FSRCNN, PaperGenerator
 
 CLASSES = (PaperGenerator, FSRCNN, ESPCN)
 

@@ -10,8 +10,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_lab.networks import upscalers
 from lfsr_lab.networks.engine import make_engine
-from lfsr_lab.networks.espcn import ESPCN
-from lfsr_lab.networks.paper import PaperGenerator
+from lfsr_lab.networks.photograph_networks import ESPCN, PaperGenerator
 from lfsr_lab.networks.srgb import srgb_decode, srgb_encode
 from lfsr_lab.networks.upscalers import PhotographUpscaler, WholeEIAUpscaler
 

@@ -38,7 +38,7 @@ def test_training_lowers_the_loss_and_beats_its_start(folder, tmp_path):
     trained = train(config, tmp_path / "out", device="cpu")
     lines = read_log(tmp_path / "out" / "log.jsonl")
     assert lines[-1]["mse"] < 0.2 * lines[0]["mse"]
-    assert trained.outcome.validation["validation.psnr"] > start["validation.psnr"] + 5
+    assert trained.validation["validation.psnr"] > start["validation.psnr"] + 5
     facts = json.loads(trained.weights.with_suffix(".json").read_text())
     assert facts["config"] == dataclasses.asdict(config) and facts["data"]["photographs"]["files"] == 3
     assert facts["validation"]["bicubic.psnr"] > 20 and facts["multiply_adds_per_low_pixel"] == 10896
@@ -65,7 +65,7 @@ def test_resumed_training_gives_the_same_weights(folder, tmp_path, changes, monk
         stop.asked = fraction > 0.4
 
     part = train(config, tmp_path / "part", device="cpu", options=loop.RunOptions(progress=progress, stop=stop))
-    assert part.weights is None and part.outcome.stopped
+    assert part.weights is None and part.stopped
     resumed = train(config, tmp_path / "part", device="cpu", options=loop.RunOptions(resume=True))
     assert checkpoint.read(resumed.weights)[0]["sha256"] == checkpoint.read(whole.weights)[0]["sha256"]
 

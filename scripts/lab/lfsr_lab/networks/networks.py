@@ -11,9 +11,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_lab.networks import lightfield
 from lfsr_lab.networks.checkpoint import load_into
-from lfsr_lab.networks.espcn import ESPCN
-from lfsr_lab.networks.fsrcnn import FSRCNN
-from lfsr_lab.networks.paper import PaperGenerator
+from lfsr_lab.networks.photograph_networks import ESPCN, FSRCNN, PaperGenerator
 
 ARCHITECTURES: dict[str, Callable[..., nn.Module]] = {
     "LightFieldNet": lightfield.build, "PaperGenerator": PaperGenerator, "ESPCN": ESPCN, "FSRCNN": FSRCNN}

@@ -26,14 +26,10 @@ class TrainConfig:
     network: str
     photographs: str  # folder of images, or cache file of --prepare-photographs
     validation: str = ""  # the same, for validation
-    validation_scenes: str = ""  # folder of rendered light fields (*.npz), scored per EI as well
     scale: int = 4
     seed: int = 0
     crop: int = 256  # side of a high-resolution crop in pixels
     crops_per_photograph: int = 16  # in an epoch
-    downsample: str = "box"  # as a low-resolution render does; or "bicubic"
-    linear_light: bool = True  # downsample linear light instead of encoded values
-    augment: bool = True
     epochs: int = 100
     batch: int = 8
     rate: float = 1e-4  # Adam's
@@ -49,8 +45,6 @@ class TrainConfig:
         problems = (
             (self.crop % self.scale or self.crop <= 0, f"crop {self.crop} is not a multiple of scale {self.scale}",
              "choose one that is"),
-            (self.downsample not in ("box", "bicubic"), f"downsample {self.downsample!r} is unknown",
-             "choose box or bicubic"),
             (self.schedule not in ("constant", "cosine"), f"schedule {self.schedule!r} is unknown",
              "choose constant or cosine"),
             (min(self.epochs, self.batch, self.crops_per_photograph) < 1, "epochs, batch and crops_per_photograph",
@@ -75,8 +69,6 @@ class LightFieldTrainConfig:
     steps_per_epoch: int = 250
     batch: int = 1  # whole scenes, at one sample count
     rate: float = 2e-3
-    view_weight: float = 0.5  # of the loss over decoded views; that of the EIA is 1
-    pixel_weight: float = 10.0  # of the squared error
     clean_inputs: bool = False  # the ablation that trains on downsampled references instead of renders
     without: str = ""  # inputs to leave out, separated by commas
     # Changes of the registered architecture; 0 (blocks: -1) keeps it.

@@ -78,6 +78,7 @@ class Outcome:
     stopped: bool  # a signal ended the run before its last epoch
     seconds: float  # over all resumed parts
     validation: dict[str, float]
+    weights: Path | None = None  # file written by a finished ``session.train``
 
 
 class Stop:

@@ -68,7 +68,7 @@ def train(arguments: argparse.Namespace) -> None:
     with closing(ProgressBar()) as bar:
         trained = session.train(config, output, arguments.device, RunOptions(arguments.resume, bar))
     if trained.weights is None:
-        print(f"stopped after {trained.outcome.epochs} epochs: go on with --resume --output {output}")
+        print(f"stopped after {trained.epochs} epochs: go on with --resume --output {output}")
         raise KeyboardInterrupt
-    figures = ", ".join(f"{name} {value:g}" for name, value in trained.outcome.validation.items())
-    print(f"{trained.weights} after {trained.outcome.seconds:.0f} s; {figures}")
+    figures = ", ".join(f"{name} {value:g}" for name, value in trained.validation.items())
+    print(f"{trained.weights} after {trained.seconds:.0f} s; {figures}")

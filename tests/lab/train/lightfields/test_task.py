@@ -37,7 +37,7 @@ def test_the_curve_darkens_noise_as_much_as_is_added_back():
 def test_training_learns_and_its_weights_run_in_the_product(folder, tmp_path):
     config = from_values({**TINY, "scenes": str(folder)}, "test")
     trained = session.train(config, tmp_path / "run", device="cpu")
-    figures = trained.outcome.validation
+    figures = trained.validation
     untrained = LightFieldTask(config, load_scenes(folder), torch.device("cpu")).validate()
     assert figures["light.eia_4"] < 0.9 * untrained["light.eia_4"]
     facts = read_json(trained.weights.with_suffix(".json"), "provenance")

@@ -9,7 +9,6 @@ import torch
 from lfsr_core.errors import LfsrError
 from lfsr_lab.networks.srgb import srgb_decode
 from lfsr_lab.train.photographs.data import (
-    Crops,
     CropSampler,
     Photographs,
     downsample,
@@ -64,51 +63,42 @@ def test_bad_photographs(tmp_path):
     with pytest.raises(LfsrError, match="another format"):
         load_photographs(tmp_path / "c.npz")
     with pytest.raises(LfsrError, match="0.png is smaller than a crop of 64"):
-        CropSampler(some_photographs(), Crops(64, 2, seed=0), CPU)
+        CropSampler(some_photographs(), 64, 2, 0, CPU)
 
 
-def test_crops_are_parts_of_their_photographs():
-    photographs = some_photographs()
-    sampler = CropSampler(photographs, Crops(16, 4, seed=7, augment=False), CPU)
-    epoch = sampler.epoch(0, 4)
-    assert len(epoch) == 3 and epoch[0].shape == (4, 3, 16, 16)
-    windows = [np.lib.stride_tricks.sliding_window_view(image, (16, 16), (0, 1)) for image in photographs.images]
-    for batch in epoch:
-        for crop in (batch * 255).round().byte().numpy():
-            assert any((window == crop).all((2, 3, 4)).any() for window in windows)
+def crops(seed=7, epoch=0, per_photograph=40):
+    sampler = CropSampler(some_photographs(), 16, per_photograph, seed, CPU)
+    sampler.begin(epoch, 4)
+    return sampler
 
 
-def test_augmented_crops_are_turned_ones():
-    plain = CropSampler(some_photographs(), Crops(16, 40, seed=7, augment=False), CPU).epoch(0, 4)
-    turned = CropSampler(some_photographs(), Crops(16, 40, seed=7), CPU).epoch(0, 4)
+def turned(image):
+    """The eight turns and mirror images of (16, 16, 3) or of its windows (..., 3, 16, 16)."""
+    every = [np.flip(image, axes) for axes in ((), (-1,), (-2,), (-1, -2))]
+    return every + [other.swapaxes(-1, -2) for other in every]
+
+
+def test_crops_are_parts_of_their_photographs_turned_in_every_way():
+    windows = np.concatenate([np.lib.stride_tricks.sliding_window_view(image, (16, 16), (0, 1)).reshape(-1, 3, 16, 16)
+                              for image in some_photographs().images])
+    batches = list(crops())
+    assert len(batches) == 30 and batches[0].shape == (4, 3, 16, 16)
     seen = set()
-    for before, after in zip(plain, turned, strict=True):
-        every = [before.flip(axes) if axes else before for axes in ([], [2], [3], [2, 3])]
-        every += [image.transpose(2, 3) for image in every]
-        seen |= {index for index, image in enumerate(every) if torch.equal(image, after)}
+    for batch in batches:
+        ways = [{index for index, way in enumerate(turned(crop)) if (windows == way).all((1, 2, 3)).any()}
+                for crop in (batch * 255).round().byte().numpy()]
+        assert all(ways)
+        seen |= set.intersection(*ways)
     assert seen == set(range(8))
 
 
 def test_epochs_are_seeded_and_differ():
-    def first(seed, epoch):
-        return CropSampler(some_photographs(), Crops(16, 4, seed), CPU).epoch(epoch, 4)[0]
-
-    assert torch.equal(first(1, 5), first(1, 5))
-    assert not torch.equal(first(1, 5), first(1, 6))
-    assert not torch.equal(first(1, 5), first(2, 5))
+    assert torch.equal(crops(1, 5)[0], crops(1, 5)[0])
+    assert not torch.equal(crops(1, 5)[0], crops(1, 6)[0])
+    assert not torch.equal(crops(1, 5)[0], crops(2, 5)[0])
 
 
-def test_box_in_linear_light_is_the_mean_light():
+def test_downsampling_is_the_mean_light():
     high = torch.rand(2, 3, 8, 12)
-    low = downsample(high, 4, "box", linear_light=True)
     mean = srgb_decode(high).reshape(2, 3, 2, 4, 3, 4).mean((3, 5))
-    torch.testing.assert_close(srgb_decode(low), mean, atol=1e-5, rtol=1e-4)
-    encoded = downsample(high, 4, "box", linear_light=False)
-    torch.testing.assert_close(encoded, high.reshape(2, 3, 2, 4, 3, 4).mean((3, 5)))
-
-
-def test_bicubic_downsampling_keeps_a_ramp():
-    ramp = torch.linspace(0.2, 0.8, 64).expand(1, 3, 64, 64)
-    low = downsample(ramp, 4, "bicubic", linear_light=False)
-    torch.testing.assert_close(low[..., 2:-2, 2:-2], ramp.reshape(1, 3, 16, 4, 16, 4).mean((3, 5))[..., 2:-2, 2:-2],
-                               atol=1e-3, rtol=0)
+    torch.testing.assert_close(srgb_decode(downsample(high, 4)), mean, atol=1e-5, rtol=1e-4)

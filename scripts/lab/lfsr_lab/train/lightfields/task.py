@@ -7,6 +7,7 @@ import dataclasses
 import hashlib
 import math
 from collections import defaultdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import torch
 from einops import rearrange
 from torch import Tensor
 
+from lfsr_core.files import read_json
 from lfsr_lab.networks.lightfield import LightFieldNet, conserve, display_values, encode, upscale
 from lfsr_lab.train.config import LightFieldTrainConfig
 from lfsr_lab.train.lightfields.data import Batch, Scene, from_eis, make_batch, network_inputs, to_eis
@@ -21,11 +23,12 @@ from lfsr_lab.train.ssim import blur, masked_mean, split_error_map
 
 EMA_DECAY = 0.998
 SCENES_PER_VALIDATION = 12
+SCENE_SETTINGS = "settings.json"  # of training_scenes.py
 WARM_UP_STEPS = 200
 MIN_RATE = 0.01
 SAMPLE_WEIGHT = 0.4
 MAX_DARKENING = 0.1
-RIVAL = "oidn"
+VIEW_WEIGHT, PIXEL_WEIGHT = 0.5, 10.0  # of the losses over decoded views and pixels; that of the EIA weighs 1
 
 
 def loss_terms(output: Tensor, batch: Batch) -> dict[str, Tensor]:
@@ -78,12 +81,6 @@ def _views_error(images: tuple[Tensor, ...], mask: Tensor, lenses: tuple[int, in
     return masked_mean(split_error_map(*map(views, images)), views(mask))
 
 
-def _clean(batch: Batch, scale: int) -> Batch:
-    """Replace the render by the downsampled reference, for the ablation ``clean_inputs``."""
-    low = to_eis(torch.nn.functional.avg_pool2d(batch.halves.mean(1), scale), batch.lenses)
-    return dataclasses.replace(batch, layers=batch.layers | {"color": low, "oidn": low})
-
-
 class LightFieldTask:
     """A light-field network on scenes of training_scenes.py; every SCENES_PER_VALIDATION-th scene validates."""
 
@@ -93,7 +90,7 @@ class LightFieldTask:
         self.validation = scenes[::SCENES_PER_VALIDATION]
         self.training = [scene for index, scene in enumerate(scenes) if index % SCENES_PER_VALIDATION]
         self._groups = _by_shape(self.training)
-        self._identity = {**dataclasses.asdict(config), "scenes": digest(scenes)}
+        self._digest = digest(scenes)
         self.network = LightFieldNet(config.architecture).to(device)
         self.average = copy.deepcopy(self.network).requires_grad_(False)
         self._optimizer = torch.optim.AdamW(self.network.parameters(), config.rate, weight_decay=1e-4)
@@ -109,13 +106,20 @@ class LightFieldTask:
         """Hyper-parameters for the header of the weights."""
         return self.config.options()
 
+    def data(self) -> dict[str, Any]:
+        """Scenes of the run, for the provenance."""
+        settings = Path(self.config.scenes, SCENE_SETTINGS)
+        known = read_json(settings, "settings of training scenes") if settings.exists() else None
+        return {"scenes": len(self.training) + len(self.validation), "sha256": self._digest, "settings": known,
+                "validation": [scene.name for scene in self.validation]}
+
     def yardstick(self) -> dict[str, float]:
         """No further metrics: ``validate`` measures OIDN as well."""
         return {}
 
     def identity(self) -> dict[str, Any]:
         """Settings and data that a checkpoint belongs to."""
-        return self._identity
+        return {**dataclasses.asdict(self.config), "scenes": self._digest}
 
     def begin(self, epoch: int) -> int:
         """Number of batches in an epoch."""
@@ -129,9 +133,10 @@ class LightFieldTask:
         self._set_rate(self._epoch * self.config.steps_per_epoch + index)
         batch = self.draw()
         if self.config.clean_inputs:
-            batch = _clean(batch, self.config.scale)
+            low = to_eis(torch.nn.functional.avg_pool2d(batch.halves.mean(1), self.config.scale), batch.lenses)
+            batch.layers |= {"color": low, "oidn": low}
         terms = loss_terms(self.run(self.network, batch), batch)
-        loss = terms["eia"] + self.config.view_weight * terms["views"] + self.config.pixel_weight * terms["pixel"]
+        loss = terms["eia"] + VIEW_WEIGHT * terms["views"] + PIXEL_WEIGHT * terms["pixel"]
         # Errors shrink with the samples, but all sample counts should weigh alike.
         loss = loss * batch.samples**SAMPLE_WEIGHT
         self._optimizer.zero_grad(set_to_none=True)
@@ -165,7 +170,7 @@ class LightFieldTask:
             for samples in sorted(scene.low):
                 batch = make_batch([scene], samples, self.device)
                 outputs = {self.config.network: self.run(self.average, batch),
-                           RIVAL: upscale(encode(batch.layers["oidn"]), self.config.scale)}
+                           "oidn": upscale(encode(batch.layers["oidn"]), self.config.scale)}
                 for name, output in outputs.items():
                     for term, value in loss_terms(output, batch).items():
                         sums[f"{name}.{term}_{samples}"].append(value.item())

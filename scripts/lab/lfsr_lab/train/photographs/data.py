@@ -6,6 +6,7 @@ import hashlib
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -37,6 +38,11 @@ class Photographs:
             state.update(f"{name} {image.shape}\n".encode())
             state.update(image.tobytes())
         return state.hexdigest()
+
+    def facts(self) -> dict[str, Any]:
+        """Number, size and digest, for the provenance."""
+        pixels = sum(image.shape[0] * image.shape[1] for image in self.images)
+        return {"files": len(self.names), "megapixels": round(pixels / 1e6, 2), "sha256": self.digest}
 
 
 def load_photographs(source: str | Path, long_side: int | None = None) -> Photographs:
@@ -105,83 +111,51 @@ def _to_rgb(image: Array | None, path: Path) -> Array:
     return np.ascontiguousarray(image[..., ::-1])
 
 
-@dataclass(frozen=True)
-class Crops:
-    """Crops of an epoch."""
-
-    size: int  # side in pixels
-    per_photograph: int
-    seed: int
-    augment: bool = True  # flip and transpose whole batches
-
-
 class CropSampler:
-    """Random crops of photographs, cut on the device that stores them.
+    """Random crops of ``size`` pixels, ``per_photograph`` in an epoch, cut on the device that stores the photographs.
 
     Epoch e depends on (seed, e) alone, so a resumed run sees the same crops as
     an uninterrupted one. LfsrError if a photograph is smaller than a crop.
     """
 
-    def __init__(self, photographs: Photographs, crops: Crops, device: torch.device) -> None:
+    def __init__(self, photographs: Photographs, size: int, per_photograph: int, seed: int,
+                 device: torch.device) -> None:
         for name, image in zip(photographs.names, photographs.images, strict=True):
-            if min(image.shape[:2]) < crops.size:
-                raise LfsrError(f"photograph {name} is smaller than a crop of {crops.size} pixels: remove it or "
+            if min(image.shape[:2]) < size:
+                raise LfsrError(f"photograph {name} is smaller than a crop of {size} pixels: remove it or "
                                 f"choose a smaller crop")
         self._sizes = np.array([image.shape[:2] for image in photographs.images])
-        ends = np.cumsum(self._sizes.prod(axis=1))
-        self._starts = np.concatenate([[0], ends[:-1]])
+        self._starts = np.concatenate([[0], np.cumsum(self._sizes.prod(axis=1))[:-1]])
         pixels = np.concatenate([image.reshape(-1, 3) for image in photographs.images])
         self._pixels = torch.from_numpy(pixels).to(device)
-        self._crops, self._ramp = crops, torch.arange(crops.size, device=device)
+        self._size, self._per_photograph, self._seed = size, per_photograph, seed
+        self._ramp = torch.arange(size, device=device)
 
-    def epoch(self, index: int, batch: int) -> EpochOfCrops:
-        """Return the crops of epoch ``index`` in batches; a smaller last batch is dropped unless it is the only one."""
-        rng = np.random.default_rng([self._crops.seed, index])
-        photograph = rng.permutation(np.repeat(np.arange(len(self._sizes)), self._crops.per_photograph))
-        room = self._sizes[photograph] - self._crops.size + 1
+    def begin(self, epoch: int, batch: int) -> None:
+        """Draw the crops of an epoch in batches; a smaller last batch is dropped unless it is the only one."""
+        rng = np.random.default_rng([self._seed, epoch])
+        photograph = rng.permutation(np.repeat(np.arange(len(self._sizes)), self._per_photograph))
+        room = self._sizes[photograph] - self._size + 1
         top, left = (rng.integers(room[:, axis]) for axis in (0, 1))
         width = self._sizes[photograph, 1]
         corner = self._starts[photograph] + top * width + left
-        turns = rng.integers(8, size=max(1, len(photograph) // batch)) * self._crops.augment
-        place = np.stack([corner, width], axis=1)
-        return EpochOfCrops(self._pixels, self._ramp, torch.from_numpy(place).to(self._pixels.device), turns, batch)
-
-
-@dataclass(frozen=True)
-class EpochOfCrops:
-    """Batches of (B, 3, crop, crop) float32 in [0, 1]; each batch is flipped and transposed as one."""
-
-    pixels: Tensor
-    ramp: Tensor
-    place: Tensor
-    turns: Array
-    batch: int
+        self._turns = rng.integers(8, size=max(1, len(photograph) // batch))
+        self._place = torch.from_numpy(np.stack([corner, width], axis=1)).to(self._pixels.device).split(batch)
 
     def __len__(self) -> int:
-        return len(self.turns)
+        return len(self._turns)
 
     def __getitem__(self, index: int) -> Tensor:
-        if not 0 <= index < len(self):
-            raise IndexError(index)
-        place = self.place[index * self.batch:(index + 1) * self.batch]
-        corner, width = place[:, 0, None, None], place[:, 1, None, None]
-        crops = self.pixels[corner + self.ramp[:, None] * width + self.ramp]
+        """Batch (B, 3, size, size) float32 in [0, 1], flipped and transposed as one."""
+        corner, width = self._place[index][:, :, None, None].unbind(1)
+        crops = self._pixels[corner + self._ramp[:, None] * width + self._ramp]
         crops = crops.permute(0, 3, 1, 2).float() / 255
-        turn = int(self.turns[index])
+        turn = int(self._turns[index])
         axes = [axis for bit, axis in ((1, 2), (2, 3)) if turn & bit]
         crops = crops.flip(axes) if axes else crops
         return crops.transpose(2, 3) if turn & 4 else crops
 
 
-def downsample(high: Tensor, scale: int, kind: str = "box", linear_light: bool = True) -> Tensor:
-    """Downsample sRGB values (N, 3, H, W) -> (N, 3, H/s, W/s), by areas or antialiased bicubic, clipped to [0, 1].
-
-    In linear light a box averages exactly as a low-resolution render does.
-    """
-    values = srgb_decode(high) if linear_light else high
-    if kind == "box":
-        low = F.avg_pool2d(values, scale)
-    else:
-        size = (high.shape[2] // scale, high.shape[3] // scale)
-        low = F.interpolate(values, size, mode="bicubic", antialias=True).clamp(0, 1)
-    return srgb_encode(low) if linear_light else low
+def downsample(high: Tensor, scale: int) -> Tensor:
+    """Average the light of sRGB values (N, 3, H, W) -> (N, 3, H/s, W/s), as a low-resolution render does."""
+    return srgb_encode(F.avg_pool2d(srgb_decode(high), scale))

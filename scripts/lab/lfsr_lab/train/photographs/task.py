@@ -17,7 +17,7 @@ from lfsr_core.reconstruct.networks.weights_file import read as read_tensors
 from lfsr_lab.networks import checkpoint
 from lfsr_lab.networks.networks import build
 from lfsr_lab.train.config import TrainConfig
-from lfsr_lab.train.photographs.data import Crops, CropSampler, EpochOfCrops, Photographs, downsample
+from lfsr_lab.train.photographs.data import CropSampler, Photographs, downsample
 from lfsr_lab.train.photographs.discriminator import Discriminator
 from lfsr_lab.train.ssim import psnr, ssim
 
@@ -28,30 +28,28 @@ class ComparatorTask:
     """Trains one network of ``lfsr_core.reconstruct.networks.catalogue`` as a TrainConfig says; see ``loop.Task``."""
 
     def __init__(self, config: TrainConfig, photographs: Photographs, validation: Photographs | None,
-                 device: torch.device, more_figures: Callable[[nn.Module], dict[str, float]] | None = None) -> None:
+                 device: torch.device) -> None:
         """Load everything on the device and build the untrained network.
 
-        ``validation`` are photographs for PSNR and SSIM, or None; ``more_figures`` computes further metrics.
+        ``validation`` are photographs for PSNR and SSIM, or None.
         LfsrError if a photograph is smaller than a crop, or the initial weights do not fit.
         """
         torch.manual_seed(config.seed)
         self.config, self.device = config, device
-        self._data = {"photographs": photographs.digest}
-        crops = Crops(config.crop, config.crops_per_photograph, config.seed, config.augment)
-        self._sampler = CropSampler(photographs, crops, device)
-        self._validation = _validation_pairs(validation, config, device) if validation else []
-        self._more_figures = more_figures
+        self._facts = {"photographs": photographs.facts(), "validation": validation.facts() if validation else None}
+        self._origin = {"photographs": photographs.digest}
+        self._crops = CropSampler(photographs, config.crop, config.crops_per_photograph, config.seed, device)
+        self._validation = _validation_pairs(validation, config.scale, device) if validation else []
         self.network = build(config.network, config.scale).to(device)
         if config.start:
             checkpoint.load_into(self.network, config.start, config.scale)
-            self._data["start"] = read_tensors(Path(config.start))[0]["sha256"]
+            self._origin["start"] = read_tensors(Path(config.start))[0]["sha256"]
         self._optimizer = self._adam(self.network)
         self.discriminator: Discriminator | None = None
         if config.adversarial:
             # PyTorch's stubs lack this overload.
             self.discriminator = Discriminator().to(device, memory_format=self._layout)  # type: ignore[call-overload]
             self._adversary = self._adam(self.discriminator)
-        self._crops: EpochOfCrops | None = None
 
     @property
     def finished(self) -> nn.Module:
@@ -70,16 +68,20 @@ class ComparatorTask:
     def _adam(self, module: torch.nn.Module) -> torch.optim.Adam:
         return torch.optim.Adam(module.parameters(), self.config.rate, BETAS, fused=self.device.type == "cuda")
 
+    def data(self) -> dict[str, Any]:
+        """Photographs of the run, for the provenance."""
+        return self._facts
+
     def identity(self) -> dict[str, Any]:
         """Settings and data, without how often to log, and without the length of a constant schedule."""
         values = dataclasses.asdict(self.config)
-        free = {"photographs", "validation", "validation_scenes", "validate_every", "checkpoint_every", "start"}
+        free = {"photographs", "validation", "validate_every", "checkpoint_every", "start"}
         free |= {"epochs"} if self.config.schedule == "constant" else set()
-        return {**{key: value for key, value in values.items() if key not in free}, **self._data}
+        return {**{key: value for key, value in values.items() if key not in free}, **self._origin}
 
     def begin(self, epoch: int) -> int:
         """Draw the crops of an epoch and set its learning rate."""
-        self._crops = self._sampler.epoch(epoch, self.config.batch)
+        self._crops.begin(epoch, self.config.batch)
         if self.config.schedule == "cosine":
             rate = self.config.rate * (1 + math.cos(math.pi * epoch / self.config.epochs)) / 2
             for group in self._optimizer.param_groups:
@@ -88,10 +90,8 @@ class ComparatorTask:
 
     def step(self, index: int) -> dict[str, Tensor]:
         """Train on one batch: the discriminator first, if there is one, then the network."""
-        assert self._crops is not None, "begin(epoch) comes first"
         high = self._crops[index]
-        low = downsample(high, self.config.scale, self.config.downsample, self.config.linear_light)
-        fake = self.network(low)
+        fake = self.network(downsample(high, self.config.scale))
         mse = F.mse_loss(fake, high)
         if self.discriminator is None:
             self._update(self._optimizer, mse)
@@ -120,20 +120,24 @@ class ComparatorTask:
 
     @torch.no_grad()
     def validate(self) -> dict[str, float]:
-        """Mean PSNR and SSIM over the validation photographs, and ``more_figures``."""
-        # TF32 keeps ten bits: the differences of squares in SSIM need more.
-        with torch.backends.cudnn.flags(enabled=True, allow_tf32=False):
-            more = self._more_figures(self.network) if self._more_figures else {}
-            ours = [_quality(self.network(low), high) for low, high in self._validation]
-        return _means("validation", ours) | more
+        """Mean PSNR and SSIM over the validation photographs."""
+        return self._quality("validation", self.network)
 
-    @torch.no_grad()
     def yardstick(self) -> dict[str, float]:
         """Mean PSNR and SSIM of bicubic interpolation, for the provenance."""
+        return self._quality("bicubic", lambda low: F.interpolate(low, scale_factor=self.config.scale, mode="bicubic"))
+
+    @torch.no_grad()
+    def _quality(self, name: str, upscale: Callable[[Tensor], Tensor]) -> dict[str, float]:
+        """Mean PSNR and SSIM over the validation photographs, named after ``name``; empty without photographs."""
+        if not self._validation:
+            return {}
+        # TF32 keeps ten bits: the differences of squares in SSIM need more.
         with torch.backends.cudnn.flags(enabled=True, allow_tf32=False):
-            scores = [_quality(F.interpolate(low, high.shape[2:], mode="bicubic"), high)
-                      for low, high in self._validation]
-        return _means("bicubic", scores)
+            pairs = [(upscale(low).clamp(0, 1), high) for low, high in self._validation]
+            metrics = {"psnr": psnr, "ssim": ssim}
+            return {f"{name}.{key}": round(float(torch.cat([metric(*pair) for pair in pairs]).mean()), 5)
+                    for key, metric in metrics.items()}
 
     def state(self) -> dict[str, Any]:
         """Everything that training changes."""
@@ -151,28 +155,14 @@ class ComparatorTask:
             self._adversary.load_state_dict(state["adversary"])
 
 
-def _validation_pairs(photographs: Photographs, config: TrainConfig,
-                      device: torch.device) -> list[tuple[Tensor, Tensor]]:
+def _validation_pairs(photographs: Photographs, scale: int, device: torch.device) -> list[tuple[Tensor, Tensor]]:
     """(low, high) of every photograph, each (1, 3, H, W), cut to a multiple of the scale."""
     pairs = []
     for image in photographs.images:
-        rows, columns = (side // config.scale * config.scale for side in image.shape[:2])
+        rows, columns = (side // scale * scale for side in image.shape[:2])
         high = torch.from_numpy(image[:rows, :columns].copy()).to(device).permute(2, 0, 1)[None].float() / 255
-        pairs.append((downsample(high, config.scale, config.downsample, config.linear_light), high))
+        pairs.append((downsample(high, scale), high))
     return pairs
-
-
-def _quality(image: Tensor, high: Tensor) -> Tensor:
-    image = image.clamp(0, 1)
-    return torch.stack([psnr(image, high)[0], ssim(image, high)[0]])
-
-
-def _means(name: str, scores: list[Tensor]) -> dict[str, float]:
-    """Mean PSNR and SSIM, named after ``name``; empty without photographs."""
-    if not scores:
-        return {}
-    psnrs, ssims = torch.stack(scores).unbind(1)
-    return {f"{name}.psnr": round(float(psnrs.mean()), 5), f"{name}.ssim": round(float(ssims.mean()), 5)}
 
 
 def discriminator_loss(discriminator: nn.Module, real: Tensor, fake: Tensor) -> Tensor:
