@@ -5,10 +5,10 @@
     python scripts/lab/lfsr_lab/scenes/training_scenes.py --prepare-models /usr/share/sweethome3d/furniture MODELS
     python scripts/lab/lfsr_lab/scenes/training_scenes.py --low-only --output DIR --count 400 --textures SMALL \\
         --models MODELS
-    blender --background --python scripts/lab/lfsr_lab/scenes/training_scenes.py -- --output DIR ...
 
 Needs bpy, numpy, pyoidn and OpenImageIO. Scene I of seed S is the same whichever others are made; a folder is
-completed, not redone. The file format is described in training/produce.py.
+completed, not redone. Several processes can fill one folder: give each its own --first and --count. The file format
+is described in training/produce.py.
 --low-only: many displays, scales, lights and layouts; the low-resolution EIA several times with few samples and once
 clean. Without it: the low-resolution EIA, denoised images, and two halves of the full-resolution reference.
 MODELS holds OBJ and glTF models with a licenses.json. --prepare-models makes it from Debian's sweethome3d-furniture.
@@ -17,12 +17,10 @@ MODELS holds OBJ and glTF models with a licenses.json. --prepare-models makes it
 from __future__ import annotations
 
 import argparse
-import os
 import sys
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
-
-import bpy
 
 # Where lfsr_lab and lfsr_core are: installed side by side, or in a clone, scripts/lab and the root.
 sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4))
@@ -32,7 +30,6 @@ from lfsr_core.files import read_json, write_json
 from lfsr_core.optics.display import load_display
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, emit
 from lfsr_lab.scenes.shared.script import leave, script_arguments
-from lfsr_lab.scenes.training import pool
 from lfsr_lab.scenes.training.displays import TRAIN
 from lfsr_lab.scenes.training.models import find_models, prepare_models
 from lfsr_lab.scenes.training.produce import Recipe, produce
@@ -56,13 +53,10 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
                         help="samples of both reference halves together (512), or of the clean target (256)")
     parser.add_argument("--models", type=Path, help="folder of OBJ and glTF models, for --low-only")
     parser.add_argument("--textures", type=Path, help="folder of small photographs")
-    parser.add_argument("--device", default="CPU", choices=("CPU", "OPTIX"))
-    parser.add_argument("--threads", type=int, help="CPU threads per process")
-    parser.add_argument("--workers", type=int, default=1, help="processes side by side")
+    parser.add_argument("--threads", type=int, help="CPU threads")
     parser.add_argument("--prepare-textures", nargs=2, metavar=("PHOTOS", "SMALL"), help="only shrink photographs")
     parser.add_argument("--prepare-models", nargs=2, metavar=("ARCHIVES", "MODELS"),
                         help="only unpack the models of Sweet Home 3D's .sh3f files")
-    parser.add_argument("--size", type=int, default=1024, help="longest side of a shrunk photograph in pixels")
     return parser.parse_args(arguments)
 
 
@@ -79,7 +73,7 @@ def recipe_of(options: argparse.Namespace) -> Recipe:
         load_display(options.display).low_views(options.scale)
     samples = _samples(options.spps or ("1,4,16" if options.low_only else "1,4,16,64"))
     return Recipe(options.output, options.seed, options.display, options.scale, samples, reference,
-                  find_textures(options.textures), options.device, options.threads, options.low_only,
+                  find_textures(options.textures), options.threads, options.low_only,
                   find_models(options.models))
 
 
@@ -111,8 +105,7 @@ def missing_scenes(recipe: Recipe, first: int, count: int) -> list[int]:
 def run(options: argparse.Namespace) -> int:
     """Do what the command line says; return how many scenes failed."""
     if options.prepare_textures:
-        photos, small = options.prepare_textures
-        emit(stage="textures", count=prepare_textures(photos, small, options.size))
+        emit(stage="textures", count=prepare_textures(*options.prepare_textures))
         return 0
     if options.prepare_models:
         emit(stage="models", count=prepare_models(*options.prepare_models))
@@ -121,21 +114,23 @@ def run(options: argparse.Namespace) -> int:
     claim_folder(recipe)
     missing = missing_scenes(recipe, options.first, options.count)
     emit(stage="start", scenes=len(missing), complete=options.count - len(missing))
-    if options.workers > 1:
-        failed = pool.run_pool(own_command(options), options.workers, missing)
-    else:
-        failed = [index for index in missing if not pool.attempt(lambda index: produce(recipe, index), index)]
+    failed = [index for index in missing if not attempt(recipe, index)]
     emit(stage="done", made=len(missing) - len(failed), failed=failed)
     return len(failed)
 
 
-def own_command(options: argparse.Namespace) -> list[str]:
-    """This script again, in the same kind of Blender, with an equal part of the threads."""
-    threads = options.threads or max(1, (os.cpu_count() or 1) // options.workers)
-    arguments = [*script_arguments(), "--threads", str(threads)]
-    if bpy.app.binary_path:
-        return [bpy.app.binary_path, "--background", "--factory-startup", "--python", __file__, "--", *arguments]
-    return [sys.executable, __file__, *arguments]
+def attempt(recipe: Recipe, index: int) -> bool:
+    """Make one scene and report its seconds; return False where it failed. LfsrError passes through."""
+    try:
+        emit(stage="scene", index=index, seconds=produce(recipe, index))
+    except LfsrError:
+        raise
+    except Exception as error:
+        # One bad scene must not end a run of thousands; it is reported and counted.
+        traceback.print_exc(file=sys.stderr)
+        emit(stage="failed", index=index, message=f"{type(error).__name__}: {error}")
+        return False
+    return True
 
 
 def main() -> int:

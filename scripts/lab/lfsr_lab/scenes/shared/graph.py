@@ -21,9 +21,13 @@ class Graph:
         node = self.tree.nodes.new(kind)
         for name, value in settings.items():
             setattr(node, name, value)
-        for name, value in (inputs or {}).items():
-            self.feed(node.inputs[name], value)
+        self.set(node, inputs or {})
         return node
+
+    def set(self, node: bpy.types.Node, inputs: Mapping[Any, Any]) -> None:
+        """Link or set inputs of a node by name or number."""
+        for name, value in inputs.items():
+            self.feed(node.inputs[name], value)
 
     def feed(self, socket: bpy.types.NodeSocket, value: Any) -> None:
         """Link or set one input."""
@@ -43,8 +47,7 @@ def principled(name: str, **inputs: Any) -> tuple[bpy.types.Material, Graph, bpy
     compat.use_nodes(material)
     graph = Graph(material.node_tree)
     shader = graph.only("BSDF_PRINCIPLED")
-    for key, value in inputs.items():
-        graph.feed(shader.inputs[key.replace("_", " ")], value)
+    graph.set(shader, {key.replace("_", " "): value for key, value in inputs.items()})
     return material, graph, shader
 
 

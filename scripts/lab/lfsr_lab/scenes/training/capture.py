@@ -26,9 +26,9 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 LARGEST = 65504.0  # of float16
 
 
-def render_low(stage: Stage, samples: int, seed: int, device: str, clamp: float | None = None) -> dict[str, Array]:
+def render_low(stage: Stage, samples: int, seed: int, clamp: float | None = None) -> dict[str, Array]:
     """Render the low-resolution layers: color (RGBA), albedo, normal, each (H/s, W/s, C)."""
-    return render(stage, stage.scale, RenderSettings(samples, seed, ("albedo", "normal"), device, clamp))
+    return render(stage, stage.scale, RenderSettings(samples, seed, ("albedo", "normal"), clamp_indirect=clamp))
 
 
 def render(stage: Stage, scale: int, settings: RenderSettings) -> dict[str, Array]:
@@ -42,15 +42,17 @@ def render(stage: Stage, scale: int, settings: RenderSettings) -> dict[str, Arra
         return read_layers(path)
 
 
-def expose(stage: Stage, seed: int, device: str) -> tuple[float, float]:
+def expose(stage: Stage, seed: int) -> tuple[float, float]:
     """Scale every light so that the stage's ``bright_lens`` has a random sensible brightness.
 
     Return the factor and the fraction of lenses that see anything.
     """
     wanted = stage.log_uniform(*(VARIED_BRIGHTNESS if stage.is_varied else BRIGHTNESS))
     wanted *= OF_BRIGHT_LENS if stage.bright_lens > 0.5 else 1.0
-    lenses = lens_means(stage, render_low(stage, EXPOSURE_SAMPLES, seed, device)["color"])
-    factor = wanted / max(lens_brightness(lenses, stage.bright_lens), 1e-9)
+    lenses = lens_means(stage, render_low(stage, EXPOSURE_SAMPLES, seed)["color"])
+    seen = lenses[lenses[..., 3] > LEAST_COVERED]
+    brightness = np.quantile(seen[:, :3] @ LUMINANCE / seen[:, 3], stage.bright_lens) if len(seen) else 0.0
+    factor = float(wanted / max(brightness, 1e-9))
     for owner, attribute in stage.dimmers:
         setattr(owner, attribute, getattr(owner, attribute) * factor)
     return factor, occupancy(lenses)
@@ -63,12 +65,6 @@ def lens_means(stage: Stage, image: Array) -> Array:
         sx, sy = image.shape[1] // PANEL_TILE[0], image.shape[0] // PANEL_TILE[1]
     image = np.nan_to_num(image.astype(np.float32))
     return image.reshape(sy, image.shape[0] // sy, sx, image.shape[1] // sx, -1).mean((1, 3))
-
-
-def lens_brightness(means: Array, quantile: float) -> float:
-    """Quantile over foreground lenses of luminance per covered area; 0 without foreground."""
-    means = means[means[..., 3] > LEAST_COVERED]
-    return float(np.quantile(means[:, :3] @ LUMINANCE / means[:, 3], quantile)) if len(means) else 0.0
 
 
 def occupancy(means: Array) -> float:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import bpy
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_lab.scenes.shared.graph import Graph, principled
+from lfsr_lab.scenes.shared.graph import principled
 from lfsr_lab.scenes.training.materials import photo, random_color
 from lfsr_lab.scenes.training.stage import Stage
 
@@ -20,21 +17,15 @@ def leaf_material(stage: Stage) -> bpy.types.Material:
     material, graph, shader = principled("leaf")
     uv = graph.node("ShaderNodeTexCoord").outputs["UV"]
     texture = graph.node("ShaderNodeTexImage", {"Vector": uv}, image=_leaf_image(stage))
-    for name, value in {"Base Color": texture.outputs["Color"], "Alpha": texture.outputs["Alpha"],
-                        "Roughness": float(stage.rng.uniform(0.3, 0.9))}.items():
-        graph.feed(shader.inputs[name], value)
-    _shine_through(stage, graph, shader, texture.outputs["Color"], texture.outputs["Alpha"])
-    stage.note("material", kind="leaf")
-    return material
-
-
-def _shine_through(stage: Stage, graph: Graph, shader: bpy.types.Node, color: bpy.types.NodeSocket,
-                   alpha: bpy.types.NodeSocket) -> None:
-    """Let light through the sheet, where it is not cut away."""
+    color, alpha = texture.outputs["Color"], texture.outputs["Alpha"]
+    graph.set(shader, {"Base Color": color, "Alpha": alpha, "Roughness": float(stage.rng.uniform(0.3, 0.9))})
+    # Light passes through the sheet where it is not cut away.
     amount = graph.node("ShaderNodeMath", {0: alpha, 1: float(stage.rng.uniform(0, 0.5))}, operation="MULTIPLY")
     through = graph.node("ShaderNodeBsdfTranslucent", {"Color": color})
     mix = graph.node("ShaderNodeMixShader", {0: amount.outputs[0], 1: shader.outputs[0], 2: through.outputs[0]})
     graph.feed(graph.only("OUTPUT_MATERIAL").inputs["Surface"], mix.outputs[0])
+    stage.note("material", kind="leaf")
+    return material
 
 
 def _leaf_image(stage: Stage) -> bpy.types.Image:
@@ -62,8 +53,7 @@ def paper_material(stage: Stage, cut: bool) -> bpy.types.Material:
     spot = graph.node("ShaderNodeMapping", {"Vector": uv, "Scale": (zoom,) * 3,
                                             "Location": tuple(rng.uniform(0, 1, 3))}).outputs["Vector"]
     color = photo(stage, graph, spot, box=False).outputs["Color"] if stage.textures else random_color(stage)
-    graph.feed(shader.inputs["Base Color"], color)
-    graph.feed(shader.inputs["Roughness"], float(rng.uniform(0.2, 1)))
+    graph.set(shader, {"Base Color": color, "Roughness": float(rng.uniform(0.2, 1))})
     if cut:
         noise = graph.node("ShaderNodeTexNoise", {"Vector": spot, "Scale": stage.log_uniform(2, 20) / zoom})
         hole = graph.node("ShaderNodeMath", {0: noise.outputs[0], 1: float(rng.uniform(0.4, 0.55))},
@@ -71,8 +61,3 @@ def paper_material(stage: Stage, cut: bool) -> bpy.types.Material:
         graph.feed(shader.inputs["Alpha"], hole.outputs[0])
     stage.note("material", kind="paper", cut=cut)
     return material
-
-
-def turn(stage: Stage, amount: float = math.pi) -> Array:
-    """Random Euler angles up to ``amount`` radians."""
-    return stage.rng.uniform(-amount, amount, 3)

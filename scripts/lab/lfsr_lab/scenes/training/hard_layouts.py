@@ -11,11 +11,11 @@ from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.graph import principled
 from lfsr_lab.scenes.shared.objects import add_surface, settle
 from lfsr_lab.scenes.training import plants
-from lfsr_lab.scenes.training.cutouts import paper_material, turn
+from lfsr_lab.scenes.training.cutouts import paper_material
 from lfsr_lab.scenes.training.layouts import around_plane, backdrop, floor_at, rods, room_side
 from lfsr_lab.scenes.training.lights import glowing_ball, light_dark, light_room
-from lfsr_lab.scenes.training.materials import random_color, random_material, set_inputs
-from lfsr_lab.scenes.training.shapes import copy_of, kinds, put, random_shape, readable, upright
+from lfsr_lab.scenes.training.materials import random_color, random_material
+from lfsr_lab.scenes.training.shapes import copies, kinds, put, random_shape, readable, turn, upright
 from lfsr_lab.scenes.training.stage import Stage
 
 
@@ -40,15 +40,13 @@ def sparkle(stage: Stage) -> None:
     """Chips of metal and glass, facets and tiny lamps, with or without an object among them."""
     chips = []
     for _ in range(stage.rng.integers(1, 4)):
-        material, graph, shader = principled("chip")
-        set_inputs(graph, shader, Base_Color=random_color(stage, 0.3, 0.95), Metallic=1.0,
-                   Roughness=float(stage.rng.choice([0.02, 0.08, 0.2])))
+        material, _, _ = principled("chip", Base_Color=random_color(stage, 0.3, 0.95), Metallic=1.0,
+                                    Roughness=float(stage.rng.choice([0.02, 0.08, 0.2])))
         material = random_material(stage, kind="glass") if stage.chance(0.25) else material
         chips.append(random_shape(stage, "rock", material) if stage.chance(0.4) else
                      add_surface(surfaces.box(1, 0.05, 1), material, "chip"))
     size, spread = stage.log_uniform(0.01, 0.08), stage.rng.uniform(0.3, 1)
-    for index in range(stage.rng.integers(80, 700)):
-        chip = chips[index] if index < len(chips) else copy_of(chips[stage.rng.integers(len(chips))])
+    for chip in copies(stage, chips, 80, 700):
         settle(chip, stage.place(spread), size * stage.rng.uniform(0.4, 1.6), turn(stage))
     for _ in range(stage.rng.integers(0, 25)):
         glowing_ball(stage, stage.log_uniform(0.004, 0.02))
@@ -65,8 +63,7 @@ def crowd(stage: Stage) -> None:
     floor = -stage.array.half_height * stage.rng.uniform(0.3, 0.8)
     size = min(stage.log_uniform(1, 5) * 2 / stage.profile.lenses[0], 0.3)
     is_standing = stage.chance(0.75)
-    for index in range(stage.rng.integers(40, 260)):
-        figure = figures[index] if index < len(figures) else copy_of(figures[stage.rng.integers(len(figures))])
+    for figure in copies(stage, figures, 40, 260):
         at = stage.place(1.1)
         at[2] = floor + size * 0.8 if is_standing else at[2]
         turned = readable(stage) if figure.type == "FONT" else upright(stage, 0.05) if is_standing else turn(stage)
@@ -108,8 +105,8 @@ def signs(stage: Stage) -> None:
 
 
 def _light_tube(stage: Stage) -> bpy.types.Material:
-    material, graph, shader = principled("sign")
-    set_inputs(graph, shader, Emission_Color=random_color(stage, 0.5, 1), Emission_Strength=stage.log_uniform(1, 30))
+    material, _, shader = principled("sign", Emission_Color=random_color(stage, 0.5, 1),
+                                     Emission_Strength=stage.log_uniform(1, 30))
     stage.dimmers.append((shader.inputs["Emission Strength"], "default_value"))
     return material
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 from lfsr_lab.scenes.shared import surfaces
-from lfsr_lab.scenes.shared.objects import add_surface
+from lfsr_lab.scenes.shared.objects import add_surface, settle
 from lfsr_lab.scenes.training import plants
-from lfsr_lab.scenes.training.cutouts import leaf_material, paper_material, turn
+from lfsr_lab.scenes.training.cutouts import leaf_material, paper_material
 from lfsr_lab.scenes.training.lights import light_room
 from lfsr_lab.scenes.training.materials import random_material
-from lfsr_lab.scenes.training.shapes import CLOSED, SMALL, copy_of, kinds, put, random_shape, readable, upright
+from lfsr_lab.scenes.training.shapes import CLOSED, SMALL, copies, kinds, put, random_shape, readable, turn, upright
 from lfsr_lab.scenes.training.stage import Stage
 
 
@@ -56,8 +56,7 @@ def pile(stage: Stage) -> None:
     bodies = [random_shape(stage, stage.pick(kinds(stage, small=True))) for _ in range(stage.rng.integers(3, 7))]
     floor, largest = -stage.array.half_height * stage.rng.uniform(0.5, 0.9), stage.rng.uniform(0.12, 0.35)
     spread = stage.rng.uniform(0.25, 0.9)
-    for index in range(stage.rng.integers(15, 90)):
-        thing = bodies[index] if index < len(bodies) else copy_of(bodies[stage.rng.integers(len(bodies))])
+    for thing in copies(stage, bodies, 15, 90):
         size = largest * stage.rng.uniform(0.3, 1)
         at = stage.place(spread)
         at[2] = floor + size * stage.rng.uniform(0.6, 1) + abs(stage.rng.normal(0, 0.3))
@@ -71,10 +70,9 @@ def cloud(stage: Stage) -> None:
     bodies = [random_shape(stage, stage.pick({"ball": 4, "box": 2, "rock": 2, "knot": 1, "blob": 2}))
              for _ in range(stage.rng.integers(1, 4))]
     size, spread = stage.log_uniform(0.015, 0.12), stage.rng.uniform(0.3, 1.1)
-    for index in range(stage.rng.integers(60, 400)):
-        thing = bodies[index] if index < len(bodies) else copy_of(bodies[stage.rng.integers(len(bodies))])
-        thing.location, thing.rotation_euler = stage.place(spread), turn(stage)
-        thing.scale = (size * stage.rng.uniform(0.4, 1.5),) * 3
+    for thing in copies(stage, bodies, 60, 400):
+        at, turned = stage.place(spread), turn(stage)
+        settle(thing, at, size * stage.rng.uniform(0.4, 1.5), turned)
     stage.note("cloud", size=size)
     if stage.chance(0.4):
         hero(stage)
@@ -109,10 +107,11 @@ def woods(stage: Stage) -> None:
 def _plant(stage: Stage, plant: plants.Plant, where: tuple[Array, float, Array],
            cut_out: bool = True) -> None:
     """Wood and leaves; ``where``: place, size and turn, as of ``put``; ``cut_out``: leaves drawn by alpha."""
-    put(stage, add_surface(plant.wood, random_material(stage, closed=False), "wood"), *where)
-    if plant.leaves is not None:
+    wood, leaves = plant
+    put(stage, add_surface(wood, random_material(stage, closed=False), "wood"), *where)
+    if leaves is not None:
         material = leaf_material(stage) if cut_out else random_material(stage, closed=False)
-        put(stage, add_surface(plant.leaves, material, "leaves"), *where)
+        put(stage, add_surface(leaves, material, "leaves"), *where)
 
 
 def bouquet(stage: Stage) -> None:

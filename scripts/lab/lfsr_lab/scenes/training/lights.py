@@ -28,7 +28,7 @@ def light_open_scene(stage: Stage) -> None:
         light_dark(stage, int(stage.rng.integers(1, 3)))
         return
     if setup.startswith("picture"):
-        _world_hdri(stage, 1.0)
+        _world_hdri(stage)
     else:
         _world_color(stage, stage.log_uniform(0.02, 0.25) if setup != "sky" else 1.0)
     if setup == "sun":
@@ -41,7 +41,8 @@ def light_open_scene(stage: Stage) -> None:
             glowing_ball(stage)
 
 
-def _world(strength: float) -> tuple[Graph, bpy.types.Node]:
+def _world(stage: Stage, strength: float) -> tuple[Graph, bpy.types.NodeSocket]:
+    """Return the graph of a new world, and the colour input of its background."""
     world = bpy.data.worlds.new("world")
     compat.use_nodes(world)
     bpy.context.scene.world = world
@@ -49,33 +50,31 @@ def _world(strength: float) -> tuple[Graph, bpy.types.Node]:
     graph = Graph(world.node_tree)
     background = graph.only("BACKGROUND")
     background.inputs["Strength"].default_value = strength
-    return graph, background
+    stage.dimmers.append((background.inputs["Strength"], "default_value"))
+    return graph, background.inputs["Color"]
 
 
-def _world_hdri(stage: Stage, strength: float) -> None:
-    graph, background = _world(strength)
+def _world_hdri(stage: Stage) -> None:
+    graph, color = _world(stage, 1.0)
     paths = sorted(Path(bpy.utils.system_resource("DATAFILES", path="studiolights/world")).glob("*.exr"))
     path = paths[stage.rng.integers(len(paths))]
     around, tilt = stage.rng.uniform(0, 2 * math.pi), stage.rng.normal(0, 0.2)
     vector = graph.node("ShaderNodeMapping", {"Vector": graph.node("ShaderNodeTexCoord").outputs["Generated"],
                                               "Rotation": (tilt, 0.0, around)}).outputs["Vector"]
     image = bpy.data.images.load(str(path), check_existing=True)
-    graph.feed(background.inputs["Color"],
-               graph.node("ShaderNodeTexEnvironment", {"Vector": vector}, image=image).outputs["Color"])
-    stage.dimmers.append((background.inputs["Strength"], "default_value"))
+    graph.feed(color, graph.node("ShaderNodeTexEnvironment", {"Vector": vector}, image=image).outputs["Color"])
     stage.note("world", file=path.name, turn=around)
 
 
 def _world_color(stage: Stage, strength: float) -> None:
-    graph, background = _world(strength)
+    graph, background = _world(stage, strength)
     color = random_color(stage, 0.5, 1)
     if stage.chance(0.5):
         ramp = graph.node("ShaderNodeValToRGB", {0: graph.node("ShaderNodeSeparateXYZ", {
             "Vector": graph.node("ShaderNodeTexCoord").outputs["Generated"]}).outputs["Z"]})
         ramp.color_ramp.elements[0].color, ramp.color_ramp.elements[1].color = random_color(stage), color
         color = ramp.outputs["Color"]
-    graph.feed(background.inputs["Color"], color)
-    stage.dimmers.append((background.inputs["Strength"], "default_value"))
+    graph.feed(background, color)
 
 
 def _above(stage: Stage) -> Array:
@@ -92,6 +91,13 @@ def _lamp_color(stage: Stage) -> tuple[float, float, float]:
     return (1.0, 1 - 0.35 * max(warm, 0) - 0.1 * max(-warm, 0), 1 - 0.8 * max(warm, 0))
 
 
+def _add_lamp(stage: Stage, light: bpy.types.Light, at: Array | tuple[float, ...]) -> bpy.types.Object:
+    thing = add_object(light, None, light.name)
+    thing.location = at
+    stage.dimmers.append((light, "energy"))
+    return thing
+
+
 def lamp(stage: Stage, at: Array, brightness: float, small: bool = False) -> None:
     """Area, point or spot lamp at a place, aimed at the middle; a white object shows about ``brightness``."""
     kind = stage.pick({"POINT": 3, "SPOT": 1} if small else {"AREA": 60, "POINT": 25, "SPOT": 15})
@@ -104,19 +110,14 @@ def lamp(stage: Stage, at: Array, brightness: float, small: bool = False) -> Non
         light.size = stage.log_uniform(0.1, 2.5)
     else:
         light.shadow_soft_size = stage.log_uniform(0.01, 0.06 if small else 0.3)
-    thing = add_object(light, None, "lamp")
-    thing.location = at
-    thing.rotation_euler = Vector(-at).to_track_quat("-Z", "Y").to_euler()
-    stage.dimmers.append((light, "energy"))
+    _add_lamp(stage, light, at).rotation_euler = Vector(-at).to_track_quat("-Z", "Y").to_euler()
     stage.note("lamp", kind=kind, at=at, brightness=brightness)
 
 
 def _sun(stage: Stage, strength: float) -> None:
     light = bpy.data.lights.new("sun", "SUN")
     light.energy, light.angle, light.color = strength, stage.log_uniform(0.005, 0.2), _lamp_color(stage)
-    thing = add_object(light, None, "sun")
-    thing.rotation_euler = (stage.rng.uniform(-0.3, 1.2), stage.rng.uniform(-1.1, 1.1), 0)
-    stage.dimmers.append((light, "energy"))
+    _add_lamp(stage, light, (0, 0, 0)).rotation_euler = (stage.rng.uniform(-0.3, 1.2), stage.rng.uniform(-1.1, 1.1), 0)
     stage.note("sun", angle=light.angle)
 
 
@@ -131,9 +132,8 @@ def light_dark(stage: Stage, lamps: int, reach: float | None = None) -> None:
 
 def glowing_ball(stage: Stage, size: float | None = None) -> None:
     """Add a small, very bright ball somewhere in view."""
-    material, _, shader = principled("spark")
-    shader.inputs["Emission Color"].default_value = (*_lamp_color(stage), 1.0)
-    shader.inputs["Emission Strength"].default_value = stage.log_uniform(20, 200)
+    material, _, shader = principled("spark", Emission_Color=(*_lamp_color(stage), 1.0),
+                                     Emission_Strength=stage.log_uniform(20, 200))
     stage.dimmers.append((shader.inputs["Emission Strength"], "default_value"))
     settle(add_surface(surfaces.sphere(16, 9), material, "spark"), stage.place(), size or stage.log_uniform(0.02, 0.09),
            np.zeros(3))
@@ -147,9 +147,7 @@ def light_room(stage: Stage, middle: Array, half: Array) -> None:
         light.shape, light.size = "RECTANGLE", stage.rng.uniform(0.15, 0.6) * half[0]
         light.size_y, light.color = stage.rng.uniform(0.15, 0.6) * half[1], _lamp_color(stage)
         light.energy = 100 * stage.log_uniform(0.5, 2)
-        thing = add_object(light, None, "panel")
-        thing.location = middle + half * [*stage.rng.uniform(-0.6, 0.6, 2), 0.98]
-        stage.dimmers.append((light, "energy"))
+        _add_lamp(stage, light, middle + half * [*stage.rng.uniform(-0.6, 0.6, 2), 0.98])
     if stage.chance(0.3):
         glowing_ball(stage)
     stage.note("light", setup="room")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import colorsys
 import math
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -14,6 +15,7 @@ from lfsr_lab.scenes.training.stage import Stage
 KINDS = {"plastic": 15, "photo": 24, "noise": 12, "metal": 12, "glass": 11, "skin": 6, "cloth": 6,
          "lacquer": 6, "worn": 7, "glow": 1.5, "film": 2.5}
 ABSORBING = 0.35  # fraction of the glass
+Inputs = dict[str, Any]  # values or sockets by the name of the input
 
 
 def random_material(stage: Stage, closed: bool = True, uv: bool = True, kind: str | None = None) -> bpy.types.Material:
@@ -21,7 +23,9 @@ def random_material(stage: Stage, closed: bool = True, uv: bool = True, kind: st
     weights = {name: weight for name, weight in KINDS.items() if closed or name != "glass"}
     kind = kind or stage.pick(weights)
     material, graph, shader = principled(kind)
-    BUILDERS[kind](stage, graph, shader, uv)
+    graph.set(shader, BUILDERS[kind](stage, graph, uv))
+    if kind == "glow":
+        stage.dimmers.append((shader.inputs["Emission Strength"], "default_value"))
     if kind not in ("glow", "photo") or stage.chance(0.3):
         _maybe_bump(stage, graph, shader, uv)
     stage.note("material", kind=kind)
@@ -109,86 +113,64 @@ def _roughness(stage: Stage, graph: Graph, uv: bool, low: float, high: float) ->
     return graph.node("ShaderNodeMapRange", span).outputs["Result"]
 
 
-def set_inputs(graph: Graph, shader: bpy.types.Node, **values: Any) -> None:
-    """Set or link inputs of a shader by name, with _ for spaces."""
-    for name, value in values.items():
-        graph.feed(shader.inputs[name.replace("_", " ")], value)
-
-
-def _plastic(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    set_inputs(graph, shader, Base_Color=random_color(stage), Roughness=_roughness(stage, graph, uv, 0.05, 0.9),
-               Specular_IOR_Level=float(stage.rng.uniform(0.1, 1)))
-
-
-def _photo(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    color = color_source(stage, graph, uv) if not stage.textures else \
-        photo(stage, graph, coordinates(stage, graph, uv, 0.4, 6)).outputs["Color"]
-    set_inputs(graph, shader, Base_Color=color, Roughness=_roughness(stage, graph, uv, 0.1, 1))
-
-
-def _noise(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    set_inputs(graph, shader, Base_Color=pattern_color(stage, graph, uv),
-               Roughness=_roughness(stage, graph, uv, 0.1, 1))
-
-
-def _metal(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    color = random_color(stage, 0.3, 0.95) if stage.chance(0.7) else color_source(stage, graph, uv)
-    set_inputs(graph, shader, Base_Color=color, Metallic=1.0, Roughness=_roughness(stage, graph, uv, 0.0, 0.6),
-               Anisotropic=float(stage.rng.choice([0, 0, 0.7])))
-
-
-def _glass(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
+def _glass(stage: Stage, graph: Graph, uv: bool) -> Inputs:
     absorbing = stage.chance(ABSORBING)
     tint = (1.0, 1.0, 1.0, 1.0) if absorbing or stage.chance(0.6) else random_color(stage, 0.5, 1)
-    set_inputs(graph, shader, Base_Color=tint, Transmission_Weight=1.0, IOR=float(stage.rng.uniform(1.2, 1.8)),
-               Roughness=float(stage.rng.choice([0, 0, 0, 0.05, 0.25])))
+    values = {"Base Color": tint, "Transmission Weight": 1.0, "IOR": float(stage.rng.uniform(1.2, 1.8)),
+              "Roughness": float(stage.rng.choice([0, 0, 0, 0.05, 0.25]))}
     if absorbing:
         volume = graph.node("ShaderNodeVolumeAbsorption", {"Color": random_color(stage, 0.4, 0.9),
                                                            "Density": stage.log_uniform(1, 20)})
         graph.feed(graph.only("OUTPUT_MATERIAL").inputs["Volume"], volume.outputs[0])
+    return values
 
 
-def _skin(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    set_inputs(graph, shader, Base_Color=color_source(stage, graph, uv), Subsurface_Weight=1.0,
-               Subsurface_Radius=tuple(stage.rng.uniform(0.1, 1, 3)), Subsurface_Scale=stage.log_uniform(0.01, 0.2),
-               Roughness=float(stage.rng.uniform(0.3, 0.7)))
-
-
-def _cloth(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    set_inputs(graph, shader, Base_Color=color_source(stage, graph, uv), Roughness=0.9, Sheen_Weight=1.0,
-               Sheen_Roughness=float(stage.rng.uniform(0.2, 0.6)))
-
-
-def _lacquer(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    set_inputs(graph, shader, Base_Color=color_source(stage, graph, uv), Roughness=float(stage.rng.uniform(0.3, 0.9)),
-               Metallic=float(stage.chance(0.3)), Coat_Weight=1.0, Coat_Roughness=float(stage.rng.uniform(0, 0.15)))
-
-
-def _worn(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
+def _worn(stage: Stage, graph: Graph, uv: bool) -> Inputs:
     """Two surfaces by one mask: paint over metal, dirt over leather."""
     edge = graph.node("ShaderNodeMapRange", {"Value": pattern_value(stage, graph, uv), "From Min": 0.4,
                                              "From Max": 0.6}).outputs["Result"]
-    mix = graph.node("ShaderNodeMix", data_type="RGBA")
-    color = [socket for socket in mix.inputs if socket.type == "RGBA"]
-    graph.feed(mix.inputs[0], edge)
-    for socket in color:
-        graph.feed(socket, color_source(stage, graph, uv))
+    mix = graph.node("ShaderNodeMix", {0: edge}, data_type="RGBA")
+    for socket in mix.inputs:
+        if socket.type == "RGBA":
+            graph.feed(socket, color_source(stage, graph, uv))
     output = next(socket for socket in mix.outputs if socket.type == "RGBA")
     shine = graph.node("ShaderNodeMapRange", {"Value": edge, "To Min": float(stage.rng.uniform(0, 1)),
                                               "To Max": float(stage.rng.uniform(0, 1))}).outputs["Result"]
-    set_inputs(graph, shader, Base_Color=output, Metallic=edge if stage.chance(0.6) else 0.0, Roughness=shine)
+    return {"Base Color": output, "Metallic": edge if stage.chance(0.6) else 0.0, "Roughness": shine}
 
 
-def _glow(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
+def _glow(stage: Stage, graph: Graph, uv: bool) -> Inputs:
     color = color_source(stage, graph, uv)
-    set_inputs(graph, shader, Base_Color=color, Emission_Color=color, Emission_Strength=stage.log_uniform(0.5, 15))
-    stage.dimmers.append((shader.inputs["Emission Strength"], "default_value"))
+    return {"Base Color": color, "Emission Color": color, "Emission Strength": stage.log_uniform(0.5, 15)}
 
 
-def _film(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    set_inputs(graph, shader, Base_Color=random_color(stage), Metallic=float(stage.chance(0.7)),
-               Roughness=float(stage.rng.uniform(0, 0.4)), Thin_Film_Thickness=float(stage.rng.uniform(200, 900)))
-
-
-BUILDERS = {"plastic": _plastic, "photo": _photo, "noise": _noise, "metal": _metal, "glass": _glass, "skin": _skin,
-            "cloth": _cloth, "lacquer": _lacquer, "worn": _worn, "glow": _glow, "film": _film}
+# Inputs of the Principled shader by kind. The order of the entries is the order of the random numbers.
+BUILDERS: dict[str, Callable[[Stage, Graph, bool], Inputs]] = {
+    "plastic": lambda stage, graph, uv: {
+        "Base Color": random_color(stage), "Roughness": _roughness(stage, graph, uv, 0.05, 0.9),
+        "Specular IOR Level": float(stage.rng.uniform(0.1, 1))},
+    "photo": lambda stage, graph, uv: {
+        "Base Color": photo(stage, graph, coordinates(stage, graph, uv, 0.4, 6)).outputs["Color"] if stage.textures else
+        color_source(stage, graph, uv), "Roughness": _roughness(stage, graph, uv, 0.1, 1)},
+    "noise": lambda stage, graph, uv: {
+        "Base Color": pattern_color(stage, graph, uv), "Roughness": _roughness(stage, graph, uv, 0.1, 1)},
+    "metal": lambda stage, graph, uv: {
+        "Base Color": random_color(stage, 0.3, 0.95) if stage.chance(0.7) else color_source(stage, graph, uv),
+        "Metallic": 1.0, "Roughness": _roughness(stage, graph, uv, 0.0, 0.6),
+        "Anisotropic": float(stage.rng.choice([0, 0, 0.7]))},
+    "glass": _glass,
+    "skin": lambda stage, graph, uv: {
+        "Base Color": color_source(stage, graph, uv), "Subsurface Weight": 1.0,
+        "Subsurface Radius": tuple(stage.rng.uniform(0.1, 1, 3)), "Subsurface Scale": stage.log_uniform(0.01, 0.2),
+        "Roughness": float(stage.rng.uniform(0.3, 0.7))},
+    "cloth": lambda stage, graph, uv: {
+        "Base Color": color_source(stage, graph, uv), "Roughness": 0.9, "Sheen Weight": 1.0,
+        "Sheen Roughness": float(stage.rng.uniform(0.2, 0.6))},
+    "lacquer": lambda stage, graph, uv: {
+        "Base Color": color_source(stage, graph, uv), "Roughness": float(stage.rng.uniform(0.3, 0.9)),
+        "Metallic": float(stage.chance(0.3)), "Coat Weight": 1.0, "Coat Roughness": float(stage.rng.uniform(0, 0.15))},
+    "worn": _worn,
+    "glow": _glow,
+    "film": lambda stage, graph, uv: {
+        "Base Color": random_color(stage), "Metallic": float(stage.chance(0.7)),
+        "Roughness": float(stage.rng.uniform(0, 0.4)), "Thin Film Thickness": float(stage.rng.uniform(200, 900))}}

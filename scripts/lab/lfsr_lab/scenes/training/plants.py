@@ -12,14 +12,7 @@ from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.surfaces import Random, Surface
 
 MAX_BRANCHES = 500
-
-
-@dataclasses.dataclass(frozen=True)
-class Plant:
-    """``wood`` and ``leaves`` are separate because their materials are; leaves may be None."""
-
-    wood: Surface
-    leaves: Surface | None
+Plant = tuple[Surface, Surface | None]  # wood and leaves, which differ in material
 
 
 def tree(rng: Random) -> Plant:
@@ -39,7 +32,7 @@ def tree(rng: Random) -> Plant:
                              radius * shrink * 0.85, level + 1))
     paths, radii = (np.array(part) for part in zip(*branches, strict=True))
     wood, tips = surfaces.strands(paths, radii, 6), paths[len(paths) // 4:, -1]
-    return Plant(wood, leaves(rng, tips, int(rng.integers(300, 1800))) if rng.random() < 0.85 else None)
+    return wood, (leaves(rng, tips, int(rng.integers(300, 1800))) if rng.random() < 0.85 else None)
 
 
 def _bent(rng: Random, start: Array, along: Array, length: float, points: int = 6) -> Array:
@@ -73,7 +66,7 @@ def flower(rng: Random) -> Plant:
     axis, angle = rng.normal(size=3), rng.normal(0, 0.5)
     tilt = np.array(Matrix.Rotation(angle, 3, axis))
     petals = dataclasses.replace(blossom, vertices=blossom.vertices @ tilt.T + path[-1])
-    return Plant(surfaces.tube(path, rng.uniform(0.01, 0.03), 6), petals)
+    return surfaces.tube(path, rng.uniform(0.01, 0.03), 6), petals
 
 
 def _blossom(rng: Random, size: float) -> Surface:

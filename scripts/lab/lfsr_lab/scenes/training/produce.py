@@ -58,7 +58,6 @@ class Recipe:
     spps: tuple[int, ...] = (1, 4, 16, 64)
     reference_spp: int = 512
     textures: tuple[Path, ...] = ()
-    device: str = "CPU"
     threads: int | None = None
     low_only: bool = False
     models: dict[Path, dict[str, str]] = dataclasses.field(default_factory=dict)
@@ -92,7 +91,8 @@ def produce(recipe: Recipe, index: int) -> dict[str, float]:
     facts["p"] = capture.occupancy(capture.lens_means(stage, arrays["color_target" if recipe.low_only else "ref_a"]))
     with _timed(facts["seconds"], "write"):
         text = json.dumps(_meta(recipe, stage, facts), allow_nan=False)
-        _save(recipe.path(index), arrays | {"meta": np.array(text)})
+        with atomic_path(recipe.path(index)) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(file, **arrays, meta=np.array(text))
     return facts["seconds"]
 
 
@@ -103,7 +103,7 @@ def _ready_scene(recipe: Recipe, index: int) -> tuple[Stage, dict[str, Any]]:
         with _timed(seconds, "build"):
             stage = build_scene(recipe, index, attempt)
         with _timed(seconds, "expose"):
-            exposure, occupied = capture.expose(stage, _render_seed(stage.rng), recipe.device)
+            exposure, occupied = capture.expose(stage, _render_seed(stage.rng))
         least = LEAST_OCCUPANCY_LOW if recipe.low_only else LEAST_OCCUPANCY
         if occupied >= least and EXPOSURES[0] < exposure < EXPOSURES[1]:
             break
@@ -135,7 +135,7 @@ def _render_low(recipe: Recipe, stage: Stage, facts: dict[str, Any]) -> dict[str
     for name, samples in (names | {"target": recipe.reference_spp}).items():
         with _timed(facts["seconds"], "target" if name == "target" else "low"):
             seed = facts["seeds"][name] = _render_seed(stage.rng)
-            layers = capture.render_low(stage, samples, seed, recipe.device, 0.0 if name == "target" else None)
+            layers = capture.render_low(stage, samples, seed, 0.0 if name == "target" else None)
         arrays[f"color_{name}"] = capture.half_floats(layers["color"])
         arrays[f"guides_{name}"] = capture.half_floats(np.concatenate([layers["albedo"], layers["normal"]], -1))
     return arrays
@@ -147,7 +147,7 @@ def _render_pairs(recipe: Recipe, stage: Stage, facts: dict[str, Any]) -> dict[s
     for samples in recipe.spps:
         with _timed(facts["seconds"], "low"):
             seed = facts["seeds"][f"lr_{samples}"] = _render_seed(stage.rng)
-            layers = capture.render_low(stage, samples, seed, recipe.device)
+            layers = capture.render_low(stage, samples, seed)
         with _timed(facts["seconds"], "oidn"):
             denoised = _denoised(layers, stage.profile.lenses, (samples, recipe.scale))
         images = denoised | {"lr": np.concatenate([layers[name] for name in ("color", "albedo", "normal")], -1)}
@@ -155,7 +155,7 @@ def _render_pairs(recipe: Recipe, stage: Stage, facts: dict[str, Any]) -> dict[s
     for half in ("ref_a", "ref_b"):
         with _timed(facts["seconds"], "high"):
             seed = facts["seeds"][half] = _render_seed(stage.rng)
-            settings = RenderSettings(recipe.reference_spp // 2, seed, (), recipe.device, clamp_indirect=0.0)
+            settings = RenderSettings(recipe.reference_spp // 2, seed, clamp_indirect=0.0)
             arrays[half] = capture.half_floats(capture.render(stage, 1, settings)["color"])
     return arrays
 
@@ -181,10 +181,5 @@ def _meta(recipe: Recipe, stage: Stage, facts: dict[str, Any]) -> dict[str, Any]
         "scale": stage.scale, "lenses": list(stage.profile.lenses), "views": list(stage.profile.views),
         "profile": stage.profile.to_dict(), "array": dataclasses.asdict(stage.array),
         "matrix_world": [list(row) for row in stage.matrix_world], "convention": "centred", "view_aperture": 1.0,
-        "layout": stage.notes[0]["name"], "scene": stage.notes, "device": recipe.device,
+        "layout": stage.notes[0]["name"], "scene": stage.notes, "device": "CPU",
         "blender": bpy.app.version_string}
-
-
-def _save(path: Path, arrays: dict[str, Array]) -> None:
-    with atomic_path(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, **arrays)

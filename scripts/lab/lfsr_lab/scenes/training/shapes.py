@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import string
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import bmesh
 import bpy
@@ -15,7 +15,6 @@ from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.objects import add_object, add_surface, settle
 from lfsr_lab.scenes.shared.surfaces import Random, Surface
 from lfsr_lab.scenes.training import plants
-from lfsr_lab.scenes.training.cutouts import turn
 from lfsr_lab.scenes.training.materials import random_material
 from lfsr_lab.scenes.training.models import glaze, load_model
 from lfsr_lab.scenes.training.stage import Stage
@@ -70,11 +69,15 @@ def put(stage: Stage, thing: bpy.types.Object, at: Array, size: float | Array,
     return thing
 
 
-def copy_of(thing: bpy.types.Object) -> bpy.types.Object:
-    """Return another object of the same mesh, which needs no further memory."""
-    twin = thing.copy()
-    bpy.context.scene.collection.objects.link(twin)
-    return twin
+def copies(stage: Stage, bodies: list[bpy.types.Object], least: int, limit: int) -> Iterator[bpy.types.Object]:
+    """Yield ``least`` to ``limit`` - 1 objects: each body once, then copies, which share the bodies' meshes."""
+    for index in range(stage.rng.integers(least, limit)):
+        if index < len(bodies):
+            yield bodies[index]
+        else:
+            twin = bodies[stage.rng.integers(len(bodies))].copy()
+            bpy.context.scene.collection.objects.link(twin)
+            yield twin
 
 
 def _bmesh_object(build: Callable[[bmesh.types.BMesh], None], material: bpy.types.Material, name: str,
@@ -138,6 +141,11 @@ def _text(stage: Stage, material: bpy.types.Material) -> bpy.types.Object:
     curve.extrude, curve.bevel_depth = stage.log_uniform(0.02, 0.2), stage.log_uniform(0.002, 0.02)
     curve.resolution_u = 4
     return add_object(curve, material, "text")
+
+
+def turn(stage: Stage) -> Array:
+    """Random Euler angles in radians."""
+    return stage.rng.uniform(-math.pi, math.pi, 3)
 
 
 def upright(stage: Stage, lean: float = 0.2) -> Array:

@@ -9,7 +9,7 @@ import OpenImageIO as oiio
 from lfsr_core.errors import LfsrError
 
 SUFFIXES = {".jpg", ".jpeg", ".png"}
-QUALITY = 80
+QUALITY, SIZE = 80, 1024  # of the JPEG, of its longest side in pixels
 
 
 def find_textures(folder: str | Path | None) -> tuple[Path, ...]:
@@ -22,23 +22,23 @@ def find_textures(folder: str | Path | None) -> tuple[Path, ...]:
     return found
 
 
-def prepare_textures(source: str | Path, target: str | Path, size: int) -> int:
-    """Write a small JPEG, longest side ``size`` pixels, of each photograph; how many."""
+def prepare_textures(source: str | Path, target: str | Path) -> int:
+    """Write a small JPEG of each photograph; return how many."""
     paths = find_textures(source)
     Path(target).mkdir(parents=True, exist_ok=True)
     for path in paths:
-        _shrink(path, Path(target, path.stem + ".jpg"), size)
+        _shrink(path, Path(target, path.stem + ".jpg"))
     return len(paths)
 
 
-def _shrink(path: Path, target: Path, size: int) -> None:
+def _shrink(path: Path, target: Path) -> None:
     image = oiio.ImageBuf(str(path))
     if image.has_error or image.nchannels < 1:
         raise LfsrError(f"{path} cannot be read as an image ({image.geterror()}): remove or replace it")
     width, height = image.oriented_width, image.oriented_height
     image = oiio.ImageBufAlgo.reorient(image)
     image = oiio.ImageBufAlgo.channels(image, (0, 1, 2) if image.nchannels >= 3 else (0, 0, 0))
-    factor = min(1.0, size / max(width, height))
+    factor = min(1.0, SIZE / max(width, height))
     extent = oiio.ROI(0, max(1, round(width * factor)), 0, max(1, round(height * factor)), 0, 1, 0, 3)
     small = oiio.ImageBufAlgo.resize(image, filtername="triangle", roi=extent)
     small.specmod().attribute("Compression", f"jpeg:{QUALITY}")
