@@ -32,8 +32,9 @@ PAGE_IN_DOCS = "notebook/paper.md"
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return exit code 0, 2 after bad input, 130 if stopped."""
-    arguments = _parser().parse_args(argv)
-    command = _command(sys.argv[1:] if argv is None else argv)
+    arguments, words = _parser().parse_args(argv), sys.argv[1:] if argv is None else argv
+    shown = [Path(word).name if Path(word).is_absolute() else word for word in words]  # without this machine's folders
+    command = " ".join(["python -m lfsr_lab.experiments.paper", *shown])
     return exit_code("paper", lambda: reproduce(arguments, command))
 
 
@@ -55,7 +56,7 @@ def reproduce(arguments: argparse.Namespace, command: str) -> dict[str, Results]
             pages[arguments.docs] = PAGE_IN_DOCS, f"../{IMAGES}"
         for folder, (page_file, images) in pages.items():
             if sheet:
-                save(sheet, folder / IMAGES / page.image_name(figure))
+                save(sheet, folder / IMAGES / figure.image)
             write_text(folder / page_file, page.markdown(results, run, images))
         print(f"{figure.title}: {figure.line(found)}", flush=True)
     return results
@@ -63,7 +64,7 @@ def reproduce(arguments: argparse.Namespace, command: str) -> dict[str, Results]
 
 def make_settings(arguments: argparse.Namespace) -> settings.Settings:
     """Return the settings of the command line; LfsrError where a display, scene or folder is wrong."""
-    scenes = tuple(arguments.scenes) or (renders.demo_scene(arguments.output),)
+    scenes = tuple(arguments.scenes) or (renders.demo_scene(arguments.output, arguments.blender),)
     own = ("output", "scenes", "quick", "only", "docs")
     changes = {name: load_display(value) if name in ("display", "timing_display") else value
                for name, value in vars(arguments).items() if name not in own and value is not None}
@@ -82,12 +83,6 @@ def _earlier(path: Path, facts: dict[str, Any]) -> dict[str, Results]:
         return {name: from_data(Results, found, str(path)) for name, found in data["figures"].items()}
     print(f"{path} has other settings: its figures leave the page, their measurements stay", file=sys.stderr)
     return {}
-
-
-def _command(words: Sequence[str]) -> str:
-    """Return the command line without this machine's folders."""
-    shown = [Path(word).name if Path(word).is_absolute() else word for word in words]
-    return " ".join(["python -m lfsr_lab.experiments.paper", *shown])
 
 
 def _parser() -> argparse.ArgumentParser:

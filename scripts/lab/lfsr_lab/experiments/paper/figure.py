@@ -74,6 +74,11 @@ class Figure:
     draw: Callable[[Sequence[Row], Path], plots.Figure] | None = None
     methods: tuple[str, ...] = ()  # those whose training matters
 
+    @property
+    def image(self) -> str:
+        """File name of its image."""
+        return f"paper-{self.id}.png"
+
     def measure(self, settings: Settings) -> Results:
         """Measure what an earlier call has not measured yet, and return everything."""
         records = Records(settings.output / CELLS / self.id, Rows)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -27,7 +28,7 @@ from lfsr_lab.experiments.paper.renders import View
 from lfsr_lab.experiments.paper.settings import CELLS, SCALE, Settings
 
 TIME_COLUMNS = ("ms", "quartile 1", "quartile 3")
-RENDER, SECOND_STAGE, TOTAL = "render, s", "second stage, s", "sum, s"
+FRAME_COLUMNS = RENDER, SECOND_STAGE, TOTAL = ("render, s", "second stage, s", "sum, s")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,31 +111,27 @@ def network_times(settings: Settings, steps: Mapping[str, tuple[str, int]]) -> C
 
     ``steps``: network and elemental images per call by the row's name; how many of which size is in the settings.
     """
-    inputs = {"steps": {name: list(step) for name, step in steps.items()}, "workload": list(settings.workload),
-              "repeats": settings.repeats, "device": settings.device}
-    return Cell("times", inputs, lambda: _network_times(settings, steps))
+    def run() -> Rows:
+        import torch
 
+        from lfsr_lab.networks.engine import make_engine
 
-def _network_times(settings: Settings, steps: Mapping[str, tuple[str, int]]) -> Rows:
-    import torch
+        count, side = settings.workload
+        on_gpu = torch.cuda.is_available() and settings.device != "cpu"
+        low = torch.rand(count, side, side, 3, generator=torch.Generator().manual_seed(0))
+        low = low.cuda() if on_gpu else low
+        engines = {name: make_engine(weights.untrained(network, SCALE), device=settings.device, step=step)
+                   for name, (network, step) in steps.items()}
 
-    from lfsr_lab.networks.engine import make_engine
-
-    count, side = settings.workload
-    low = torch.rand(count, side, side, 3, generator=torch.Generator().manual_seed(0))
-    on_gpu = torch.cuda.is_available() and settings.device != "cpu"
-    low = low.cuda() if on_gpu else low
-
-    def run(name: str) -> Callable[[], None]:
-        network, step = steps[name]
-        engine = make_engine(weights.untrained(network, SCALE), device=settings.device, step=step)
-
-        def once() -> None:
-            engine.run(low)
+        def once(name: str) -> None:
+            engines[name].run(low)
             if on_gpu:
                 torch.cuda.synchronize()
-        return once
 
-    seconds = timing.take_turns({name: run(name) for name in steps}, settings.repeats)
-    device = torch.cuda.get_device_name() if on_gpu else f"CPU, {torch.get_num_threads()} threads"
-    return timed_rows(seconds, how=f"{count} of {side}×{side}, {device}")
+        runs = {name: functools.partial(once, name) for name in steps}
+        device = torch.cuda.get_device_name() if on_gpu else f"CPU, {torch.get_num_threads()} threads"
+        return timed_rows(timing.take_turns(runs, settings.repeats), how=f"{count} of {side}×{side}, {device}")
+
+    inputs = {"steps": {name: list(step) for name, step in steps.items()}, "workload": list(settings.workload),
+              "repeats": settings.repeats, "device": settings.device}
+    return Cell("times", inputs, run)

@@ -30,22 +30,16 @@ Every sentence beside a figure is derived from the numbers. "Holds" and "other w
 of the paired difference (the same lenses, or runs taken in turns) lies on that side of zero; neighbouring lenses
 resemble each other, so these intervals are rather too narrow.
 SSIM is the split estimate of [metrics.md](../reference/metrics.md) unless it is called plain."""
+QUICK = "**Quick mode: tiny frames and few samples, which touch every figure but decide nothing.**"
 
 
 def chosen(only: str | None) -> list[Figure]:
     """Return the figures of a comma-separated list of ids, all without one; LfsrError for an unknown id."""
-    if only is None:
-        return list(FIGURES.values())
-    names = [name.strip() for name in only.split(",") if name.strip()]
+    names = list(FIGURES) if only is None else [name.strip() for name in only.split(",") if name.strip()]
     for name in names:
         if name not in FIGURES:
             raise LfsrError(f"there is no figure {name!r}: choose from {', '.join(FIGURES)}")
     return [figure for name, figure in FIGURES.items() if name in names]
-
-
-def image_name(figure: Figure) -> str:
-    """Return the file name of a figure's image."""
-    return f"paper-{figure.id}.png"
 
 
 def markdown(results: Mapping[str, Results], run: Sequence[str], folder: str = "images") -> str:
@@ -59,7 +53,7 @@ def markdown(results: Mapping[str, Results], run: Sequence[str], folder: str = "
 
 
 def _section(figure: Figure, results: Results, folder: str) -> list[str]:
-    image = ["", f"![{figure.title}]({folder}/{image_name(figure)})"] if figure.draw else []
+    image = ["", f"![{figure.title}]({folder}/{figure.image})"] if figure.draw else []
     trained = [f"- {name}: {text}" for name, text in results.schedules.items()]
     networks = ["", "Networks (the paper's recipes are in lfsr_lab/train/configs):", "", *trained] if trained else []
     # This program's own threads count too.
@@ -70,8 +64,7 @@ def _section(figure: Figure, results: Results, folder: str) -> list[str]:
 
 def run_text(of: Settings, machine: Environment, command: str) -> list[str]:
     """Return paragraphs about a run: its command line, what it measures and on which machine."""
-    quick = ["**Quick mode: tiny frames and few samples, which touch every figure but decide nothing.**"]
-    return [*(quick if of.quick else []), "## The run", "    " + command,
+    return [*([QUICK] if of.quick else []), "## The run", "    " + command,
             f"Accuracy on `{of.display.name}`, times of whole frames on `{of.timing_display.name}`; s = {SCALE}, "
             f"{of.spp} samples per pixel ({of.clean_spp} where noise should not matter, {of.reference_spp} of "
             f"references), rendered on {of.render_device}. Scenes: {', '.join(scene.stem for scene in of.scenes)}. "

@@ -37,8 +37,7 @@ def rendered(settings: Settings, view: View) -> Path:
 def reference(settings: Settings, scene: Path) -> Path:
     """Return the reference folder of a scene on ``settings.display``; one that is there may have any samples."""
     job = _job(settings, View(scene, settings.spp))
-    folder = Path(job.output).with_name(REFERENCE)
-    return store(settings).rendered(reference_of(job, settings.reference_spp, folder))
+    return store(settings).rendered(reference_of(job, settings.reference_spp, Path(job.output).with_name(REFERENCE)))
 
 
 def store(settings: Settings) -> Store:
@@ -60,7 +59,6 @@ def moved(settings: Settings, scene: Path, fraction: float) -> Path:
     """Return a copy of ``scene`` whose camera array stands at a fraction of its distance from the display plane."""
     path = settings.output / "moved" / f"{scene.stem}-{settings.timing_display.name}-{fraction:g}.blend"
     if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
         job = path.with_suffix(".json")
         write_json(job, {"scene": check_scene(scene), "display": settings.timing_display.to_dict(), "share": fraction,
                          "output": str(path.resolve())})
@@ -68,12 +66,12 @@ def moved(settings: Settings, scene: Path, fraction: float) -> Path:
     return path
 
 
-def demo_scene(output: Path) -> Path:
+def demo_scene(output: Path, blender: str | None) -> Path:
     """Return the demo scene, built by the script that ships with the repository."""
     path = output / "demo.blend"
     if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        run_script(find_blender(), scene_script("demo_scene.py"), path, [path])
+        output.mkdir(parents=True, exist_ok=True)
+        run_script(find_blender(blender), scene_script("demo_scene.py"), path, [path])
     return path
 
 

@@ -32,19 +32,15 @@ class Difference:
 Differences = Mapping[str, Difference]  # by the case's name
 
 
-def mean_interval(values: Sequence[float]) -> Difference:
-    """Return the mean of independent values with its interval of Student's t."""
+def paired(ours: Sequence[float], theirs: Sequence[float]) -> Difference:
+    """Return the mean of ``ours`` - ``theirs``, pair by pair, with its interval of Student's t."""
+    values = [a - b for a, b in zip(ours, theirs, strict=True)]
     count = len(values)
     mean = math.fsum(values) / count
     if count < FEWEST:
         return Difference(mean, math.inf)
     variance = math.fsum((value - mean) ** 2 for value in values) / (count - 1)
     return Difference(mean, student_95(count - 1) * math.sqrt(variance / count))
-
-
-def paired(ours: Sequence[float], theirs: Sequence[float]) -> Difference:
-    """Return the mean of ``ours`` - ``theirs``, pair by pair: what both have in common cancels."""
-    return mean_interval([a - b for a, b in zip(ours, theirs, strict=True)])
 
 
 def single_runs(ours: float, theirs: float) -> Difference:
@@ -65,14 +61,7 @@ def overall(*parts: Differences) -> str:
 
 
 def sentence(statement: str, differences: Differences, unit: str = "") -> str:
-    """Return whether a statement holds, where, and by how much.
-
-    Parameters
-    ----------
-    statement : what holds where the differences are above zero
-    differences : by the case's name
-    unit : of the differences
-    """
+    """Return whether the statement that the differences are above zero holds, where, and by how much in ``unit``."""
     if not differences:
         return f"{statement}: not measured."
     return f"{statement}: {holds(differences)} ({span(differences)} {unit}".rstrip() + ")."

@@ -18,9 +18,8 @@ from lfsr_lab.train.config import load_config
 
 if TYPE_CHECKING:
     from torch import nn
-SHORT_CONFIG = "paper-short"
+SHORT_CONFIG, ADVERSARIAL = "paper-short", 1e-3
 NONE, RENDERED = "no weights", "on rendered light fields"
-ADVERSARIAL = 1e-3
 
 
 def weights(settings: Settings, name: str) -> Path | None:

@@ -15,29 +15,12 @@ from lfsr_core.reconstruct.second_stage import panel_image
 from lfsr_lab.experiments.engine import plots, timing
 from lfsr_lab.experiments.engine.cells import Cell
 from lfsr_lab.experiments.engine.renders import foreground
-from lfsr_lab.experiments.paper import renders, weights
+from lfsr_lab.experiments.paper import measuring, renders, weights
 from lfsr_lab.experiments.paper.figure import SECONDS, Figure, Row, Rows, gains, scenes_of
-from lfsr_lab.experiments.paper.measuring import (
-    RENDER,
-    SECOND_STAGE,
-    TOTAL,
-    Finished,
-    accuracy,
-    accuracy_cell,
-    frame_seconds,
-    timed_rows,
-)
+from lfsr_lab.experiments.paper.measuring import FRAME_COLUMNS, RENDER, TOTAL
 from lfsr_lab.experiments.paper.renders import View
 from lfsr_lab.experiments.paper.settings import SCALE, Settings
-from lfsr_lab.experiments.paper.verdict import (
-    SINGLE_RUN,
-    Difference,
-    mean_interval,
-    overall,
-    paired,
-    sentence,
-    single_runs,
-)
+from lfsr_lab.experiments.paper.verdict import SINGLE_RUN, Difference, overall, paired, sentence, single_runs
 
 NETWORK, DIRECT = "paper", "direct"
 WITH, WITHOUT = "with selection", "without selection"
@@ -49,23 +32,11 @@ PAPER, PAPER_PLAIN, OURS = "paper (adversary)", "paper (no adversary)", "this pr
 RIVALS = (DIRECT, BY_VIEW, FEW_SAMPLES)
 PLAIN, ENOUGH_SSIM = "ssim_eia_plain", 0.90
 CLAIM_RIVALS = f"The paper's method is faster than every rival, with an SSIM above {ENOUGH_SSIM:.2f}."
-RIVAL_COLUMNS = (RENDER, SECOND_STAGE, TOTAL, PLAIN, "ssim_ceiling", "ssim_eia_fg", "psnr_fg")
+RIVAL_COLUMNS = (*FRAME_COLUMNS, PLAIN, "ssim_ceiling", "ssim_eia_fg", "psnr_fg")
 CLAIM_SCALE = f"Two stages take less time than direct path tracing, and reach {REALTIME} frames per second at 8K."
 
 
-def fraction_cells(settings: Settings) -> Iterator[Cell[Rows]]:
-    """Yield the first scene seen from several distances."""
-    for distance in settings.moves:
-        yield _selection(settings, settings.scenes[0], distance)
-
-
-def scene_cells(settings: Settings) -> Iterator[Cell[Rows]]:
-    """Yield every scene as it is."""
-    for scene in settings.scenes:
-        yield _selection(settings, scene)
-
-
-def _selection(settings: Settings, scene: Path, distance: float | None = None) -> Cell[Rows]:
+def selection(settings: Settings, scene: Path, distance: float | None = None) -> Cell[Rows]:
     """Return the cell of the second stage of one frame with and without foreground selection, in turns."""
     display = settings.timing_display
     name = scene.stem if distance is None else f"distance {distance:g}"
@@ -79,7 +50,7 @@ def _selection(settings: Settings, scene: Path, distance: float | None = None) -
         runs = {kind: functools.partial(panel_image, folder, method, UpscaleOptions(selection=kind == WITH))
                 for kind in (WITH, WITHOUT)}
         facts = {"p": float(foreground(folder).mean()), RENDER: read_frame(folder).seconds["render"]}
-        return timed_rows(timing.take_turns(runs, settings.repeats), scene=name, facts=facts)
+        return measuring.timed_rows(timing.take_turns(runs, settings.repeats), scene=name, facts=facts)
 
     return Cell(f"{scene.stem}-{name}".replace(" ", "-"), inputs, measure)
 
@@ -100,17 +71,16 @@ def draw_selection(rows: Sequence[Row], _folder: Path) -> plots.Figure:
 
 def rule_fraction(rows: Sequence[Row]) -> str:
     """Return what selection saves, and whether a smaller foreground saves more."""
-    saved = _saved(sorted(rows, key=_p))
-    found = {name: mean_interval(seconds) for name, seconds in saved.items()}
-    names = list(saved)
-    order = {"": paired(saved[names[0]], saved[names[-1]])} if len({*map(_p, rows)}) > 1 else {}
-    statement = f"It saves more at p = {min(map(_p, rows)):.2f} than at p = {max(map(_p, rows)):.2f}"
+    found = gains(rows, WITHOUT, WITH, SECONDS)
+    least, most = min(rows, key=_p), max(rows, key=_p)
+    order = {"": paired(_saved(rows, least), _saved(rows, most))} if _p(least) < _p(most) else {}
+    statement = f"It saves more at p = {_p(least):.2f} than at p = {_p(most):.2f}"
     return f"{overall(found, order)} {sentence('Selection saves time', found, 's')} {sentence(statement, order, 's')}"
 
 
 def rule_scenes(rows: Sequence[Row]) -> str:
     """Return what selection saves on each scene, also as a fraction of the frame."""
-    found = {name: mean_interval(seconds) for name, seconds in _saved(rows).items()}
+    found = gains(rows, WITHOUT, WITH, SECONDS)
     whole = {row.scene: row.value(RENDER) + row.value("ms") / 1e3 for row in rows if row.method == WITHOUT}
     percent = [100 * saved.value / whole[scene] for scene, saved in found.items()]
     return (f"{overall(found)} {sentence('Selection saves time', found, 's')} That is {min(percent):.1f} to "
@@ -121,11 +91,10 @@ def _p(row: Row) -> float:
     return row.value("p")
 
 
-def _saved(rows: Sequence[Row]) -> dict[str, list[float]]:
-    """Return the seconds that selection saves in each pair of runs, by scene."""
-    runs = {(row.scene, row.method): row.series[SECONDS] for row in rows}
-    return {scene: [slow - fast for slow, fast in zip(runs[scene, WITHOUT], runs[scene, WITH], strict=True)]
-            for scene in scenes_of(rows)}
+def _saved(rows: Sequence[Row], at: Row) -> list[float]:
+    """Return the seconds that selection saves in each pair of runs of one scene."""
+    runs = {row.method: row.series[SECONDS] for row in rows if row.scene == at.scene}
+    return [slow - fast for slow, fast in zip(runs[WITHOUT], runs[WITH], strict=True)]
 
 
 def scale_cells(settings: Settings) -> Iterator[Cell[Rows]]:
@@ -148,8 +117,8 @@ def _scale(settings: Settings, view: View) -> Cell[Rows]:
         folder = renders.rendered(settings, view)
         method = weights.untrained_method(settings, NETWORK if view.scale > 1 else "none", view.scale)
         name = f"s = {view.scale}" if view.scale > 1 else DIRECT
-        return Rows((Row(scene=f"{width}×{height}", method=name, samples=view.spp,
-                         values={"width": width, "scale": view.scale, **frame_seconds(settings, folder, method)}),))
+        values = {"width": width, "scale": view.scale, **measuring.frame_seconds(settings, folder, method)}
+        return Rows((Row(scene=f"{width}×{height}", method=name, samples=view.spp, values=values),))
 
     return Cell(f"{view.scene.stem}-{height}-s{view.scale}", inputs, measure)
 
@@ -193,12 +162,12 @@ def rival_cells(settings: Settings) -> Iterator[Cell[Rows]]:
         for name, seen, method in ((DIRECT, whole, "none"), (BY_VIEW, by_view, "fsrcnn"),
                                    (FEW_SAMPLES, dataclasses.replace(whole, spp=1), "oidn"), (PAPER, view, "paper-gan"),
                                    (PAPER_PLAIN, view, "paper"), (OURS, view, DEFAULT_METHOD)):
-            yield accuracy_cell(settings, "table2", seen, method, functools.partial(_rival, settings), name,
+            yield measuring.accuracy_cell(settings, "table2", seen, method, functools.partial(_rival, settings), name,
                                 device=settings.device, render_device=settings.render_device, repeats=settings.repeats)
 
 
-def _rival(settings: Settings, made: Finished) -> Row:
-    found, seconds = accuracy(made), frame_seconds(settings, made.folder, made.method)
+def _rival(settings: Settings, made: measuring.Finished) -> Row:
+    found, seconds = measuring.accuracy(made), measuring.frame_seconds(settings, made.folder, made.method)
     return dataclasses.replace(found, how=f"s{made.frame.scale}", values={**found.values, **seconds})
 
 
@@ -222,11 +191,12 @@ def rule_rivals(rows: Sequence[Row]) -> str:
     return " ".join(words)
 
 
-FRACTION = Figure("fig10b", "Fig. 10(b): fraction of foreground", CLAIM_FRACTION, fraction_cells, ("p", "ms"),
-                  rule_fraction, draw_selection)
+FRACTION = Figure("fig10b", "Fig. 10(b): fraction of foreground", CLAIM_FRACTION, lambda settings: [
+    selection(settings, settings.scenes[0], distance) for distance in settings.moves], ("p", "ms"), rule_fraction,
+    draw_selection)
 SCALES = Figure("fig12a", "Fig. 12(a): scale factors and resolutions", CLAIM_SCALE, scale_cells,
-                (RENDER, SECOND_STAGE, TOTAL), rule_scales, draw_scales)
-SCENES = Figure("fig12b", "Fig. 12(b): foreground selection", CLAIM_SCENES, scene_cells, ("p", RENDER, "ms"),
-                rule_scenes, draw_selection)
+                FRAME_COLUMNS, rule_scales, draw_scales)
+SCENES = Figure("fig12b", "Fig. 12(b): foreground selection", CLAIM_SCENES, lambda settings: [
+    selection(settings, scene) for scene in settings.scenes], ("p", RENDER, "ms"), rule_scenes, draw_selection)
 TABLE2 = Figure("table2", "Table 2: rivals", CLAIM_RIVALS, rival_cells, RIVAL_COLUMNS, rule_rivals,
                 methods=("fsrcnn", "paper-gan", "paper", DEFAULT_METHOD))

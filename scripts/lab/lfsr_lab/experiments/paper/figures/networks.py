@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import statistics
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -18,8 +19,8 @@ from lfsr_lab.experiments.paper.verdict import Difference, overall, paired, sent
 from lfsr_lab.networks import comparators
 
 NETWORK, BICUBIC = "paper", "bicubic"
-DEEPER = tuple(f"paper-{n}" for n in (3, 4, 5, 6))
-RIVALS = ("espcn", "fsrcnn")
+DEEPER, RIVALS = ("paper-3", "paper-4", "paper-5", "paper-6"), ("espcn", "fsrcnn")
+BY_DEPTH, BY_ARCHITECTURE = (NETWORK, *DEEPER), (NETWORK, *RIVALS)
 STEP = 48
 WORTH = 0.01  # split SSIM that a deeper network would have to add
 CLAIM_STEP = "The number of elemental images per call, 8 to 208, changes the time of the second stage."
@@ -31,23 +32,8 @@ COLUMNS = ("ms", ACCURACY)
 PER_PIXEL, PER_FRAME = "multiply-adds per low-resolution pixel", "10⁹ per frame, all lenses"
 
 
-def step_cells(settings: Settings) -> Iterator[Cell[Rows]]:
-    """Yield the generator alone on one frame, for each step."""
-    yield network_times(settings, {str(step): (NETWORK, step) for step in settings.steps})
-
-
-def depth_cells(settings: Settings) -> Iterator[Cell[Rows]]:
-    """Yield the generator with two to six convolutions."""
-    yield from _network_cells(settings, "fig10c", (NETWORK, *DEEPER))
-
-
-def architecture_cells(settings: Settings) -> Iterator[Cell[Rows]]:
-    """Yield the generator and other architectures, and bicubic for comparison of accuracy."""
-    yield from _network_cells(settings, "fig10d", (NETWORK, *RIVALS), (BICUBIC,))
-
-
-def _network_cells(settings: Settings, figure: str, names: Sequence[str],
-                   untimed: Sequence[str] = ()) -> Iterator[Cell[Rows]]:
+def network_cells(figure: str, names: Sequence[str], untimed: Sequence[str],
+                  settings: Settings) -> Iterator[Cell[Rows]]:
     """Yield times, and accuracy of a render nearly without noise: what a network adds there is its own."""
     yield network_times(settings, {name: (name, STEP) for name in names})
     for scene in settings.scenes:
@@ -131,24 +117,23 @@ def _ratio(rows: Sequence[Row], name: str) -> float:
 
 def cost_cells(settings: Settings) -> Iterator[Cell[Rows]]:
     """Yield the costs of all networks, which are counted, not timed."""
-    yield Cell("costs", {"display": settings.timing_display.to_dict(), "networks": sorted(catalogue.NETWORKS)},
-               lambda: _costs(settings))
-
-
-def _costs(settings: Settings) -> Rows:
-    from lfsr_lab.networks.cost import multiply_adds, parameters
-
-    display, rows = settings.timing_display, []
+    display = settings.timing_display
     width, height = display.eia_pixels
-    for name, entry in catalogue.NETWORKS.items():
-        # Only what works on an elemental image of its own; the adversary leaves the generator's size as it is.
-        if entry.upscaler != comparators.PER_IMAGE or name == "paper-gan" or SCALE not in entry.scales:
-            continue
-        network = weights.untrained(name, SCALE)
-        per_pixel = multiply_adds(network, *display.low_views(SCALE)[::-1])
-        rows.append(Row(method=name, values={"parameters": parameters(network), PER_PIXEL: per_pixel,
-                                             PER_FRAME: per_pixel * width * height / SCALE**2 / 1e9}))
-    return Rows(tuple(rows))
+
+    def count() -> Rows:
+        from lfsr_lab.networks.cost import multiply_adds, parameters
+
+        rows = []
+        for name, entry in catalogue.NETWORKS.items():
+            # Only what works on an elemental image of its own; the adversary leaves the generator's size as it is.
+            if entry.upscaler == comparators.PER_IMAGE and name != "paper-gan" and SCALE in entry.scales:
+                network = weights.untrained(name, SCALE)
+                per_pixel = multiply_adds(network, *display.low_views(SCALE)[::-1])
+                rows.append(Row(method=name, values={"parameters": parameters(network), PER_PIXEL: per_pixel,
+                                                     PER_FRAME: per_pixel * width * height / SCALE**2 / 1e9}))
+        return Rows(tuple(rows))
+
+    yield Cell("costs", {"display": display.to_dict(), "networks": sorted(catalogue.NETWORKS)}, count)
 
 
 def rule_cost(rows: Sequence[Row]) -> str:
@@ -160,10 +145,13 @@ def rule_cost(rows: Sequence[Row]) -> str:
     return f"{overall(others)} Times the generator's: {ratios} (counted, so without an interval)."
 
 
-STEPS = Figure("fig10a", "Fig. 10(a): step", CLAIM_STEP, step_cells, TIME_COLUMNS, rule_step, draw_step)
-DEPTH = Figure("fig10c", "Fig. 10(c): number of convolutions", CLAIM_DEPTH, depth_cells, COLUMNS, rule_depth,
-               draw_networks, (NETWORK, *DEEPER))
-ARCHITECTURE = Figure("fig10d", "Fig. 10(d): architectures", CLAIM_ARCHITECTURE, architecture_cells, COLUMNS,
-                      rule_architecture, draw_networks, (NETWORK, *RIVALS))
+STEPS = Figure("fig10a", "Fig. 10(a): step", CLAIM_STEP, lambda settings: [
+    network_times(settings, {str(step): (NETWORK, step) for step in settings.steps})], TIME_COLUMNS, rule_step,
+    draw_step)
+DEPTH = Figure("fig10c", "Fig. 10(c): number of convolutions", CLAIM_DEPTH,
+               functools.partial(network_cells, "fig10c", BY_DEPTH, ()), COLUMNS, rule_depth, draw_networks, BY_DEPTH)
+ARCHITECTURE = Figure("fig10d", "Fig. 10(d): architectures", CLAIM_ARCHITECTURE,
+                      functools.partial(network_cells, "fig10d", BY_ARCHITECTURE, (BICUBIC,)), COLUMNS,
+                      rule_architecture, draw_networks, BY_ARCHITECTURE)
 COST = Figure("table3", "Table 3: multiply-adds", CLAIM_COST, cost_cells, ("parameters", PER_PIXEL, PER_FRAME),
               rule_cost)
