@@ -66,7 +66,7 @@ def write_image(path: Path, image: Array) -> None:
 
 def draw(rows: Sequence[Row], folder: Path) -> plots.Figure:
     """Draw one row per scene and one column per method, at the most samples; above each its split SSIM."""
-    scenes, most = scenes_of(rows), max(_samples(rows))
+    scenes, most = scenes_of(rows), max(row.samples or 0 for row in rows)
     sheet, grid = plots.sheet(2.4 * len(METHODS), 1.9 * len(scenes), len(scenes), len(METHODS))
     for row in (row for row in rows if row.samples == most):
         axis = grid[scenes.index(row.scene), METHODS.index(row.method)]
@@ -80,15 +80,11 @@ def draw(rows: Sequence[Row], folder: Path) -> plots.Figure:
 
 def rule(rows: Sequence[Row]) -> str:
     """Return each half of the claim, at each number of samples."""
-    parts = {f"{better} above {worse} at {spp} samples": gains([row for row in rows if row.samples == spp], better,
-                                                              worse)
-             for spp in _samples(rows) for better, worse in PARTS}
+    samples = sorted({row.samples or 0 for row in rows})
+    parts = {f"{more} above {less} at {spp} samples": gains([row for row in rows if row.samples == spp], more, less)
+             for spp in samples for more, less in PARTS}
     words = [sentence(statement, found, "split SSIM of foreground lenses") for statement, found in parts.items()]
     return " ".join([overall(*parts.values()), *words])
-
-
-def _samples(rows: Sequence[Row]) -> list[int]:
-    return sorted({row.samples for row in rows if row.samples})
 
 
 def epi_cells(settings: Settings) -> Iterator[Cell[Rows]]:
