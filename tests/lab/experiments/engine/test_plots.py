@@ -24,7 +24,7 @@ CURVES = [Curve(f"method{index}+part (ours)", color, marker, (1, 4, 16), (0.5, 0
 def drawn():
     figure, (axes,) = plots.panel_sheet(1, footer="Below")
     plots.time_axis(axes, 0.9, 20)
-    plots.value_axis(axes, 0.8, 4, toward_one=True)
+    plots.value_axis(axes, 0.8, 4)
     for curve in CURVES:
         plots.draw_curve(axes, curve)
     plots.name_curves(axes, CURVES)

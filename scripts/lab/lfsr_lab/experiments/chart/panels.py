@@ -130,4 +130,4 @@ def _limits(axes: Axes, shown: Sequence[Point], ceiling: float | None) -> None:
     low, high = min(heights), max(heights)
     space = max(high - low, 1e-3) * 0.05
     plots.time_axis(axes, min(seconds) / 1.15, max(seconds) * 1.15)
-    plots.value_axis(axes, low - space, high + 1.6 * space, toward_one=True)
+    plots.value_axis(axes, low - space, high + 1.6 * space)

@@ -131,5 +131,5 @@ def _panel(axes: Axes, row: Row, reference: str) -> None:
               for index, way in enumerate((OURS, *OTHERS)) if (points := _of(row, way))]
     seconds, values = ([value for curve in curves for value in getattr(curve, axis)] for axis in "xy")
     time_axis(axes, min(seconds) / 1.3, max(seconds) * 1.3)
-    value_axis(axes, height(min(values)) - 0.3, height(max(values)) + 0.3, toward_one=True)
+    value_axis(axes, height(min(values)) - 0.3, height(max(values)) + 0.3)
     draw_curves(axes, curves, f"{row.scene}, {row.kind} {row.panel_pixels[0]}×{row.panel_pixels[1]}")

@@ -85,18 +85,14 @@ class Target:
         known = {name: metrics[name] for name in (*METRIC_NAMES, *metrics) if name in metrics}
         return Accuracy({name: finite(value) for name, value in known.items() if name not in ("lenses", "notes")}, ci95)
 
-    def lens_ssim(self, image: Array, foreground: bool = True) -> Array:
-        """Return the split SSIM (n,) of the reference's lenses, each on its own, or of its foreground lenses only."""
-        counted = self.reference.foreground if foreground else np.ones_like(self.reference.foreground)
-        if not counted.any():
+    def lens_ssim(self, image: Array) -> Array:
+        """Return the split SSIM (n,) of the reference's foreground lenses, each on its own."""
+        shown = self.reference.foreground
+        if not shown.any():
             return np.empty(0)
-        return lens_ssims(*self.listed(image, counted))
-
-    def listed(self, image: Array, counted: Mask) -> tuple[Array, Array, Array]:
-        """Return display values (n, py, px, 3) of the image and both halves, of the reference's lenses ``counted``."""
-        rows, columns = self.reference.lenses[counted].T
-        half_a, half_b = (half[counted] for half in self.reference.elemental_images())
-        return srgb_encode(to_elemental_images(image, self.lenses)[rows, columns]), half_a, half_b
+        rows, columns = self.reference.lenses[shown].T
+        half_a, half_b = (half[shown] for half in self.reference.elemental_images())
+        return lens_ssims(srgb_encode(to_elemental_images(image, self.lenses)[rows, columns]), half_a, half_b)
 
 
 def lens_ssims(images: Array, half_a: Array, half_b: Array) -> Array:

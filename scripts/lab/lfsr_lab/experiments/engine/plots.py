@@ -170,30 +170,16 @@ def time_ticks(low: float, high: float) -> list[float]:
         ticks = [tick for tick in ticks if low <= tick <= high]
         if len(ticks) <= MOST_X_TICKS:
             break
-    return ticks if len(ticks) >= LEAST_X_TICKS else even_ticks(low, high)
+    if len(ticks) < LEAST_X_TICKS:
+        from matplotlib.ticker import MaxNLocator
+
+        even = MaxNLocator(6, steps=[1, 2, 5, 10], min_n_ticks=LEAST_X_TICKS).tick_values(low, high)
+        ticks = [float(tick) for tick in even if low <= tick <= high]
+    return ticks
 
 
-def even_ticks(low: float, high: float) -> list[float]:
-    """Multiples of 1, 2 or 5 times a power of ten between ``low`` and ``high``."""
-    from matplotlib.ticker import MaxNLocator
-
-    ticks = MaxNLocator(6, steps=[1, 2, 5, 10], min_n_ticks=LEAST_X_TICKS).tick_values(low, high)
-    return [float(tick) for tick in ticks if low <= tick <= high]
-
-
-def value_axis(axes: Axes, low: float, high: float, toward_one: bool) -> None:
-    """Values upwards, with round ticks.
-
-    Parameters
-    ----------
-    axes : what is drawn on
-    low, high : limits; ``toward_one`` as ``height`` gives them
-    toward_one : values end at 1, and equal steps up halve 1 − value
-    """
-    if not toward_one:
-        axes.set_ylim(low, high)
-        axes.set_yticks(even_ticks(low, high))
-        return
+def value_axis(axes: Axes, low: float, high: float) -> None:
+    """Set an axis of values up to 1 on which equal steps up halve 1 − value; ``low`` and ``high`` as of ``height``."""
     axes.set_yscale("function", functions=(height, lambda heights: 1 - 0.5 ** np.asarray(heights)))
     axes.set_ylim(1 - 0.5**low, 1 - 0.5**high)
     known = [tick for tick in TICKS_TOWARD_ONE if low <= height(tick) <= high]

@@ -15,14 +15,14 @@ from lfsr_core.files import write_json
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
 from lfsr_core.frames.identity import RAYS, check_same
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.job import Job, check_scene
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.optics.lens_sampling import choose_lenses
 from lfsr_core.progress import ProgressBar
 from lfsr_core.records import read_record, write_record
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import Listener, run_jobs
-from lfsr_core.render.store import Bar, is_complete, with_blender
+from lfsr_core.render.store import is_complete
 from lfsr_lab.scenes import scene_script
 from lfsr_lab.scenes.running import run_script
 
@@ -37,7 +37,6 @@ class Store:
     folder: Path
     blender: str | None = None  # executable, None for the best there is
     may_render: bool = True  # False: a render that is missing is left out
-    bar: Bar | None = None  # shows progress, None for a bar of its own
 
     def claim(self, settings: Any) -> None:
         """Record the settings of a new folder; LfsrError if it was begun with other ones."""
@@ -71,31 +70,26 @@ class Store:
             run_script(find_blender(self.blender), scene_script(script), job, list(wanted))
 
     def render(self, job: Job) -> Path | None:
-        """Return the folder of a render or reference, made if it is missing; None where it is and may not be made.
-
-        LfsrError where the folder holds another render. A reference that is there may have any samples and lenses.
-        """
-        folder = Path(job.output)
-        if not is_complete(folder, job.kind):
-            if not self.may_render:
-                return None
-            with_blender(self.blender, announce=self.bar is None, bar=self.bar)(job)
-        check_render(job)
-        return folder
+        """Return the folder of a render or reference, made if it is missing; None where it is and may not be made."""
+        missing = not is_complete(Path(job.output), job.kind)
+        return None if missing and not self.may_render else self.rendered(job)
 
     def rendered(self, job: Job) -> Path:
         """Return the folder of a render or reference, made if it is missing."""
-        folder = self.render(job)
-        if folder is None:
-            raise LfsrError(f"{job.output} is not rendered, and no render may be made: run it without --only-measure")
-        return folder
+        self.render_all([job])
+        return Path(job.output)
 
     def render_all(self, jobs: Sequence[Job], done: Callable[[Job], object] = lambda job: None) -> None:
-        """Render what is missing of ``jobs`` in one Blender; ``done`` is called with each job that is rendered."""
+        """Render what is missing of ``jobs`` in one Blender; ``done`` is called with each job that is rendered.
+
+        LfsrError where a folder holds another render. A reference that is there may have any samples and lenses.
+        """
         missing = [job for job in jobs if not is_complete(Path(job.output), job.kind)]
+        for job in missing:
+            check_scene(job.scene)
         if missing:
-            bar = self.bar or ProgressBar()
-            bar.note(f"rendering {len(missing)} images in {self.folder}")
+            bar = ProgressBar()
+            bar.note(f"rendering {missing[0].output}" + (f" and {len(missing) - 1} more" if missing[1:] else ""))
             try:
                 run_jobs(missing, find_blender(self.blender), Listener(bar, bar.note, done))
             finally:

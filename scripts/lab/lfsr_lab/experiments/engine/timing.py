@@ -16,7 +16,6 @@ from typing import Any
 
 from lfsr_core.frames.frame import FRAME_FILE, read_frame
 from lfsr_core.frames.job import Job
-from lfsr_core.frames.report import Report
 from lfsr_core.reconstruct.second_stage import upscale_frame
 from lfsr_lab.experiments.engine.environment import load_average
 from lfsr_lab.experiments.engine.records import Records
@@ -88,15 +87,13 @@ def second_stage_times(folder: Path, name: str, repeats: int, warm: bool) -> Sta
     if not warm:
         upscale_frame(folder, name)
     load = load_average()
-    runs = [_timed(folder, name) for _ in range(repeats)]
-    stages = {stage: statistics.median(report.seconds[stage] for _, report in runs) for stage in STAGES}
-    return StageTimes(tuple(seconds for seconds, _ in runs), stages, runs[-1][1].notes, load)
-
-
-def _timed(folder: Path, name: str) -> tuple[float, Report]:
-    started = time.perf_counter()
-    report = upscale_frame(folder, name)
-    return round(time.perf_counter() - started, 4), report
+    seconds, reports = [], []
+    for _ in range(repeats):
+        started = time.perf_counter()
+        reports.append(upscale_frame(folder, name))
+        seconds.append(round(time.perf_counter() - started, 4))
+    stages = {stage: statistics.median(report.seconds[stage] for report in reports) for stage in STAGES}
+    return StageTimes(tuple(seconds), stages, reports[-1].notes, load)
 
 
 @contextmanager

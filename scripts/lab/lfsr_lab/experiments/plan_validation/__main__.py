@@ -13,9 +13,10 @@ import argparse
 import dataclasses
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from statistics import fmean, median
 from typing import Any
 
 import numpy as np
@@ -116,14 +117,14 @@ def summary(rows: Sequence[Verdict]) -> Summary:
     costs = [row.cost for row in rows if row.cost is not None]
     possible = [row for row in rows if row.hindsight is not None]
     return Summary(
-        plans=len(rows), chosen=len(chosen), met=_mean(bool(row.met) for row in chosen),
+        plans=len(rows), chosen=len(chosen), met=_known(fmean, [bool(row.met) for row in chosen]),
         nothing_chosen_though_possible=sum(row.chosen is None for row in possible), costs=len(costs),
-        median_cost=_median(costs), cheap_enough=_mean(cost <= CHEAP_ENOUGH for cost in costs),
-        bounds_below_actual=_mean(covered for row in rows for covered in row.covered),
-        mean_error=_mean(error for row in rows for error in row.errors),
-        median_predicted_over_actual_seconds=_median(time for row in rows for time in row.times),
-        mean_share_of_seconds=_mean(row.sample.fraction_of_seconds for row in rows),
-        mean_share_of_samples=_mean(row.sample.fraction for row in rows))
+        median_cost=_known(median, costs), cheap_enough=_known(fmean, [cost <= CHEAP_ENOUGH for cost in costs]),
+        bounds_below_actual=_known(fmean, [covered for row in rows for covered in row.covered]),
+        mean_error=_known(fmean, [error for row in rows for error in row.errors]),
+        median_predicted_over_actual_seconds=_known(median, [time for row in rows for time in row.times]),
+        mean_share_of_seconds=_known(fmean, [row.sample.fraction_of_seconds for row in rows]),
+        mean_share_of_samples=_known(fmean, [row.sample.fraction for row in rows]))
 
 
 def markdown(rows: Sequence[Verdict]) -> str:
@@ -146,17 +147,12 @@ def _of_candidates(rows: Sequence[Verdict]) -> Iterator[list[object]]:
         actuals, errors, covered, times = zip(*draws.values(), strict=True)
         estimates = np.add(actuals, errors)
         yield [scene, name, actuals[0], estimates.mean(), estimates.min(), estimates.max(),
-               f"{sum(covered)} of {len(draws)}", _median(times)]
+               f"{sum(covered)} of {len(draws)}", _known(median, times)]
 
 
-def _mean(values: Iterable[float]) -> float | None:
-    values = list(values)
-    return float(np.mean(values)) if values else None
-
-
-def _median(values: Iterable[float]) -> float | None:
-    values = list(values)
-    return float(np.median(values)) if values else None
+def _known(statistic: Callable[[Sequence[float]], float], values: Sequence[float]) -> float | None:
+    """Return the mean or median of ``values``, None without any."""
+    return float(statistic(values)) if values else None
 
 
 def main(argv: Sequence[str] | None = None) -> int:

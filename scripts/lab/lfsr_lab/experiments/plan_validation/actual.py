@@ -81,25 +81,19 @@ def _measure(scene: Path, candidate: Candidate) -> Actual:
     folder, target = renders(scene)[candidate.scale, candidate.spp], _target(scene / REFERENCE)
     target.check(read_frame(folder))
     similarity = target.lens_ssim(finished_linear(folder, candidate.method))
-    return Actual(float(similarity.mean()), _seconds(folder, candidate.method))
+    with scratch_copy(folder) as copy:  # render, as it took then, and second stage, as it takes now
+        write_frame(copy, timed_frame(folder))
+        seconds = upscale_frame(copy, candidate.method).seconds
+    return Actual(float(similarity.mean()), sum(seconds.values()))
 
 
 @functools.lru_cache(maxsize=1)
 def _target(folder: Path) -> Target:
     """Read a reference, which must show every lens."""
-    target = Target.read(folder, np.ones(read_frame(folder).display.lenses[::-1], bool))
-    if target.reference.lens_list is not None:
-        raise LfsrError(f"the reference {folder} is of {len(target.reference.lens_list)} lenses only, but all are "
-                        "needed: render it without --lenses")
-    return target
-
-
-def _seconds(folder: Path, method: str) -> float:
-    """Render, as it took then, and second stage, as it takes now; the folder itself stays as it is."""
-    with scratch_copy(folder) as copy:
-        (copy / FRAME_FILE).unlink()  # a link to the folder's own
-        write_frame(copy, timed_frame(folder))
-        return sum(upscale_frame(copy, method).seconds.values())
+    if read_frame(folder).lens_list is not None:
+        raise LfsrError(f"the reference {folder} is of sampled lenses only, but all are needed: render it without "
+                        "--lenses")
+    return Target.read(folder)
 
 
 def timed_frame(folder: Path) -> Frame:
