@@ -60,7 +60,7 @@ def trained_scales(name: str) -> list[int]:
 def upscaler(name: str, **settings: Any) -> Upscaler:
     """Make the ``contract.Upscaler`` of a network; its weights load at the first call, when the scale is known.
 
-    ``settings``: for the upscaler's class (``weights``, ``device``, ``step``). LfsrError for an unknown name or a
+    ``settings``: for the upscaler's class (``weights``, ``device``). LfsrError for an unknown name or a
     missing package.
     """
     module, attribute = spec(name).upscaler.split(":")

@@ -9,7 +9,7 @@ import torch
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_lab.networks import upscalers
-from lfsr_lab.networks.engine import make_engine
+from lfsr_lab.networks.engine import Engine
 from lfsr_lab.networks.photograph_networks import ESPCN, PaperGenerator
 from lfsr_lab.networks.srgb import srgb_decode, srgb_encode
 from lfsr_lab.networks.upscalers import PhotographUpscaler, WholeEIAUpscaler
@@ -36,7 +36,7 @@ def expected(network, linear):
 
 @pytest.mark.parametrize("step", [1, 3, 7, 50, None])
 def test_engine_agrees_with_the_network_for_every_step(network, step):
-    result = make_engine(network, device="cpu", step=step)(low_images())
+    result = Engine(network, device="cpu", step=step)(low_images())
     assert result.dtype == np.float32 and result.shape == (7, 12, 10, 3)
     np.testing.assert_allclose(result, expected(network, low_images()), atol=2e-5)
 
@@ -47,19 +47,19 @@ def test_engine_agrees_with_the_network_for_every_step(network, step):
 ])
 def test_bad_settings(network, settings, message):
     with pytest.raises(LfsrError, match=message):
-        make_engine(network, **settings)
+        Engine(network, **settings)
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="says what happens without CUDA")
 def test_absent_gpu(network):
     with pytest.raises(LfsrError, match="'cuda' is not available"):
-        make_engine(network, device="cuda")
+        Engine(network, device="cuda")
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs CUDA")
 @pytest.mark.parametrize("step", [3, 64])
 def test_cuda_is_near_and_stays_on_the_device(network, step):
-    run = make_engine(network, device="cuda", step=step)
+    run = Engine(network, device="cuda", step=step)
     result = run.run(torch.from_numpy(low_images()).cuda())
     assert result.is_cuda
     np.testing.assert_allclose(result.cpu().numpy(), expected(network, low_images()), atol=5e-3)
@@ -79,7 +79,7 @@ def paper_weights(network, monkeypatch):
 
 def test_upscaler_gives_the_lenses_asked_for(paper_weights):
     low, lenses = low_eia(), np.array([[3, 1], [0, 0], [2, 4]])
-    result = PhotographUpscaler("paper", device="cpu", step=2)(low, lenses)
+    result = PhotographUpscaler("paper", device="cpu")(low, lenses)
     np.testing.assert_allclose(result, expected(paper_weights, low.color[lenses[:, 0], lenses[:, 1]]), atol=2e-5)
     assert PhotographUpscaler("paper")(low, np.zeros((0, 2), int)).shape == (0, 12, 10, 3)
 
@@ -91,19 +91,19 @@ def test_whole_eia_is_one_image_whatever_the_strips(paper_weights, rows_at_once,
     image = low.color.transpose(0, 2, 1, 3, 4).reshape(1, 4 * 6, 5 * 5, 3)
     whole = expected(paper_weights, image)[0].reshape(4, 12, 5, 10, 3)
     lenses = np.array([[0, 0], [1, 3], [3, 4], [2, 2], [1, 0]])
-    result = WholeEIAUpscaler("paper-eia", device="cpu", step=1)(low, lenses)
+    result = WholeEIAUpscaler("paper-eia", device="cpu")(low, lenses)
     np.testing.assert_allclose(result, np.stack([whole[row, :, column] for row, column in lenses]), atol=2e-5)
 
 
 def test_whole_eia_is_not_per_ei(paper_weights):
     low, lenses = low_eia(), np.argwhere(np.ones((4, 5)))
-    whole = WholeEIAUpscaler("paper-eia", device="cpu", step=1)(low, lenses)
-    single = PhotographUpscaler("paper", device="cpu", step=4)(low, lenses)
+    whole = WholeEIAUpscaler("paper-eia", device="cpu")(low, lenses)
+    single = PhotographUpscaler("paper", device="cpu")(low, lenses)
     assert np.abs(whole - single).max() > 0.01
 
 
 def test_whole_eia_keeps_rows_of_the_same_frame_only(paper_weights):
-    upscaler, lenses = WholeEIAUpscaler("paper-eia", device="cpu", step=1), np.array([[1, 1]])
+    upscaler, lenses = WholeEIAUpscaler("paper-eia", device="cpu"), np.array([[1, 1]])
     first, second = upscaler(low_eia(seed=1), lenses), upscaler(low_eia(seed=2), lenses)
     assert np.abs(first - second).max() > 0.01
 
@@ -112,7 +112,7 @@ def test_nan_is_replaced_and_noted(paper_weights):
     low, lenses = low_eia(), np.array([[0, 0], [1, 1]])
     low.color[1, 1, 2, 2, 0] = np.nan
     low.color[0, 0, 0, 0, 1] = np.inf
-    upscaler = PhotographUpscaler("paper", device="cpu", step=4)
+    upscaler = PhotographUpscaler("paper", device="cpu")
     with pytest.warns(UserWarning, match="NaN or infinite"):
         result = upscaler(low, lenses)
     low.color[1, 1, 2, 2, 0] = low.color[0, 0, 0, 0, 1] = 0
@@ -123,4 +123,4 @@ def test_nan_is_replaced_and_noted(paper_weights):
 def test_espcn_has_no_deconvolution_and_still_runs():
     low = low_images(3)
     network = ESPCN(2).eval().requires_grad_(False)
-    np.testing.assert_allclose(make_engine(network, device="cpu", step=2)(low), expected(network, low), atol=2e-5)
+    np.testing.assert_allclose(Engine(network, device="cpu", step=2)(low), expected(network, low), atol=2e-5)

@@ -83,16 +83,9 @@ def test_absent_gpu(folder, tmp_path):
         train(small(folder), tmp_path, device="cuda")
 
 
-def test_command_trains_stops_and_packs(folder, tmp_path, capsys):
+def test_command_trains(folder, tmp_path):
     settings = [f"--set={key}={value}" for key, value in {
         "photographs": folder, "validation": "", "scale": 2, "crop": 16, "crops_per_photograph": 2, "epochs": 1,
     }.items()]
     assert main(["train", "paper", *settings, "--output", str(tmp_path / "out"), "--device", "cpu"]) == 0
     assert (tmp_path / "out" / "paper-x2.safetensors").exists()
-    assert main(["train", "--prepare-photographs", str(folder), "--cache", str(tmp_path / "cache.npz")]) == 0
-    assert len(load_photographs(tmp_path / "cache.npz").images) == 3
-    capsys.readouterr()
-    assert main(["train"]) == 2
-    assert main(["train", "--prepare-photographs", str(folder)]) == 2
-    errors = capsys.readouterr().err
-    assert "nothing to train" in errors and "--cache" in errors

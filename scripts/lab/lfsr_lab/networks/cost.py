@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import torch
-from torch import Tensor, nn
+from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
 from lfsr_lab.networks.lightfield import LightFieldNet
@@ -20,13 +20,10 @@ def multiply_adds(network: nn.Module, h: int, w: int) -> float:
     Convolutions, deconvolutions and linear layers count (padding included, as
     hardware multiplies it too); activations, additions and resampling do not.
     """
-    with FlopCounterMode(display=False) as counter, torch.no_grad():
-        network(*_zeros(network, h, w))
-    return counter.get_total_flops() / 2 / (h * w)  # torch counts the multiply and the add
-
-
-def _zeros(network: nn.Module, h: int, w: int) -> tuple[Tensor, ...]:
     like = next(network.parameters())
+    inputs = [like.new_zeros(1, 3, h, w)]
     if isinstance(network, LightFieldNet):
-        return like.new_zeros(1, network.config.input_channels, h, w), like.new_zeros(1, 3, h, w)
-    return like.new_zeros(1, 3, h, w),
+        inputs.insert(0, like.new_zeros(1, network.config.input_channels, h, w))
+    with FlopCounterMode(display=False) as counter, torch.no_grad():
+        network(*inputs)
+    return counter.get_total_flops() / 2 / (h * w)  # torch counts the multiply and the add

@@ -23,9 +23,7 @@ def deconvolution_as_shuffle(layer: nn.ConvTranspose2d) -> nn.Sequential:
     """
     assert layer.bias is not None
     scale, padding, kernel = layer.stride[0], int(layer.padding[0]), layer.kernel_size[0]
-    first = -((kernel - 1 - padding) // scale)
-    last = (scale - 1 + padding) // scale
-    reach = max(-first, last)
+    reach = max(kernel - 1 - padding, scale - 1 + padding) // scale
     convolution = nn.Conv2d(layer.in_channels, layer.out_channels * scale**2, 2 * reach + 1, padding=reach)
     weight = _shuffled_weight(layer.weight.detach(), scale, padding, reach)
     convolution.weight = nn.Parameter(weight)
@@ -52,5 +50,3 @@ def fold_for_inference(network: nn.Module) -> nn.Module:
         else:
             fold_for_inference(child)
     return network.eval()
-
-

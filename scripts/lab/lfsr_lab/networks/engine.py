@@ -25,12 +25,16 @@ class Engine:
     """A network on one device: scene-linear EIs in and out, while the network sees sRGB values.
 
     The network's deconvolutions run as convolutions, channels last; on a GPU in half precision.
+    ``device`` "auto" is the GPU if there is one. ``step``: elemental images per call, None for the best
+    of PIXELS_PER_STEP. LfsrError for an unknown or absent device, or a step below 1.
     """
 
-    def __init__(self, network: nn.Module, device: torch.device, step: int | None) -> None:
-        self.device, self.step = device, step
-        self._dtype = torch.float16 if device.type == "cuda" else torch.float32
-        folded = fold_for_inference(copy.deepcopy(network)).to(device, self._dtype)
+    def __init__(self, network: nn.Module, *, device: str = "auto", step: int | None = None) -> None:
+        if step is not None and step < 1:
+            raise LfsrError(f"step is {step}, but it must be 1 or more elemental images per call")
+        self.device, self.step = choose_device(device), step
+        self._dtype = torch.float16 if self.device.type == "cuda" else torch.float32
+        folded = fold_for_inference(copy.deepcopy(network)).to(self.device, self._dtype)
         # PyTorch's stubs lack this overload.
         folded = folded.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._network = folded.requires_grad_(False)
@@ -49,17 +53,6 @@ class Engine:
     def _apply(self, low: Tensor) -> Tensor:
         encoded = srgb_encode(low).permute(0, 3, 1, 2).to(self._dtype, memory_format=torch.channels_last)
         return srgb_decode(self._network(encoded).permute(0, 2, 3, 1).float())
-
-
-def make_engine(network: nn.Module, *, device: str = "auto", step: int | None = None) -> Engine:
-    """Return an engine for a network; ``device`` "auto" is the GPU if there is one.
-
-    ``step``: elemental images per call, None for the best of PIXELS_PER_STEP.
-    LfsrError for an unknown or absent device, or a step below 1.
-    """
-    if step is not None and step < 1:
-        raise LfsrError(f"step is {step}, but it must be 1 or more elemental images per call")
-    return Engine(network.eval(), choose_device(device), step)
 
 
 def choose_device(name: str) -> torch.device:

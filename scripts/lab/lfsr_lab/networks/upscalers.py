@@ -13,7 +13,7 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
-from lfsr_lab.networks.engine import Engine, make_engine
+from lfsr_lab.networks.engine import Engine
 from lfsr_lab.networks.networks import load
 
 # Reach of the widest comparator (FSRCNN: 5×5, four 3×3 and 9×9 at stride s) in low-resolution pixels.
@@ -29,11 +29,10 @@ class PhotographUpscaler:
 
     thread_safe = False
 
-    def __init__(self, name: str, *, weights: str | Path | None = None, device: str = "auto",
-                 step: int | None = None) -> None:
+    def __init__(self, name: str, *, weights: str | Path | None = None, device: str = "auto") -> None:
         self.name = name
         self.notes: list[str] = []
-        self._weights, self._device, self._step = weights, device, step
+        self._weights, self._device = weights, device
         self._engines: dict[int, Engine] = {}
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
@@ -50,8 +49,7 @@ class PhotographUpscaler:
     def engine(self, scale: int) -> Engine:
         """Return the engine that runs the network at ``scale``, made once."""
         if scale not in self._engines:
-            network = load(self.name, scale, self._weights)
-            self._engines[scale] = make_engine(network, device=self._device, step=self._step)
+            self._engines[scale] = Engine(load(self.name, scale, self._weights), device=self._device)
         return self._engines[scale]
 
     def _finite(self, values: Array) -> Array:

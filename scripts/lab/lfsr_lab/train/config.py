@@ -24,7 +24,7 @@ class TrainConfig:
     """Training of a comparator on photographs."""
 
     network: str
-    photographs: str  # folder of images, or cache file of --prepare-photographs
+    photographs: str  # folder of images
     validation: str = ""  # the same, for validation
     scale: int = 4
     seed: int = 0

@@ -56,14 +56,10 @@ class FitOptions:
 
 @dataclasses.dataclass(frozen=True)
 class Fitted:
-    """Result of a fit, and the provenance of its weights."""
+    """Result of a fit."""
 
-    network: str
-    fitted_to: str  # frame folder
     lenses: int  # learned from
-    seconds: float
     steps: int
-    seed: int
     unseen_lenses: int  # the reference's other foreground lenses, which test the fit
     before: float  # mean split SSIM of the unseen lenses with the general weights
     after: float
@@ -117,10 +113,10 @@ def fit(folder: str | Path, reference: str | Path, output: str | Path, options: 
     torch.manual_seed(options.seed)
     before = score(network, unseen)
     network, steps = _descend(network, seen, options.seconds, progress)
-    facts = Fitted(options.network, str(folder), count, options.seconds, steps, options.seed, len(order) - count,
-                   before, score(network, unseen))
-    checkpoint.save(output, network, entry.trained_at or data.scale, dataclasses.asdict(facts), entry.options)
-    return facts
+    fitted = Fitted(count, steps, len(order) - count, before, score(network, unseen))
+    facts = {**dataclasses.asdict(options), "fitted_to": str(folder), **dataclasses.asdict(fitted)}
+    checkpoint.save(output, network, entry.trained_at or data.scale, facts, entry.options)
+    return fitted
 
 
 def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
@@ -149,25 +145,15 @@ def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
 def score(network: LightFieldNet, data: Lenses) -> float:
     """Mean split SSIM of the finished EIs."""
     with torch.no_grad():
-        parts = [_ssim(network, data.take(index)) * len(index)
-                 for index in np.array_split(np.arange(len(data.base)), -(-len(data.base) // BATCH))]
-    return round(float(sum(parts)) / len(data.base), 5)
+        parts = [data.take(index) for index in np.array_split(np.arange(len(data.base)), -(-len(data.base) // BATCH))]
+        sums = [split_ssim_map(finished_images(network, part), *part.halves).mean() * len(part.base) for part in parts]
+    return round(float(sum(sums)) / len(data.base), 5)
 
 
 def finished_images(network: LightFieldNet, data: Lenses) -> Tensor:
     """Finished EIs (N, 3, h·s, w·s) in sRGB values, as the second stage computes them."""
     clean = conserve(network(data.features, data.base), data.light)
     return display_values(upscale(clean, data.scale), data.behind)
-
-
-def _ssim(network: LightFieldNet, data: Lenses) -> Tensor:
-    return split_ssim_map(finished_images(network, data), *data.halves).mean()
-
-
-def _error(network: LightFieldNet, data: Lenses) -> Tensor:
-    """The loss of ``split_error_map``."""
-    guide = display_values(upscale(data.base, data.scale), data.behind)
-    return split_error_map(finished_images(network, data), *data.halves, guide).mean()
 
 
 def _descend(network: LightFieldNet, seen: Lenses, seconds: float, progress: Progress) -> tuple[LightFieldNet, int]:
@@ -180,7 +166,8 @@ def _descend(network: LightFieldNet, seen: Lenses, seconds: float, progress: Pro
             group["lr"] = RATE * max(0.05, 1 - elapsed / seconds)
         batch = seen.take(rng.choice(len(seen.base), min(BATCH, len(seen.base)), replace=False))
         optimizer.zero_grad(set_to_none=True)
-        _error(network, batch).backward()
+        guide = display_values(upscale(batch.base, batch.scale), batch.behind)
+        split_error_map(finished_images(network, batch), *batch.halves, guide).mean().backward()
         optimizer.step()
         steps += 1
         if steps % STEPS_PER_MESSAGE == 0:

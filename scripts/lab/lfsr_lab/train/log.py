@@ -17,8 +17,7 @@ class TrainLog:
     """Log of a run in ``folder``; lines after epoch ``keep_epochs`` are dropped, because a resumed run repeats them."""
 
     def __init__(self, folder: str | Path, keep_epochs: int = 0) -> None:
-        self._folder = Path(folder)
-        self._path = self._folder / LOG_NAME
+        self._path = Path(folder, LOG_NAME)
         kept = [line for line in read_log(self._path) if line["epoch"] <= keep_epochs] if self._path.exists() else []
         with atomic_path(self._path) as temporary:
             temporary.write_text("".join(json.dumps(line) + "\n" for line in kept), encoding="utf-8")
@@ -38,7 +37,7 @@ class TrainLog:
     def draw(self) -> None:
         """Write loss.png: losses on a logarithmic axis, validation metrics below them."""
         if self.lines:
-            draw_curves(self.lines, self._folder / IMAGE_NAME)
+            _draw_curves(self.lines, self._path.with_name(IMAGE_NAME))
 
 
 def read_log(path: str | Path) -> list[dict[str, Any]]:
@@ -49,7 +48,7 @@ def read_log(path: str | Path) -> list[dict[str, Any]]:
         raise LfsrError(f"{path} cannot be read as a training log ({error}): choose another --output") from None
 
 
-def draw_curves(lines: list[dict[str, Any]], path: str | Path) -> None:
+def _draw_curves(lines: list[dict[str, Any]], path: Path) -> None:
     """Draw a curve per loss (upper half, log axis) and per validation metric, named "data.metric" (lower half)."""
     from matplotlib.figure import Figure
 

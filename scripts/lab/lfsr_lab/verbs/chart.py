@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lfsr_core.commands.arguments import names, numbers
 from lfsr_core.frames.job import check_scene
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", dest="folder", type=Path, required=True, metavar="DIR",
                         help="folder of the chart; what is complete in it is not made again")
     parser.add_argument("--display", default="small", metavar="NAME|FILE.toml", help="default: %(default)s")
-    parser.add_argument("--methods", type=_names, metavar="NAME,NAME", help="default: every method there is")
+    parser.add_argument("--methods", type=names, metavar="NAME,NAME", help="default: every method there is")
     parser.add_argument("--ours", metavar="NAME", help="method that is held against the others; default: the default")
     _add_render_arguments(parser)
     _add_measure_arguments(parser)
@@ -54,9 +55,9 @@ def _add_measure_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--render-repeats", type=int, default=1, metavar="N",
                         help="timed runs of every render, default: %(default)s")
     parser.add_argument("--only-measure", action="store_true", help="render nothing; leave out what is not there")
-    parser.add_argument("--again", type=_names, default=(), metavar="NAME,NAME",
+    parser.add_argument("--again", type=names, default=(), metavar="NAME,NAME",
                         help="methods to measure afresh; `all` for every one")
-    parser.add_argument("--retime", type=_names, default=(), metavar="NAME,NAME",
+    parser.add_argument("--retime", type=names, default=(), metavar="NAME,NAME",
                         help="methods to time afresh, metrics kept; `all` for every one")
     parser.add_argument("--retime-renders", action="store_true",
                         help="time every render afresh --render-repeats times, images kept; once per folder")
@@ -85,22 +86,13 @@ def _settings(arguments: argparse.Namespace) -> Settings:
     ours = arguments.ours or default_method(load_display(arguments.display).parallax)
     methods = tuple(dict.fromkeys([ours, *(arguments.methods or default_methods())]))
     every = (*methods, *DIRECT_METHODS)
-    chosen = {name: every if names == EVERY else names
-              for name, names in (("again", arguments.again), ("retime", arguments.retime))}
+    chosen = {name: every if given == EVERY else given
+              for name, given in (("again", arguments.again), ("retime", arguments.retime))}
     for name in (*methods, *chosen["again"], *chosen["retime"]):
         method(name)
     given = {name: value for name, value in vars(arguments).items() if name in Settings.__dataclass_fields__}
     return Settings(**given | chosen | {"methods": methods, "direct_methods": DIRECT_METHODS, "ours": ours})
 
 
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-
-
 def _numbers(text: str) -> tuple[int, ...]:
-    if text == "none":
-        return ()
-    try:
-        return tuple(int(part) for part in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a list of whole numbers such as 1,4,16") from None
+    return () if text == "none" else numbers(text)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from lfsr_core.commands.arguments import names
 from lfsr_core.commands.renamed import add_old_option
 
 NAME = "stress"
@@ -17,8 +18,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR",
                         help="folder of everything that is made; what is complete in it is not made again")
     add_old_option(parser, "--dials", parser.add_argument(
-        "--sweeps", type=_names, metavar="NAME,NAME", help="default: all, see docs/results/stress.md"))
-    parser.add_argument("--methods", type=_names, metavar="NAME,NAME",
+        "--sweeps", type=names, metavar="NAME,NAME", help="default: all, see docs/results/stress.md"))
+    parser.add_argument("--methods", type=names, metavar="NAME,NAME",
                         help="bicubic is added; default: bicubic, the default method, every network with weights")
     parser.add_argument("--quick", action="store_true",
                         help=f"few values, references of {QUICK_SAMPLES} samples, {QUICK_FRAMES} frames of motion")
@@ -51,7 +52,3 @@ def run(arguments: argparse.Namespace) -> None:
     report = run_sweeps(Store(arguments.output, arguments.blender), settings, choice)
     print((report.parent / "stress.md").read_text(encoding="utf-8"))
     print(f"{report.parent / 'index.html'}: curves and the worst crop of every method")
-
-
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",") if name.strip()]

@@ -13,7 +13,6 @@ from lfsr_lab.train.photographs.data import (
     Photographs,
     downsample,
     load_photographs,
-    write_cache,
 )
 from tests.support.training_photographs import some_photographs, write_photographs
 
@@ -25,23 +24,16 @@ def folder(tmp_path):
     return write_photographs(tmp_path / "photographs")
 
 
-def test_folder_and_lossless_cache_hold_the_same_pixels(folder, tmp_path):
+def test_a_folder_is_read_pixel_by_pixel(folder):
     original = load_photographs(folder)
     assert [image.tolist() for image in original.images] == [image.tolist() for image in some_photographs().images]
-    size = write_cache(original, tmp_path / "cache.npz", quality=101)
-    cached = load_photographs(tmp_path / "cache.npz")
-    assert size == (tmp_path / "cache.npz").stat().st_size
-    assert (cached.names, cached.digest) == (original.names, original.digest)
 
 
-def test_jpeg_cache_is_near_and_reduction_keeps_the_mean(folder, tmp_path):
+def test_reduction_keeps_the_mean(folder):
     reduced = load_photographs(folder, long_side=26)
     assert [max(image.shape) for image in reduced.images] == [26, 26, 26]
     for small_image, image in zip(reduced.images, some_photographs().images, strict=True):
         np.testing.assert_allclose(small_image.mean((0, 1)), image.mean((0, 1)), atol=3)
-    write_cache(some_photographs(), tmp_path / "cache.npz", quality=92)
-    for image, other in zip(load_photographs(tmp_path / "cache.npz").images, some_photographs().images, strict=True):
-        assert 0 < np.abs(image.astype(int) - other).mean() < 3
 
 
 def test_digest_depends_on_pixels_and_names():
@@ -56,12 +48,6 @@ def test_bad_photographs(tmp_path):
     (tmp_path / "a.jpg").write_bytes(b"not an image")
     with pytest.raises(LfsrError, match="cannot be decoded"):
         load_photographs(tmp_path)
-    (tmp_path / "b.npz").write_bytes(b"no cache")
-    with pytest.raises(LfsrError, match="cannot be read as a cache"):
-        load_photographs(tmp_path / "b.npz")
-    np.savez(tmp_path / "c.npz", a=np.zeros(3))
-    with pytest.raises(LfsrError, match="another format"):
-        load_photographs(tmp_path / "c.npz")
     with pytest.raises(LfsrError, match="0.png is smaller than a crop of 64"):
         CropSampler(some_photographs(), 64, 2, 0, CPU)
 

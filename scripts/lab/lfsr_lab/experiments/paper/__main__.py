@@ -101,7 +101,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--reference-spp", type=int, metavar="N", help="default: 1024")
     add("--weights", type=Path, metavar="DIR", help="trained networks, NAME-x4.safetensors")
     add("--train-epochs", type=int, metavar="N", help="train each network that --weights lacks by the short recipe")
-    add("--photographs", metavar="DIR|FILE", help="to train with; default: as in lfsr_lab/train/configs")
+    add("--photographs", metavar="DIR", help="to train with; default: as in lfsr_lab/train/configs")
     add("--device", choices=("auto", "cpu", "cuda"), help="for networks, default: auto")
     add("--render-device", metavar="NAME", help="Cycles device, default: CPU")
     add("--blender", metavar="PATH", help="default: the bpy package, then PATH")

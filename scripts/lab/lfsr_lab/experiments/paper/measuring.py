@@ -114,13 +114,13 @@ def network_times(settings: Settings, steps: Mapping[str, tuple[str, int]]) -> C
     def run() -> Rows:
         import torch
 
-        from lfsr_lab.networks.engine import make_engine
+        from lfsr_lab.networks.engine import Engine
 
         count, side = settings.workload
         on_gpu = torch.cuda.is_available() and settings.device != "cpu"
         low = torch.rand(count, side, side, 3, generator=torch.Generator().manual_seed(0))
         low = low.cuda() if on_gpu else low
-        engines = {name: make_engine(weights.untrained(network, SCALE), device=settings.device, step=step)
+        engines = {name: Engine(weights.untrained(network, SCALE), device=settings.device, step=step)
                    for name, (network, step) in steps.items()}
 
         def once(name: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,11 +15,9 @@ from torch import Tensor
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path
 from lfsr_lab.networks.srgb import srgb_decode, srgb_encode
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff"}
-CACHE_FORMAT = "lfsr-photographs-1"
 
 
 @dataclass(frozen=True)
@@ -45,70 +42,27 @@ class Photographs:
         return {"files": len(self.names), "megapixels": round(pixels / 1e6, 2), "sha256": self.digest}
 
 
-def load_photographs(source: str | Path, long_side: int | None = None) -> Photographs:
-    """Read the photographs of a folder or a cache file; larger ones are reduced by areas to ``long_side``.
+def load_photographs(folder: str | Path, long_side: int | None = None) -> Photographs:
+    """Read the photographs of a folder; larger ones are reduced by areas to ``long_side``.
 
     LfsrError if there are none or one cannot be decoded.
     """
-    source = Path(source)
-    if source.is_file():
-        return _read_cache(source)
-    paths = sorted(path for path in source.glob("*") if path.suffix.lower() in SUFFIXES)
+    paths = sorted(path for path in Path(folder).glob("*") if path.suffix.lower() in SUFFIXES)
     if not paths:
-        raise LfsrError(f"{source} holds no photographs ({', '.join(sorted(SUFFIXES))}): give a folder that does, "
-                        f"or a cache made with --prepare-photographs")
+        raise LfsrError(f"{folder} holds no photographs ({', '.join(sorted(SUFFIXES))}): give a folder that does")
     return Photographs(tuple(path.name for path in paths), tuple(_decode(path, long_side) for path in paths))
 
 
-def write_cache(photographs: Photographs, path: str | Path, quality: int = 92) -> int:
-    """Write photographs into one .npz, as JPEG or, with ``quality`` above 100, lossless; return its size in bytes."""
-    encoded = {f"image{index:04d}": _encode(image, quality) for index, image in enumerate(photographs.images)}
-    with atomic_path(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, format=np.array(CACHE_FORMAT), names=np.array(photographs.names), **encoded)
-    return Path(path).stat().st_size
-
-
-def _encode(image: Array, quality: int) -> Array:
-    suffix, options = ".webp", [cv2.IMWRITE_WEBP_QUALITY, 101]
-    if quality <= 100:
-        # Full colour resolution: trained on subsampled colour, a network would learn to blur it.
-        suffix = ".jpg"
-        options = [cv2.IMWRITE_JPEG_QUALITY, quality,
-                   cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
-    done, data = cv2.imencode(suffix, image[..., ::-1], options)
-    assert done, f"OpenCV did not encode {suffix}"
-    return data
-
-
-def _read_cache(path: Path) -> Photographs:
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            if "format" not in data or str(data["format"]) != CACHE_FORMAT:
-                raise ValueError("it has another format")
-            names = tuple(str(name) for name in data["names"])
-            images = tuple(_to_rgb(cv2.imdecode(data[f"image{index:04d}"], cv2.IMREAD_COLOR), path)
-                           for index in range(len(names)))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        if isinstance(error, LfsrError):
-            raise
-        raise LfsrError(f"{path} cannot be read as a cache of photographs ({error}): make it with "
-                        f"--prepare-photographs") from None
-    return Photographs(names, images)
-
-
 def _decode(path: Path, long_side: int | None) -> Array:
-    image = _to_rgb(cv2.imread(str(path), cv2.IMREAD_COLOR), path)
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
+        raise LfsrError(f"{path} cannot be decoded as an image: remove it or get it again")
+    image = np.ascontiguousarray(image[..., ::-1])
     longest = max(image.shape[:2])
     if long_side is None or longest <= long_side:
         return image
     size = [round(side * long_side / longest) for side in image.shape[1::-1]]
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-
-
-def _to_rgb(image: Array | None, path: Path) -> Array:
-    if image is None:
-        raise LfsrError(f"{path} cannot be decoded as an image: remove it or get it again")
-    return np.ascontiguousarray(image[..., ::-1])
 
 
 class CropSampler:
