@@ -49,5 +49,3 @@ def test_renders_of_another_seed_lie_beside_the_others_and_other_subjects_are_re
     assert "was rendered with no subject, but subject Vase" in main_fails(
         arguments(folder, "--subject", "Vase"), capsys)
     assert "but visible world was asked for" in main_fails(arguments(folder, "--world-visible"), capsys)
-
-
