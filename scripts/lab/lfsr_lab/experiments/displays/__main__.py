@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import functools
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.records import write_record
@@ -22,7 +22,7 @@ from lfsr_lab.experiments.displays.measure import Point, Target, measure
 from lfsr_lab.experiments.displays.page import Comparison, Row
 from lfsr_lab.experiments.displays.renders import Renders
 from lfsr_lab.experiments.displays.ways import USUAL, measured_at
-from lfsr_lab.experiments.engine.cells import Cell, Report, measured, to_stderr
+from lfsr_lab.experiments.engine.cells import Cell, measured, to_stderr
 from lfsr_lab.experiments.engine.environment import check_packages, environment
 from lfsr_lab.experiments.engine.plots import svg
 from lfsr_lab.experiments.engine.records import Records
@@ -31,6 +31,7 @@ from lfsr_lab.experiments.engine.report import exit_code, write_report
 
 STEM = "displays"
 FIGURES = {page.WOVEN: ".svg", page.TRACED: "-traced.svg"}
+Report = Callable[[str], None]
 VERSION = 2  # of how points are measured
 
 
@@ -87,7 +88,7 @@ def _points(renders: Renders, report: Report) -> Iterator[Point]:
         cell = Cell(rendered.name if way != USUAL else f"{USUAL.name}-{samples}",
                     {"version": VERSION, "reference": renders.reference_spp, "render": cpu},
                     functools.partial(measure, way, samples, rendered, cpu, targets))
-        for point in measured([cell], records, renders.store, lambda line: None):
+        for point in measured([cell], records, renders.store):
             report(f"{renders.scene.stem}, {renders.display.name}, {way.name}, {samples} samples: {point.cpu:.2f} s, "
                    f"{point.accuracy.ssim_eye:.4f} (load {records.load or 0:.1f})")
             yield point

@@ -12,7 +12,6 @@ from lfsr_lab.experiments.engine.records import Fingerprint, Records
 from lfsr_lab.experiments.engine.renders import Store
 
 Record = TypeVar("Record")
-Report = Callable[[str], None]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,8 +29,7 @@ def to_stderr(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
-def measured(cells: Iterable[Cell[Record]], records: Records[Record], store: Store,
-             report: Report = to_stderr) -> Iterator[Record]:
+def measured(cells: Iterable[Cell[Record]], records: Records[Record], store: Store) -> Iterator[Record]:
     """Yield the record of every cell; what is missing is rendered and measured now, and stored at once.
 
     Parameters
@@ -39,13 +37,12 @@ def measured(cells: Iterable[Cell[Record]], records: Records[Record], store: Sto
     cells : what to measure, in order
     records : where records are stored
     store : where renders are
-    report : is told the name of each cell that is measured now
     """
     for cell in cells:
         found = records.read(cell.name, cell.inputs)
         if found is None:
             store.render_all(cell.jobs)
-            report(f"measuring {records.folder.name}: {cell.name}")
+            to_stderr(f"measuring {records.folder / cell.name}")
             found = cell.measure()
             records.write(cell.name, cell.inputs, found)
         yield found

@@ -35,7 +35,7 @@ DPI = 90  # of PNG files
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 540, 430, 52, 116, 44, 46  # a panel and its margins in points; names go right
 STYLE: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "lfsr"}
 FOOTER_CHARACTER = 8  # points that a character of the footer takes, margins included
-NAME_LENGTH = 14  # of a line; longer names break before a plus or at a blank
+NAME_LENGTH = 14  # of a line
 LEAST_X_TICKS, MOST_X_TICKS, MOST_Y_TICKS = 3, 7, 12
 TICKS_TOWARD_ONE = (-1.0, 0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.92, 0.94, 0.95, 0.96, 0.97, 0.98,
                     0.99, 0.995, 0.998, 0.999)
@@ -193,13 +193,9 @@ def height(values: Any) -> Any:
 
 
 def broken(name: str) -> str:
-    """A name in lines of about NAME_LENGTH characters."""
-    lines = [""]
-    for piece in re.split(r"(?= )|(?<! )(?=\+)", name):
-        if lines[-1] and len(lines[-1] + piece) > NAME_LENGTH:
-            lines.append("")
-        lines[-1] += piece
-    return "\n".join(line.strip() for line in lines)
+    """Return a name in lines of about NAME_LENGTH characters, broken before a plus or at a blank."""
+    lines = textwrap.wrap(name.replace("+", " +"), NAME_LENGTH, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(lines).replace(" +", "+")
 
 
 def _figure(width: float, tall: float, **options: Any) -> Figure:

@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -138,16 +138,11 @@ def cpu_seconds() -> float:
 def children_cpu_seconds() -> float:
     """Return the processor seconds of this process's children so far, those that still run too; for Linux."""
     times = os.times()
-    return times.children_user + times.children_system + sum(map(_child_seconds, Path("/proc").glob("[0-9]*/stat")))
-
-
-def _child_seconds(stat: Path) -> float:
-    """Return the seconds of a process of /proc that is a child of this one, else 0."""
-    if sys.platform == "win32":
-        return 0.0
-    try:
-        fields = stat.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
-    except OSError:  # it has ended
-        return 0.0
-    parent, user, system = int(fields[1]), int(fields[11]), int(fields[12])
-    return (user + system) / os.sysconf("SC_CLK_TCK") if parent == os.getpid() else 0.0
+    seconds = times.children_user + times.children_system
+    if sys.platform != "win32":
+        for stat in Path("/proc").glob("[0-9]*/stat"):
+            with suppress(OSError):  # it has ended
+                fields = stat.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+                if int(fields[1]) == os.getpid():
+                    seconds += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return seconds

@@ -157,25 +157,6 @@ def _known(statistic: Callable[[Sequence[float]], float], values: Sequence[float
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Return the exit code: 0, 2 after bad input, 130 if stopped."""
-    options = _parser().parse_args(argv)
-    return exit_code("plan_validation", lambda: run(options))
-
-
-def run(options: argparse.Namespace) -> None:
-    """Validate every scene, write the JSON after each, print the tables."""
-    files = {path.stem: str(path.resolve()) for path in options.scenes}
-    plans = PlanOptions(spps=options.spps, methods=options.methods, lenses=options.lenses, between=options.between)
-    rows: list[Verdict] = []
-    for scene in scenes(options.bench):
-        if options.replay or scene.name in files:
-            rows += validate(scene, files.get(scene.name, ""), plans, options)
-            write_record(options.json, Validation(options.replay, summary(rows), tuple(rows)))
-    if not rows:
-        raise LfsrError(f"{options.bench} has no scene of the files given: name them, or use --replay")
-    print(markdown(rows))
-
-
-def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m lfsr_lab.experiments.plan_validation",
                                      description=__doc__.splitlines()[0])
     add = parser.add_argument
@@ -191,7 +172,22 @@ def _parser() -> argparse.ArgumentParser:
     add("--methods", type=names)
     add("--lenses", type=int)
     add("--blender")
-    return parser
+    options = parser.parse_args(argv)
+    return exit_code("plan_validation", lambda: run(options))
+
+
+def run(options: argparse.Namespace) -> None:
+    """Validate every scene, write the JSON after each, print the tables."""
+    files = {path.stem: str(path.resolve()) for path in options.scenes}
+    plans = PlanOptions(spps=options.spps, methods=options.methods, lenses=options.lenses, between=options.between)
+    rows: list[Verdict] = []
+    for scene in scenes(options.bench):
+        if options.replay or scene.name in files:
+            rows += validate(scene, files.get(scene.name, ""), plans, options)
+            write_record(options.json, Validation(options.replay, summary(rows), tuple(rows)))
+    if not rows:
+        raise LfsrError(f"{options.bench} has no scene of the files given: name them, or use --replay")
+    print(markdown(rows))
 
 
 def _ints(text: str) -> tuple[int, ...]:

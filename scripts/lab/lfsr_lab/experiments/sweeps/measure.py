@@ -20,7 +20,7 @@ from lfsr_lab.experiments.engine.records import Records, method_facts
 from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, SCENE_FILE, Store, foreground, reference_of
 from lfsr_lab.experiments.sweeps import metrics
 from lfsr_lab.experiments.sweeps.records import Cell, Settings
-from lfsr_lab.experiments.sweeps.sweeps import EYE, MOTION, Sweep, choose_sweeps, label
+from lfsr_lab.experiments.sweeps.sweeps import EYE, MOTION, Sweep, choose_sweeps
 from lfsr_lab.scenes.sweeps.space import Space, card_centre, card_of_motion
 
 DISPLAY_FILE = Path(__file__).parent / "sweeps.toml"
@@ -72,8 +72,7 @@ class Scene:
         samples = self.sweep.samples(self.value)
         wanted = [cells.Cell(f"{name}-{self.sweep.name}-spp{samples}", method_facts(name),
                              functools.partial(self.measure, name), self.jobs) for name in methods]
-        yield from cells.measured(wanted, Records(self.folder / CELLS, Cell), self.store,
-                                  lambda line: print(f"  {self.sweep.name} {label(self.value)} {line}", flush=True))
+        yield from cells.measured(wanted, Records(self.folder / CELLS, Cell), self.store)
 
     @property
     def jobs(self) -> list[Job]:

@@ -142,19 +142,11 @@ def flicker(frames: Sequence[Array], lenses: Pair, path: Sequence[Pair],
     images = (to_elemental_images(frame, lenses) for frame in frames)
     before = next(images)
     for index, after in enumerate(images):
-        (x0, y0), (x1, y1) = path[index], path[index + 1]
-        old, new = _overlap(x1 - x0, y1 - y0, before.shape[:2])
-        both = cards[index][old] & cards[index + 1][new]
-        change = after[new][both] - before[old][both]
+        back = np.subtract(path[index], path[index + 1])[::-1]  # in rows and columns; no card reaches round the edge
+        both = cards[index] & np.roll(cards[index + 1], back, (0, 1))
+        change = np.roll(after, back, (0, 1))[both] - before[both]
         total, count, before = total + float(np.sum(change**2, dtype=np.float64)), count + change.size, after
     return math.sqrt(total / count) if count else None
-
-
-def _overlap(dx: int, dy: int, shape: tuple[int, ...]) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Return slices (rows, columns) of the earlier and the later frame that show the same places."""
-    pairs = [(slice(max(0, -step), size - max(0, step)), slice(max(0, step), size + min(0, step)))
-             for step, size in zip((dy, dx), shape, strict=True)]
-    return (pairs[0][0], pairs[1][0]), (pairs[0][1], pairs[1][1])
 
 
 def worst_lens(of: Compared) -> Pair | None:

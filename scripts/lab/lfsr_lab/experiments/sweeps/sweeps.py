@@ -100,15 +100,14 @@ class Break:
 
 
 def breaking_point(values: Sequence[float], quality: Mapping[float, float | None],
-                   bicubic: Mapping[float, float | None] | None = None, drop: float = DROP) -> Break | None:
-    """Return where a method breaks: its first value below ``bicubic``, or ``drop`` below its own start.
+                   bicubic: Mapping[float, float | None] | None = None) -> Break | None:
+    """Return where a method breaks: its first value below ``bicubic``, or DROP below its own start.
 
     Parameters
     ----------
     values: of the sweep, from easy to hard; the start is the first of them with a quality.
     quality: judged figure by value; values without one are passed over.
     bicubic: the same of bicubic; None for bicubic itself.
-    drop: how far below its start counts.
 
     Returns
     -------
@@ -119,6 +118,6 @@ def breaking_point(values: Sequence[float], quality: Mapping[float, float | None
         rival = (bicubic or {}).get(value)
         if rival is not None and found < rival - TOLERANCE:
             return Break(value, found, "below bicubic")
-        if found <= measured[0][1] - drop + TOLERANCE:
+        if found <= measured[0][1] - DROP + TOLERANCE:
             return Break(value, found, "below its start")
     return None
