@@ -11,10 +11,9 @@ from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.graph import principled
 from lfsr_lab.scenes.shared.objects import add_surface, settle
 from lfsr_lab.scenes.training import plants
-from lfsr_lab.scenes.training.cutouts import paper_material
-from lfsr_lab.scenes.training.layouts import around_plane, backdrop, floor_at, rods, room_side
+from lfsr_lab.scenes.training.layouts import around_plane, backdrop, floor_at, rods, room_side, scatter
 from lfsr_lab.scenes.training.lights import glowing_ball, light_dark, light_room
-from lfsr_lab.scenes.training.materials import random_color, random_material
+from lfsr_lab.scenes.training.materials import paper_material, random_color, random_material
 from lfsr_lab.scenes.training.shapes import copies, kinds, put, random_shape, readable, turn, upright
 from lfsr_lab.scenes.training.stage import Stage
 
@@ -95,8 +94,7 @@ def signs(stage: Stage) -> None:
             add_surface(surfaces.card(), random_material(stage, kind="glow"), "screen")
         at, size = stage.place(0.6), stage.rng.uniform(0.15, 0.7)
         put(stage, thing, at, size, readable(stage) if kind == "text" else stage.rng.normal(0, 0.3, 3))
-    for _ in range(stage.rng.integers(1, 6)):
-        put(stage, random_shape(stage), stage.place(0.7), stage.rng.uniform(0.15, 0.5))
+    scatter(stage, (1, 6), 0.7, (0.15, 0.5))
     if stage.chance(0.6):
         floor_at(stage, -stage.array.half_height * 0.8)
     if stage.chance(0.4):
@@ -149,8 +147,7 @@ def hair(stage: Stage) -> None:
         material = _hair_material(stage) if stage.chance(0.6) else random_material(stage, closed=False)
         size = stage.rng.uniform(0.2, 0.8)
         put(stage, add_surface(fur, material, "hair"), around_plane(stage, size), size)
-    for _ in range(stage.rng.integers(0, 3)):
-        put(stage, random_shape(stage), stage.place(0.7), stage.rng.uniform(0.1, 0.4))
+    scatter(stage, (0, 3), 0.7, (0.1, 0.4))
 
 
 def _hair_material(stage: Stage) -> bpy.types.Material:

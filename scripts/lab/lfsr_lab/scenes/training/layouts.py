@@ -10,9 +10,8 @@ from lfsr_core.arrays import Array
 from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.objects import add_surface, settle
 from lfsr_lab.scenes.training import plants
-from lfsr_lab.scenes.training.cutouts import leaf_material, paper_material
 from lfsr_lab.scenes.training.lights import light_room
-from lfsr_lab.scenes.training.materials import random_material
+from lfsr_lab.scenes.training.materials import leaf_material, paper_material, random_material
 from lfsr_lab.scenes.training.shapes import CLOSED, SMALL, copies, kinds, put, random_shape, readable, turn, upright
 from lfsr_lab.scenes.training.stage import Stage
 
@@ -33,8 +32,14 @@ def hero(stage: Stage) -> None:
     if not alone and stage.chance(0.6):
         below = surfaces.box(stage.rng.uniform(0.5, 1.5), stage.rng.uniform(0.3, 1), 0.06)
         put(stage, add_surface(below, random_material(stage), "plinth"), at - [0, 0, size], 1.0, np.zeros(3))
-    for _ in range(0 if alone else stage.rng.integers(1, 4)):
-        put(stage, random_shape(stage), stage.place(), stage.rng.uniform(0.08, 0.3))
+    if not alone:
+        scatter(stage, (1, 4), 0.9, (0.08, 0.3))
+
+
+def scatter(stage: Stage, counts: tuple[int, int], margin: float, sizes: tuple[float, float]) -> None:
+    """Random objects in the viewing frustum."""
+    for _ in range(stage.rng.integers(*counts)):
+        put(stage, random_shape(stage), stage.place(margin), stage.rng.uniform(*sizes))
 
 
 def assembly(stage: Stage) -> None:
@@ -136,8 +141,7 @@ def meadow(stage: Stage) -> None:
     blades = plants.grass(stage.rng, 1.4, (stage.front + stage.behind) / 2)
     middle = np.array([0, (stage.behind - stage.front) / 2, floor])
     put(stage, add_surface(blades, random_material(stage, closed=False), "grass"), middle, 1.0, np.zeros(3))
-    for _ in range(stage.rng.integers(0, 5)):
-        put(stage, random_shape(stage), stage.place(0.7), stage.rng.uniform(0.1, 0.4))
+    scatter(stage, (0, 5), 0.7, (0.1, 0.4))
     if stage.chance(0.8):
         floor_at(stage, floor)
 
@@ -156,8 +160,7 @@ def sheets(stage: Stage) -> None:
 def wall(stage: Stage) -> None:
     """A textured wall, relief or landscape behind everything, and objects before it: every lens sees something."""
     backdrop(stage)
-    for _ in range(stage.rng.integers(1, 7)):
-        put(stage, random_shape(stage), stage.place(0.8), stage.rng.uniform(0.12, 0.5))
+    scatter(stage, (1, 7), 0.8, (0.12, 0.5))
 
 
 def street(stage: Stage) -> None:

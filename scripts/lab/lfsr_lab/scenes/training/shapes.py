@@ -80,19 +80,19 @@ def copies(stage: Stage, bodies: list[bpy.types.Object], least: int, limit: int)
             yield twin
 
 
-def _bmesh_object(build: Callable[[bmesh.types.BMesh], None], material: bpy.types.Material, name: str,
-                  smooth: bool) -> bpy.types.Object:
-    mesh, work = bpy.data.meshes.new(name), bmesh.new()
-    build(work)
-    for face in work.faces:
-        face.smooth = smooth
+def _bmesh_object(work: bmesh.types.BMesh, material: bpy.types.Material, name: str) -> bpy.types.Object:
+    mesh = bpy.data.meshes.new(name)
     work.to_mesh(mesh)
     work.free()
     return add_object(mesh, material, name)
 
 
 def _monkey(stage: Stage, material: bpy.types.Material) -> bpy.types.Object:
-    thing = _bmesh_object(lambda work: bmesh.ops.create_monkey(work), material, "monkey", True)
+    work = bmesh.new()
+    bmesh.ops.create_monkey(work)
+    for face in work.faces:
+        face.smooth = True
+    thing = _bmesh_object(work, material, "monkey")
     smoother = thing.modifiers.new("smooth", "SUBSURF")
     smoother.levels = smoother.render_levels = int(stage.rng.integers(0, 4))
     return thing
@@ -100,33 +100,27 @@ def _monkey(stage: Stage, material: bpy.types.Material) -> bpy.types.Object:
 
 def _rock(stage: Stage, material: bpy.types.Material) -> bpy.types.Object:
     """A faceted stone: a ball cut by random planes."""
-    rng = stage.rng
-
-    def build(work: bmesh.types.BMesh) -> None:
-        bmesh.ops.create_icosphere(work, subdivisions=int(rng.integers(2, 4)), radius=1.0)
-        points = np.array([vertex.co for vertex in work.verts])
-        for direction in rng.normal(size=(rng.integers(3, 14), 3)):
-            direction /= np.linalg.norm(direction)
-            over = np.maximum(points @ direction - rng.uniform(0.45, 0.8), 0)
-            points -= over[:, None] * direction
-        for vertex, point in zip(work.verts, points * rng.uniform(0.6, 1, 3), strict=True):
-            vertex.co = point
-
-    return _bmesh_object(build, material, "rock", False)
+    rng, work = stage.rng, bmesh.new()
+    bmesh.ops.create_icosphere(work, subdivisions=int(rng.integers(2, 4)), radius=1.0)
+    points = np.array([vertex.co for vertex in work.verts])
+    for direction in rng.normal(size=(rng.integers(3, 14), 3)):
+        direction /= np.linalg.norm(direction)
+        over = np.maximum(points @ direction - rng.uniform(0.45, 0.8), 0)
+        points -= over[:, None] * direction
+    for vertex, point in zip(work.verts, points * rng.uniform(0.6, 1, 3), strict=True):
+        vertex.co = point
+    return _bmesh_object(work, material, "rock")
 
 
 def _lattice(stage: Stage, material: bpy.types.Material) -> bpy.types.Object:
     """Struts along the edges of a ball or a box."""
-    rng = stage.rng
-
-    def build(work: bmesh.types.BMesh) -> None:
-        if rng.random() < 0.6:
-            bmesh.ops.create_icosphere(work, subdivisions=int(rng.integers(1, 4)), radius=1.0)
-        else:
-            bmesh.ops.create_cube(work, size=2.0)
-            bmesh.ops.subdivide_edges(work, edges=work.edges, cuts=int(rng.integers(1, 4)), use_grid_fill=True)
-
-    thing = _bmesh_object(build, material, "lattice", False)
+    rng, work = stage.rng, bmesh.new()
+    if rng.random() < 0.6:
+        bmesh.ops.create_icosphere(work, subdivisions=int(rng.integers(1, 4)), radius=1.0)
+    else:
+        bmesh.ops.create_cube(work, size=2.0)
+        bmesh.ops.subdivide_edges(work, edges=work.edges, cuts=int(rng.integers(1, 4)), use_grid_fill=True)
+    thing = _bmesh_object(work, material, "lattice")
     thing.modifiers.new("struts", "WIREFRAME").thickness = stage.log_uniform(0.015, 0.12)
     return thing
 
