@@ -63,19 +63,14 @@ def test_another_format(saved):
         load("paper", 4, saved[1])
 
 
-def test_another_architecture(saved):
-    with pytest.raises(LfsrError, match="architecture 'PaperGenerator', expected 'ESPCN'"):
-        load("espcn", 4, saved[1])
-
-
-def test_another_scale(saved):
-    with pytest.raises(LfsrError, match="scale '4', expected '2'"):
-        load("paper", 2, saved[1])
-
-
-def test_another_shape(saved):
-    with pytest.raises(LfsrError, match=r"body\.4\..*missing, expected \(16"):
-        load("paper-3", 4, saved[1])
+@pytest.mark.parametrize(("name", "scale", "message"), [
+    ("espcn", 4, "architecture 'PaperGenerator', expected 'ESPCN'"),
+    ("paper", 2, "scale '4', expected '2'"),
+    ("paper-3", 4, r"body\.4\..*missing, expected \(16"),
+])
+def test_weights_of_another_network(saved, name, scale, message):
+    with pytest.raises(LfsrError, match=message):
+        load(name, scale, saved[1])
 
 
 def test_one_changed_value_breaks_the_hash(saved):

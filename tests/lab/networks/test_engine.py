@@ -10,7 +10,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_lab.networks import upscalers
 from lfsr_lab.networks.engine import Engine
-from lfsr_lab.networks.photograph_networks import ESPCN, PaperGenerator
+from lfsr_lab.networks.photograph_networks import PaperGenerator
 from lfsr_lab.networks.srgb import srgb_decode, srgb_encode
 from lfsr_lab.networks.upscalers import PhotographUpscaler, WholeEIAUpscaler
 
@@ -95,13 +95,6 @@ def test_whole_eia_is_one_image_whatever_the_strips(paper_weights, rows_at_once,
     np.testing.assert_allclose(result, np.stack([whole[row, :, column] for row, column in lenses]), atol=2e-5)
 
 
-def test_whole_eia_is_not_per_ei(paper_weights):
-    low, lenses = low_eia(), np.argwhere(np.ones((4, 5)))
-    whole = WholeEIAUpscaler("paper-eia", device="cpu")(low, lenses)
-    single = PhotographUpscaler("paper", device="cpu")(low, lenses)
-    assert np.abs(whole - single).max() > 0.01
-
-
 def test_whole_eia_keeps_rows_of_the_same_frame_only(paper_weights):
     upscaler, lenses = WholeEIAUpscaler("paper-eia", device="cpu"), np.array([[1, 1]])
     first, second = upscaler(low_eia(seed=1), lenses), upscaler(low_eia(seed=2), lenses)
@@ -118,9 +111,3 @@ def test_nan_is_replaced_and_noted(paper_weights):
     low.color[1, 1, 2, 2, 0] = low.color[0, 0, 0, 0, 1] = 0
     np.testing.assert_array_equal(result, upscaler(low, lenses))
     assert len(upscaler.notes) == 1
-
-
-def test_espcn_has_no_deconvolution_and_still_runs():
-    low = low_images(3)
-    network = ESPCN(2).eval().requires_grad_(False)
-    np.testing.assert_allclose(Engine(network, device="cpu", step=2)(low), expected(network, low), atol=2e-5)

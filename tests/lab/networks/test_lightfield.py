@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.images.srgb import srgb_decode, srgb_encode
 from lfsr_core.reconstruct import encoding
 from lfsr_core.reconstruct.methods import interpolation
+from lfsr_lab.networks import srgb
 from lfsr_lab.networks.lightfield import (
     LightFieldConfig,
     LightFieldNet,
@@ -24,6 +25,12 @@ def test_working_domain_is_that_of_the_second_stage():
     assert torch.allclose(decode(encode(linear)), linear, rtol=1e-4, atol=1e-5)
     np.testing.assert_allclose(encode(linear)[1:].numpy(), encoding.encode(linear[1:].numpy()), atol=1e-6)
     assert encode(linear[:1]).item() == pytest.approx(1e-4)  # the floor that keeps its slope finite
+
+
+def test_tensors_and_arrays_go_through_the_same_curve():
+    values = np.linspace(-0.5, 1.5, 1001, dtype=np.float32)
+    np.testing.assert_allclose(srgb.srgb_encode(torch.from_numpy(values)).numpy(), srgb_encode(values), atol=1e-6)
+    np.testing.assert_allclose(srgb.srgb_decode(torch.from_numpy(values)).numpy(), srgb_decode(values), atol=1e-6)
 
 
 def test_display_values_are_what_metrics_see():

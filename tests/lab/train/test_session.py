@@ -10,7 +10,6 @@ import torch
 from torch import nn
 
 from lfsr_core.cli import main
-from lfsr_core.errors import LfsrError
 from lfsr_lab.networks import checkpoint
 from lfsr_lab.networks.networks import load
 from lfsr_lab.train import loop
@@ -75,12 +74,6 @@ def test_seed_decides_the_weights(folder, tmp_path):
             for name, seed in (("a", 1), ("b", 1), ("c", 2))]
     hashes = [checkpoint.read(run.weights)[0]["sha256"] for run in runs]
     assert hashes[0] == hashes[1] != hashes[2]
-
-
-@pytest.mark.skipif(torch.cuda.is_available(), reason="says what happens without CUDA")
-def test_absent_gpu(folder, tmp_path):
-    with pytest.raises(LfsrError, match="'cuda' is not available"):
-        train(small(folder), tmp_path, device="cuda")
 
 
 def test_command_trains(folder, tmp_path):

@@ -109,9 +109,8 @@ class LightFieldNet(nn.Module):
         self.body = nn.ModuleList(Block(body) for _ in range(config.blocks))
         self.up = nn.Conv2d(body, width * 4, 1)
         self.out = ReplicateConv(width, config.outputs)
-        nn.init.zeros_(self.out.weight)
-        if self.out.bias is not None:
-            nn.init.zeros_(self.out.bias)
+        for values in self.out.parameters():
+            nn.init.zeros_(values)
 
     def forward(self, features: Tensor, base: Tensor) -> Tensor:
         """features (N, C, h, w) and base (N, 3, h, w) of N EIs -> (N, 3, h, w)."""
@@ -127,14 +126,10 @@ class LightFieldNet(nn.Module):
         keep = 1 - correction[:, 3:4].clamp(0, 1)
         if not self.config.second_base:
             return base * keep + correction[:, :3]
-        second = self._second_base(features)
+        start = channels(self.config.inputs[:self.config.inputs.index(self.config.second_base)])
+        second = features[:, start:start + 3]
         mixed = torch.lerp(base, second, correction[:, 4:].clamp(0, 1)) * keep + correction[:, :3]
         return torch.lerp(mixed, (base + second) / 2, self.config.plain)
-
-    def _second_base(self, features: Tensor) -> Tensor:
-        inputs = self.config.inputs
-        start = channels(inputs[:inputs.index(self.config.second_base)])
-        return features[:, start:start + 3]
 
 
 def build(scale: int, **options: Any) -> LightFieldNet:

@@ -44,13 +44,9 @@ class PhotographUpscaler:
         """(N, h, w, 3) scene-linear -> (N, s·h, s·w, 3) scene-linear."""
         if not len(linear):
             return np.zeros((0, linear.shape[1] * scale, linear.shape[2] * scale, 3), np.float32)
-        return self.engine(scale)(self._finite(linear))
-
-    def engine(self, scale: int) -> Engine:
-        """Return the engine that runs the network at ``scale``, made once."""
         if scale not in self._engines:
             self._engines[scale] = Engine(load(self.name, scale, self._weights), device=self._device)
-        return self._engines[scale]
+        return self._engines[scale](self._finite(linear))
 
     def _finite(self, values: Array) -> Array:
         """Replace NaN and infinity by 0, with one note and one warning."""

@@ -35,9 +35,25 @@ class TrainLog:
         return {key: value for key, value in validated[-1].items() if "." in key} if validated else {}
 
     def draw(self) -> None:
-        """Write loss.png: losses on a logarithmic axis, validation metrics below them."""
-        if self.lines:
-            _draw_curves(self.lines, self._path.with_name(IMAGE_NAME))
+        """Write loss.png: losses on a logarithmic axis; validation metrics, named "data.metric", below them."""
+        from matplotlib.figure import Figure
+
+        if not self.lines:
+            return
+        figure = Figure(figsize=(7, 6), layout="constrained")
+        losses, figures = figure.subplots(2, 1, sharex=True)
+        for name in dict.fromkeys(key for line in self.lines for key in line if key not in NO_CURVE):
+            axes = figures if "." in name else losses
+            points = [(line["epoch"], line[name]) for line in self.lines if name in line]
+            axes.plot(*zip(*points, strict=True), marker=".", label=name)
+        losses.set(ylabel="loss", yscale="log")
+        figures.set(ylabel="validation", xlabel="epoch")
+        for axes in (losses, figures):
+            axes.grid(alpha=0.3)
+            if axes.lines:
+                axes.legend(fontsize="small")
+        with atomic_path(self._path.with_name(IMAGE_NAME)) as temporary:
+            figure.savefig(temporary, dpi=100)
 
 
 def read_log(path: str | Path) -> list[dict[str, Any]]:
@@ -46,24 +62,3 @@ def read_log(path: str | Path) -> list[dict[str, Any]]:
         return [json.loads(line) for line in Path(path).read_text(encoding="utf-8").splitlines()]
     except (OSError, json.JSONDecodeError, UnicodeDecodeError) as error:
         raise LfsrError(f"{path} cannot be read as a training log ({error}): choose another --output") from None
-
-
-def _draw_curves(lines: list[dict[str, Any]], path: Path) -> None:
-    """Draw a curve per loss (upper half, log axis) and per validation metric, named "data.metric" (lower half)."""
-    from matplotlib.figure import Figure
-
-    names = list(dict.fromkeys(key for line in lines for key in line if key not in NO_CURVE))
-    figure = Figure(figsize=(7, 6), layout="constrained")
-    losses, figures = figure.subplots(2, 1, sharex=True)
-    for name in names:
-        axes = figures if "." in name else losses
-        points = [(line["epoch"], line[name]) for line in lines if name in line]
-        axes.plot(*zip(*points, strict=True), marker="." if len(points) < 30 else None, label=name)
-    losses.set(ylabel="loss", yscale="log")
-    figures.set(ylabel="validation", xlabel="epoch")
-    for axes in (losses, figures):
-        if axes.lines:
-            axes.legend(fontsize="small")
-            axes.grid(alpha=0.3)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=100)

@@ -1,4 +1,4 @@
-"""Photographs for training: caches, crops, low-resolution pairs."""
+"""Photographs for training: folders, crops, low-resolution pairs."""
 
 from __future__ import annotations
 
@@ -8,12 +8,7 @@ import torch
 
 from lfsr_core.errors import LfsrError
 from lfsr_lab.networks.srgb import srgb_decode
-from lfsr_lab.train.photographs.data import (
-    CropSampler,
-    Photographs,
-    downsample,
-    load_photographs,
-)
+from lfsr_lab.train.photographs.data import CropSampler, Photographs, downsample, load_photographs
 from tests.support.training_photographs import some_photographs, write_photographs
 
 CPU = torch.device("cpu")

@@ -65,7 +65,7 @@ class ComparatorTask:
     def _layout(self) -> torch.memory_format:
         return torch.channels_last if self.device.type == "cuda" else torch.contiguous_format
 
-    def _adam(self, module: torch.nn.Module) -> torch.optim.Adam:
+    def _adam(self, module: nn.Module) -> torch.optim.Adam:
         return torch.optim.Adam(module.parameters(), self.config.rate, BETAS, fused=self.device.type == "cuda")
 
     def data(self) -> dict[str, Any]:
@@ -141,18 +141,18 @@ class ComparatorTask:
 
     def state(self) -> dict[str, Any]:
         """Everything that training changes."""
-        state = {"network": self.network.state_dict(), "optimizer": self._optimizer.state_dict()}
-        if self.discriminator is not None:
-            state |= {"discriminator": self.discriminator.state_dict(), "adversary": self._adversary.state_dict()}
-        return state
+        return {name: part.state_dict() for name, part in self._parts().items()}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Return to a ``state``."""
-        self.network.load_state_dict(state["network"])
-        self._optimizer.load_state_dict(state["optimizer"])
+        for name, part in self._parts().items():
+            part.load_state_dict(state[name])
+
+    def _parts(self) -> dict[str, nn.Module | torch.optim.Optimizer]:
+        parts: dict[str, nn.Module | torch.optim.Optimizer] = {"network": self.network, "optimizer": self._optimizer}
         if self.discriminator is not None:
-            self.discriminator.load_state_dict(state["discriminator"])
-            self._adversary.load_state_dict(state["adversary"])
+            parts |= {"discriminator": self.discriminator, "adversary": self._adversary}
+        return parts
 
 
 def _validation_pairs(photographs: Photographs, scale: int, device: torch.device) -> list[tuple[Tensor, Tensor]]:
