@@ -22,7 +22,6 @@ SECONDS_TO_DRAW = 0.003   # of one picture by the X server: one that is half dra
 class Recording:
     """What was seen; times are of ``time.monotonic``."""
 
-    began: float
     changes: tuple[float, ...]        # when another picture was there
     pictures: tuple[tuple[float, np.ndarray], ...]   # some of them, uint8 (H, W, 3), and when they appeared
 
@@ -40,10 +39,6 @@ class Screen:
         height, bytes_per_line, colors = int(numbers[5]), int(numbers[12]), int(numbers[19])
         pixels = np.memmap(path, "<u4", "r", int(numbers[0]) + 12 * colors, (height, bytes_per_line // 4))
         self._pixels = pixels[:size[1], :size[0]]
-
-    def picture(self) -> np.ndarray:
-        """What it shows now, uint8 (H, W, 3)."""
-        return _rgb(np.array(self._pixels))
 
     def record(self, seconds: float, all_until: float, marks: Sequence[float]) -> Recording:
         """Watch for ``seconds``; keep every picture of the first ``all_until``, then those at ``marks`` (seconds)."""
@@ -63,7 +58,7 @@ class Screen:
                     kept.append((shown, now))
             time.sleep(1 / LOOKS_PER_SECOND)
         kept.append((shown, now))
-        return Recording(began, tuple(changes), tuple((seen, _rgb(pixels)) for seen, pixels in kept))
+        return Recording(tuple(changes), tuple((seen, _rgb(pixels)) for seen, pixels in kept))
 
 
 def _rgb(pixels: np.ndarray) -> np.ndarray:

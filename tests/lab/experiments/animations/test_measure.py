@@ -79,10 +79,7 @@ def test_renders_differ_by_their_seeds_and_references_share_none(tmp_path):
     assert len(set(lenses)) == Settings().reference_lenses and Settings(seed=1).lens_list != lenses
 
 
-def test_a_folder_of_other_settings_is_refused(tmp_path):
-    Store(tmp_path).claim(Settings())
-    with pytest.raises(LfsrError, match="other settings"):
-        Store(tmp_path).claim(Settings(frames=4))
+def test_animations_have_at_least_three_frames():
     with pytest.raises(LfsrError, match="at least 3 frames"):
         Settings(frames=2)
 
