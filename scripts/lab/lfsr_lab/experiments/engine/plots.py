@@ -142,6 +142,7 @@ def draw_curves(axes: Axes, curves: Sequence[Curve], title: str) -> None:
     axes.grid(color=GRID)
     for curve in curves:
         draw_curve(axes, curve)
+    axes.autoscale_view()
     name_curves(axes, curves)
 
 

@@ -15,7 +15,7 @@ from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_core.records import to_data
 from lfsr_lab.experiments.engine.environment import environment
-from lfsr_lab.experiments.engine.plots import COLORS, sheet, svg
+from lfsr_lab.experiments.engine.plots import COLORS, MARKERS, Curve, draw_curves, panel_sheet, svg
 from lfsr_lab.experiments.engine.renders import SCENE_FILE, Store
 from lfsr_lab.experiments.engine.report import inline_svg, markdown_table, number, page_html, write_report, write_text
 from lfsr_lab.experiments.sweeps.measure import BASELINE, Choice, Scene
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 STEM, PAGE_FILE, CROPS = "stress", "index.html", "pictures"
 LENSES_IN_CROP, LEAST_CROP, GAP = 3, 240, 6
-DASHES = ("solid", "dashed", "dotted")  # after each round of colours
-WIDTH, HEIGHT = 6.4, 3.0  # of a drawing of curves, in inches
 LEGEND = ("A number is the first value of the sweep where the method breaks: **b** below bicubic, **s** 0.05 below its "
           "own start. – : it never breaks. ? : nothing could be measured.")
 
@@ -103,7 +101,6 @@ def html(store: Store, report: Report) -> str:
                           if (crop := _write_crop(store, report.settings, sweep, method))] for sweep in report.sweeps}
     return page_html("sweeps.html", report=report, legend=LEGEND.split("**"), crops=crops,
                      curves={sweep.name: curves(sweep, report.methods) for sweep in report.sweeps},
-                     strokes=list(zip(report.methods, map(stroke, range(len(report.methods))), strict=True)),
                      label=label, number=number)
 
 
@@ -155,27 +152,20 @@ def side_by_side(crops: Sequence[Array]) -> Array:
     return np.concatenate([part for crop in large for part in (gap, crop)][1:], axis=1)
 
 
-def stroke(index: int) -> tuple[str, str]:
-    """Return colour and dashes of the curve of method number ``index``."""
-    return COLORS[index % len(COLORS)], DASHES[index // len(COLORS) % len(DASHES)]
-
-
 def curves(sweep: SweepReport, methods: Sequence[str]) -> Markup | None:
     """Draw the judged figure along the sweep, one step of it per step across; None where nothing could be measured."""
-    lines = {method: sweep.series(method, sweep.judged) for method in methods}
-    if all(value is None for line in lines.values() for value in line):
+    drawn = []
+    figure, (axes,) = panel_sheet(1)
+    axes.set_xticks(range(len(sweep.values)), map(label, sweep.values))
+    for index, method in enumerate(methods):
+        known = [(place, value) for place, value in enumerate(sweep.series(method, sweep.judged)) if value is not None]
+        if known:
+            color, marker = COLORS[index % len(COLORS)], MARKERS[index // len(COLORS) % len(MARKERS)]
+            x, y = zip(*known, strict=True)
+            drawn.append(Curve(method, color, marker, x, y))
+            if found := sweep.breaks[method]:
+                axes.plot(sweep.values.index(found.value), found.quality, "o", ms=13, mfc="none", mec=color)
+    if not drawn:
         return None
-    figure, grid = sheet(WIDTH, HEIGHT)
-    axis = grid[0, 0]
-    for index, (method, line) in enumerate(lines.items()):
-        color, dashes = stroke(index)
-        known = [(place, value) for place, value in enumerate(line) if value is not None]
-        axis.plot(*zip(*known, strict=True), color=color, linestyle=dashes, marker="o", ms=3, lw=1.4, gid=method)
-        found = sweep.breaks[method]
-        if found is not None:
-            place = sweep.values.index(found.value)
-            axis.plot(place, line[place], "o", ms=9, mfc="none", mec=color, gid=f"{method}, breaks")
-    axis.set_xticks(range(len(sweep.values)), map(label, sweep.values))
-    axis.set_ylabel(sweep.judged)
-    axis.grid(axis="y", color="#ddd")
+    draw_curves(axes, drawn, sweep.judged)
     return inline_svg(svg(figure), f"{sweep.judged} along {sweep.name}")
