@@ -1,4 +1,4 @@
-"""Small pictures to train on."""
+"""Small photographs to train on."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def some_photographs(count=3, height=40, width=52, seed=0):
 
 
 def write_photographs(folder: Path) -> Path:
-    """The same pictures as PNG files."""
+    """Write the same photographs as PNG files."""
     folder.mkdir()
     for name, image in zip(some_photographs().names, some_photographs().images, strict=True):
         cv2.imwrite(str(folder / name), image[..., ::-1])

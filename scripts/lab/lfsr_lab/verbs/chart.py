@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
     parser.add_argument("scenes", nargs="+", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     parser.add_argument("-o", "--output", dest="folder", type=Path, required=True, metavar="DIR",
-                        help="folder of the chart; what is complete in it is not made again")
+                        help="folder of the chart; complete cells in it are reused")
     parser.add_argument("--display", default="small", metavar="NAME|FILE.toml", help="default: %(default)s")
     parser.add_argument("--methods", type=names, metavar="NAME,NAME", help="default: every method there is")
     parser.add_argument("--ours", metavar="NAME", help="method that is held against the others; default: the default")
@@ -56,15 +56,15 @@ def _add_measure_arguments(parser: argparse.ArgumentParser) -> None:
                         help="timed runs of every render, default: %(default)s")
     parser.add_argument("--only-measure", action="store_true", help="render nothing; leave out what is not there")
     parser.add_argument("--again", type=names, default=(), metavar="NAME,NAME",
-                        help="methods to measure afresh; `all` for every one")
+                        help="methods to measure again; `all` for every one")
     parser.add_argument("--retime", type=names, default=(), metavar="NAME,NAME",
-                        help="methods to time afresh, metrics kept; `all` for every one")
+                        help="methods to time again, without measuring their metrics again; `all` for every one")
     parser.add_argument("--retime-renders", action="store_true",
-                        help="time every render afresh --render-repeats times, images kept; once per folder")
+                        help="time every render again, --render-repeats times; images stay; once per folder")
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Measure, then write the tables and pictures and name them."""
+    """Measure, write tables and charts, and print their paths."""
     from lfsr_lab.experiments.chart.run import run as run_chart
     from lfsr_lab.experiments.engine.environment import check_packages
 

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Fit and print what it gained on lenses it has not seen."""
+    """Fit a network and print its gain on lenses that the fit has not seen."""
     with training_packages(), closing(ProgressBar()) as progress:
         from lfsr_lab.train.fit import FitOptions, fit
 

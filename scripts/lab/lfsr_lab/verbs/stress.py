@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Measure what is missing and write tables, curves and pictures."""
+    """Measure what is missing and write tables, curves and images."""
     from lfsr_lab.experiments.engine.environment import check_packages
 
     check_packages()
