@@ -6,9 +6,9 @@
     python scripts/lab/lfsr_lab/scenes/training_scenes.py --low-only --output DIR --count 400 --textures SMALL \\
         --models MODELS
 
-Needs bpy, numpy, pyoidn and OpenImageIO. Scene I of seed S is the same whichever others are made; a folder is
-completed, not redone. Several processes can fill one folder: give each its own --first and --count. The file format
-is described in training/produce.py.
+Needs bpy, numpy, pyoidn and OpenImageIO. Scene I of seed S does not depend on which other scenes are made. A second
+run makes only the missing scenes. Several processes can fill one folder: give each its own --first and --count. The
+file format is described in training/produce.py.
 --low-only: many displays, scales, lights and layouts; the low-resolution EIA several times with few samples and once
 clean. Without it: the low-resolution EIA, denoised images, and two halves of the full-resolution reference.
 MODELS holds OBJ and glTF models with a licenses.json. --prepare-models makes it from Debian's sweethome3d-furniture.

@@ -39,13 +39,6 @@ def test_the_same_figures_make_the_same_picture():
     assert {"Below", "method0+part", "(ours)", "10 s"} <= set(words)
 
 
-def test_a_png_is_written_whole(tmp_path):
-    cv2 = pytest.importorskip("cv2")
-    plots.save(drawn()[0], tmp_path / "chart.png")
-    assert cv2.imread(str(tmp_path / "chart.png")).shape[1] == plots.WIDTH * plots.DPI // 72
-    assert [path.name for path in tmp_path.iterdir()] == ["chart.png"]
-
-
 def test_names_of_curves_that_end_together_do_not_lie_on_each_other():
     axes = drawn()[1]
     names = [Text.get_window_extent(text) for text in axes.texts if text.get_weight() == "bold"]

@@ -1,4 +1,4 @@
-"""Real models for training scenes: taken from the archives of Sweet Home 3D, read from a folder as objects."""
+"""Real models for training scenes: unpack those of Sweet Home 3D, and load models of a folder as objects."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CLEAR = 0.7  # opacity below which a surface may become glass
 
 
 def find_models(folder: str | Path | None) -> dict[Path, dict[str, str]]:
-    """Models of a folder and its subfolders by name, each with license and author; none without a folder."""
+    """Return the models of a folder and its subfolders with license and author; none without a folder."""
     if folder is None:
         return {}
     folder = Path(folder)
@@ -74,7 +74,7 @@ def _is_whole(archive: zipfile.ZipFile, members: list[str]) -> bool:
 
 
 def load_model(path: Path) -> bpy.types.Object:
-    """One mesh object of a model's meshes with their materials, centred, its longest side 2, upright."""
+    """Return a model as one upright mesh object with its materials, centred, its longest side 2."""
     before = set(bpy.data.objects)
     if path.suffix.lower() == ".obj":
         bpy.ops.wm.obj_import(filepath=str(path), use_split_objects=False)

@@ -49,7 +49,7 @@ LEAST_OCCUPANCY, LEAST_OCCUPANCY_LOW, EXPOSURES, ATTEMPTS = 0.12, 0.25, (0.005, 
 
 @dataclasses.dataclass(frozen=True)
 class Recipe:
-    """What decides the pixels of the scenes, and where and how they are made."""
+    """Settings of a set of scenes, their sources and their folder."""
 
     output: Path
     seed: int = 0
@@ -67,7 +67,7 @@ class Recipe:
         return self.output / f"scene_{index:06d}.npz"
 
     def settings(self) -> dict[str, Any]:
-        """What must not change between scenes of one folder."""
+        """Settings that all scenes of one folder must share."""
         pairs = {"format": FORMAT, "seed": self.seed, "display": self.display, "scale": self.scale,
                  "spps": list(self.spps), "reference_spp": self.reference_spp,
                  "textures": [path.name for path in self.textures]}
@@ -175,7 +175,7 @@ def _render_seed(rng: np.random.Generator) -> int:
 
 
 def _meta(recipe: Recipe, stage: Stage, facts: dict[str, Any]) -> dict[str, Any]:
-    """Enough to read the arrays and to make them again."""
+    """Return the header: how to read the arrays and how to make them again."""
     low = {"validates": facts["index"] % VALIDATION_EVERY == VALIDATION_EVERY - 1, "is_direct": stage.is_direct}
     return recipe.settings() | facts | (low if recipe.low_only else {}) | {
         "scale": stage.scale, "lenses": list(stage.profile.lenses), "views": list(stage.profile.views),

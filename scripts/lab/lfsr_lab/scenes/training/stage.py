@@ -1,4 +1,4 @@
-"""What every part of a training scene is built on: random numbers, the display window, notes.
+"""Random numbers, display window and notes that all parts of a training scene share.
 
 World axes: X right, Z up, Y away from the viewer; the display plane is y = 0 with
 half-width 1, the viewer at y = -distance.
@@ -24,7 +24,7 @@ DEEPEST, NEAREST = 3.0, 0.55  # limits in display half-widths and in viewing dis
 
 @dataclasses.dataclass
 class Stage:
-    """What the parts of a scene are built from: random numbers, display, depth limits, sources, notes."""
+    """Random numbers, display, depth limits, sources and notes of one scene."""
 
     rng: np.random.Generator
     profile: DisplayProfile

@@ -1,4 +1,4 @@
-"""Photographs made small enough to travel and to load in milliseconds."""
+"""Find the photographs of training scenes, and shrink them so that they load in milliseconds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ QUALITY, SIZE = 80, 1024  # of the JPEG, of its longest side in pixels
 
 
 def find_textures(folder: str | Path | None) -> tuple[Path, ...]:
-    """Photographs of a folder sorted by name; none without a folder."""
+    """Return the photographs of a folder sorted by name; none without a folder."""
     if folder is None:
         return ()
     found = tuple(sorted(path for path in Path(folder).glob("*") if path.suffix.lower() in SUFFIXES))
