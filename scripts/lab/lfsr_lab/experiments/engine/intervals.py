@@ -34,16 +34,13 @@ def lens_intervals(image: Array, half_a: Array, half_b: Array, lenses: tuple[int
     By name; None where fewer than two blocks of lenses take part
     """
     x, a, b = (srgb_encode(values) for values in (image, half_a, half_b))
-    similarity = _per_lens(split_ssim_map(x, a, b), lenses)
-    alone = lens_ssim(x, a, b, lenses)
+    maps = {"ssim_eia": _per_lens(split_ssim_map(x, a, b), lenses), "ssim_lens": lens_ssim(x, a, b, lenses)}
+    masks = {"": np.ones_like(mask), "_fg": mask}
     error = _per_lens((x - a) * (x - b), lenses)
-    everything = np.ones_like(mask)
     mean_error, width = block_interval(error, mask)
     decibels = 10 / math.log(10) * width / mean_error if width is not None and mean_error > 0 else None
-    return {"ssim_eia": block_interval(similarity, everything)[1],
-            "ssim_eia_fg": block_interval(similarity, mask)[1],
-            "ssim_lens": block_interval(alone, everything)[1],
-            "ssim_lens_fg": block_interval(alone, mask)[1], "psnr_fg": decibels}
+    return {name + end: block_interval(values, where)[1] for name, values in maps.items()
+            for end, where in masks.items()} | {"psnr_fg": decibels}
 
 
 def block_interval(values: Array, mask: Array) -> tuple[float, float | None]:

@@ -1,4 +1,4 @@
-"""What a validation of plans says, as it is kept in a file."""
+"""Records of a validation of plans, as stored in its file."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ class Summary:
     # plans, chosen: plans, and those that chose a candidate
     plans: int
     chosen: int
-    met: float | None  # share of these whose candidate meets the target
+    met: float | None  # fraction of these whose candidate meets the target
     nothing_chosen_though_possible: int  # plans that chose none although one meets the target
     costs: int  # plans whose cost is known, as Verdict.cost
-    # median_cost, cheap_enough: of these costs the median, and the share of at most validation.CHEAP_ENOUGH
+    # median_cost, cheap_enough: the median of these costs, and the fraction of at most CHEAP_ENOUGH
     median_cost: float | None
     cheap_enough: float | None
-    bounds_below_actual: float | None  # share of all lower bounds that hold
+    bounds_below_actual: float | None  # fraction of all lower bounds that hold
     mean_error: float | None  # of all estimates
     median_predicted_over_actual_seconds: float | None  # of all candidates
     # mean_share_of_seconds, mean_share_of_samples: of a sample in the costliest candidate's frame

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,15 +29,6 @@ STEM, PAGE_FILE, CROPS = "stress", "index.html", "pictures"
 LENSES_IN_CROP, LEAST_CROP, GAP = 3, 240, 6
 LEGEND = ("A number is the first value of the sweep where the method breaks: **b** below bicubic, **s** 0.05 below its "
           "own start. – : it never breaks. ? : nothing could be measured.")
-
-
-class Crop(NamedTuple):
-    """The worst crop of one method along one sweep."""
-
-    source: str  # path of the file, as seen from the page
-    method: str
-    cell: Cell  # whose worst lens it shows
-    order: tuple[str, ...]  # what is shown, from left to right
 
 
 def run(store: Store, settings: Settings, choice: Choice) -> Path:
@@ -114,8 +105,8 @@ def shown_cell(sweep: SweepReport, method: str) -> Cell | None:
     return min(judged, key=lambda pair: pair[0], default=(None, None))[1]
 
 
-def _write_crop(store: Store, settings: Settings, entry: SweepReport, method: str) -> Crop | None:
-    """Write the crops of reference, bicubic and method around the worst lens."""
+def _write_crop(store: Store, settings: Settings, entry: SweepReport, method: str) -> tuple[str, Cell] | None:
+    """Write the crops of reference, bicubic and method around a worst lens; return the file's name and its cell."""
     cell = shown_cell(entry, method)
     if cell is None or cell.worst_lens is None:
         return None
@@ -126,7 +117,7 @@ def _write_crop(store: Store, settings: Settings, entry: SweepReport, method: st
     crops = [crop_around(srgb_encode(image), settings.display.lenses, cell.worst_lens) for image in images]
     source = f"{CROPS}/{entry.name}-{method.replace('+', '-')}.png"
     write_png(store.folder / source, side_by_side(crops))
-    return Crop(source, method, cell, ("reference", *names))
+    return source, cell
 
 
 def crop_around(image: Array, lenses: tuple[int, int], lens: tuple[int, int],
