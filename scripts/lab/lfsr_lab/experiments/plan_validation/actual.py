@@ -124,12 +124,11 @@ def replay(scene: Path, job: Job) -> None:
     tiled = dataclasses.replace(frame, lens_list=job.lens_list, seed=job.seed, samples=job.spp)
     fraction = np.prod(tiled.rays.size) / np.prod(frame.rays.size) * job.spp / frame.samples
     target.mkdir(parents=True, exist_ok=True)
-    files = {LOW_RES_FILE: LOW_RES_FILE}
-    if job.kind == "reference":
-        files = dict.fromkeys(REFERENCE_FILES, REFERENCE_FILES[job.seed % 2])
-    for name, original in files.items():
-        write_layers(target / name, {layer: _cut(pixels, frame, tiled)
-                                     for layer, pixels in _read_layers(source / original).items()})
+    names = REFERENCE_FILES if job.kind == "reference" else (LOW_RES_FILE,)
+    layers = _read_layers(source / names[job.seed % len(names)])
+    cut = {layer: _cut(pixels, frame, tiled) for layer, pixels in layers.items()}
+    for name in names:
+        write_layers(target / name, cut)
     for name in frame.render_files[1:]:
         shutil.copy(source / name, target)
     whole, world = render_seconds(frame), 0.0 if job.world else frame.seconds.get("world", 0.0)

@@ -61,8 +61,7 @@ def report_of(sweep: Sweep, values: Sequence[float], cells: tuple[Cell, ...], me
     """Return what the cells of a sweep say."""
     judged = {method: {cell.value: cell.metrics.get(sweep.judged) for cell in cells if cell.method == method}
               for method in methods}
-    breaks = {method: breaking_point(values, judged[method], None if method == BASELINE else judged[BASELINE])
-              for method in methods}
+    breaks = {method: breaking_point(values, quality, judged[BASELINE]) for method, quality in judged.items()}
     return SweepReport(sweep.name, sweep.meaning, sweep.unit, sweep.judged, tuple(values), cells, breaks)
 
 

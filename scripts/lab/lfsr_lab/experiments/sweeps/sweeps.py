@@ -107,7 +107,7 @@ def breaking_point(values: Sequence[float], quality: Mapping[float, float | None
     ----------
     values: of the sweep, from easy to hard; the start is the first of them with a quality.
     quality: judged figure by value; values without one are passed over.
-    bicubic: the same of bicubic; None for bicubic itself.
+    bicubic: the same of bicubic, None where it is not compared.
 
     Returns
     -------
