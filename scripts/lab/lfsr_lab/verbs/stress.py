@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> None:
     check_packages()
     from lfsr_core.optics.display import load_display
     from lfsr_lab.experiments.engine.renders import Store
-    from lfsr_lab.experiments.sweeps.measure import DISPLAY_FILE, Choice, default_methods
+    from lfsr_lab.experiments.sweeps.measure import DISPLAY_FILE, default_methods
     from lfsr_lab.experiments.sweeps.page import run as run_sweeps
     from lfsr_lab.experiments.sweeps.records import Settings
 
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> None:
     settings = Settings(load_display(arguments.display or DISPLAY_FILE), arguments.scale, samples, frames,
                         arguments.device)
     methods = arguments.methods or default_methods(settings.scale, settings.display.parallax)
-    choice = Choice.of(methods, arguments.sweeps, arguments.quick)
-    report = run_sweeps(Store(arguments.output, arguments.blender), settings, choice)
+    store = Store(arguments.output, arguments.blender)
+    report = run_sweeps(store, settings, methods, arguments.sweeps, arguments.quick)
     print((report.parent / "stress.md").read_text(encoding="utf-8"))
     print(f"{report.parent / 'index.html'}: curves and the worst crop of every method")

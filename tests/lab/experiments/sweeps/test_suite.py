@@ -15,6 +15,7 @@ import pytest
 from lfsr_core.cli import main
 from lfsr_core.frames.frame import write_frame
 from lfsr_core.images.png import read_png
+from lfsr_core.reconstruct import registry
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import read_record
 from lfsr_lab.experiments.engine.records import Records
@@ -168,7 +169,7 @@ def test_default_methods_are_bicubic_the_default_and_what_has_weights():
     assert "espcn" in methods and "paper-3" not in methods
     assert "espcn" not in measure.default_methods(2)
     for name in methods:
-        measure.method(name)
+        registry.method(name)
     assert len(set(methods)) == len(methods)
 
 

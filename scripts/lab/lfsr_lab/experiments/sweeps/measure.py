@@ -12,7 +12,6 @@ from lfsr_core.frames.job import Job
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_CHAINS, MethodName
 from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_lab.experiments.engine import cells
 from lfsr_lab.experiments.engine.accuracy import Figures, Target, finite
@@ -20,28 +19,11 @@ from lfsr_lab.experiments.engine.records import Records, method_facts
 from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, SCENE_FILE, Store, foreground, reference_of
 from lfsr_lab.experiments.sweeps import metrics
 from lfsr_lab.experiments.sweeps.records import Cell, Settings
-from lfsr_lab.experiments.sweeps.sweeps import EYE, MOTION, Sweep, choose_sweeps
+from lfsr_lab.experiments.sweeps.sweeps import EYE, MOTION, Sweep
 from lfsr_lab.scenes.sweeps.space import Space, card_centre, card_of_motion
 
 DISPLAY_FILE = Path(__file__).parent / "sweeps.toml"
 BASELINE, CELLS = "bicubic", "cells"
-
-
-@dataclasses.dataclass(frozen=True)
-class Choice:
-    """What one run measures; LfsrError for an unknown sweep or method."""
-
-    methods: tuple[str, ...]  # bicubic first, which is added where it lacks
-    values: dict[Sweep, tuple[float, ...]]  # of each sweep, from easy to hard
-
-    @classmethod
-    def of(cls, methods: Sequence[str], sweeps: Sequence[str] | None = None, quick: bool = False) -> Choice:
-        """Choose by names, all sweeps for None; ``quick``: few values."""
-        chosen = {sweep: sweep.quick if quick else sweep.values for sweep in choose_sweeps(sweeps)}
-        methods = tuple(dict.fromkeys([BASELINE, *methods]))
-        for name in methods:
-            method(name)
-        return cls(methods, chosen)
 
 
 def default_methods(scale: int, parallax: tuple[bool, bool] = (True, True)) -> list[str]:

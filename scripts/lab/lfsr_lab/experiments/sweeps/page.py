@@ -11,6 +11,7 @@ import numpy as np
 from lfsr_core.arrays import Array
 from lfsr_core.images.png import write_png
 from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.reconstruct import registry
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_core.records import to_data
@@ -18,7 +19,7 @@ from lfsr_lab.experiments.engine.environment import environment
 from lfsr_lab.experiments.engine.plots import COLORS, MARKERS, Curve, draw_curves, panel_sheet, svg
 from lfsr_lab.experiments.engine.renders import SCENE_FILE, Store
 from lfsr_lab.experiments.engine.report import inline_svg, markdown_table, number, page_html, write_report, write_text
-from lfsr_lab.experiments.sweeps.measure import BASELINE, Choice, Scene
+from lfsr_lab.experiments.sweeps.measure import BASELINE, Scene
 from lfsr_lab.experiments.sweeps.records import FORMAT, Cell, Report, Settings, SweepReport
 from lfsr_lab.experiments.sweeps.sweeps import Sweep, breaking_point, choose_sweeps, label
 
@@ -31,27 +32,31 @@ LEGEND = ("A number is the first value of the sweep where the method breaks: **b
           "own start. – : it never breaks. ? : nothing could be measured.")
 
 
-def run(store: Store, settings: Settings, choice: Choice) -> Path:
-    """Measure every missing cell, then write report and page; returns the path of stress.json.
+def run(store: Store, settings: Settings, methods: Sequence[str], names: Sequence[str] | None = None,
+        quick: bool = False) -> Path:
+    """Measure every missing cell, then write report and page; return the path of stress.json.
 
-    LfsrError for a method that the display cannot have, for a folder begun with other settings, and where Blender
-    fails.
+    ``names``: of the sweeps, None for all; ``quick``: few values. Bicubic is added to ``methods``. LfsrError for an
+    unknown sweep or method, a method that the display cannot have, a folder begun with other settings, and where
+    Blender fails.
     """
-    for name in choice.methods:
+    methods = tuple(dict.fromkeys([BASELINE, *methods]))
+    for name in methods:
+        registry.method(name)
         MethodName.parse(name).check_parallax(settings.display.parallax)
+    scenes = {sweep: [Scene(store, settings, sweep, value) for value in (sweep.quick if quick else sweep.values)]
+              for sweep in choose_sweeps(names)}
     store.claim(settings)
-    scenes = {sweep: [Scene(store, settings, sweep, value) for value in values]
-              for sweep, values in choice.values.items()}
     wanted = {scene.folder / SCENE_FILE: {"name": scene.sweep.name, "value": scene.value}
               for of_sweep in scenes.values() for scene in of_sweep}
     store.build("sweep_scenes.py", wanted, display=settings.display.to_dict(), scale=settings.scale,
                 frames=settings.frames)
     sweeps = []
-    for number_, (sweep, values) in enumerate(choice.values.items(), start=1):
-        print(f"sweep {number_} of {len(choice.values)}: {sweep.name}, {len(values)} values", flush=True)
-        cells = tuple(cell for scene in scenes[sweep] for cell in scene.cells(choice.methods))
-        sweeps.append(report_of(sweep, values, cells, choice.methods))
-    report = Report(FORMAT, settings, to_data(environment()), choice.methods, tuple(sweeps))
+    for index, (sweep, of_sweep) in enumerate(scenes.items(), start=1):
+        print(f"sweep {index} of {len(scenes)}: {sweep.name}, {len(of_sweep)} values", flush=True)
+        cells = tuple(cell for scene in of_sweep for cell in scene.cells(methods))
+        sweeps.append(report_of(sweep, [scene.value for scene in of_sweep], cells, methods))
+    report = Report(FORMAT, settings, to_data(environment()), methods, tuple(sweeps))
     paths = write_report(store.folder, STEM, report, {".md": markdown(report)})
     write_text(store.folder / PAGE_FILE, html(store, report))
     return paths[0]
