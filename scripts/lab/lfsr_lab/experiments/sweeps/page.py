@@ -78,16 +78,12 @@ def markdown(report: Report) -> str:
     for sweep in report.sweeps:
         lines += ["", f"## {sweep.name}", "", f"{sweep.meaning.capitalize()}; values are {sweep.unit}.", ""]
         for metric in sweep.shown:
-            lines += [*_metric_table(sweep, report.methods, metric), ""]
+            columns = {method: sweep.series(method, metric) for method in report.methods}
+            if metric == sweep.judged:  # the reference's own noise is of the same kind
+                columns["ssim_ceiling"] = sweep.series(BASELINE, "ssim_ceiling")
+            rows = zip(map(label, sweep.values), *columns.values(), strict=True)
+            lines += [*markdown_table([metric, *columns], rows), ""]
     return "\n".join(lines).rstrip() + "\n"
-
-
-def _metric_table(sweep: SweepReport, methods: Sequence[str], metric: str) -> list[str]:
-    """Return one metric by value and method, beside the reference's own noise where that is of the same kind."""
-    columns = {method: sweep.series(method, metric) for method in methods}
-    if metric == sweep.judged:
-        columns["ssim_ceiling"] = sweep.series(methods[0], "ssim_ceiling")
-    return markdown_table([metric, *columns], zip(map(label, sweep.values), *columns.values(), strict=True))
 
 
 def html(store: Store, report: Report) -> str:

@@ -100,6 +100,6 @@ class Report:
 
     format: int  # of the file
     settings: Settings  # of the folder
-    environment: dict[str, Any]  # of the machine that wrote the report
+    environment: dict[str, Any]  # of the machine that wrote the report; older reports have fewer fields
     methods: tuple[str, ...]  # their names, bicubic first
     sweeps: tuple[SweepReport, ...] = dataclasses.field(metadata={"key": "dials"})
