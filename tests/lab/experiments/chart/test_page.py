@@ -24,17 +24,17 @@ def texts(svg: str) -> list[str]:
     return ["".join(element.itertext()) for element in ElementTree.fromstring(svg).iter(f"{SVG}text")]
 
 
-def test_the_picture_has_a_panel_per_scene_and_one_of_the_mean(chart):
-    words = texts(panels.picture(chart))
+def test_the_image_has_a_panel_per_scene_and_one_of_the_mean(chart):
+    words = texts(panels.image(chart))
     assert {scene.scene for scene in chart.scenes} | {"Mean of 6 scenes"} <= set(words)
     assert sum("without noise" in word for word in words) == 7
-    assert "Mean" not in " ".join(texts(panels.picture(example(1))))
+    assert "Mean" not in " ".join(texts(panels.image(example(1))))
 
 
-def test_every_text_lies_inside_the_picture(chart):
-    picture = ElementTree.fromstring(panels.picture(chart))
-    width, height = (float(size) for size in picture.get("viewBox").split()[2:])
-    places = [place(element) for element in picture.iter(f"{SVG}text")]
+def test_every_text_lies_inside_the_image(chart):
+    image = ElementTree.fromstring(panels.image(chart))
+    width, height = (float(size) for size in image.get("viewBox").split()[2:])
+    places = [place(element) for element in image.iter(f"{SVG}text")]
     assert len(places) > 50 and all(0 <= x <= width and 0 <= y <= height for x, y in places)
 
 
@@ -77,7 +77,7 @@ def test_where_a_reference_shows_only_some_lenses_all_scenes_are_judged_lens_by_
                   for cell in sampled.cells)
     mixed = dataclasses.replace(chart, scenes=(whole, scene_row("Sampled", cells)))
     assert (chart.metric, mixed.metric) == ("ssim_eia_fg", "ssim_lens_fg")
-    assert "lens by lens" in " ".join(texts(panels.picture(mixed)))
+    assert "lens by lens" in " ".join(texts(panels.image(mixed)))
     assert "each lens on its own" in panels.page(mixed) and "on the whole image" in panels.page(chart)
     tables_of = findings.markdown(mixed).split("## Sampled: subject")
     assert "ssim_eia_fg" not in tables_of[1] and "ssim_eia_fg" in tables_of[0]
@@ -88,7 +88,7 @@ def test_a_chart_without_direct_rendering_or_ceiling_is_still_a_page():
     scenes = (scene_row(scene.scene, tuple(cell for cell in scene.cells if cell.role == LOW)) for scene in chart.scenes)
     chart = dataclasses.replace(chart, scenes=tuple(scenes))
     assert "was not measured" in panels.page(chart)
-    assert "without noise" not in panels.picture(chart)
+    assert "without noise" not in panels.image(chart)
 
 
 def test_advice_rises_and_skips_what_is_not_worth_a_line(chart):

@@ -138,7 +138,7 @@ def _mean(cells: Sequence[Cell]) -> Cell:
     return dataclasses.replace(
         first, seconds=Spread(*seconds), ci95={}, second_stage_seconds=(_typical(cell.second_stage for cell in cells),),
         stage_seconds={name: _typical(cell.stage_seconds[name] for cell in cells) for name in first.stage_seconds},
-        metrics={name: _average([cell.metrics.get(name) for cell in cells]) for name in first.metrics})
+        metrics={name: average([cell.metrics.get(name) for cell in cells]) for name in first.metrics})
 
 
 def _typical(values: Iterable[float]) -> float:
@@ -147,6 +147,7 @@ def _typical(values: Iterable[float]) -> float:
     return statistics.geometric_mean(known) if min(known) > 0 else 0.0
 
 
-def _average(values: Sequence[float | None]) -> float | None:
+def average(values: Sequence[float | None]) -> float | None:
+    """Return the mean, None where a value is missing."""
     known = [value for value in values if value is not None]
     return statistics.fmean(known) if len(known) == len(values) else None

@@ -1,15 +1,14 @@
-"""The picture of a chart and its page: seconds across, accuracy up; the same method looks the same in every panel."""
+"""The image of a chart and its page: seconds across, accuracy up; the same method looks the same in every panel."""
 
 from __future__ import annotations
 
 import collections
 import dataclasses
-import statistics
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from lfsr_lab.experiments.chart import findings
-from lfsr_lab.experiments.chart.analysis import RIVAL, curves, mean_cells, pareto_front, points
+from lfsr_lab.experiments.chart.analysis import RIVAL, average, curves, mean_cells, pareto_front, points
 from lfsr_lab.experiments.chart.records import DIRECT, LOW, Cell, Chart, Key, Point, SceneRow
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.plots import Curve
@@ -44,8 +43,7 @@ def panels(chart: Chart) -> list[Panel]:
 def _ceiling(chart: Chart, scenes: Sequence[SceneRow]) -> float | None:
     """Return the mean of the scenes' ceilings, None where one of them has none."""
     found = [scene.by(chart.metric).ceiling for scene in scenes]
-    known = [ceiling.value for ceiling in found if ceiling]
-    return statistics.fmean(known) if len(known) == len(found) else None
+    return average([ceiling.value if ceiling else None for ceiling in found])
 
 
 def styles(chart: Chart) -> dict[Key, tuple[str, str]]:
@@ -56,7 +54,7 @@ def styles(chart: Chart) -> dict[Key, tuple[str, str]]:
     return dict(zip([*fixed, *more], STYLES, strict=False))
 
 
-def picture(chart: Chart) -> str:
+def image(chart: Chart) -> str:
     """Return all panels as one SVG."""
     environment = chart.environment
     return drawn(chart, panels(chart), "Pale band: Pareto front. Numbers: samples per pixel. Grey: other methods. "
@@ -65,8 +63,8 @@ def picture(chart: Chart) -> str:
 
 def page(chart: Chart) -> str:
     """Return the chart as one HTML file, without a script, that loads nothing from elsewhere."""
-    pictures = [inline_svg(drawn(chart, [panel]), panel.title) for panel in panels(chart)]
-    return page_html("chart.html", chart=chart, findings=findings, pictures=pictures)
+    images = [inline_svg(drawn(chart, [panel]), panel.title) for panel in panels(chart)]
+    return page_html("chart.html", chart=chart, findings=findings, images=images)
 
 
 def drawn(chart: Chart, shown: Sequence[Panel], footer: str = "") -> str:

@@ -33,48 +33,40 @@ from lfsr_lab.experiments.engine.report import write_report
 from lfsr_lab.experiments.engine.timing import render_seconds
 
 CHART = "chart"  # stem of the files' names
-MOST_STEM = 60  # characters of it
 
 
 def run(settings: Settings, scenes: Sequence[Path]) -> list[Path]:
     """Measure ``scenes`` as far as they are not, write the chart, and return the paths of its files.
 
     What is known is written as JSON after every scene. Other scenes that were measured with the same settings in this
-    folder stay in the chart; where its settings are others, the files have another stem. LfsrError where not one
-    scene can be measured.
+    folder stay in the chart. LfsrError where not one scene can be measured.
     """
     names = [scene.stem for scene in scenes]
     for name in names:
         if names.count(name) > 1:
             raise LfsrError(f"two scenes are called {name!r}, but each has a folder of its name: rename one file")
-    rows, stem = _earlier(settings, names)
+    rows = _earlier(settings) | dict.fromkeys(names)
     store = Store(settings.folder, settings.blender, not settings.only_measure)
     chart, measuring = None, _Run(settings, store, len(scenes) * settings.steps)
     for scene in scenes:
         rows[scene.stem] = measuring.scene(scene)
         if any(rows[name] for name in names):
             chart = measuring.chart(rows.values())
-            write_record(settings.folder / f"{stem}.json", chart)
+            write_record(settings.folder / f"{CHART}.json", chart)
     if chart is None:
         raise LfsrError(f"no scene could be measured ({'; '.join(measuring.skipped)}): run it without --only-measure")
     measuring.bar.close()
-    return write_report(settings.folder, stem, None, {
-        ".html": panels.page(chart), ".svg": panels.picture(chart), ".md": findings.markdown(chart)})
+    return write_report(settings.folder, CHART, None, {
+        ".html": panels.page(chart), ".svg": panels.image(chart), ".md": findings.markdown(chart)})
 
 
-def _earlier(settings: Settings, names: Sequence[str]) -> tuple[dict[str, SceneRow | None], str]:
-    """Return the scenes of an earlier run with the same settings, None for ``names``, and the stem of the files."""
-    path = settings.folder / f"{CHART}.json"
+def _earlier(settings: Settings) -> dict[str, SceneRow | None]:
+    """Return the scenes of an earlier run with the same settings."""
     try:
-        before = read_chart(path) if path.exists() else None
-    except LfsrError:  # of another version
-        before = None
-    if before is None or {scene.scene for scene in before.scenes} <= set(names):
-        return dict.fromkeys(names), CHART
-    if before.settings == settings.figures:
-        return {scene.scene: None if scene.scene in names else scene for scene in before.scenes} | dict.fromkeys(
-            names), CHART
-    return dict.fromkeys(names), f"{CHART}-{'-'.join(names)}"[:MOST_STEM]
+        before = read_chart(settings.folder / f"{CHART}.json")
+    except LfsrError:  # there is none, or one of another version
+        return {}
+    return {scene.scene: scene for scene in before.scenes} if before.settings == settings.figures else {}
 
 
 @dataclasses.dataclass
