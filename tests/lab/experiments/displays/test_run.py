@@ -1,4 +1,4 @@
-"""The whole comparison on a lenticular panel, its renders played: measured, kept, shown."""
+"""The whole comparison on a lenticular panel, its renders played: measured, stored, shown."""
 
 from __future__ import annotations
 
@@ -35,23 +35,23 @@ def one_kind(monkeypatch):
 
 
 def test_everything_is_measured_once_and_shown(tmp_path, one_kind):
-    scene, told = tmp_path / "disc.blend", []
+    scene = tmp_path / "disc.blend"
     scene.touch()
     blender = tmp_path / "blender"
     store = Store(tmp_path / "out", played_blender(blender))
-    found = run.compare(store, None, 256, [scene], told.append)
+    found = run.compare(store, None, 256, [scene])
     points = {(of.way, of.samples): of for of in found.rows[0].points}
-    assert {way for way, _ in points} == {way.name for way in WAYS} and len(points) == len(told) == 10
+    assert {way for way, _ in points} == {way.name for way in WAYS} and len(points) == 10
     assert points[OURS.name, 64].accuracy.ssim_eye > points[OURS.name, 4].accuracy.ssim_eye > 0.5
     assert points[SUBPIXEL.name, 16].traced.ssim_eye > points[SUBPIXEL.name, 1].traced.ssim_eye > 0.5
     assert points[SUBPIXEL.name, 16].traced.psnr_panel > points[SUBPIXEL.name, 16].accuracy.psnr_panel, "at home there"
     assert (points[OURS.name, 4].scale, points[SUBPIXEL.name, 4].scale) == (2, 1)
     assert all(of.finish_cpu > 0 and of.render_cpu >= 0 for of in points.values())
     blender.unlink()
-    assert run.compare(store, None, 256, [scene], told.append).rows == found.rows
-    _, table, *pictures = run.write_pages(store.folder, found)
+    assert run.compare(store, None, 256, [scene]).rows == found.rows
+    _, table, *images = run.write_pages(store.folder, found)
     assert table.read_text().count("| disc |") == 2 * 7 + 10
-    assert len(pictures) == 2 and all("<svg" in picture.read_text() for picture in pictures)
+    assert len(images) == 2 and all("<svg" in image.read_text() for image in images)
     assert read_record(store.folder / "displays.json", page.Comparison, "a comparison").rows == found.rows
 
 

@@ -10,7 +10,7 @@ from lfsr_lab.experiments.animations.accuracy import Figures
 from lfsr_lab.experiments.animations.cells import ALONE, AVERAGED, FIXED_ALONE, NAMES, Settings
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.environment import Environment
-from lfsr_lab.experiments.engine.report import markdown_table, number
+from lfsr_lab.experiments.engine.report import markdown_table
 
 STEM = "shots"  # of the files
 TITLES = {"object": "an object moves", "light": "the light moves", "array": "the camera array moves"}
@@ -43,15 +43,10 @@ def markdown(found: Sequence[Found]) -> str:
     """Return a table per animation."""
     lines: list[str] = []
     for name in dict.fromkeys(each.animation for each in found):
-        rows = [_row(each) for each in found if each.animation == name]
+        rows = [(each.way, each.samples, f"{each.figures.ssim:.4f}", f"{each.figures.flicker:.2f}",
+                 f"{each.figures.offset:.2f}", f"{each.figures.lag:.2f}") for each in found if each.animation == name]
         lines += [f"**{TITLES[name]}**", "", *markdown_table(HEADER, rows, "lr"), ""]
     return "\n".join(lines)
-
-
-def _row(each: Found) -> tuple[object, ...]:
-    figures = each.figures
-    return (each.way, each.samples, number(figures.ssim, digits=4),
-            *(number(value, digits=2) for value in (figures.flicker, figures.offset, figures.lag)))
 
 
 def chart(found: Sequence[Found]) -> Any:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import functools
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.records import write_record
@@ -31,7 +31,6 @@ from lfsr_lab.experiments.engine.report import exit_code, write_report
 
 STEM = "displays"
 FIGURES = {page.WOVEN: ".svg", page.TRACED: "-traced.svg"}
-Report = Callable[[str], None]
 VERSION = 2  # of how points are measured
 
 
@@ -46,22 +45,19 @@ def run(arguments: argparse.Namespace) -> None:
     check_packages()
     for name in FULL_WIDTH:
         kind(name, arguments.width)
-    found = compare(Store(arguments.output, arguments.blender), arguments.width, arguments.reference_spp,
-                    arguments.scenes, to_stderr)
+    store = Store(arguments.output, arguments.blender)
+    found = compare(store, arguments.width, arguments.reference_spp, arguments.scenes)
     print("\n".join(map(str, write_pages(arguments.output, found))))
 
 
-def compare(store: Store, width: int | None, reference_spp: int, scenes: Sequence[Path], report: Report) -> Comparison:
-    """Measure every scene on every kind of display, whose panels are ``width`` pixels wide; results as soon as known.
-
-    ``report`` is told of each point.
-    """
+def compare(store: Store, width: int | None, reference_spp: int, scenes: Sequence[Path]) -> Comparison:
+    """Measure every scene on every kind of display, its panel ``width`` pixels wide; each result is stored at once."""
     rows: list[Row] = []
     found = Comparison(width, reference_spp, environment(), ())
     for scene in scenes:
         for name in FULL_WIDTH:
             shown = kind(name, width)
-            points = tuple(_points(Renders(store, scene, shown, reference_spp), report))
+            points = tuple(_points(Renders(store, scene, shown, reference_spp)))
             rows.append(Row(scene.stem, name, shown.panel_pixels, points))
             found = Comparison(width, reference_spp, environment(), tuple(rows))
             write_record(store.folder / f"{STEM}.json", found)
@@ -75,7 +71,7 @@ def write_pages(folder: Path, found: Comparison) -> list[Path]:
     return write_report(folder, STEM, None, texts)
 
 
-def _points(renders: Renders, report: Report) -> Iterator[Point]:
+def _points(renders: Renders) -> Iterator[Point]:
     costs, records = renders.fill(), Records(renders.folder / "points", Point)
 
     @functools.cache
@@ -89,8 +85,8 @@ def _points(renders: Renders, report: Report) -> Iterator[Point]:
                     {"version": VERSION, "reference": renders.reference_spp, "render": cpu},
                     functools.partial(measure, way, samples, rendered, cpu, targets))
         for point in measured([cell], records, renders.store):
-            report(f"{renders.scene.stem}, {renders.display.name}, {way.name}, {samples} samples: {point.cpu:.2f} s, "
-                   f"{point.accuracy.ssim_eye:.4f} (load {records.load or 0:.1f})")
+            to_stderr(f"{renders.scene.stem}, {renders.display.name}, {way.name}, {samples} samples: "
+                      f"{point.cpu:.2f} s, {point.accuracy.ssim_eye:.4f} (load {records.load or 0:.1f})")
             yield point
 
 

@@ -24,7 +24,6 @@ from lfsr_lab.experiments.displays.ways import USUAL, Way, panel_image, shown, t
 from lfsr_lab.experiments.engine.timing import cpu_seconds
 
 PLACES = ((0.5, 0.5), (0.2, 0.4), (0.8, 0.6), (0.35, 0.75), (0.65, 0.25))  # of eyes, in the viewing zone
-ONCE = 1  # pixels of the eye's image for each that is seen
 Halves = tuple[Array, Array]
 
 
@@ -102,13 +101,8 @@ def measure(way: Way, samples: int, rendered: Path, render_cpu: float, targets: 
 
 
 def seen(panel: Array, profile: DisplayProfile) -> list[Array]:
-    """What eyes at PLACES see of a panel's image, (rows, columns, 3) in [0, 1] each."""
-    return [_seen(panel, profile, place) for place in PLACES]
-
-
-def _seen(panel: Array, profile: DisplayProfile, place: tuple[float, float]) -> Array:
-    """What an eye at ``place`` of the viewing zone sees, (rows, columns, 3) in [0, 1]."""
+    """Return what eyes at PLACES see of a panel's image, (rows, columns, 3) in [0, 1] each."""
     wide = 2 * profile.viewing_distance_mm * math.tan(math.radians(profile.viewing_angle_deg) / 2)
     high = profile.camera_spacing_mm * (profile.views[1] if profile.parallax[1] else 0)
-    eye = ((place[0] - 0.5) * wide, (place[1] - 0.5) * high, profile.viewing_distance_mm)
-    return eye_view(panel, profile, eye, ONCE) / 255
+    eyes = [((x - 0.5) * wide, (y - 0.5) * high, profile.viewing_distance_mm) for x, y in PLACES]
+    return [eye_view(panel, profile, eye, width=1) / 255 for eye in eyes]

@@ -12,17 +12,8 @@ from lfsr_lab.experiments.chart.records import LOW
 from lfsr_lab.experiments.chart.records import Point as ChartPoint
 from lfsr_lab.experiments.displays.measure import Accuracy, Point
 from lfsr_lab.experiments.displays.ways import EVERY_VIEW, OURS, SUBPIXEL, USUAL, WAYS, Way
+from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.environment import Environment
-from lfsr_lab.experiments.engine.plots import (
-    COLORS,
-    MARKERS,
-    Curve,
-    draw_curves,
-    height,
-    panel_sheet,
-    time_axis,
-    value_axis,
-)
 from lfsr_lab.experiments.engine.report import markdown_table, number
 
 if TYPE_CHECKING:
@@ -61,7 +52,7 @@ class Comparison:
 
 
 def markdown(found: Comparison) -> str:
-    """Tables of every point and of what they say."""
+    """Return tables of every point and of what they say."""
     lines = [f"{found.environment.machine}; {found.environment.packages}.", "",
              *(f"- {way.name}: {way.meaning}." for way in WAYS), "",
              *markdown_table(("scene", "display", "reference", "against", "at samples", "its SSIM eye", "its CPU s",
@@ -88,9 +79,9 @@ def figure(found: Comparison, reference: str = WOVEN) -> Figure | None:
     if not rows:
         return None
     made = {WOVEN: "every view", TRACED: "the panel's subpixels"}[reference]
-    figure, grid = panel_sheet(len(rows), len({row.kind for row in rows}),
-                               f"Up and left is better: split SSIM of what eyes see, against {made} traced with "
-                               f"{found.reference_spp} samples; processor seconds on all cores, of one run")
+    figure, grid = plots.panel_sheet(len(rows), len({row.kind for row in rows}),
+                                     f"Up and left is better: split SSIM of what eyes see, against {made} traced with "
+                                     f"{found.reference_spp} samples; processor seconds on all cores, of one run")
     for axes, row in zip(grid, rows, strict=True):
         _panel(axes, row, reference)
     return figure
@@ -103,8 +94,8 @@ def _of(row: Row, way: Way) -> tuple[Point, ...]:
 def _lines(found: Comparison) -> Iterator[tuple]:
     for row in found.rows:
         for point in row.points:
-            yield (row.scene, row.kind, point.way, point.samples, point.scale, number(point.render_cpu, digits=1),
-                   number(point.finish_cpu, digits=1), number(point.cpu, digits=1), *_figures(point.accuracy),
+            seconds = (number(value, digits=1) for value in (point.render_cpu, point.finish_cpu, point.cpu))
+            yield (row.scene, row.kind, point.way, point.samples, point.scale, *seconds, *_figures(point.accuracy),
                    *_figures(point.traced))
 
 
@@ -114,7 +105,7 @@ def _figures(close: Accuracy | None) -> tuple[str, ...]:
 
 
 def _verdicts(found: Comparison) -> Iterator[tuple]:
-    """What each point of the other ways costs us."""
+    """Yield what each point of the other ways costs us."""
     for row in found.rows:
         rivals = [point for way in OTHERS for point in _of(row, way)]
         for reference, rival in itertools.product(row.references, rivals):
@@ -125,11 +116,11 @@ def _verdicts(found: Comparison) -> Iterator[tuple]:
 
 
 def _panel(axes: Axes, row: Row, reference: str) -> None:
-    curves = [Curve(way.name, COLORS[index], MARKERS[index], [point.cpu for point in points],
-                    [judged(point, reference).ssim_eye for point in points],
-                    notes=[str(point.samples) for point in points], bold=way == OURS)
+    curves = [plots.Curve(way.name, plots.COLORS[index], plots.MARKERS[index], [point.cpu for point in points],
+                          [judged(point, reference).ssim_eye for point in points],
+                          notes=[str(point.samples) for point in points], bold=way == OURS)
               for index, way in enumerate((OURS, *OTHERS)) if (points := _of(row, way))]
     seconds, values = ([value for curve in curves for value in getattr(curve, axis)] for axis in "xy")
-    time_axis(axes, min(seconds) / 1.3, max(seconds) * 1.3)
-    value_axis(axes, height(min(values)) - 0.3, height(max(values)) + 0.3)
-    draw_curves(axes, curves, f"{row.scene}, {row.kind} {row.panel_pixels[0]}×{row.panel_pixels[1]}")
+    plots.time_axis(axes, min(seconds) / 1.3, max(seconds) * 1.3)
+    plots.value_axis(axes, plots.height(min(values)) - 0.3, plots.height(max(values)) + 0.3)
+    plots.draw_curves(axes, curves, f"{row.scene}, {row.kind} {row.panel_pixels[0]}×{row.panel_pixels[1]}")

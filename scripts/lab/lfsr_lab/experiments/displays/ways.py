@@ -90,7 +90,7 @@ def _encoded(linear: Array) -> Array:
 
 
 def _view_by_view(folder: Path, frame: Frame) -> Array:
-    """The light field with every view denoised as Blender does: on its own, by its albedo and normal."""
+    """Return the light field with every view denoised as Blender does: on its own, by its albedo and normal."""
     low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame)
     py, px = low.color.shape[2:4]
     views = np.array([[_denoised(low, row, column) for column in range(px)] for row in range(py)])
@@ -98,11 +98,10 @@ def _view_by_view(folder: Path, frame: Frame) -> Array:
 
 
 def _denoised(low: LowResEIA, row: int, column: int) -> Array:
-    guides = {name: low.layers[name][:, :, row, column] for name in GUIDES if name in low.layers}
-    cleaned = clean_guides(guides)
-    return denoise_eia(low.color[:, :, row, column], cleaned.get("albedo"), cleaned.get("normal"))
+    guides = clean_guides({name: low.layers[name][:, :, row, column] for name in GUIDES if name in low.layers})
+    return denoise_eia(low.color[:, :, row, column], guides.get("albedo"), guides.get("normal"))
 
 
 def clean_guides(guides: Mapping[str, Array]) -> dict[str, Array]:
-    """Noisy "albedo" and "normal" of one view (H, W, 3) without their noise, as Blender does it."""
+    """Return noisy "albedo" and "normal" of one view (H, W, 3) without their noise, as Blender does it."""
     return {name: from_unit(name, denoise_eia(in_unit(name, guide), fast=True)) for name, guide in guides.items()}
