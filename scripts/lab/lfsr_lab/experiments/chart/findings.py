@@ -5,7 +5,7 @@ from __future__ import annotations
 import collections
 import dataclasses
 import statistics
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 from lfsr_lab.experiments.chart.analysis import RIVAL, mean_cells, pareto_front, points
@@ -18,7 +18,6 @@ METRICS = ("ssim_eia", "ssim_eia_fg", "ssim_lens", "ssim_lens_fg", "psnr_fg", "s
            "ssim_ceiling", "ssim_lens_plain", "ssim_lens_ceiling", "flip")
 MARKS = {"win": "✔ win", "loss": "✘ loss"}
 AGAINST_US = ("scene", "samples", "SSIM", "it takes", "we take", "ours ÷ its", "")
-AGAINST_THEM = ("scene", "our samples", "our SSIM", "we take", "it takes", "its ÷ ours", "")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,18 +108,14 @@ def worth_a_step(front: Sequence[Point]) -> list[Point]:
 
 
 def duels(chart: Chart) -> list[Table]:
-    """Return ours against every other method, direct rendering with OIDN first, and the reverse."""
-    ours, parts = chart.settings.ours, {scene.scene: scene.by(chart.metric) for scene in chart.scenes}
-    rivals = sorted(dict.fromkeys(duel.curve for part in parts.values() for duel in part.versus),
-                    key=lambda key: (key != RIVAL, key[0] != DIRECT))
-    versus, reverse = ({name: getattr(part, side) for name, part in parts.items()} for side in ("versus", "reverse"))
-    return [*(Table(f"{ours} against {label(key, ours)}", AGAINST_US, _rows(versus, key)) for key in rivals),
-            *(Table(f"{label(key, ours)} against {ours}", AGAINST_THEM, _rows(reverse, key)) for key in rivals)]
-
-
-def _rows(duels_of: Mapping[str, Iterable[Duel]], key: Key) -> list[list[str]]:
-    return [[scene, str(duel.samples), f"{duel.value:.3f}", time_text(duel.seconds), *_needs(duel), MARKS[duel.outcome]]
-            for scene, duels in duels_of.items() for duel in duels if duel.curve == key]
+    """Return a table of ours against every other method, direct rendering with OIDN first."""
+    rows: dict[Key, list[list[str]]] = {}
+    for scene in chart.scenes:
+        for duel in scene.by(chart.metric).versus:
+            row = [scene.scene, str(duel.samples), f"{duel.value:.3f}", time_text(duel.seconds), *_needs(duel)]
+            rows.setdefault(duel.curve, []).append([*row, MARKS[duel.outcome]])
+    ours, rivals = chart.settings.ours, sorted(rows, key=lambda key: (key != RIVAL, key[0] != DIRECT))
+    return [Table(f"{ours} against {label(key, ours)}", AGAINST_US, rows[key]) for key in rivals]
 
 
 def _needs(duel: Duel) -> tuple[str, str]:
@@ -167,11 +162,8 @@ def _numbers(title: str, cells: Sequence[Cell], chart: Chart) -> Table:
         [label((cell.role, cell.method), chart.settings.ours), str(cell.samples), str(cell.scale),
          f"{cell.seconds.median:.2f} ({cell.seconds.least:.2f}–{cell.seconds.most:.2f})",
          f"{1000 * cell.second_stage:.0f}", f"{1000 * cell.stage_seconds['upscale']:.1f}",
-         *(_metric(cell, name) for name in metrics)] for cell in cells])
-
-
-def _metric(cell: Cell, name: str) -> str:
-    return number(cell.metrics.get(name), cell.ci95.get(name), 1 if name == "psnr_fg" else 4)
+         *(number(cell.metrics.get(name), cell.ci95.get(name), 1 if name == "psnr_fg" else 4) for name in metrics)]
+        for cell in cells])
 
 
 def costs(chart: Chart) -> Table:

@@ -64,13 +64,11 @@ def _check_samples(name: str, samples: tuple[int, ...]) -> None:
 
 def default_methods() -> tuple[str, ...]:
     """Return every upscaler alone and after the denoiser, as far as it is meant to be; the default method first."""
-    upscalers = [name for name in UPSCALERS if name != AS_RENDERED]
-    return tuple(dict.fromkeys([DEFAULT_METHOD, *(chain for name in upscalers for chain in _chains(name))]))
-
-
-def _chains(upscaler: str) -> tuple[str, ...]:
-    """Return the ways to use one upscaler: networks of ours were trained for one of them only."""
-    network = catalogue.NETWORKS.get(upscaler)
-    if network and network.light_field:
-        return (network.chain(upscaler),)
-    return upscaler, *(PLAIN_CHAINS if upscaler == PLAIN_METHOD else (f"{DENOISER}+{upscaler}",))
+    found = [DEFAULT_METHOD]
+    for name in UPSCALERS:
+        network = catalogue.NETWORKS.get(name)
+        if network and network.light_field:  # ours, trained for one chain only
+            found.append(network.chain(name))
+        elif name != AS_RENDERED:
+            found += [name, *(PLAIN_CHAINS if name == PLAIN_METHOD else [f"{DENOISER}+{name}"])]
+    return tuple(dict.fromkeys(found))
