@@ -14,8 +14,8 @@ from lfsr_core.reconstruct.registry import method
 from lfsr_lab.experiments.chart import cells as chart_cells
 from lfsr_lab.experiments.chart.settings import Settings, default_methods
 from lfsr_lab.experiments.engine import accuracy, timing
-from tests.support.chart_bench import arguments, bench, main_fails, measured
 from tests.support.chart_example import example
+from tests.support.chart_folder import arguments, experiment_folder, main_fails, measured
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import fails, write_render
 
@@ -43,7 +43,7 @@ def counted(monkeypatch):
 
 
 def test_every_cell_is_measured_and_the_renders_are_left_as_they_were(tmp_path, counted, capsys):
-    folder = bench(tmp_path)
+    folder = experiment_folder(tmp_path)
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     assert main(arguments(folder)) == 0
     chart = measured(folder)
@@ -68,7 +68,7 @@ def test_every_cell_is_measured_and_the_renders_are_left_as_they_were(tmp_path, 
 
 
 def test_what_is_measured_is_not_measured_again_unless_asked_or_changed(tmp_path, counted, no_start):
-    folder = bench(tmp_path)
+    folder = experiment_folder(tmp_path)
     main(arguments(folder))
     first = measured(folder)
     counted.clear()
@@ -83,7 +83,7 @@ def test_what_is_measured_is_not_measured_again_unless_asked_or_changed(tmp_path
 
 
 def test_times_are_taken_afresh_without_the_metrics(tmp_path, counted, no_start, monkeypatch):
-    folder = bench(tmp_path)
+    folder = experiment_folder(tmp_path)
     main(arguments(folder))
     before = measured(folder)["scenes"][0]["cells"]
     counted.clear()
@@ -97,7 +97,7 @@ def test_times_are_taken_afresh_without_the_metrics(tmp_path, counted, no_start,
 
 
 def test_renders_are_timed_afresh_once_and_kept(tmp_path, no_start, monkeypatch):
-    folder = bench(tmp_path)
+    folder = experiment_folder(tmp_path)
     (tmp_path / "vase.blend").touch()
     times = iter([5.0, 6.0, 7.0, 8.0, 9.0, 10.0])
     monkeypatch.setattr(timing, "_timed_again", lambda *_: next(times))
@@ -119,7 +119,7 @@ def test_renders_are_timed_afresh_once_and_kept(tmp_path, no_start, monkeypatch)
 
 
 def test_an_interrupted_chart_goes_on_where_it_stopped(tmp_path, counted, no_start, monkeypatch):
-    folder = bench(tmp_path)
+    folder = experiment_folder(tmp_path)
     real = chart_cells.finished_linear
 
     def stop_at_oidn(copy, name):
@@ -138,7 +138,7 @@ def test_an_interrupted_chart_goes_on_where_it_stopped(tmp_path, counted, no_sta
 
 def test_sampled_lenses_have_intervals_and_no_views(tmp_path, no_start, monkeypatch):
     monkeypatch.setattr(eia_metrics, "flip_evaluator", None)  # FLIP of single lenses takes a minute
-    folder = bench(tmp_path, lens_list=LENSES)
+    folder = experiment_folder(tmp_path, lens_list=LENSES)
     assert main(arguments(folder)) == 0
     scene = measured(folder)["scenes"][0]
     assert scene["reference"]["lenses"] == len(LENSES)
@@ -147,7 +147,7 @@ def test_sampled_lenses_have_intervals_and_no_views(tmp_path, no_start, monkeypa
 
 
 def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, no_start, capsys):
-    folder = bench(tmp_path, names=("vase", "head"))
+    folder = experiment_folder(tmp_path, names=("vase", "head"))
     shutil.rmtree(folder / "vase" / "s2-spp4")
     shutil.rmtree(folder / "head" / "reference")
     assert main(arguments(folder, "--methods", "bicubic,espcn", scenes=("vase.blend", "head.glb"))) == 0
@@ -158,6 +158,37 @@ def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, no_start, capsys)
     assert "skipped: head has no reference" in capsys.readouterr().err
 
 
+def test_the_run_of_one_scene_leaves_the_others_on_the_page(tmp_path, no_start):
+    folder, both = experiment_folder(tmp_path, names=("vase", "head")), ("vase.blend", "head.glb")
+    assert main(arguments(folder, scenes=both)) == 0
+    before = measured(folder)
+    assert main(arguments(folder, "--again", "bicubic")) == 0
+    after = measured(folder)
+    assert [scene["scene"] for scene in after["scenes"]] == ["vase", "head"]
+    assert after["scenes"][1] == before["scenes"][1] and after["scenes"][0] != before["scenes"][0]
+    assert "head" in (folder / "chart.html").read_text()
+    assert main(arguments(folder, "--methods", "nearest", "--ours", "nearest", scenes=("head.glb",))) == 0
+    assert [scene["scene"] for scene in measured(folder)["scenes"]] == ["head"], "other settings: another chart"
+    shutil.rmtree(folder / "head" / "reference")
+    assert main(arguments(folder, scenes=both)) == 0
+    assert [scene["scene"] for scene in measured(folder)["scenes"]] == ["vase"], "what cannot be measured is not shown"
+
+
+def test_renders_of_another_seed_lie_beside_the_others_and_other_subjects_are_refused(tmp_path, no_start, capsys):
+    folder = experiment_folder(tmp_path)
+    for samples in (1, 4):
+        write_render(folder / "vase" / f"s2-spp{samples}-seed7", samples=samples, seed=7,
+                     seconds={"open": 0.5, "render": samples})
+    assert main(arguments(folder, "--seed", "7", "--direct-spps", "none")) == 0
+    capsys.readouterr()
+    assert measured(folder)["settings"]["seed"] == 7
+    assert {path.name for path in (folder / "vase" / "cells").iterdir()} == {
+        f"s2-spp{samples}-seed7-{name}.json" for samples in (1, 4) for name in ("bicubic", "nearest")}
+    assert "was rendered with no subject, but subject Vase" in main_fails(
+        arguments(folder, "--subject", "Vase"), capsys)
+    assert "but visible world was asked for" in main_fails(arguments(folder, "--world-visible"), capsys)
+
+
 @pytest.mark.parametrize(("more", "said"), [
     (("--again", "nothing"), "unknown method 'nothing'"),
     (("--spps", "4,4"), "different whole numbers"),
@@ -166,13 +197,13 @@ def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, no_start, capsys)
     (("--display", "small"), "display mini"),
 ])
 def test_bad_input_is_refused_in_a_sentence(tmp_path, capsys, more, said):
-    assert said in main_fails(arguments(bench(tmp_path), *more), capsys)
+    assert said in main_fails(arguments(experiment_folder(tmp_path), *more), capsys)
     assert not (tmp_path / "chart.json").exists()
 
 
 def test_two_scenes_of_one_name_and_nothing_to_measure_are_refused(tmp_path, capsys):
     assert "no scene could be measured" in main_fails(arguments(tmp_path), capsys)
-    words = arguments(bench(tmp_path), scenes=("vase.blend", "other/vase.obj"))
+    words = arguments(experiment_folder(tmp_path), scenes=("vase.blend", "other/vase.obj"))
     assert "two scenes are called 'vase'" in main_fails(words, capsys)
 
 

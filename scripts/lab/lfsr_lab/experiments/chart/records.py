@@ -195,10 +195,9 @@ class Chart:
     @property
     def metric(self) -> str:
         """What the chart is judged by: the first of MAIN_METRICS that all of its scenes know."""
-        tables = [[cell.metrics for cell in scene.cells] for scene in self.scenes]
-        known = [name for name in MAIN_METRICS
-                 if all(any(metrics.get(name) is not None for metrics in table) for table in tables)]
-        return (*known, MAIN_METRICS[0])[0]
+        known = [{name for cell in scene.cells for name, value in cell.metrics.items() if value is not None}
+                 for scene in self.scenes]
+        return next((name for name in MAIN_METRICS if all(name in names for names in known)), MAIN_METRICS[0])
 
 
 def read_chart(path: Path) -> Chart:

@@ -80,7 +80,7 @@ def _points(renders: Renders) -> Iterator[Point]:
         return [Target.of(renders.reference), *([Target.of_subpixels(traced)] if traced else [])]
 
     for way, samples in measured_at(renders.display):
-        rendered, cpu = renders.path(way, samples), costs[way.name, samples].cpu
+        rendered, cpu = renders.path(way, samples), costs[way.name, samples]
         cell = Cell(rendered.name if way != USUAL else f"{USUAL.name}-{samples}",
                     {"version": VERSION, "reference": renders.reference_spp, "render": cpu},
                     functools.partial(measure, way, samples, rendered, cpu, targets))

@@ -65,8 +65,8 @@ class Renders:
         """Return the frame folder of a way's render; the usual way's has every view too."""
         return self.folder / f"{way.folder}-spp{samples}"
 
-    def fill(self) -> dict[tuple[str, int], Cost]:
-        """Render what is missing and return what each render took, by way and samples."""
+    def fill(self) -> dict[tuple[str, int], float]:
+        """Render what is missing and return the CPU seconds of each render, by way and samples."""
         jobs = {(way.name, samples): self._job(way, samples) for way, samples in measured_at(self.display)}
         usual = [self._job(EVERY_VIEW, samples) for name, samples in jobs if name == USUAL.name]
         every = {job.output: job for job in (*jobs.values(), *usual, *self._references())}
@@ -77,13 +77,12 @@ class Renders:
             check_render(job)
         return {key: self._whole(job) for key, job in jobs.items()}
 
-    def _whole(self, job: Job) -> Cost:
-        """Return what a render took; of the usual way what all views would take."""
+    def _whole(self, job: Job) -> float:
+        """Return the CPU seconds of a render; of the usual way those that all views would take."""
         cost = self._cost(job)
         if cost is None:
             raise LfsrError(f"what {job.output} took is not known: delete it and run this again")
-        fraction = math.prod(self.display.views) / math.prod(job.display.views)
-        return dataclasses.replace(cost, cpu=cost.cpu * fraction)
+        return cost.cpu * (math.prod(self.display.views) / math.prod(job.display.views))
 
     def _render(self, jobs: Sequence[Job]) -> None:
         """Render one after the other; first two of a few lenses: the first builds the scene, the second is measured."""
@@ -96,9 +95,8 @@ class Renders:
         def rendered(job: Job) -> None:
             seconds.append(children_cpu_seconds())
             if job not in single:
-                fixed = seconds[2] - seconds[1]
-                cost = Cost(max(0.0, seconds[-1] - seconds[-2] - fixed))
-                self._costs.write(Path(job.output).name, _mark(job), cost)
+                cpu = seconds[-1] - seconds[-2] - (seconds[2] - seconds[1])
+                self._costs.write(Path(job.output).name, _mark(job), Cost(max(0.0, cpu)))
 
         for job in (*single, *jobs):
             shutil.rmtree(job.output, ignore_errors=True)
@@ -126,7 +124,7 @@ class Renders:
 
 
 def with_few_views(profile: DisplayProfile) -> DisplayProfile:
-    """The display with FEW views along each axis that has several."""
+    """Return the display with FEW views along each axis that has several."""
     px, py = (FEW if many else 1 for many in profile.parallax)
     pixels = profile.panel_pixels if profile.is_woven else (profile.lenses[0] * px, profile.lenses[1] * py)
     return dataclasses.replace(profile, views=(px, py), panel_pixels=pixels)

@@ -1,4 +1,4 @@
-"""Bench folders of renders that are there already, and `lfsr chart` on them."""
+"""Experiment folders of renders that are there already, and `lfsr chart` on them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from lfsr_lab.experiments.chart.records import read_chart
 from tests.support.synthetic import write_reference, write_render
 
 
-def bench(folder: Path, names=("vase",), **reference) -> Path:
-    """Bench folder of renders that are there already."""
+def experiment_folder(folder: Path, names=("vase",), **reference) -> Path:
+    """Return an experiment folder of renders that are there already."""
     for name in names:
         write_reference(folder / name / "reference", noise=0.02, samples=64, **reference)
         for samples in (1, 4):
