@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
 from lfsr_core.records import read_record
 from lfsr_lab.experiments.animations.__main__ import main
 from lfsr_lab.experiments.animations.accuracy import Figures, Truth, compare
@@ -77,11 +76,6 @@ def test_renders_differ_by_their_seeds_and_references_share_none(tmp_path):
     assert len({job.seed for job in animation.low(CHANGING, 4)}) == Settings().frames
     lenses = Settings().lens_list
     assert len(set(lenses)) == Settings().reference_lenses and Settings(seed=1).lens_list != lenses
-
-
-def test_animations_have_at_least_three_frames():
-    with pytest.raises(LfsrError, match="at least 3 frames"):
-        Settings(frames=2)
 
 
 def test_tables_and_chart_show_every_figure():

@@ -11,7 +11,7 @@ from lfsr_core.records import read_record
 from lfsr_lab.experiments.displays import __main__ as run
 from lfsr_lab.experiments.displays import page
 from lfsr_lab.experiments.displays.measure import Accuracy, Point, Target, seen
-from lfsr_lab.experiments.displays.ways import OURS, SUBPIXEL, WAYS, Way, shown
+from lfsr_lab.experiments.displays.ways import OURS, SUBPIXEL, WAYS, Way, clean_guides, shown
 from lfsr_lab.experiments.engine.renders import Store
 from tests.support.panels import whole
 from tests.support.played_blender import played_blender
@@ -76,6 +76,14 @@ def test_nearest_views_are_woven_without_mixing():
     light = np.zeros((96, 128, 3), np.float32)
     light[:, 4:8] = 1.0
     assert set(np.unique(shown(light, PANEL, "nearest"))) <= {0, 255}
+
+
+def test_cleaned_normals_keep_their_direction():
+    normal = np.zeros((64, 64, 3), np.float32) + np.float32([0, 0, 1])
+    normal[:, 32:] = [-1, 0, 0]
+    noisy = normal + np.random.default_rng(0).normal(0, 0.2, normal.shape).astype(np.float32)
+    cleaned = clean_guides({"normal": noisy})["normal"]
+    assert np.abs(cleaned - normal).mean() < 0.5 * np.abs(noisy - normal).mean()
 
 
 def test_the_published_comparison_is_read():

@@ -1,8 +1,7 @@
 """Temporal averaging of animations, measured by one command that can be stopped and started again.
 
-    python -m lfsr_lab.experiments.animations -o OUT            everything, half an hour on two cores
-    python -m lfsr_lab.experiments.animations -o OUT --quick    three frames and few samples, minutes; no figures to use
-    python -m lfsr_lab.experiments.animations --cost NAME       only what averaging costs on a display, at scale 4
+    python -m lfsr_lab.experiments.animations -o OUT         everything, half an hour on two cores
+    python -m lfsr_lab.experiments.animations --cost NAME    only what averaging costs on a display, at scale 4
 
 What is complete in OUT is not done again. docs/results/animations.md shows OUT/shots.json, shots.md and shots.svg.
 """
@@ -13,7 +12,6 @@ import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from lfsr_core.optics.display import load_display
 from lfsr_lab.experiments.animations.accuracy import Figures, cost_of_averaging
@@ -27,7 +25,6 @@ from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.report import exit_code, write_report
 
 COST_SCALE = 4
-QUICK: dict[str, Any] = {"frames": 3, "samples": (4,), "more": (), "reference_samples": 16, "reference_lenses": 34}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -43,13 +40,12 @@ def run(arguments: argparse.Namespace) -> None:
         print(f"{arguments.cost}, scale {COST_SCALE}: {seconds:.2f} CPU seconds per neighbouring frame")
         return
     check_packages()
-    settings = Settings(seed=arguments.seed, **(QUICK if arguments.quick else {}))
+    settings = Settings(seed=arguments.seed)
     store = Store(arguments.output, arguments.blender)
     store.claim(settings)
     build_scenes(store, settings)
     found = tuple(each for name in arguments.only for each in _measured(Animation(store, settings, name)))
-    quick = " --quick" if arguments.quick else ""
-    command = f"python -m lfsr_lab.experiments.animations -o OUT --seed {arguments.seed}{quick}"
+    command = f"python -m lfsr_lab.experiments.animations -o OUT --seed {arguments.seed}"
     text = markdown(found)
     write_report(arguments.output, STEM, Report(settings, environment(), command, found),
                  {".md": text, ".svg": svg(chart(found))})
@@ -72,7 +68,6 @@ def _parser() -> argparse.ArgumentParser:
                         help="folder of everything that is made, default: %(default)s")
     parser.add_argument("--cost", metavar="NAME", help="display on which to measure only what averaging costs")
     parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES, help="default: all")
-    parser.add_argument("--quick", action="store_true", help="three frames and few samples")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of renders, default: %(default)s")
     parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")
     return parser

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import frame_folder
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile, load_display
@@ -33,7 +32,7 @@ SEED_STEP = 1000  # from the seeds of one repetition to those of the next
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """What decides every figure of a folder; LfsrError for what cannot be measured."""
+    """What decides every figure of a folder."""
 
     display: DisplayProfile = dataclasses.field(default_factory=lambda: load_display(DISPLAY_FILE))
     scale: int = 2  # of the low-resolution renders
@@ -43,12 +42,6 @@ class Settings:
     reference_samples: int = 256  # per pixel, of both halves together
     reference_lenses: int = 48  # drawn at random, the same for every frame
     seed: int = 0  # of everything
-
-    def __post_init__(self) -> None:
-        lenses = self.display.lenses[0] * self.display.lenses[1]
-        if self.frames < 3 or not 1 <= self.reference_lenses <= lenses:
-            raise LfsrError(f"{self.frames} frames with references of {self.reference_lenses} lenses were asked for, "
-                            f"but it must be at least 3 frames and 1 to {lenses} lenses")
 
     @property
     def lens_list(self) -> tuple[tuple[int, int], ...]:
