@@ -20,7 +20,7 @@ from lfsr_lab.experiments.chart.records import CEILING, DIRECT, LOW, Cell, Metho
 from lfsr_lab.experiments.chart.settings import Settings
 from lfsr_lab.experiments.engine.accuracy import Accuracy, Target
 from lfsr_lab.experiments.engine.records import Records, method_facts
-from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, digest, foreground, frame_digest, reference_of
+from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, digest, foreground, frame_digest
 from lfsr_lab.experiments.engine.timing import scratch_copy, second_stage_times
 
 CELL_FORMAT = 5
@@ -43,12 +43,6 @@ def low_job(settings: Settings, scene: Path, scale: int, samples: int) -> Job:
     return Job(output=str(settings.folder / scene.stem / name), display=settings.profile, scene=str(scene.resolve()),
                scale=scale, spp=samples, layers=LAYERS, device=settings.device, seed=settings.seed,
                subject=settings.subject, world_visible=settings.world_visible)
-
-
-def reference_job(settings: Settings, scene: Path) -> Job:
-    """Return the reference of a scene, the same for renders of any seed."""
-    return reference_of(low_job(settings, scene, settings.scale, settings.spps[0]), settings.reference_spp,
-                        settings.folder / scene.stem / REFERENCE, seed=0)
 
 
 def read_target(settings: Settings, scene: Path) -> Target:

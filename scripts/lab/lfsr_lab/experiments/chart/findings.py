@@ -86,7 +86,7 @@ def markdown(chart: Chart) -> str:
 
 
 def advice(chart: Chart) -> Table:
-    """Which method when: the front of the mean in steps."""
+    """Return which method to use when: the front of the mean in steps."""
     front = worth_a_step(pareto_front(points(mean_cells(chart.scenes), chart.metric)))
     steps = [list(group) for _, group in groupby(front, key=lambda point: point.curve)]
     return Table("Which method when", ("you can wait", "use", "samples", "SSIM"), [
@@ -127,7 +127,7 @@ def _needs(duel: Duel) -> tuple[str, str]:
 
 
 def target(chart: Chart) -> Table:
-    """How our method does against the target on every scene."""
+    """Return how our method does against the target on every scene."""
     return Table("The target", ("scene", "ours ÷ its", "with opening", "", "best other method"),
                  [_target_row(chart, scene) for scene in chart.scenes], "lrrll")
 
@@ -146,7 +146,7 @@ def _ratio(goal: Goal | None) -> str:
 
 
 def numbers(chart: Chart) -> Iterator[Table]:
-    """Every cell with its times and metrics: of the mean where there are several scenes, and of every scene."""
+    """Yield every cell with its times and metrics: of the mean where there are several scenes, then of every scene."""
     if len(chart.scenes) > 1:
         yield _numbers(f"Mean of {len(chart.scenes)} scenes", mean_cells(chart.scenes), chart)
     for scene in chart.scenes:
@@ -167,7 +167,7 @@ def _numbers(title: str, cells: Sequence[Cell], chart: Chart) -> Table:
 
 
 def costs(chart: Chart) -> Table:
-    """What each method costs."""
+    """Return what each method costs."""
     header = ("method", "multiply-adds per low pixel", "parameters", "in a process of its own s")
     return Table("What each method costs", header, [
         [cost.method, count(cost.multiply_adds_per_low_pixel), count(cost.parameters),

@@ -28,7 +28,7 @@ from lfsr_lab.experiments.chart.records import (
 from lfsr_lab.experiments.chart.settings import Settings
 from lfsr_lab.experiments.engine.accuracy import Target
 from lfsr_lab.experiments.engine.environment import environment
-from lfsr_lab.experiments.engine.renders import Store, sampled
+from lfsr_lab.experiments.engine.renders import REFERENCE, Store, reference_of, sampled
 from lfsr_lab.experiments.engine.report import write_report
 from lfsr_lab.experiments.engine.timing import render_seconds
 
@@ -112,12 +112,12 @@ class _Run:
                 yield cells.method_cost(self.settings, name, folder)
 
     def _reference(self, scene: Path) -> Path | None:
-        """Return the folder of the reference; one that is there may have any lenses and samples."""
+        """Return the folder of the reference, the same for any seed; what is there may have any lenses and samples."""
         settings = self.settings
         self._begin(f"{scene.stem}: reference")
         most = cells.low_job(settings, scene, settings.scale, max(settings.spps))
-        job = sampled(cells.reference_job(settings, scene), settings.lenses, lambda: self.store.render(most))
-        return self.store.render(job)
+        whole = reference_of(most, settings.reference_spp, settings.folder / scene.stem / REFERENCE, seed=0)
+        return self.store.render(sampled(whole, settings.lenses, lambda: self.store.render(most)))
 
     def _renders(self, scene: Path) -> Iterator[tuple[Role, Job]]:
         for role, job in cells.wanted_renders(self.settings, scene):
