@@ -76,8 +76,7 @@ def _points(renders: Renders) -> Iterator[Point]:
 
     @functools.cache
     def targets() -> list[Target]:
-        traced = renders.traced_reference
-        return [Target.of(renders.reference), *([Target.of_subpixels(traced)] if traced else [])]
+        return [Target.of(folder) for folder in (renders.reference, renders.traced_reference) if folder]
 
     for way, samples in measured_at(renders.display):
         rendered, cpu = renders.path(way, samples), costs[way.name, samples]

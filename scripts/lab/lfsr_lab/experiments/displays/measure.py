@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.arrays import Array
-from lfsr_core.frames.frame import REFERENCE_FILES, read_rendered
+from lfsr_core.frames.frame import REFERENCE_FILES, SUBPIXELS, read_rendered
 from lfsr_core.frames.reference import Reference
 from lfsr_core.metrics.split_ssim import mean_of, psnr, split_mse, split_ssim_map
 from lfsr_core.optics.display import DisplayProfile
@@ -65,19 +65,14 @@ class Target:
 
     @classmethod
     def of(cls, folder: Path) -> Target:
-        """Read the frame folder of a reference of every view."""
-        reference = Reference.read(folder)
-        profile = reference.frame.display
-        return cls._with(profile, shown(reference.half_a, profile, "all"), shown(reference.half_b, profile, "all"))
-
-    @classmethod
-    def of_subpixels(cls, folder: Path) -> Target:
-        """Read the frame folder of a reference of the panel's subpixels."""
-        return cls._with(read_rendered(folder).display, *(traced(folder, name) for name in REFERENCE_FILES))
-
-    @classmethod
-    def _with(cls, profile: DisplayProfile, a: Array, b: Array) -> Target:
-        return cls(profile, (a, b), tuple(zip(seen(a, profile), seen(b, profile), strict=True)))
+        """Read the frame folder of a reference of every view, or of the panel's subpixels."""
+        frame = read_rendered(folder)
+        if frame.layout == SUBPIXELS:
+            a, b = (traced(folder, name) for name in REFERENCE_FILES)
+        else:
+            reference = Reference.read(folder)
+            a, b = (shown(half, frame.display, "all") for half in (reference.half_a, reference.half_b))
+        return cls(frame.display, (a, b), tuple(zip(seen(a, frame.display), seen(b, frame.display), strict=True)))
 
     def accuracy(self, panel: Array, seen: Sequence[Array]) -> Accuracy:
         """Return the accuracy of a panel's image (H, W, 3) uint8 and of what eyes see of it."""
