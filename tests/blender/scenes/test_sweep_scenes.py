@@ -64,6 +64,12 @@ def shader(item, kind="BSDF_PRINCIPLED"):
     return next(node for node in item.data.materials[0].node_tree.nodes if node.type == kind)
 
 
+def test_there_is_a_builder_for_every_sweep():
+    from lfsr_lab.scenes.sweeps import builders
+
+    assert set(builders.BUILDERS) == {sweep.name for sweep in SWEEPS}
+
+
 @pytest.mark.parametrize("sweep", SWEEPS, ids=lambda sweep: sweep.name)
 def test_every_scene_has_the_array_of_the_display_and_light(built, sweep):
     for value in (sweep.values[0], sweep.values[-1]):
@@ -99,6 +105,17 @@ def test_bodies_stand_at_the_sweeps_depth_and_fill_what_the_views_see(built, swe
     assert len(sizes) == 1, "alike, seen from the viewing position"
     reach = np.abs([item.location for item in items]).max(0)
     assert (reach[[0, 2]] >= np.array(SPACE.window(y)) - 2 * SPACE.magnified(y)).all()
+
+
+def test_a_body_only_changes_its_depth_along_the_sweep(built):
+    first = [item.data.materials[0].name.split(".")[0] for item in meshes(built("depth-behind", 0), "body")]
+    second = [item.data.materials[0].name.split(".")[0] for item in meshes(built("depth-behind", 1), "body")]
+    assert set(first) == set(second) and len(second) >= len(first)
+
+
+def test_samples_keep_within_half_a_usable_depth(built):
+    depths = [item.location.y for item in meshes(built("samples", 1), "body")]
+    assert SPACE.depth(-0.5) <= min(depths) < 0 < max(depths) <= SPACE.depth(0.5)
 
 
 def test_the_grating_has_the_sweeps_frequency(built):

@@ -217,6 +217,18 @@ def test_a_low_resolution_set_has_independent_renders_and_a_clean_target(low_set
     assert errors[1] < errors[0] / 2
 
 
+def test_a_low_resolution_scene_is_repeated_and_its_folder_completed(inputs, low_set, tmp_path):
+    folder, options = low_set
+    lost, (arrays, meta) = folder / "scene_000009.npz", load(folder, 9)
+    lost.unlink()
+    code, messages = run(inputs, folder, *options, "--first", 8, "--count", 2)
+    assert code == 0 and messages[0] == {"stage": "start", "scenes": 1, "complete": 1}
+    again, meta_again = load(folder, 9)
+    assert meta_again["scene"] == meta["scene"] and meta_again["exposure"] == meta["exposure"]
+    close = np.isclose(arrays["color_1_0"].astype(np.float32), again["color_1_0"].astype(np.float32), 0.02, 0.02)
+    assert close.mean() > 0.98
+
+
 def test_random_displays_fit_their_scale_and_stay_small():
     from lfsr_core.optics.panel.panel_rays import rendered_size
     from lfsr_lab.scenes.training.displays import low_display

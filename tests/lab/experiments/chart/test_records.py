@@ -47,3 +47,10 @@ def test_what_is_broken_is_named(tmp_path, message):
     with pytest.raises(LfsrError) as error:
         read_chart(path)
     assert message in str(error.value)
+
+
+def test_what_is_no_object_is_no_chart(tmp_path):
+    path = tmp_path / "chart.json"
+    path.write_text("[]")
+    with pytest.raises(LfsrError, match="format None"):
+        read_chart(path)

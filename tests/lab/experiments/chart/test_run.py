@@ -158,7 +158,7 @@ def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, no_start, capsys)
     assert "skipped: head has no reference" in capsys.readouterr().err
 
 
-def test_the_run_of_one_scene_leaves_the_others_on_the_page(tmp_path, no_start):
+def test_the_run_of_one_scene_leaves_the_others_on_the_page(tmp_path, no_start, capsys):
     folder, both = experiment_folder(tmp_path, names=("vase", "head")), ("vase.blend", "head.glb")
     assert main(arguments(folder, scenes=both)) == 0
     before = measured(folder)
@@ -167,8 +167,10 @@ def test_the_run_of_one_scene_leaves_the_others_on_the_page(tmp_path, no_start):
     assert [scene["scene"] for scene in after["scenes"]] == ["vase", "head"]
     assert after["scenes"][1] == before["scenes"][1] and after["scenes"][0] != before["scenes"][0]
     assert "head" in (folder / "chart.html").read_text()
+    assert "is replaced" not in capsys.readouterr().err
     assert main(arguments(folder, "--methods", "nearest", "--ours", "nearest", scenes=("head.glb",))) == 0
     assert [scene["scene"] for scene in measured(folder)["scenes"]] == ["head"], "other settings: another chart"
+    assert "chart.json has other settings and is replaced" in capsys.readouterr().err
     shutil.rmtree(folder / "head" / "reference")
     assert main(arguments(folder, scenes=both)) == 0
     assert [scene["scene"] for scene in measured(folder)["scenes"]] == ["vase"], "what cannot be measured is not shown"

@@ -43,6 +43,11 @@ def bench(tmp_path_factory):
     return folder
 
 
+def test_scenes_and_renders_are_found(bench):
+    (scene,) = actual.scenes(bench)
+    assert scene.name == "toy" and sorted(actual.renders(scene)) == RENDERS
+
+
 def test_replay_cuts_the_lenses_out_of_the_frame(bench, tmp_path):
     lenses = ((2, 3), (5, 5), (6, 9), (7, 1), (11, 15))
     job = dataclasses.replace(JOB, output=str(tmp_path / "cut"), scale=2, spp=16, lens_list=lenses)

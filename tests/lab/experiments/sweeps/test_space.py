@@ -91,13 +91,17 @@ def test_a_hole_is_a_block_of_lenses_of_nearly_that_share(share):
     assert columns * rows / 96 == pytest.approx(share, abs=0.006)
 
 
-@given(st.integers(2, 40), st.integers(0, 3), st.integers(1, 9), st.integers(1, 9))
+@given(st.integers(2, 40), st.integers(1, 3), st.integers(1, 9), st.integers(1, 9))
 def test_the_path_takes_equal_steps_along_one_axis_and_stays_in_its_room(frames, step, across, down):
     path = rectangle_path(frames, step, (across, down))
     assert len(path) == frames and path[0] == (0, 0)
     for (x0, y0), (x1, y1) in itertools.pairwise(path):
         assert sorted((abs(x1 - x0), abs(y1 - y0))) == [0, step]
     assert all(0 <= x <= max(across, step) and 0 <= y <= max(down, step) for x, y in path)
+
+
+def test_a_card_at_rest_stays():
+    assert set(rectangle_path(5, 0, (3, 3))) == {(0, 0)}
 
 
 def test_the_moving_card_fits_the_display_and_its_path_is_centred():

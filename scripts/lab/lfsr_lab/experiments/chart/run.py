@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
@@ -45,9 +45,9 @@ def run(settings: Settings, scenes: Sequence[Path]) -> list[Path]:
     for name in names:
         if names.count(name) > 1:
             raise LfsrError(f"two scenes are called {name!r}, but each has a folder of its name: rename one file")
-    rows = _earlier(settings) | dict.fromkeys(names)
     store = Store(settings.folder, settings.blender, not settings.only_measure)
     chart, measuring = None, _Run(settings, store, len(scenes) * settings.steps)
+    rows = _earlier(settings, measuring.bar.note) | dict.fromkeys(names)
     for scene in scenes:
         rows[scene.stem] = measuring.scene(scene)
         if any(rows[name] for name in names):
@@ -60,13 +60,17 @@ def run(settings: Settings, scenes: Sequence[Path]) -> list[Path]:
         ".html": panels.page(chart), ".svg": panels.image(chart), ".md": findings.markdown(chart)})
 
 
-def _earlier(settings: Settings) -> dict[str, SceneRow | None]:
-    """Return the scenes of an earlier run with the same settings."""
+def _earlier(settings: Settings, note: Callable[[str], object]) -> dict[str, SceneRow | None]:
+    """Return the scenes of an earlier run with the same settings; ``note`` is told of a chart that is replaced."""
+    path = settings.folder / f"{CHART}.json"
     try:
-        before = read_chart(settings.folder / f"{CHART}.json")
+        before = read_chart(path)
     except LfsrError:  # there is none, or one of another version
         return {}
-    return {scene.scene: scene for scene in before.scenes} if before.settings == settings.figures else {}
+    if before.settings == settings.figures:
+        return {scene.scene: scene for scene in before.scenes}
+    note(f"{path} has other settings and is replaced: stop now and give another --output to keep it")
+    return {}
 
 
 @dataclasses.dataclass
