@@ -22,7 +22,7 @@ from lfsr_core.frames.frame import FRAME_FILE, REPORT_FILE, read_frame
 from lfsr_core.frames.job import Job, read_job
 from lfsr_core.frames.low_res import low_resolution
 from lfsr_core.frames.report import Report, read_report, write_report
-from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.exr import read_finite, read_layers
 from lfsr_core.images.png import read_mask, read_png, write_mask
 from lfsr_core.optics.display import load_display
 from lfsr_core.reconstruct.networks import catalogue, numpy_network
@@ -110,7 +110,7 @@ def use_frame(path: Path) -> None:
 
 
 def use_picture(path: Path) -> None:
-    layers = clean(read_layers(path))[0]
+    layers = read_finite(path)[0]
     low_resolution(layers, frame_of(2))
     foreground_mask(layers, MINI.lenses)
 

@@ -8,7 +8,7 @@ from lfsr_core.arrays import Array
 from lfsr_core.exports.light_field import LightField
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
-from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.exr import read_finite
 
 
 def central_disparity(field: LightField) -> Array | None:
@@ -20,7 +20,7 @@ def central_disparity(field: LightField) -> Array | None:
     path = field.folder / LOW_RES_FILE
     if "position" not in field.frame.layers or not path.is_file() or field.frame.lens_list is not None:
         return None
-    layers, _ = clean(read_layers(path))
+    layers, _ = read_finite(path)
     if "position" not in layers:
         return None
     low = low_resolution(layers, field.frame)

@@ -132,12 +132,12 @@ def read_world(folder: str | Path, frame: Frame) -> WorldView | None:
 
     LfsrError where its file is missing or of another size.
     """
-    from lfsr_core.images.exr import clean, read_layers  # needs OpenImageIO, which Blender's panel does without
+    from lfsr_core.images.exr import read_finite  # needs OpenImageIO, which Blender's panel does without
 
     if not frame.world_apart:
         return None
     path, layout = Path(folder) / WORLD_FILE, finished_layout(frame)
-    pixels = clean(read_layers(path))[0]["color"][..., :3]
+    pixels = read_finite(path)[0]["color"][..., :3]
     width, height = WorldImage.of(layout).size
     if pixels.shape[:2] != (height, width):
         raise LfsrError(f"{path} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but its frame.json asks for "

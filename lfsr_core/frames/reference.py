@@ -14,7 +14,7 @@ from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import REFERENCE_FILES, Frame, read_frame
 from lfsr_core.frames.identity import first_difference, phrases
 from lfsr_core.frames.low_res import over_background
-from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.exr import read_finite
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import to_elemental_images
 
@@ -86,7 +86,7 @@ def read_half(path: Path, frame: Frame) -> tuple[Array, Mask]:
 
     LfsrError where the file is missing or of another size than ``frame``.
     """
-    layers = clean(read_layers(path))[0]
+    layers = read_finite(path)[0]
     pixels = over_background(layers, frame)
     width, height = frame.rays.size
     if pixels.shape[:2] != (height, width):

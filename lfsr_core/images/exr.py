@@ -25,12 +25,14 @@ PASS_LAYERS = {
 }
 LAYER_CHANNELS = {"color": "RGBA", "albedo": "RGB", "normal": "XYZ", "position": "XYZ", "index": "X",
                   "environment": "RGB", "denoised": "RGB", "noisy": "RGBA"}
+COLORS = ("color", "noisy", "denoised")  # other layers' components may be called X, Y, Z or R, G, B
 HALF_MAX = 65504.0
 MAGIC = b"\x76\x2f\x31\x01"
 # Limits against damaged headers, which must not cost memory. Deflate compresses at most 1032 times, and 16-bit floats
 # become 32-bit ones.
 MAX_COMPRESSION = 2200
 MAX_BYTES, MAX_SIDE, MAX_PARTS = 2**35, 65536, 1024
+FEW_REPLACED, MOST_REPLACED = 0.01, 0.5  # fractions of an image that are replaced without a note, and with one
 Layers = dict[str, Array]
 
 
@@ -43,7 +45,7 @@ def read_layers(path: str | Path) -> Layers:
     and "denoised" (3), the colour after Cycles' own denoiser.
     Reads Blender's files (4.5: one part, 5.x: one part per pass) and those of
     ``write_layers``; ignores other passes.
-    LfsrError if the file is missing, truncated or has no colour.
+    LfsrError if the file is missing, truncated, has no colour or lacks a channel of a layer.
     """
     path = Path(path)
     with reading(path, "an EXR image") as file:
@@ -52,8 +54,8 @@ def read_layers(path: str | Path) -> Layers:
     layers: Layers = {}
     try:
         for names, pixels in _read_parts(path):
-            for layer, columns in _layer_columns(names).items():
-                layers.setdefault(layer, _columns_of(pixels, columns))
+            for layer, found in _layer_columns(names).items():
+                layers.setdefault(layer, _columns_of(pixels, _ordered(found, layer, path)))
     except (UnicodeDecodeError, MemoryError) as error:
         raise _unreadable(path, "too little memory" if isinstance(error, MemoryError) else str(error)) from None
     if "color" not in layers:
@@ -168,6 +170,24 @@ def clean(layers: Mapping[str, Array]) -> tuple[Layers, int]:
     return cleaned, 0 if broken is None else int(broken.sum())
 
 
+def read_finite(path: str | Path) -> tuple[Layers, int]:
+    """Return ``clean`` of ``read_layers``; LfsrError, besides its own, where most pixels are not finite."""
+    layers, replaced = clean(read_layers(path))
+    pixels = layers["color"][..., 0].size
+    if replaced > MOST_REPLACED * pixels:
+        raise LfsrError(f"{path} has {replaced} of {pixels} pixels that are not finite: find the material or light "
+                        "that makes them, and render it again")
+    return layers, replaced
+
+
+def replaced_notes(replaced: int, pixels: int) -> list[str]:
+    """Return a note for a report if more than a few of an image's ``pixels`` were ``replaced``."""
+    if replaced <= FEW_REPLACED * pixels:
+        return []
+    return [f"{replaced} of {pixels} rendered pixels were not finite and are black: find the material or light that "
+            "makes them"]
+
+
 def _read_parts(path: Path) -> Iterator[tuple[tuple[str, ...], Array]]:
     """(channel names, (H, W, C) float32) of every part of the file that has one of PASS_LAYERS."""
     source = oiio.ImageInput.open(str(path))
@@ -211,8 +231,8 @@ def _truncated(path: str | Path, reason: str) -> LfsrError:
                      "or choose another folder")
 
 
-def _layer_columns(names: Sequence[str]) -> dict[str, list[int]]:
-    """Columns of each layer among channels such as ``ViewLayer.Denoising Albedo.R``, in the order of LAYER_CHANNELS."""
+def _layer_columns(names: Sequence[str]) -> dict[str, dict[str, int]]:
+    """Column of each component of each layer among channels such as ``ViewLayer.Denoising Albedo.R``."""
     found: dict[str, dict[str, int]] = {}
     for column, name in enumerate(names):
         *parents, component = name.split(".")
@@ -220,15 +240,17 @@ def _layer_columns(names: Sequence[str]) -> dict[str, list[int]]:
         if layer:
             # A second view layer's pass of the same name does not replace the first one's.
             found.setdefault(layer, {}).setdefault(component.upper(), column)
-    return {layer: _ordered(columns, LAYER_CHANNELS[layer]) for layer, columns in found.items()}
+    return found
 
 
-def _ordered(columns: Mapping[str, int], components: str) -> list[int]:
-    """Columns of a layer's ``components``; colours may be called X, Y, Z and the reverse."""
-    for wanted in (components, components[:3], "RGB", "XYZ"):
+def _ordered(columns: Mapping[str, int], layer: str, path: Path) -> list[int]:
+    """Columns of the layer's components in the order of LAYER_CHANNELS; LfsrError where one is missing."""
+    components = LAYER_CHANNELS[layer]
+    for wanted in (components, components[:3], *(() if layer in COLORS else ("RGB", "XYZ"))):
         if all(component in columns for component in wanted):
             return [columns[component] for component in wanted]
-    return list(columns.values())[:len(components)]
+    raise _unreadable(path, f"its layer {layer} has the channels {', '.join(sorted(columns))} instead of "
+                            f"{', '.join(components[:3])}")
 
 
 def _columns_of(pixels: Array, columns: list[int]) -> Array:

@@ -16,7 +16,7 @@ from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world
 from lfsr_core.frames.reference import listed_images, read_half
-from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.exr import read_finite
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.plan.sample import Lens, Mosaic, strata_masks
@@ -85,7 +85,7 @@ class Scores:
 def quick_look(folder: Path) -> QuickLook:
     """Look at the folder of a quick render of every lens, and finish it once to time that."""
     frame = read_frame(folder)
-    layers, _ = clean(read_layers(folder / LOW_RES_FILE))
+    layers, _ = read_finite(folder / LOW_RES_FILE)
     mask, wide = (foreground_mask(layers, frame.rays.tiles, reach) for reach in (0, 1))
     low = low_resolution(layers, frame, read_world(folder, frame))
     seconds = upscale_frame(folder, FILL_METHOD if frame.scale > 1 else "none").seconds
@@ -174,7 +174,7 @@ def stage_time(folder: Path, name: str, mosaic: Mosaic, one: Mosaic) -> StageTim
 def _sampled(folder: Path, mosaic: Mosaic) -> tuple[LowResEIA, Array]:
     """The mosaic of a rendered list of lenses, and (n,) bool: which of its centres are foreground."""
     frame = read_frame(folder)
-    layers, _ = clean(read_layers(folder / LOW_RES_FILE))
+    layers, _ = read_finite(folder / LOW_RES_FILE)
     low = low_resolution(layers, frame, read_world(folder, frame))
     return mosaic.of_render(low), mosaic.of_mask(foreground_mask(layers, frame.rays.tiles))
 

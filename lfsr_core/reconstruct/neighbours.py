@@ -10,7 +10,7 @@ from pathlib import Path
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, Frame, read_frame
 from lfsr_core.frames.identity import first_difference
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
-from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.exr import read_finite
 
 NUMBERED = re.compile(r"-?\d{3,}$")  # names made by ``frame_folder``
 # Fields that two frames must have in common for their pixels to be samples of the same rays.
@@ -61,7 +61,7 @@ def near(number: int, numbers: Collection[int], count: int) -> list[int]:
 
 def read_low(folder: Path) -> LowResEIA:
     """Low-resolution EIA of a frame folder, without its world; LfsrError where it cannot be read."""
-    return low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], read_frame(folder))
+    return low_resolution(read_finite(folder / LOW_RES_FILE)[0], read_frame(folder))
 
 
 def averaging_notes(neighbours: Sequence[Neighbour]) -> list[str]:

@@ -20,7 +20,7 @@ from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS, Frame
 from lfsr_core.frames.low_res import over_background
 from lfsr_core.frames.report import Report, write_report
 from lfsr_core.images.exposure import exposure_notes
-from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.exr import read_finite, replaced_notes
 from lfsr_core.images.png import write_png
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.panel.panel_rays import panel_image
@@ -50,7 +50,7 @@ def finish_panel(folder: Path, frame: Frame, method: MethodName, progress: Progr
     clock = StageClock(frame.seconds)
     progress("load", 0.0, LOW_RES_FILE)
     with clock("load"):
-        layers, replaced = clean(read_layers(folder / LOW_RES_FILE))
+        layers, replaced = read_finite(folder / LOW_RES_FILE)
     progress("upscale", 0.0, method.text)
     with clock("upscale"):
         image = linear_panel_image(layers, frame, method)
@@ -61,10 +61,11 @@ def finish_panel(folder: Path, frame: Frame, method: MethodName, progress: Progr
     with clock("write"):
         write_png(folder / PANEL_FILE, pixels)
     background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]
+    notes = (*replaced_notes(replaced, layers["color"][..., 0].size), *exposure_notes(pixels, background))
     report = Report(
         method=method.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds=clock.rounded, peak_bytes=peak_bytes(),
-        foreground_fraction=float(foreground_pixels(layers).mean()), notes=tuple(exposure_notes(pixels, background)),
+        foreground_fraction=float(foreground_pixels(layers).mean()), notes=notes,
         replaced_pixels=replaced, layout=frame.layout, device=frame.device)
     write_report(folder, report)
     return report

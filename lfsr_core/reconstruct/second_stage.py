@@ -25,7 +25,7 @@ from lfsr_core.frames.frame import (
 from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world
 from lfsr_core.frames.report import Report, write_report
 from lfsr_core.images.exposure import exposure_notes
-from lfsr_core.images.exr import HALF_MAX, clean, read_layers, write_layers
+from lfsr_core.images.exr import HALF_MAX, read_finite, read_layers, replaced_notes, write_layers
 from lfsr_core.images.png import write_mask, write_png
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.eia import flip_order, to_elemental_images
@@ -159,7 +159,7 @@ def _prepare(run: _Run) -> tuple[Assembly, int]:
     frame, clock, progress = run.frame, run.clock, run.options.progress
     progress("load", 0.0, LOW_RES_FILE)
     with clock("load"):
-        layers, replaced = clean(read_layers(run.folder / LOW_RES_FILE))
+        layers, replaced = read_finite(run.folder / LOW_RES_FILE)
         low = low_resolution(layers, frame, read_world(run.folder, frame))
     if run.options.temporal_averaging:
         progress("average", 0.0, "neighbouring frames")
@@ -235,8 +235,8 @@ def _report(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> R
     return Report(
         method=name.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds=run.clock.rounded, peak_bytes=peak_bytes(), foreground_fraction=float(assembly.mask.mean()),
-        notes=(*filter(None, [frame.scale_reason]), *notes, *name.guide_notes(assembly.low.layers),
-               *assembly.upscaler.notes, *averaging_notes(run.neighbours)),
+        notes=(*filter(None, [frame.scale_reason]), *replaced_notes(replaced, assembly.low.alpha.size), *notes,
+               *name.guide_notes(assembly.low.layers), *assembly.upscaler.notes, *averaging_notes(run.neighbours)),
         replaced_pixels=replaced, dilate=options.dilate, layout=frame.layout, device=frame.device,
         weights=str(options.weights) if options.weights else None, temporal_averaging=options.temporal_averaging,
         neighbours=tuple(each.number for each in run.neighbours))

@@ -91,6 +91,20 @@ def test_broken_pixels_are_counted_and_black(tmp_path):
     np.testing.assert_array_equal(linear[40:42, 60:62], 0)
 
 
+def test_a_picture_with_many_broken_pixels_is_said_and_one_of_nothing_else_refused(tmp_path):
+    write_render(tmp_path)
+    layers = read_layers(tmp_path / LOW_RES_FILE)
+    layers["color"][:2] = np.nan
+    write_layers(tmp_path / LOW_RES_FILE, layers)
+    assert "pixels were not finite" in " ".join(second_stage.upscale_frame(tmp_path, "nearest").notes)
+    (tmp_path / "eia.png").unlink()
+    layers["color"][:] = np.inf
+    write_layers(tmp_path / LOW_RES_FILE, layers)
+    with pytest.raises(LfsrError, match="pixels that are not finite"):
+        second_stage.upscale_frame(tmp_path, "nearest")
+    assert not (tmp_path / "eia.png").exists()
+
+
 def test_report_has_what_the_documentation_says(tmp_path):
     write_render(tmp_path, seconds={"open": 0.5, "render": 2.0})
     second_stage.upscale_frame(tmp_path, "oidn+bicubic")

@@ -20,7 +20,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.frames.low_res import low_resolution, read_world
 from lfsr_core.frames.reference import Reference, check_reference
-from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.exr import read_finite
 from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.networks import catalogue, numpy_network
 from lfsr_core.reconstruct.registry import method
@@ -123,7 +123,7 @@ def lenses_of(folder: Path, reference: Path, name: str) -> Lenses:
     """Read the foreground lenses of ``reference`` and the network's inputs in ``folder``; LfsrError if they differ."""
     frame = read_frame(folder)
     check_reference(frame, read_frame(reference))
-    low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame, read_world(folder, frame))
+    low = low_resolution(read_finite(folder / LOW_RES_FILE)[0], frame, read_world(folder, frame))
     chain = method(catalogue.spec(name).chain(name))
     low = prepared(low, chain)
     known = Reference.read(reference)

@@ -11,7 +11,7 @@ import numpy as np
 from lfsr_core.arrays import Array
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS, Frame, read_frame, read_rendered
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
-from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.exr import read_finite
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.depth_scale import scales_up_to
 from lfsr_core.optics.display import DisplayProfile
@@ -70,7 +70,7 @@ def panel_image(folder: Path, way: Way) -> Array:
 
 def traced(folder: Path, name: str, method: str = "none") -> Array:
     """Return what the panel shows of the file ``name`` of a render of its subpixels, (H, W, 3) uint8 sRGB."""
-    layers, frame = clean(read_layers(folder / name))[0], read_rendered(folder)
+    layers, frame = read_finite(folder / name)[0], read_rendered(folder)
     return _encoded(linear_panel_image(layers, frame, MethodName.parse(method)))
 
 
@@ -91,7 +91,7 @@ def _encoded(linear: Array) -> Array:
 
 def _view_by_view(folder: Path, frame: Frame) -> Array:
     """Return the light field with every view denoised as Blender does: on its own, by its albedo and normal."""
-    low = low_resolution(clean(read_layers(folder / LOW_RES_FILE))[0], frame)
+    low = low_resolution(read_finite(folder / LOW_RES_FILE)[0], frame)
     py, px = low.color.shape[2:4]
     views = np.array([[_denoised(low, row, column) for column in range(px)] for row in range(py)])
     return from_views(views)

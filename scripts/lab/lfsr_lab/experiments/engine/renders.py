@@ -16,7 +16,7 @@ from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
 from lfsr_core.frames.identity import RAYS, check_same
 from lfsr_core.frames.job import Job, check_scene
-from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.exr import read_finite
 from lfsr_core.optics.lens_sampling import choose_lenses
 from lfsr_core.progress import ProgressBar
 from lfsr_core.records import read_record, write_record
@@ -120,7 +120,7 @@ def sampled(reference: Job, count: int | None, render: Callable[[], Path | None]
 
 def foreground(folder: Path) -> Mask:
     """Return the lenses (sy, sx) of a render that see the foreground."""
-    return foreground_mask(clean(read_layers(folder / LOW_RES_FILE))[0], read_frame(folder).rays.tiles)
+    return foreground_mask(read_finite(folder / LOW_RES_FILE)[0], read_frame(folder).rays.tiles)
 
 
 def frame_digest(folder: Path) -> str:
