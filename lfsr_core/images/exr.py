@@ -26,6 +26,7 @@ PASS_LAYERS = {
 LAYER_CHANNELS = {"color": "RGBA", "albedo": "RGB", "normal": "XYZ", "position": "XYZ", "index": "X",
                   "environment": "RGB", "denoised": "RGB", "noisy": "RGBA"}
 COLORS = ("color", "noisy", "denoised")  # other layers' components may be called X, Y, Z or R, G, B
+FLOATS = ("half", "float")
 HALF_MAX = 65504.0
 MAGIC = b"\x76\x2f\x31\x01"
 # Limits against damaged headers, which must not cost memory. Deflate compresses at most 1032 times, and 16-bit floats
@@ -199,6 +200,7 @@ def _read_parts(path: Path) -> Iterator[tuple[tuple[str, ...], Array]]:
         if left < 0 or index >= MAX_PARTS:
             raise _unreadable(path, "its header asks for more than the file can hold")
         names = source.spec().channelnames
+        _check_floats(path, source.spec())
         pixels = source.read_image(index, 0, 0, len(names), "float") if _layer_columns(names) else None
         if source.has_error:
             raise _unreadable(path, source.geterror())
@@ -243,11 +245,18 @@ def _layer_columns(names: Sequence[str]) -> dict[str, dict[str, int]]:
     return found
 
 
+def _check_floats(path: Path, spec: oiio.ImageSpec) -> None:
+    """LfsrError where a layer has whole numbers, which would be read as fractions of the largest."""
+    for layer, columns in _layer_columns(spec.channelnames).items():
+        for kind in {str(spec.channelformat(column)) for column in columns.values()}.difference(FLOATS):
+            raise _unreadable(path, f"its layer {layer} has {kind} numbers instead of floats")
+
+
 def _ordered(columns: Mapping[str, int], layer: str, path: Path) -> list[int]:
-    """Columns of the layer's components in the order of LAYER_CHANNELS; LfsrError where one is missing."""
+    """Columns of the layer's components in the order of LAYER_CHANNELS; LfsrError where there are others."""
     components = LAYER_CHANNELS[layer]
     for wanted in (components, components[:3], *(() if layer in COLORS else ("RGB", "XYZ"))):
-        if all(component in columns for component in wanted):
+        if set(columns) == set(wanted):
             return [columns[component] for component in wanted]
     raise _unreadable(path, f"its layer {layer} has the channels {', '.join(sorted(columns))} instead of "
                             f"{', '.join(components[:3])}")

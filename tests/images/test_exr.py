@@ -105,10 +105,18 @@ def test_missing_file_and_missing_colour(tmp_path):
 
 
 @pytest.mark.parametrize(("names", "named"), [
-    ("GBA", "A, B, G"), ("XYZ", "X, Y, Z"), ("abcd", "A, B, C, D"), ("RGA", "A, G, R")])
+    ("GBA", "A, B, G"), ("XYZ", "X, Y, Z"), ("abcd", "A, B, C, D"), ("RGA", "A, G, R"), ("RGBQ", "B, G, Q, R")])
 def test_colour_under_other_names_is_refused(tmp_path, names, named):
     write_exr(tmp_path / "a.exr", [(list(names), np.ones((2, 3, len(names)), np.float32))])
     with pytest.raises(LfsrError, match=f"its layer color has the channels {named} instead of R, G, B"):
+        exr.read_layers(tmp_path / "a.exr")
+
+
+def test_whole_numbers_are_no_colour(tmp_path):
+    exr.write_layers(tmp_path / "a.exr", {"color": np.ones((2, 3, 4), np.float32)})
+    data = (tmp_path / "a.exr").read_bytes()
+    (tmp_path / "a.exr").write_bytes(data.replace(b"R\0\2\0\0\0", b"R\0\0\0\0\0"))
+    with pytest.raises(LfsrError, match="its layer color has uint numbers instead of floats"):
         exr.read_layers(tmp_path / "a.exr")
 
 
