@@ -8,6 +8,7 @@ from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.frames.job import FIT
 
 from . import rig
+from .spaces import is_mirrored
 
 MOST_NAMES = 5
 
@@ -39,3 +40,12 @@ def choice_notice(scene: bpy.types.Scene) -> str:
     named = f"{', '.join(others[:MOST_NAMES])} or " if others else ""
     return (f"The file's camera {scene.camera.name!r} is used. Choose another with --camera: {named}{FIT}, which "
             "places the array in front of the subject")
+
+
+def mirror_notice(scene: bpy.types.Scene) -> str:
+    """Return the notice on an array or camera that is its own mirror image, "" if it is not."""
+    camera = rig.find(scene) or scene.camera
+    if camera is None or not is_mirrored(camera):
+        return ""
+    return (f"Camera {camera.name!r} is mirrored by a negative scale, of its own or of a parent. The mirror is undone: "
+            "left and right are as in the scene")

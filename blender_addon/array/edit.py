@@ -15,7 +15,7 @@ from lfsr_core.optics.display import DisplayProfile
 from ..scene.subject import find_subject
 from . import placement, rig
 from .rig import Placement
-from .spaces import to_blender
+from .spaces import to_blender, upright
 
 ARRAY_NAME, PLANE_NAME = "Light Field Array", "Display Plane"
 HANDLE_SIZE = 0.05  # as a fraction of the distance to the display plane
@@ -43,7 +43,7 @@ def fit(scene: bpy.types.Scene, profile: DisplayProfile, items: Collection[bpy.t
     turn = mathutils.Matrix.Identity(3)
     if array is not None:
         rig.check_editable(array)
-        turn = array.matrix_world.to_3x3().normalized() @ mathutils.Matrix.Rotation(-math.pi / 2, 3, "X")
+        turn = upright(array).to_3x3() @ mathutils.Matrix.Rotation(-math.pi / 2, 3, "X")
     placed = _fitted(items, profile, turn)
     array = array or _new_array(scene)
     put(array, placed)

@@ -19,7 +19,7 @@ from lfsr_core.optics.rays import CameraArray
 
 from . import motion, rig
 from .rig import Placement
-from .spaces import from_blender, to_blender
+from .spaces import from_blender, to_blender, upright
 
 FILL = 0.85           # fraction of the display that the subject may fill, seen from the centre
 LEAST_FILL = 0.5      # a deep subject is made smaller to fit the usable depth, but not below this
@@ -87,7 +87,7 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
     camera = scene.camera
     half_width = _half_width(scene, camera.data)
     half_height = half_width * profile.panel_mm[1] / profile.panel_mm[0]
-    sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), camera.matrix_world.normalized(), clip_of(scene))
+    sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), upright(camera), clip_of(scene))
     distance = _focus(camera) or _balanced_depth(sight, (half_width, half_height), subject)
     array = CameraArray.for_display(profile, 2 * half_width * distance, distance)
     distance *= _free_fraction(sight, profile, array)
@@ -152,7 +152,7 @@ def _focus(camera: bpy.types.Object) -> float | None:
         return None
     if depth_of_field.focus_object is None:
         return depth_of_field.focus_distance
-    toward = camera.matrix_world.normalized().inverted() @ depth_of_field.focus_object.matrix_world.translation
+    toward = upright(camera).inverted() @ depth_of_field.focus_object.matrix_world.translation
     return -toward.z if toward.z < 0 else None
 
 

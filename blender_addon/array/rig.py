@@ -15,7 +15,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from .spaces import from_blender
+from .spaces import from_blender, upright
 
 SPACING, PLANE = "lfsr_spacing", "lfsr_display_plane"
 # An array and its world matrix.
@@ -52,7 +52,8 @@ def get_distance(scene: bpy.types.Scene) -> float:
     plane = plane_of(find(scene))
     if plane is None:
         return 0.0
-    return -(plane.parent.matrix_world.normalized().inverted() @ plane.matrix_world.translation).z
+    place = plane.parent.matrix_world
+    return place.col[2].to_3d().normalized().dot(place.translation - plane.matrix_world.translation)
 
 
 def set_distance(scene: bpy.types.Scene, distance: float) -> None:
@@ -61,7 +62,7 @@ def set_distance(scene: bpy.types.Scene, distance: float) -> None:
     if plane is not None:
         # World matrices change at an update only: first for the array's scale, then for the moved plane.
         bpy.context.view_layer.update()
-        plane.location = (0.0, 0.0, -distance / (plane.parent.matrix_world.to_scale().z or 1.0))
+        plane.location = (0.0, 0.0, -distance / (plane.parent.matrix_world.col[2].to_3d().length or 1.0))
         bpy.context.view_layer.update()
 
 
@@ -89,13 +90,13 @@ def placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placement | No
     if array.data.type != "PERSP":
         raise LfsrError(f"camera array {array.name!r} is of type {array.data.type}, but it must be a perspective "
                         "camera: set its lens type")
-    distance = get_distance(scene)
+    matrix, distance = upright(array), get_distance(scene)
     if distance <= 0:
         raise LfsrError(f"the display plane of {array.name!r} lies behind the viewing position: move it in front")
     half_width = array.data.sensor_width / 2 / array.data.lens  # at distance 1
     placed = CameraArray.for_display(profile, 2 * distance * half_width, distance)
     spacing = placed.spacing * get_spacing(scene)
-    return dataclasses.replace(placed, spacing=spacing), from_blender(array.matrix_world)
+    return dataclasses.replace(placed, spacing=spacing), from_blender(matrix)
 
 
 def usable_depth(array: CameraArray, profile: DisplayProfile, scale: int = 1) -> tuple[float, float]:

@@ -27,7 +27,7 @@ from lfsr_core.render.protocol import (
     repeated,
 )
 
-from ..array.cameras import choice_notice, choose_camera
+from ..array.cameras import choice_notice, choose_camera, mirror_notice
 from ..render.frame_folder import render_job
 from ..render.inputs import Opened
 from ..render.overrides import overridden
@@ -81,7 +81,7 @@ def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:
         choose_camera(scene, job.camera)
     elif not job.scene.endswith(".blend") and scene.camera is not None and job.scene:
         emit_warning(choice_notice(scene))
-    for sentence in notices(scene):
+    for sentence in filter(None, (*notices(scene), mirror_notice(scene))):
         emit_warning(sentence)
     return scene, Opened(time.perf_counter() - started, content)
 

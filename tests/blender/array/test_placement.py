@@ -7,7 +7,7 @@ import mathutils
 import numpy as np
 import pytest
 
-from blender_addon.array import motion, placement, spaces
+from blender_addon.array import cameras, motion, placement, spaces
 from blender_addon.scene import subject
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import builtin_names, load_display
@@ -165,3 +165,44 @@ def test_camera_sees_its_subject_through_a_clipped_wall(scene):
     camera.data.clip_end = 3.0
     with pytest.raises(LfsrError, match="does not see the subject"):
         placement.place_array(scene, SMALL, {box})
+
+
+def scaled(scene, item, scale):
+    """Placement of SMALL at the scene's camera while ``item`` has a scale."""
+    item.scale = scale
+    bpy.context.view_layer.update()
+    return placement.place_array(scene, SMALL, subject.find_subject(scene))
+
+
+@pytest.mark.parametrize("scale", [(-1, 1, 1), (-2, 3, 0.5)])
+def test_mirror_of_a_camera_is_undone(scene, scale):
+    add_box(scene, tuple(CENTRE), tuple(HALF))
+    camera = add_camera(scene)
+    assert cameras.mirror_notice(scene) == ""
+    plain = scaled(scene, camera, (1, 1, 1))
+    array, matrix = scaled(scene, camera, scale)
+    assert (array.distance, np.ravel(matrix)) == (pytest.approx(plain[0].distance), pytest.approx(np.ravel(plain[1])))
+    assert "'camera' is mirrored" in cameras.mirror_notice(scene)
+
+
+def test_mirror_of_a_parent_is_undone_where_it_puts_the_camera(scene):
+    add_box(scene, (-CENTRE[0], *CENTRE[1:]), tuple(HALF))
+    camera, parent = add_camera(scene), bpy.data.objects.new("parent", None)
+    scene.collection.objects.link(parent)
+    camera.parent = parent
+    _, matrix = scaled(scene, parent, (-1, 1, 1))
+    expected = mathutils.Matrix.Translation((-1, -5, 3)) @ mathutils.Matrix.Rotation(np.pi / 2, 4, "X")
+    assert np.ravel(matrix) == pytest.approx(np.ravel(spaces.from_blender(expected)), abs=1e-6)
+    assert "mirrored" in cameras.mirror_notice(scene)
+
+
+@pytest.mark.parametrize("scale", [(0, 0, 0), (0, 1, 1), (1, 1, 0)])
+@pytest.mark.parametrize("whose", ["camera", "parent"])
+def test_camera_without_a_direction_is_one_sentence(scene, scale, whose):
+    add_box(scene, tuple(CENTRE), tuple(HALF))
+    camera, parent = add_camera(scene), bpy.data.objects.new("parent", None)
+    scene.collection.objects.link(parent)
+    camera.parent = parent
+    camera.data.dof.use_dof, camera.data.dof.focus_object = True, scene.objects["item"]
+    with pytest.raises(LfsrError, match="'camera' has no direction.*set the scale to 1"):
+        scaled(scene, {"camera": camera, "parent": parent}[whose], scale)

@@ -8,8 +8,10 @@ import pytest
 
 from blender_addon.array import edit, placement, rig
 from blender_addon.scene import subject
+from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import load_display
 from tests.support import panel
+from tests.support.problems import found
 
 MINI = load_display("mini")
 
@@ -49,6 +51,35 @@ def test_the_plane_moves_along_the_view_of_a_scaled_turned_array(scene):
     ahead = array.matrix_world.translation - array.matrix_world.normalized().col[2].to_3d() * 3.0
     assert (plane.matrix_world.translation - ahead).length < 1e-4
     assert tuple(plane.lock_location) == (True, True, False)
+
+
+@pytest.mark.parametrize("whose", ["array", "parent"])
+def test_mirror_of_an_array_is_undone(scene, whose):
+    array, parent = rig.find(scene), bpy.data.objects.new("parent", None)
+    scene.collection.objects.link(parent)
+    array.parent, before = parent, place(scene)
+    item = {"array": array, "parent": parent}[whose]
+    item.scale.x *= -1
+    bpy.context.view_layer.update()
+    after, matrix = place(scene)
+    assert after.distance == pytest.approx(before[0].distance)
+    assert np.linalg.det(np.array(matrix)[:3, :3]) == pytest.approx(-1), "array space is left-handed, as before"
+    assert np.array(matrix)[:3, 2] == pytest.approx(np.array(before[1])[:3, 2], abs=1e-6)
+    scene.lfsr.distance = 3.0
+    assert scene.lfsr.distance == pytest.approx(3.0, rel=1e-5)
+    assert f"{array.name!r} is mirrored" in found(scene, "mirror").reason
+
+
+def test_array_without_a_direction_is_one_sentence(scene):
+    array = rig.find(scene)
+    array.scale = (0, 0, 0)
+    bpy.context.view_layer.update()
+    assert scene.lfsr.distance == 0
+    with pytest.raises(LfsrError, match="has no direction.*set the scale to 1"):
+        place(scene)
+    with pytest.raises(RuntimeError, match="has no direction"):
+        bpy.ops.lfsr.array_fit()
+    assert "has no direction" in found(scene, "rig").reason
 
 
 def test_spacing_flattens_and_deepens(scene):
