@@ -122,4 +122,4 @@ def _phrase(name: str, value: Any) -> str:
             value = ", ".join(value)
     if value is None or value is False or value == "":
         return f"no {words}"
-    return words if value is True else f"{words} {value}"[:MOST_SHOWN]
+    return words if value is True or dataclasses.is_dataclass(value) else f"{words} {value}"[:MOST_SHOWN]

@@ -11,7 +11,7 @@ from lfsr_core.frames.frame import SUBPIXELS, write_frame
 from lfsr_core.frames.identity import check_same, digest, first_difference, is_same, job_facts, phrases
 from lfsr_core.frames.job import AUTO, Job
 from lfsr_core.optics.rays import CameraArray
-from tests.support.panels import lenticular
+from tests.support.panels import cells, hexagonal, lenticular
 from tests.support.synthetic import MINI, frame_of
 
 JOB = Job(output="film/0001", display=MINI, scale=2, spp=16)
@@ -85,6 +85,15 @@ def test_of_records_and_tuples_the_part_that_differs_is_shown():
     assert phrases("clip", None, other.clip) == ("no clip", "clip (0.5, 9.0)")
     assert phrases("lens_list", LENSES, LENSES[::-1]) == ("other 2 lenses", "2 lenses")
     assert first_difference(vars(FRAME), vars(FRAME)) == ""
+
+
+def test_of_displays_that_differ_the_field_is_named_and_no_record_printed():
+    stripes, device = lenticular(), cells()
+    assert phrases("display", stripes, device) == ("no display subpixels", "display subpixels")
+    other = dataclasses.replace(device, lenticular=dataclasses.replace(device.lenticular, flip=(True, False)))
+    assert phrases("display", device, other) == ("no display lenticular flip 0", "display lenticular flip 0")
+    sheet = dataclasses.replace(hexagonal(), lenses=stripes.lenses, views=stripes.views)
+    assert phrases("display", stripes, sheet) == ("no display lenslet", "display lenslet")
 
 
 def test_a_digest_knows_what_decides_pixels_and_no_path():
