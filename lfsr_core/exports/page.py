@@ -134,11 +134,14 @@ def encode_webp(pixels: Array, quality: int) -> bytes:
     with tempfile.TemporaryDirectory(prefix="lfsr-") as folder:
         path = Path(folder, "eia.webp")
         output = oiio.ImageOutput.create(str(path))
-        if not (output and output.open(str(path), spec) and output.write_image(pixels) and output.close()):
-            reason = output.geterror() if output else oiio.geterror()
+        written = output and output.open(str(path), spec) and output.write_image(pixels) and output.close()
+        encoded = path.read_bytes() if written else b""
+        # OpenImageIO overlooks a full disk where it closes the file; bytes 4 to 8 state the size of what follows.
+        if not encoded or len(encoded) < 8 + int.from_bytes(encoded[4:8], "little"):
+            reason = (output.geterror() if output else oiio.geterror()) or "the file is cut"
             raise LfsrError(f"the EIA cannot be written as WebP ({reason.strip()[:100]}): free some space for "
                             "temporary files")
-        return path.read_bytes()
+    return encoded
 
 
 def _page(profile: DisplayProfile, frames: list[Frame], images: list[str]) -> str:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import base64
 import io
 import re
+import shutil
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -52,6 +55,26 @@ def test_by_default_it_loses_nothing_where_that_would_show(folder, tmp_path):
     (weak,) = images(write_page([grey]).path)
     difference = np.abs(weak.astype(float) - read_png(grey / "eia.png"))
     assert 0 < difference.mean() <= page.MOST_LOSS
+
+
+FULL_FOLDER = """
+import resource, sys
+from lfsr_core.cli import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)
+sys.exit(main(["view", sys.argv[1], "--quality", "100"]))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX limit on file size")
+def test_a_full_temporary_folder_is_told_and_no_page_has_a_cut_image(folder, tmp_path):
+    copy = shutil.copytree(folder, tmp_path / "frame")
+    blocks = len(page.encode_webp(read_png(copy / "eia.png"), 100)) // 4096
+    assert blocks
+    for size in (4096, blocks * 4096):  # the image is cut while it is written, and when it is closed
+        done = subprocess.run([sys.executable, "-c", FULL_FOLDER, str(copy), str(size)], capture_output=True, text=True,
+                              check=False)
+        assert done.returncode == 2 and "the EIA cannot be written as WebP" in done.stderr, done
+    assert not (copy / "view.html").exists()
 
 
 def test_nothing_is_fetched(folder, tmp_path):
