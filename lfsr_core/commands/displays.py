@@ -62,8 +62,9 @@ def _imported(arguments: argparse.Namespace) -> DisplayProfile:
     calibration = read_calibration(arguments.calibration)
     profile = profile_from_calibration(calibration, output.stem)
     write_profile(output, profile)
-    if calibration.numbers["fringe"]:
-        print(f"note: the calibration's fringe of {calibration.numbers['fringe']:g} is ignored")
+    for name, usual in (("fringe", 0), ("invView", 1)):
+        if (value := calibration.numbers[name]) != usual:
+            print(f"note: the calibration's {name} of {value:g} is ignored, as by the maker's programs")
     return profile
 
 

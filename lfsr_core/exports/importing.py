@@ -13,7 +13,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.exports.hci import PARAMETERS_FILE
 from lfsr_core.exports.view_files import ViewFiles, find_views, read_views
 from lfsr_core.files import read_bytes
-from lfsr_core.frames.frame import LOW_RES_FILE, Frame, write_frame
+from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, Frame, write_frame
 from lfsr_core.images.exr import write_layers
 from lfsr_core.images.srgb import srgb_decode
 from lfsr_core.optics.display import DisplayProfile
@@ -70,6 +70,8 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
     """
     source, output, geometry = Path(source), Path(output), geometry or ImportGeometry()
     check_folder(output, "render")
+    if output.resolve() == source.resolve():
+        raise LfsrError(f"{output} holds the views themselves, expected another folder for the frame: choose one")
     known = _hci_parameters(source / PARAMETERS_FILE)
     files = find_views(source, known.columns if known else None).square()
     display, notes = _display(files, scale, geometry, known)
@@ -83,7 +85,8 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
         linear = srgb_decode(np.arange(256, dtype=np.float32) / 255)[from_views(views)]
         write_layers(staged / LOW_RES_FILE, {"color": linear})
         write_frame(staged, frame)
-        publish(staged, output, DERIVED_FILES)
+        # In a folder that holds no frame, files of these names are the user's own.
+        publish(staged, output, DERIVED_FILES if (output / FRAME_FILE).exists() else ())
     progress("import", 1.0, str(output))
     return Imported(display, (*files.notes, *notes))
 

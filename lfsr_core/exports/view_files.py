@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import math
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from lfsr_core.progress import Progress, silent
 
 MOST_CAMERAS = 65536
 MOST_BYTES = 2**35  # of all views together
+SEPARATOR, ENDING = "[-_. x]", r"\.(?:png|jpe?g|ppm|tiff?)"
 Place = tuple[int, int]  # row from the top, column from the left
 
 
@@ -38,6 +40,9 @@ class ViewFiles:
         """The cameras in the middle, as many down as across, as panel pixels are square; LfsrError for a single row."""
         across, down = self.count
         least = min(across, down)
+        if across == down == 1:
+            raise LfsrError("the folder has a single view, but a display with lenses needs at least 2×2 cameras: check "
+                            "the names")
         if across == down:
             return self
         if least < 2:
@@ -77,25 +82,28 @@ def read_views(files: ViewFiles, mirror: str = "", progress: Progress = silent) 
 
 
 def _hci(names: list[str], columns: int | None) -> dict[Place, str]:
-    found = _matching(r"input_Cam(\d+)\.png", names)
-    if not found:
-        return {}
-    numbers = {int(match[1]): name for match, name in found}
-    columns = columns or math.ceil(math.sqrt(max(numbers) + 1))
-    return {divmod(number, columns): name for number, name in numbers.items()}
+    found = [(int(match[1]), name) for match, name in _matching(r"input_cam(\d+)", names)]
+    columns = columns or math.ceil(math.sqrt(max(found, default=(0,))[0] + 1))
+    return _placed((divmod(number, columns), name) for number, name in found)
 
 
 def _stanford(names: list[str]) -> dict[Place, str]:
     """Files by row and column, reversed where the coordinates in the names fall as these rise."""
-    found = _matching(r".*?_?(\d+)_(\d+)_(-?\d+(?:\.\d+)?)_(-?\d+(?:\.\d+)?)_?\.(?:png|jpe?g|ppm|tiff?)", names)
+    found = _matching(r".*?_?(\d+)_(\d+)_(-?\d+(?:\.\d+)?)_(-?\d+(?:\.\d+)?)_?", names)
     if not found:
         return {}
     rows, columns, y, x = np.array([[float(match[group]) for group in (1, 2, 3, 4)] for match, _ in found]).T
+    places = zip(_directed(rows, y), _directed(columns, x), strict=True)
+    return _placed(zip(places, (name for _, name in found), strict=True))
+
+
+def _placed(found: Iterable[tuple[Place, str]]) -> dict[Place, str]:
+    """Names by their places; LfsrError where two have the same."""
     places: dict[Place, str] = {}
-    for (_, name), row, column in zip(found, _directed(rows, y), _directed(columns, x), strict=True):
-        if (row, column) in places:
-            raise LfsrError(f"{name} and {places[row, column]} belong to the same camera: remove one")
-        places[row, column] = name
+    for place, name in found:
+        if place in places:
+            raise LfsrError(f"{places[place]} and {name} belong to the same camera: remove one")
+        places[place] = name
     return places
 
 
@@ -107,13 +115,16 @@ def _directed(numbers: Array, coordinates: Array) -> list[int]:
 
 def _numbered(names: list[str]) -> dict[Place, str]:
     """Files named by row and column, as our exports are, or by column and row, as in JPEG Pleno."""
-    ours, pleno = (_matching(pattern, names) for pattern in (r"view_(\d+)_(\d+)\.png", r"(\d+)_(\d+)\.(?:ppm|png)"))
-    return ({(int(match[1]), int(match[2])): name for match, name in ours}
-            or {(int(match[2]), int(match[1])): name for match, name in pleno})
+    pair = rf"(\d+){SEPARATOR}(\d+)"
+    ours, pleno = _matching(f"view{SEPARATOR}?{pair}", names), _matching(pair, names)
+    return _placed([((int(match[1]), int(match[2])), name) for match, name in ours]
+                   or [((int(match[2]), int(match[1])), name) for match, name in pleno])
 
 
 def _matching(pattern: str, names: list[str]) -> list[tuple[re.Match[str], str]]:
-    return [(match, name) for name in names if (match := re.fullmatch(pattern, name))]
+    """Names of images that match a pattern and an ending, in small or capital letters."""
+    whole = re.compile(pattern + ENDING, re.IGNORECASE)
+    return [(match, name) for name in names if (match := whole.fullmatch(name))]
 
 
 def _grid(folder: Path, places: dict[Place, str]) -> ViewFiles:

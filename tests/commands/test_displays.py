@@ -10,7 +10,7 @@ from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.profile_file import write_profile
 from tests.optics.panel.test_fit import CYLINDERS
-from tests.optics.panel.test_visual_json import new_unit
+from tests.optics.panel.test_visual_json import NEW, new_unit, written
 from tests.support.photographs import photograph
 from tests.support.synthetic import fails
 
@@ -20,6 +20,13 @@ def test_a_calibration_becomes_a_profile(tmp_path, capsys):
     shown = capsys.readouterr().out
     assert "600.892 across (P)" in shown and "-0.0818234" in shown and "crosstalk" in shown
     assert load_display(tmp_path / "desk.toml").name == "desk"
+
+
+def test_what_is_not_used_of_a_calibration_is_said(tmp_path, capsys):
+    calibration = written(tmp_path, NEW | {"invView": 0, "fringe": 2})
+    assert main(["displays", "--import", str(calibration), "-o", str(tmp_path / "desk.toml")]) == 0
+    shown = capsys.readouterr().out
+    assert "fringe of 2 is ignored" in shown and "invView of 0 is ignored" in shown
 
 
 def test_a_pattern_photographed_fits_the_profile(tmp_path, capsys):

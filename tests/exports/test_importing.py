@@ -107,6 +107,40 @@ def test_a_wide_grid_keeps_its_middle(folder, field, tmp_path):
     assert imported.display.views == (4, 4) and "the 4×4 cameras in the middle of 8×4" in imported.notes[0]
 
 
+@pytest.mark.parametrize("pattern", [
+    "view_{row:03d}_{column:03d}.JPG", "View-{row}-{column}.jpeg", "{column}_{row}.PNG", "{column:05d}-{row:02d}.jpg",
+    "{column} {row}.Tif", "INPUT_CAM{number}.PNG", "OUT_{row}_{column}_{row}.5_{column}.5_.JPG"])
+def test_any_digits_separators_and_endings(images, field, tmp_path, pattern):
+    source = tmp_path / "others"
+    source.mkdir()
+    for number in range(9):
+        row, column = divmod(number, 3)
+        name = pattern.format(row=row, column=column, number=number)
+        Image.open(images / f"input_Cam{number:03d}.png").save(source / name, quality=100, subsampling=0)
+    import_views(source, tmp_path / "frame")
+    upscale_frame(tmp_path / "frame", "none")
+    off = np.abs(read_light_field(tmp_path / "frame").views.astype(int) - field.resampled((3, 3)))
+    assert off.mean() < (1.5 if "j" in pattern.lower().split(".")[-1] else 1e-9)
+
+
+@pytest.mark.parametrize("kept", ["view.html", "mask.png", "eia.png"])
+def test_files_beside_views_are_kept(images, tmp_path, kept):
+    (images / kept).write_text("my own")
+    with pytest.raises(LfsrError, match="views holds the views themselves, expected another folder for the frame"):
+        import_views(images, images)
+    import_views(images, tmp_path / "frame")
+    assert (images / kept).read_text() == "my own"
+
+
+def test_a_page_in_a_folder_that_held_no_render_is_kept(images, tmp_path):
+    (tmp_path / "frame").mkdir()
+    (tmp_path / "frame" / "view.html").write_text("my own")
+    import_views(images, tmp_path / "frame")
+    assert (tmp_path / "frame" / "view.html").read_text() == "my own"
+    import_views(images, tmp_path / "frame")
+    assert not (tmp_path / "frame" / "view.html").exists(), "it would show another image than the frame"
+
+
 def missing(source):
     (source / "input_Cam004.png").unlink()
 
@@ -138,6 +172,15 @@ def one_row(source):
         (source / f"input_Cam{number:03d}.png").rename(source / f"view_000_{number:03d}.png")
 
 
+def one_view(source):
+    for number in range(1, 9):
+        (source / f"input_Cam{number:03d}.png").unlink()
+
+
+def same_camera(source):
+    Image.new("RGB", (16, 12)).save(source / "input_Cam4.png")
+
+
 def huge_numbers(source):
     (source / "input_Cam000.png").rename(source / "input_Cam99999999.png")
 
@@ -150,6 +193,8 @@ def huge_numbers(source):
     (no_image, r"input_Cam000.png is no readable image"),
     (no_parameters, r"cannot be read as the parameters of an HCI light field"),
     (one_row, r"has 9×1 cameras"),
+    (one_view, r"has a single view, but a display with lenses needs at least 2×2 cameras"),
+    (same_camera, r"input_Cam004.png and input_Cam4.png belong to the same camera: remove one"),
     (huge_numbers, r"more than 65536: check the names"),
 ])
 def test_refused_in_one_sentence(images, tmp_path, spoil, message):

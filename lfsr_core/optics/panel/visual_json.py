@@ -3,18 +3,22 @@
 Most numbers are wrapped, as in ``"pitch": {"value": 52.6}``; the third generation adds cells of subpixels as plain
 numbers. For x and y from 0 to 1 from the lower left and channel c, the first two generations state
 a = (x + c / (3·screenW) + y·tilt)·P − center: their stripes begin at the pixel's centre, ours a third of a pixel
-earlier. If a calibration mirrors the image, its coordinates are those of the image.
+earlier. If a calibration mirrors the image left-right, its coordinates are those of the image; if up-down, those of
+the panel, which shows it upside down. ``invView`` is read and not used: since HoloPlay Core the vendor's shader has
+view 1 − fract(a) for every device.
 """
 
 from __future__ import annotations
 
+import codecs
+import contextlib
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json
+from lfsr_core.files import MOST_JSON_BYTES, parse_json, read_bytes
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.proposal import PanelShape, proposed_light_field
 from lfsr_core.optics.sheet import Lenticular, Subpixels
@@ -41,7 +45,11 @@ class Calibration:
 
 def read_calibration(path: str | Path) -> Calibration:
     """Read a visual.json; LfsrError names the field, its value and what was expected."""
-    data = read_json(path, "the visual.json of a display")
+    data = _read(path)
+    found = list(_calibrations(data))
+    if len(found) > 1:
+        raise LfsrError(f"{path} holds the calibrations of {len(found)} displays, expected one: keep one of them")
+    data = found[0] if found else data
     if not isinstance(data, dict):
         raise LfsrError(f"{path} holds a {type(data).__name__}, but a calibration is a JSON object: check the path")
     numbers = {name: _number(path, data, name, None) for name in REQUIRED}
@@ -57,15 +65,35 @@ def read_calibration(path: str | Path) -> Calibration:
     return Calibration(numbers, int(mode), _cells(path, data.get("subpixelCells") or []), str(data.get("serial", "")))
 
 
+def _read(path: str | Path) -> Any:
+    """Data of a JSON file, which Windows programs begin with a byte order mark."""
+    what = "the visual.json of a display"
+    try:
+        return parse_json(read_bytes(path, what, MOST_JSON_BYTES).removeprefix(codecs.BOM_UTF8))
+    except ValueError as error:
+        raise LfsrError(f"{path} cannot be read as {what} ({error}): copy it from the display again") from None
+
+
+def _calibrations(data: Any) -> Iterator[dict[str, Any]]:
+    """Objects with a pitch in ``data``; Bridge wraps them in others, and as text."""
+    if isinstance(data, str) and data.lstrip().startswith("{"):
+        with contextlib.suppress(ValueError):
+            data = parse_json(data.encode())
+    if isinstance(data, dict) and "pitch" in data:
+        yield data
+    elif isinstance(data, (dict, list)):
+        for inside in data.values() if isinstance(data, dict) else data:
+            yield from _calibrations(inside)
+
+
 def profile_from_calibration(calibration: Calibration, name: str) -> DisplayProfile:
     """Return the display profile of a calibration, with the light field that loses nothing on the display."""
     numbers = calibration.numbers
-    mirrored, bgr, inverted = (numbers[switch] >= 0.5 for switch in ("flipImageX", "flipSubp", "invView"))
+    mirrored, upside_down, bgr = (numbers[switch] >= 0.5 for switch in ("flipImageX", "flipImageY", "flipSubp"))
     width, height = numbers["screenW"], numbers["screenH"]
     pixels, panel_mm = (int(width), int(height)), (width / numbers["DPI"] * INCH, height / numbers["DPI"] * INCH)
     tilt = height / (width * numbers["slope"])  # panel heights by which an axis leans per panel width
-    sheet = Lenticular(INCH / numbers["pitch"], (-tilt if mirrored else tilt) * width / height, numbers["center"],
-                       reversed=not inverted)
+    sheet = Lenticular(INCH / numbers["pitch"], (-tilt if mirrored else tilt) * width / height, numbers["center"])
     if calibration.cells:
         subpixels = Subpixels(cells=calibration.cells, cell_rule=RULES[calibration.mode])
     else:
@@ -73,12 +101,28 @@ def profile_from_calibration(calibration: Calibration, name: str) -> DisplayProf
         subpixels = Subpixels("rgb" if mirrored == bgr else "bgr")
         third = (1 if mirrored == bgr else -1) / (3 * pixels[0])
         sheet = dataclasses.replace(sheet, center=sheet.center - third * sheet.lenses_across(panel_mm[0]))
+    if upside_down:
+        sheet, subpixels = _turned_over(sheet, subpixels, panel_mm, pixels[1])
     lenses, views = proposed_light_field(PanelShape(pixels, panel_mm), sheet)
     serial = f" {calibration.serial}" if calibration.serial else ""
     return DisplayProfile(
         name, pixels, panel_mm, lenses, views, DISTANCE_BY_HEIGHT * panel_mm[1], numbers["viewCone"],
         ei_order="direct", description=f"Lenticular display{serial}, from its calibration.", subpixels=subpixels,
         lenticular=sheet)
+
+
+def _turned_over(sheet: Lenticular, subpixels: Subpixels, panel_mm: tuple[float, float],
+                 rows: int) -> tuple[Lenticular, Subpixels]:
+    """Sheet and subpixels with y measured from the other end of the panel's ``rows``, whose image is upside down."""
+    width, height = panel_mm
+    lean = sheet.slant * height / width * sheet.lenses_across(width)  # of the axes over the panel's height, in pitches
+    turned = dataclasses.replace(sheet, slant=-sheet.slant, center=sheet.center - lean, flip=(False, True))
+    rule, cells = subpixels.cell_rule, subpixels.cells
+    if "y" in rule and cells:
+        count = int(rule[-1])
+        cells = tuple(cells[(rows - 1 - number) % count] for number in range(count))
+    return turned, dataclasses.replace(subpixels, cells=tuple(
+        tuple(-value if axis % 2 else value for axis, value in enumerate(cell)) for cell in cells))
 
 
 def _number(path: str | Path, data: Mapping[str, Any], name: str, default: float | None) -> float:

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
-from lfsr_core.optics.panel.visual_json import profile_from_calibration, read_calibration
+from lfsr_core.optics.panel.visual_json import RULES, profile_from_calibration, read_calibration
 from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.optics.sheet import cell_of
 
 OLD = {"pitch": 52.59267044067383, "slope": -7.083540916442871, "center": 0.8167931437492371, "DPI": 324,
        "screenW": 1536, "screenH": 2048, "viewCone": 40, "invView": 1, "verticalAngle": 0, "flipImageX": 0,
@@ -54,33 +55,60 @@ def formula(numbers, channel, row, column, cells=None):
         a = (x + channel * subp + y * tilt) * pitch - numbers["center"]
     else:
         names = [f"{'RGB'[channel]}Offset{axis}" for axis in "XY"]
-        right, up = (np.array([cell[name] for cell in cells])[column % 2] for name in names)
+        chosen = cell_of(numbers.get("rule", "x%2"), height - 1 - row, column)
+        right, up = (np.array([cell[name] for cell in cells])[chosen] for name in names)
         a = (x + right / width + (y + up / height) * tilt) * pitch - numbers["center"]
-    return 1 - (a - np.floor(a)) if numbers.get("invView", 1) >= 0.5 else a - np.floor(a)
+    return 1 - (a - np.floor(a))  # the vendor's shader knows no invView
 
 
-def agree(profile, wanted):
-    """A place in the light field's views against the formula's; both ends of the cone are one border."""
+def agree(profile, wanted, flipped=False):
+    """A place in the light field's views against the formula's; both ends of the cone are one border.
+
+    ``flipped``: whether the panel's rows show the light field upside down, as in the vendor's shader.
+    """
     for channel in range(3):
         random = np.random.default_rng(channel)
         row, column = (random.integers(0, size, 2000) for size in profile.panel_pixels[::-1])
-        ours = (subpixel_rays(profile, channel, row, column).view_x + 0.5) / profile.views[0]
+        rays = subpixel_rays(profile, channel, row, column)
+        assert np.corrcoef(row, rays.row)[0, 1] * (-1 if flipped else 1) > 0.9999
+        ours = (rays.view_x + 0.5) / profile.views[0]
         off = np.abs(ours - wanted(channel, row, column))
         assert np.minimum(off, 1 - off).max() < 1e-9
 
 
 @settings(max_examples=20)
-@given(st.fixed_dictionaries({name: st.sampled_from([0, 1]) for name in ("flipImageX", "flipSubp", "invView")}))
+@given(st.fixed_dictionaries({name: st.sampled_from([0, 1])
+                               for name in ("flipImageX", "flipImageY", "flipSubp", "invView")}))
 def test_the_first_generations_formula(tmp_path_factory, flips):
     numbers = OLD | flips
     profile = profile_from_calibration(read_calibration(written(tmp_path_factory.mktemp("device"), numbers)), "old")
-    agree(profile, lambda *place: formula(numbers, *place))
+    agree(profile, lambda *place: formula(numbers, *place), flipped=bool(flips["flipImageY"]))
 
 
 def test_the_third_generations_formula(tmp_path):
     profile = profile_from_calibration(read_calibration(new_unit(tmp_path)), "new")
     agree(profile, lambda *place: formula(NEW, *place, cells=CELLS))
     assert profile.viewing_angle_deg == 50 and profile.subpixels.cell_rule == "x%2"
+
+
+@pytest.mark.parametrize(("mode", "count"), [(1, 2), (2, 2), (3, 4), (4, 2)])
+def test_cells_of_a_panel_that_is_upside_down(tmp_path, mode, count):
+    cells = [{name: value + 0.02 * number for name, value in CELLS[number % 2].items()} for number in range(count)]
+    path = written(tmp_path, NEW | {"flipImageY": 1}, CellPatternMode=mode, subpixelCells=cells)
+    profile = profile_from_calibration(read_calibration(path), "new")
+    agree(profile, lambda *place: formula(NEW | {"rule": RULES[mode]}, *place, cells=cells), flipped=True)
+
+
+def test_a_byte_order_mark_and_what_bridge_puts_round_a_calibration(tmp_path):
+    plain = read_calibration(new_unit(tmp_path))
+    text = (tmp_path / "visual.json").read_text(encoding="utf-8")
+    wrapped = {"payload": {"value": {"0": {"value": {"hwid": {"value": "LKG-J"}, "calibration": {"value": text}}}}}}
+    for content in ("\ufeff" + text, json.dumps({"calibration": json.loads(text)}), json.dumps(wrapped)):
+        (tmp_path / "other.json").write_text(content, encoding="utf-8")
+        assert read_calibration(tmp_path / "other.json") == plain
+    (tmp_path / "two.json").write_text(json.dumps([wrapped, {"calibration": text}]), encoding="utf-8")
+    with pytest.raises(LfsrError, match="two.json holds the calibrations of 2 displays, expected one: keep one of"):
+        read_calibration(tmp_path / "two.json")
 
 
 def test_the_old_formula_on_a_new_panel_is_mostly_wrong(tmp_path):
