@@ -39,6 +39,15 @@ def working_space() -> str:
     return bpy.data.colorspace.working_space if hasattr(bpy.data, "colorspace") else "Linear Rec.709"
 
 
+def compositor(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
+    """Return the nodes that Blender would apply to a render of ``scene``; since 5.0 they are a node group."""
+    if not scene.render.use_compositing:
+        return None
+    if _has(bpy.types.Scene, "compositing_node_group"):
+        return scene.compositing_node_group
+    return scene.node_tree if scene.use_nodes else None
+
+
 def literal_path(path: str) -> str:
     """Return ``path`` for a render's output: since 5.0 single braces there are templates."""
     return path.replace("{", "{{").replace("}", "}}") if bpy.app.version >= (5, 0, 0) else path

@@ -13,7 +13,7 @@ from ..array.cameras import mirror_notice
 from ..render import devices
 from ..results import preview
 from ..scene.light import has_light
-from ..scene.notices import missing_images
+from ..scene.notices import left_out, missing_images
 from ..scene.subject import find_subject
 from ..settings import folders, scene_settings
 from ..settings.words import capitalized
@@ -23,7 +23,7 @@ from .problem import ERROR, INFO, SEVERITIES, Problem
 
 def check_scene(scene: bpy.types.Scene) -> list[Problem]:
     """Return everything found, worst first."""
-    checks = (_renderer, _settings, _array, _light, _scripts, _images, _geometry, _filters, _blur)
+    checks = (_renderer, _settings, _array, _light, _scripts, _images, _geometry, _filters, _blur, _ignored)
     found = [problem for check in checks for problem in check(scene)]
     return sorted(found, key=lambda problem: SEVERITIES.index(problem.severity))
 
@@ -120,6 +120,11 @@ def _blur(scene: bpy.types.Scene) -> Iterator[Problem]:
     if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
         yield Problem("focus", camera.name, "Light-field renders ignore depth of field, since the viewer's eye "
                       "focuses.", "Switch Off", INFO, is_object=True)
+
+
+def _ignored(scene: bpy.types.Scene) -> Iterator[Problem]:
+    for sentence in left_out(scene):
+        yield Problem("ignored", scene.name, f"{sentence}.", severity=INFO)
 
 
 def _has_cycles() -> bool:

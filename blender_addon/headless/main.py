@@ -81,9 +81,10 @@ def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:
         choose_camera(scene, job.camera)
     elif not job.scene.endswith(".blend") and scene.camera is not None and job.scene:
         emit_warning(choice_notice(scene))
-    for sentence in filter(None, (*notices(scene), mirror_notice(scene))):
+    notes = tuple(filter(None, (*notices(scene), mirror_notice(scene))))
+    for sentence in notes:
         emit_warning(sentence)
-    return scene, Opened(time.perf_counter() - started, content)
+    return scene, Opened(time.perf_counter() - started, content, notes)
 
 
 def _open(job: Job) -> tuple[bpy.types.Scene, str]:

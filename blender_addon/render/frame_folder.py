@@ -55,7 +55,13 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
     """
     job = dataclasses.replace(job, device=_device(job))
     opened = opened or Opened()
-    with prepared(scene, job, warn) as frame:
+    notes = list(opened.notes)
+
+    def note(sentence: str) -> None:
+        notes.append(sentence)
+        warn(sentence)
+
+    with prepared(scene, job, note) as frame:
         known = _inputs(scene, job, frame, opened, warn)
         seconds = {"open": opened.seconds}
         if frame.world_apart:
@@ -63,7 +69,8 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
         with world.white_to_camera(scene) if frame.world_apart else nullcontext():
             seconds["render"] = seconds.get("world", 0.0) + _render(scene, job, frame, known, progress)
     seconds = {name: round(value, 3) for name, value in seconds.items()}
-    write_frame(job.output, dataclasses.replace(frame, content=opened.content, seconds=seconds))
+    write_frame(job.output, dataclasses.replace(frame, content=opened.content, seconds=seconds,
+                                                notes=tuple(notes)))
     return Path(job.output)
 
 

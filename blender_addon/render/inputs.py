@@ -26,6 +26,7 @@ class Opened:
 
     seconds: float = 0.0  # it took
     content: str = ""  # digest of its file, see ``lfsr_core.render.content``; empty if it is not known
+    notes: tuple[str, ...] = ()  # what the user was told of it
 
 
 def inputs(scene: bpy.types.Scene, job: Job, frame: Frame, content: str) -> dict[str, str]:

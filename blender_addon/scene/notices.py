@@ -7,12 +7,25 @@ from pathlib import Path
 
 import bpy
 
+from .. import compat
+
+# Nodes of a compositor: its output in 4.5 and since 5.0, and those that pass an image on as it is.
+COMPOSITOR_OUTPUTS = {"CompositorNodeComposite", "NodeGroupOutput"}
+PASSIVE_NODES = {*COMPOSITOR_OUTPUTS, "CompositorNodeRLayers", "NodeReroute"}
+MOST_NAMES = 3
 SHOWN = {"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VOLUME", "LIGHT"}
 
 
 def notices(scene: bpy.types.Scene) -> list[str]:
     """Return a sentence for each thing that changes the image but does not stop the render."""
-    return [*_missing_files(), *_disabled_drivers(), *_camera(scene), *_view_layer(scene)]
+    return [*_missing("image", missing_images(), "renders magenta", "render magenta"), *left_out(scene)]
+
+
+def left_out(scene: bpy.types.Scene) -> list[str]:
+    """Return a sentence for each thing of the scene that renders leave out or ignore, but for missing images."""
+    found = (_linked_files(), _disabled_drivers(), _camera(scene), _view_layer(scene), _compositor(scene),
+             _sequencer(scene))
+    return [sentence for sentences in found for sentence in sentences]
 
 
 def missing_images() -> list[str]:
@@ -36,10 +49,9 @@ def _paths(image: bpy.types.Image) -> Iterator[Path]:
             yield Path(named.replace("<UDIM>", str(tile.number)).replace("<UVTILE>", f"u{column + 1}_v{row + 1}"))
 
 
-def _missing_files() -> Iterator[str]:
+def _linked_files() -> Iterator[str]:
     libraries = [Path(bpy.path.abspath(library.filepath)) for library in bpy.data.libraries]
     linked = sorted(str(path) for path in libraries if not path.is_file())
-    yield from _missing("image", missing_images(), "renders magenta", "render magenta")
     yield from _missing("linked", linked, "is left out", "are left out")
 
 
@@ -74,10 +86,35 @@ def _view_layer(scene: bpy.types.Scene) -> Iterator[str]:
         names = [child.name for child in _collections(layer.layer_collection)
                  if getattr(child, switch) and _shows_anything(child.collection)]
         if names:
-            yield f"View layer {layer.name!r} {does} {', '.join(sorted(names)[:3])}, and so does this render"
+            yield f"View layer {layer.name!r} {does} {', '.join(sorted(names)[:MOST_NAMES])}, and so does this render"
     others = [other.name for other in scene.view_layers if other.use and other != layer]
     if others:
-        yield f"Only view layer {layer.name!r} is rendered, without {', '.join(others[:3])}"
+        yield f"Only view layer {layer.name!r} is rendered, without {', '.join(others[:MOST_NAMES])}"
+
+
+def _compositor(scene: bpy.types.Scene) -> Iterator[str]:
+    names = _effects(compat.compositor(scene))
+    if names:
+        yield (f"Compositor nodes ({', '.join(names[:MOST_NAMES])}) are not applied to the light field. Apply them to "
+               "exported views")
+
+
+def _effects(tree: bpy.types.NodeTree | None) -> list[str]:
+    """Names of the nodes through which an image passes on its way to the compositor's output."""
+    waiting = [node for node in tree.nodes if node.bl_idname in COMPOSITOR_OUTPUTS] if tree is not None else []
+    passed: set[bpy.types.Node] = set()
+    while waiting:
+        node = waiting.pop()
+        if node not in passed:
+            passed.add(node)
+            waiting += [link.from_node for socket in node.inputs for link in socket.links]
+    return sorted(node.label or node.name for node in passed if node.bl_idname not in PASSIVE_NODES and not node.mute)
+
+
+def _sequencer(scene: bpy.types.Scene) -> Iterator[str]:
+    editor = scene.sequence_editor if scene.render.use_sequencer else None
+    if editor is not None and any(strip.type != "SOUND" and not strip.mute for strip in editor.strips):
+        yield "The sequencer's strips are not rendered. The light field shows the scene itself"
 
 
 def _shows_anything(collection: bpy.types.Collection) -> bool:

@@ -98,10 +98,11 @@ def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> 
 
     with closing(ProgressBar()) as bar:
         report = upscale_frame(folder, method, options_of(arguments, bar))
+        frame = read_rendered(folder)
         for note in report.notes:
-            bar.note(note)
+            if note not in frame.notes:  # the render has said those
+                bar.note(note)
     times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report.seconds.items())
-    frame = read_rendered(folder)
     if frame.panel_rays:
         print(f"{folder / PANEL_FILE}: the panel's image, traced for its subpixels; {method} ({times})")
         return

@@ -67,6 +67,7 @@ class Frame:
     # blender, device: version and device that rendered it
     blender: str = ""
     device: str = "CPU"
+    notes: tuple[str, ...] = ()  # what the user was told of this render
     # of the render stage: "open" and "render", which includes that of the "world"
     seconds: dict[str, float] = dataclasses.field(default_factory=dict)
 

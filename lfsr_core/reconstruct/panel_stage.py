@@ -61,7 +61,8 @@ def finish_panel(folder: Path, frame: Frame, method: MethodName, progress: Progr
     with clock("write"):
         write_png(folder / PANEL_FILE, pixels)
     background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]
-    notes = (*replaced_notes(replaced, layers["color"][..., 0].size), *exposure_notes(pixels, background))
+    notes = (*frame.notes, *replaced_notes(replaced, layers["color"][..., 0].size),
+             *exposure_notes(pixels, background))
     report = Report(
         method=method.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds=clock.rounded, peak_bytes=peak_bytes(),

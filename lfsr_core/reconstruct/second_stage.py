@@ -235,8 +235,9 @@ def _report(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> R
     return Report(
         method=name.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds=run.clock.rounded, peak_bytes=peak_bytes(), foreground_fraction=float(assembly.mask.mean()),
-        notes=(*filter(None, [frame.scale_reason]), *replaced_notes(replaced, assembly.low.alpha.size), *notes,
-               *name.guide_notes(assembly.low.layers), *assembly.upscaler.notes, *averaging_notes(run.neighbours)),
+        notes=(*filter(None, [frame.scale_reason]), *frame.notes, *replaced_notes(replaced, assembly.low.alpha.size),
+               *notes, *name.guide_notes(assembly.low.layers), *assembly.upscaler.notes,
+               *averaging_notes(run.neighbours)),
         replaced_pixels=replaced, dilate=options.dilate, layout=frame.layout, device=frame.device,
         weights=str(options.weights) if options.weights else None, temporal_averaging=options.temporal_averaging,
         neighbours=tuple(each.number for each in run.neighbours))

@@ -22,7 +22,7 @@ from lfsr_core.progress import Progress, silent
 from lfsr_core.render.process import DERIVED_FILES, RENDERED_FILES, check_folder
 from lfsr_core.render.staging import publish, staging_folder
 
-FREE = {"rows", "seconds", "device", "content"}  # fields in which the parts of one frame may differ
+FREE = {"rows", "seconds", "device", "content", "notes"}  # fields in which the parts of one frame may differ
 DEVICES_JOINED = "+"
 
 
@@ -114,7 +114,8 @@ def _merged(parts: list[_Part], **changes: int | None) -> Frame:
     frames = [part.frame for part in parts]
     seconds = {name: round(sum(frame.seconds.get(name, 0.0) for frame in frames), 3) for name in frames[0].seconds}
     devices = {name for frame in frames for name in frame.device.split(DEVICES_JOINED)}
-    fields = {**changes, "seconds": seconds, "device": DEVICES_JOINED.join(sorted(devices))}
+    notes = tuple(dict.fromkeys(note for frame in frames for note in frame.notes))
+    fields = {**changes, "notes": notes, "seconds": seconds, "device": DEVICES_JOINED.join(sorted(devices))}
     return Frame(**(vars(frames[0]) | fields))
 
 

@@ -118,6 +118,11 @@ def test_report_has_what_the_documentation_says(tmp_path):
     assert (report["replaced_pixels"], report["dilate"], report["notes"]) == (0, 0, [])
 
 
+def test_notes_of_the_render_are_in_the_report(tmp_path):
+    write_render(tmp_path, notes=("the scene was lit",), scale_reason="it is deep")
+    assert second_stage.upscale_frame(tmp_path, "bicubic").notes == ("it is deep", "the scene was lit")
+
+
 def test_progress_rises_to_the_end(tmp_path):
     write_render(tmp_path)
     seen = []

@@ -72,6 +72,14 @@ def test_no_array_then_add(scene):
     fix(scene, "array")
 
 
+def test_what_renders_leave_out_is_listed(scene):
+    assert found(scene, "ignored") is None
+    scene.sequence_editor_create().strips.new_effect("x", "COLOR", 1, frame_start=1, length=10)
+    scene.camera.data.shift_x = 0.1
+    reasons = [problem.reason for problem in problems.check_scene(scene) if problem.code == "ignored"]
+    assert ["shift" in reason for reason in reasons] == [True, False] and "sequencer" in reasons[1]
+
+
 def test_the_list_in_the_panel(scene):
     scene.cycles.use_denoising = True
     assert bpy.ops.lfsr.check_scene() == {"FINISHED"}

@@ -57,6 +57,18 @@ def test_job_becomes_a_frame_folder(blend, tmp_path):
     assert layers["color"].reshape(-1, 4)[layers["color"][..., 3].argmax()] == pytest.approx((1, 0.5, 0.2, 1), rel=1e-3)
 
 
+def test_what_is_left_out_is_said_before_the_render_and_kept_in_the_frame(scene, tmp_path):
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), emission((1, 0.5, 0.2)))
+    scene.sequence_editor_create().strips.new_effect("x", "COLOR", 1, frame_start=1, length=10)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    emitted = records(start(tmp_path, scene=str(tmp_path / "scene.blend")).communicate()[0].splitlines())
+    said = [number for number, record in enumerate(emitted) if record.get("warning")]
+    renders = [number for number, record in enumerate(emitted) if record["stage"] == "render" and record["fraction"]]
+    assert len(said) == 1 and said[0] < renders[0]
+    (note,) = read_frame(tmp_path / "out").notes
+    assert note == emitted[said[0]]["message"] and "sequencer" in note
+
+
 @pytest.mark.parametrize(("options", "sentence"), [
     ({"scene": "/no/such.blend"}, "/no/such.blend does not exist"),
     ({"subject": "Nothing"}, "no collection 'Nothing'"),

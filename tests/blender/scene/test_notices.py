@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import bpy
 import pytest
 
@@ -68,6 +70,46 @@ def test_other_view_layers_are_left_out_and_said(plain):
     plain.view_layers.new("beauty")
     (sentence,) = notices(plain)
     assert sentence.endswith("without beauty")
+
+
+def compositing(scene, *kinds):
+    """Give ``scene`` a compositor whose output passes through nodes of ``kinds``."""
+    if hasattr(scene, "compositing_node_group"):
+        tree = scene.compositing_node_group = bpy.data.node_groups.new("compositor", "CompositorNodeTree")
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        output = tree.nodes.new("NodeGroupOutput")
+    else:
+        scene.use_nodes, tree = True, scene.node_tree
+        tree.nodes.clear()
+        output = tree.nodes.new("CompositorNodeComposite")
+    nodes = [tree.nodes.new(kind) for kind in ("CompositorNodeRLayers", *kinds)]
+    for before, after in itertools.pairwise([*nodes, output]):
+        tree.links.new(before.outputs[0], next(socket for socket in after.inputs if socket.type == "RGBA"))
+    return nodes[1:]
+
+
+def test_compositor_nodes_that_change_the_image_are_said(plain):
+    tree_nodes = compositing(plain, "CompositorNodeExposure", "NodeReroute", "CompositorNodeBrightContrast")
+    (sentence,) = notices(plain)
+    assert sentence.startswith("Compositor nodes (Brightness/Contrast, Exposure) are not applied")
+    tree_nodes[0].mute = True
+    assert "(Brightness/Contrast)" in notices(plain)[0]
+    plain.render.use_compositing = False
+    assert notices(plain) == [], "F12 leaves it out too"
+
+
+def test_compositor_that_passes_the_render_on_is_not_said(plain):
+    compositing(plain, "NodeReroute").pop().id_data.nodes.new("CompositorNodeExposure")
+    assert notices(plain) == []
+
+
+def test_strips_of_the_sequencer_are_said(plain):
+    strip = plain.sequence_editor_create().strips.new_effect("x", "COLOR", 1, frame_start=1, length=10)
+    assert "sequencer's strips are not rendered" in notices(plain)[0]
+    strip.mute = True
+    assert notices(plain) == []
+    strip.mute, plain.render.use_sequencer = False, False
+    assert notices(plain) == []
 
 
 def test_python_that_was_not_run_is_said(plain, tmp_path):
