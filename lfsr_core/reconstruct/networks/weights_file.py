@@ -26,7 +26,7 @@ TYPES: dict[str, np.dtype[Any]] = {"F32": np.dtype("<f4"), "F16": np.dtype("<f2"
 
 
 def read(path: str | Path) -> tuple[dict[str, str], dict[str, Array]]:
-    """Header and tensors of a file; LfsrError where it is damaged, of another format or version, or changed."""
+    """Header and tensors of a file; LfsrError where it is damaged, of another format or version, or not finite."""
     path = Path(path)
     content = read_bytes(path, "weights, as 'lfsr train' makes", 2 * MAX_BYTES)
     try:
@@ -41,7 +41,16 @@ def read(path: str | Path) -> tuple[dict[str, str], dict[str, Array]]:
                         "train it again or use the matching LFSR")
     if digest(tensors) != header.get("sha256"):
         raise LfsrError(f"{path} does not match the SHA-256 in its header: it was changed or damaged, get it again")
+    check_finite(path, tensors)
     return header, tensors
+
+
+def check_finite(path: str | Path, tensors: Mapping[str, Array]) -> None:
+    """LfsrError if one of the ``tensors`` for the file ``path`` has NaN or infinite values."""
+    for name, value in tensors.items():
+        if not np.isfinite(value).all():
+            raise LfsrError(f"weights {name!r} of {path} are not finite: the training diverged, train it again at a "
+                            "lower rate")
 
 
 def digest(tensors: Mapping[str, Array]) -> str:

@@ -82,6 +82,15 @@ def test_one_changed_value_breaks_the_hash(saved):
         load("paper", 4, saved[1])
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_weights_that_are_not_finite_are_refused_with_a_right_hash(saved, value):
+    header, tensors = checkpoint.read(saved[1])
+    tensors["up.bias"][1] = value
+    save_file(tensors, saved[1], header | {"sha256": checkpoint.digest(tensors)})
+    with pytest.raises(LfsrError, match=r"'up\.bias' of .* are not finite: the training diverged, train it again"):
+        load("paper", 4, saved[1])
+
+
 def test_hash_sees_shapes_and_names():
     value = np.arange(6, dtype=np.float32)
     variants = ({"a": value}, {"b": value}, {"a": value.reshape(2, 3)})

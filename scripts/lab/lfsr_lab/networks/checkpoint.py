@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from safetensors.numpy import save as to_bytes
 from torch import nn
@@ -20,7 +19,7 @@ from torch import nn
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, write_json
-from lfsr_core.reconstruct.networks.weights_file import FORMAT, MAX_BYTES, VERSION, digest, read
+from lfsr_core.reconstruct.networks.weights_file import FORMAT, MAX_BYTES, VERSION, check_finite, digest, read
 
 
 def save(path: str | Path, network: nn.Module, scale: int, provenance: Mapping[str, Any],
@@ -60,9 +59,7 @@ def load_into(network: nn.Module, path: str | Path, scale: int) -> nn.Module:
 
 
 def _check_before_saving(path: Path, tensors: Mapping[str, Array]) -> None:
-    broken = [name for name, value in tensors.items() if not np.isfinite(value).all()]
-    if broken:
-        raise LfsrError(f"weights {broken[0]!r} for {path} are not finite: training diverged, lower the rate")
+    check_finite(path, tensors)
     size = sum(value.nbytes for value in tensors.values())
     if size >= MAX_BYTES:
         raise LfsrError(f"weights for {path} take {size} bytes, expected less than {MAX_BYTES}: use a smaller network")
