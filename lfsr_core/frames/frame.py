@@ -26,6 +26,7 @@ LAYOUTS = ("one-pass", "lens-card", "view-by-view", SUBPIXELS)
 # The only values that direct subpixel rendering has: there are neither views nor lenses to choose from.
 DIRECT_ONLY = {"scale": 1, "convention": "centred", "view_aperture": 1, "lens_list": None, "rows": None}
 LEAST_LENGTH = 1e-30  # scene units; its inverse is the most
+ROTATION_TOLERANCE = 1e-3  # for products of columns; Blender's matrices are single precision
 FRAME_FILE, REPORT_FILE = "frame.json", "report.json"
 VIEWER_FILE = "view.html"
 LOW_RES_FILE, MASK_FILE, EIA_FILE, EIA_LINEAR_FILE = "lr_eia.exr", "mask.png", "eia.png", "eia.exr"
@@ -74,6 +75,9 @@ class Frame:
     def __post_init__(self) -> None:
         if len(self.matrix_world) != 4 or any(len(row) != 4 for row in self.matrix_world):
             raise LfsrError("matrix_world must have four rows of four numbers")
+        if not _is_placement(self.matrix_world):
+            raise LfsrError(f"matrix_world is {str(self.matrix_world)[:60]}…, expected a rotation and a place: three "
+                            "columns of length 1 at right angles, and the last row 0, 0, 0, 1")
         if self.samples < 1 or self.layout not in LAYOUTS:
             raise LfsrError(f"samples are {self.samples} and layout is {self.layout[:20]!r}, but it must be 1 or more "
                             f"samples and one of {', '.join(LAYOUTS)}")
@@ -105,6 +109,15 @@ class Frame:
         """Ray layout of this render; in direct subpixel rendering, of the light field that is not rendered."""
         return RayLayout.for_display(self.display, self.array, self.scale, convention=self.convention,
                                      view_aperture=self.view_aperture, lens_list=self.lens_list)
+
+
+def _is_placement(matrix: tuple[tuple[float, ...], ...]) -> bool:
+    """Whether a matrix (4, 4) turns, mirrors and moves, and does nothing else."""
+    columns = [[row[index] for row in matrix[:3]] for index in range(3)]
+    found = [sum(a * b for a, b in zip(one, other, strict=True)) for one in columns for other in columns] + [*matrix[3]]
+    wanted = (1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)
+    return (all(abs(value - right) <= ROTATION_TOLERANCE for value, right in zip(found, wanted, strict=True))
+            and all(abs(row[3]) <= 1 / LEAST_LENGTH for row in matrix))
 
 
 def check_direct(display: DisplayProfile, fields: Mapping[str, object]) -> None:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import dataclasses
 import json
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, Frame, read_frame, read_part, write_frame
@@ -59,6 +62,12 @@ def damage(folder, change) -> None:
     (lambda data: data.pop("array"), "incomplete.*array"),
     (lambda data: data.update(surplus=1), "surplus"),
     (lambda data: data.update(matrix_world=[[1.0] * 4] * 3), "four rows of four"),
+    (lambda data: data.update(matrix_world=[[0.0] * 4] * 4), "matrix_world is .*expected a rotation and a place"),
+    (lambda data: data["matrix_world"].__setitem__(0, [2.0, 0.0, 0.0, 0.0]), "expected a rotation and a place"),
+    (lambda data: data["matrix_world"].__setitem__(0, [1.0, 1.0, 0.0, 0.0]), "expected a rotation and a place"),
+    (lambda data: data["matrix_world"].__setitem__(0, [1e308, 1e308, 1e308, 0.0]), "expected a rotation and a place"),
+    (lambda data: data["matrix_world"].__setitem__(0, [1.0, 0.0, 0.0, 1e308]), "expected a rotation and a place"),
+    (lambda data: data["matrix_world"].__setitem__(3, [0.0, 0.0, 1.0, 1.0]), "expected a rotation and a place"),
     (lambda data: data.update(samples=0), "samples are 0"),
     (lambda data: data.update(layout="round"), "layout is 'round'"),
     (lambda data: data["array"].update(distance=0.0), "array.distance is 0.0"),
@@ -73,6 +82,18 @@ def test_damaged_frame_is_refused(tmp_path, change, message):
     damage(tmp_path, change)
     with pytest.raises(LfsrError, match=message):
         read_frame(tmp_path)
+
+
+@settings(max_examples=30)
+@given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda numbers: np.linalg.norm(numbers) > 0.1),
+       st.sampled_from([1, -1]), st.tuples(*[st.floats(-1e6, 1e6)] * 3))
+def test_every_rotation_mirrored_or_not_is_taken_to_single_precision(numbers, hand, place):
+    w, *axis = numbers / np.linalg.norm(numbers)
+    cross = np.cross(np.eye(3), axis)
+    turn = np.eye(3) + 2 * w * cross + 2 * cross @ cross
+    rows = np.c_[turn @ np.diag([1, 1, hand]), place].astype(np.float32).tolist()
+    matrix = tuple(map(tuple, [*rows, [0.0, 0.0, 0.0, 1.0]]))
+    assert dataclasses.replace(FRAME, matrix_world=matrix).matrix_world == matrix
 
 
 def test_folder_without_frame_is_named(tmp_path):
