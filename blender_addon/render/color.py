@@ -46,6 +46,12 @@ def _check_view(view: bpy.types.ColorManagedViewSettings) -> None:
 
 
 def _catchers(scene: bpy.types.Scene) -> list[str]:
-    """Objects that catch shadows in renders; in 5.2 lights have the same switch with another meaning."""
-    return sorted(item.name for item in scene.objects
-                  if item.type in GEOMETRY and item.is_shadow_catcher and not item.hide_render)
+    """Objects that catch shadows in renders, with those whose instancer does.
+
+    In 5.2 lights have the same switch with another meaning.
+    """
+    marked = {item for item in scene.objects if item.is_shadow_catcher}
+    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+        if instance.is_instance and (instance.object.is_shadow_catcher or instance.parent.is_shadow_catcher):
+            marked.add(instance.object.original)
+    return sorted(item.name for item in marked if item.type in GEOMETRY and not item.hide_render)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+import mathutils
 import numpy as np
 import pytest
 
@@ -11,7 +12,7 @@ from blender_addon.render.frame_folder import render_job
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.images.exr import read_layers
-from tests.support.scenes import MINI, add_box, add_camera, emission
+from tests.support.scenes import MINI, add_box, add_camera, add_mesh, emission
 
 
 @pytest.fixture
@@ -66,6 +67,35 @@ def test_a_colour_managed_file_setting_does_not_change_the_values(coloured, tmp_
 def test_a_shadow_catcher_before_a_visible_world_is_refused(coloured, tmp_path):
     coloured.world = bpy.data.worlds.new("sky")
     coloured.objects["item"].is_shadow_catcher = True
+    assert "'item' is a shadow catcher" in refused(coloured, tmp_path / "frame", world_visible=True)
+    color(coloured, tmp_path / "alone", world_visible=False)
+
+
+def instanced(scene, kind):
+    """Show the box ``item`` through an instancer that is returned, by its collection or from the corners of a mesh."""
+    item = scene.objects["item"]
+    if kind == "corners":
+        instancer = add_mesh(scene, [(0, 0, 0)], [], mathutils.Matrix(), None)
+        item.parent, instancer.instance_type = instancer, "VERTS"
+        return instancer
+    inner = bpy.data.collections.new("inner")
+    inner.objects.link(item)
+    scene.collection.objects.unlink(item)
+    instancer = bpy.data.objects.new("instancer", None)
+    instancer.instance_type, instancer.instance_collection = "COLLECTION", inner
+    scene.collection.objects.link(instancer)
+    return instancer
+
+
+@pytest.mark.parametrize("kind", ["collection", "corners"])
+@pytest.mark.parametrize("marked", ["item", "instancer"])
+def test_a_shadow_catcher_in_an_instance_is_refused_likewise(coloured, tmp_path, kind, marked):
+    coloured.world = bpy.data.worlds.new("sky")
+    instancer = instanced(coloured, kind)
+    bpy.context.view_layer.update()
+    color(coloured, tmp_path / "before", world_visible=True)
+    {"item": bpy.data.objects["item"], "instancer": instancer}[marked].is_shadow_catcher = True
+    bpy.context.view_layer.update()
     assert "'item' is a shadow catcher" in refused(coloured, tmp_path / "frame", world_visible=True)
     color(coloured, tmp_path / "alone", world_visible=False)
 
