@@ -25,6 +25,7 @@ from lfsr_core.optics.rays import RayLayout
 
 from .. import compat
 from ..array import rig
+from ..array.spaces import is_mirrored
 from ..render import devices
 from ..render.lens_card import new_camera, new_card, place_of
 from ..scene.volumes import distance_to_volume
@@ -69,6 +70,9 @@ def view_of(scene: bpy.types.Scene, size: tuple[int, int], kind: str = PANEL) ->
     placed, found = rig.placement(scene, profile), rig.find(scene)
     if placed is None or found is None:
         raise LfsrError("the live view needs a camera array: press Add in Camera Array")
+    if is_mirrored(found):
+        raise LfsrError(f"camera array {found.name!r} is mirrored by a negative scale, which the live view cannot "
+                        "follow: make its scale, and its parents', positive")
     region, eye = LiveRegion(profile, size, scale), None
     if kind == EYE:
         region = eye_region(profile, size)
@@ -153,7 +157,7 @@ def _own_values(scene: bpy.types.Scene) -> dict[str, dict[str, Any]]:
               "use_preview_denoising": lfsr.live_denoise and devices.has_denoiser(),
               "preview_denoising_start_sample": lfsr.live_denoise_start, "preview_denoising_input_passes": "RGB",
               "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0, "sample_clamp_indirect": CLAMP_INDIRECT,
-              "use_camera_cull": False, "film_transparent_glass": False,
+              "use_camera_cull": False,
               # The card is one more surface that a path passes through.
               "transparent_max_bounces": scene.cycles.transparent_max_bounces + 1}
     # Blender warns of reading a denoiser that it was built without.

@@ -45,6 +45,7 @@ class RenderSettings:
     device: str = "CPU"  # or a GPU type such as "OPTIX"
     clamp_indirect: float | None = None  # largest radiance of an indirect path; None: Cycles' default, 0: unclamped
     world_visible: bool = False  # adds the environment pass
+    transparent_glass: bool = False  # whether what is behind glass shows through its alpha, as with a transparent film
     half: bool = False  # 16-bit floats instead of 32-bit ones
 
 
@@ -182,7 +183,7 @@ def _cycles_values(settings: RenderSettings) -> dict[str, object]:
             "use_adaptive_sampling": False, "time_limit": 0.0,
             "use_layer_samples": "IGNORE", "use_camera_cull": False,
             "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0,
-            "sample_clamp_indirect": clamp, "film_transparent_glass": False,
+            "sample_clamp_indirect": clamp, "film_transparent_glass": settings.transparent_glass,
             **_denoiser(settings), **compat.whole_sample_range()}
 
 

@@ -173,10 +173,11 @@ def _world_image(scene: bpy.types.Scene, job: Job, frame: Frame) -> float:
     return world.render_world(scene, image, frame.matrix_world, settings, path)
 
 
-def _images(job: Job, frame: Frame) -> list[tuple[str, RenderSettings]]:
+def _images(scene: bpy.types.Scene, job: Job, frame: Frame) -> list[tuple[str, RenderSettings]]:
     """File and settings of every image to render: one, or a reference's two halves."""
+    see_through = scene.render.film_transparent and scene.cycles.film_transparent_glass and not frame.world_visible
     settings = RenderSettings(frame.samples, job.seed, frame.layers, job.device, job.clamp_indirect,
-                              frame.world_visible)
+                              frame.world_visible, see_through)
     if job.kind != "reference":
         return [(LOW_RES_FILE, settings)]
     # Unclamped unless the job clamps: clamping would bias a reference.
@@ -202,7 +203,7 @@ def _render(scene: bpy.types.Scene, job: Job, frame: Frame, known: dict[str, str
             progress: Progress | None) -> float:
     """Render every image of the job; seconds."""
     render = render_views if frame.layout == "view-by-view" else render_encoded
-    images, seconds = _images(job, frame), 0.0
+    images, seconds = _images(scene, job, frame), 0.0
     rows = None if frame.rows is None else Part(*pixel_rows(frame.rows, frame.rays.views[1]))
     shot = Shot(frame.panel_rays or frame.rays, frame.matrix_world, frame.layout, frame.clip, rows)
     for number, (name, settings) in enumerate(images):

@@ -46,6 +46,13 @@ def test_nothing_is_left_and_nothing_was_changed(scene):
     assert not [group for group in bpy.data.node_groups if group.name.startswith("LFSR")]
 
 
+def test_a_mirrored_array_cannot_be_followed(scene):
+    rig.find(scene).scale.y = -1
+    bpy.context.view_layer.update()
+    with pytest.raises(LfsrError, match="mirrored by a negative scale"):
+        live_scene.view_of(scene, SIZE)
+
+
 def test_failure_leaves_nothing(scene, monkeypatch):
     before = panel.snapshot(scene)
     monkeypatch.setattr(live_scene, "_aim", lambda *_: 1 / 0)
