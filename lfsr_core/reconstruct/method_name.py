@@ -12,6 +12,7 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.methods import denoise, epipolar
 from lfsr_core.reconstruct.methods.guides import GUIDES
 from lfsr_core.reconstruct.networks import catalogue
@@ -25,13 +26,14 @@ CLASSICAL = {
     "bicubic-eia": "cubic over the whole array: shows crosstalk",
     "none": "no upscaling, for renders at scale 1",
 }
-BOTH = "oidn-both"
+BOTH, OURS = "oidn-both", "ours"
 PREFILTERS = {
     "oidn": "Open Image Denoise on the whole array",
     "oidn-fast": "the same in half the time, a little less accurate",
     "oidn-guided": "Open Image Denoise with albedo and normal",
     "oidn-half": "the same at half the view resolution, except where that loses detail",
     BOTH: "oidn-half and oidn-guided: for a network that mixes them, else their mean",
+    OURS: "Open Image Denoise with weights of ours, from colour alone",
     "oidn-render": "Open Image Denoise in Cycles, on the device that renders: for GPUs",
 }
 AS_RENDERED, RECOVERY = "none", "epi"
@@ -109,9 +111,10 @@ class MethodName:
 
     @property
     def weights_digest(self) -> str:
-        """SHA-256 of the shipped weights of its network, for all scales; empty without a network."""
+        """SHA-256 of the shipped weights of its networks, for all scales; empty without a network."""
         stem = self.network and (self.network.weights or self.upscaler)
         files = sorted(self.network.folder.glob(f"{stem}-x*.safetensors")) if self.network else []
+        files += [denoiser.WEIGHTS] if OURS in self.prefilters and denoiser.WEIGHTS.exists() else []
         return hashlib.sha256(b"".join(map(Path.read_bytes, files))).hexdigest() if files else ""
 
     def untrained(self, scale: int) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Cleaner, Upscaler
-from lfsr_core.reconstruct.method_name import BOTH, RECOVERY, MethodName
+from lfsr_core.reconstruct.method_name import BOTH, OURS, RECOVERY, MethodName
 from lfsr_core.reconstruct.methods import denoise
 from lfsr_core.reconstruct.methods.epipolar import Recovering
 from lfsr_core.reconstruct.methods.interpolation import Interpolation, NoUpscaling
@@ -30,6 +30,7 @@ PREFILTERS: dict[str, Callable[[LowResEIA], LowResEIA]] = {
     "oidn-guided": functools.partial(denoise.denoise_low_resolution, guided=True),
     "oidn-half": denoise.denoise_at_half,
     BOTH: denoise.denoise_both_ways,
+    OURS: denoise.denoise_with_ours,
     "oidn-render": denoise.as_rendered,
 }
 
@@ -54,12 +55,15 @@ def method(name: str | MethodName, weights: str | Path | None = None, *, upscale
            block: int | None = None) -> Method:
     """Load the method of a name such as "oidn+bicubic", see ``MethodName.parse``.
 
-    ``weights``: file for its network instead of the shipped one. ``upscaler``: instead of the one in the name.
-    ``block``: see ``epipolar.Recovering``. LfsrError for a wrong name, weights without a network, or "epi" after an
-    upscaler that does more than interpolate.
+    ``weights``: file for its network, or for the prefilter "ours", instead of the shipped one. ``upscaler``: instead
+    of the one in the name. ``block``: see ``epipolar.Recovering``. LfsrError for a wrong name, weights without a
+    network, or "epi" after an upscaler that does more than interpolate.
     """
     name = MethodName.parse(name)
     prefilters = tuple(PREFILTERS[part] for part in name.prefilters)
+    if weights and OURS in name.prefilters:
+        own = functools.partial(denoise.denoise_with_ours, weights=weights)
+        prefilters, weights = tuple(own if part == OURS else PREFILTERS[part] for part in name.prefilters), None
     if BOTH in name.prefilters and not name.mixes(BOTH):
         prefilters += (denoise.mean_of_both,)
     upscaler = upscaler or _load(name, weights)

@@ -8,14 +8,10 @@ the view resolution: their views are alike, and the mean of four has half the no
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
-import importlib
-import importlib.util
-import sys
-from collections.abc import Iterator, Mapping
-from types import ModuleType
+from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
@@ -23,6 +19,7 @@ from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
+from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.encoding import encode
 from lfsr_core.reconstruct.methods import oidn
 from lfsr_core.reconstruct.methods.guides import Guides, blend, guides_of, smooth_step
@@ -38,19 +35,24 @@ VERSION = 8  # of the result: figures measured with another version are out of d
 
 
 def denoise_eia(color: Array, albedo: Array | None = None, normal: Array | None = None, *,
-                fast: bool = False) -> Array:
+                fast: bool = False, weights: bytes | None = None) -> Array:
     """Denoise one image (H, W, 3), scene-linear >= 0; LfsrError where the library is missing or fails.
 
     ``albedo`` in [0, 1] and ``normal`` in [-1, 1]: guides without noise; a normal without albedo is not used.
-    ``fast``: half the time, a little less accurate.
+    ``fast``: half the time, a little less accurate. ``weights``: of ours for colour alone (``denoiser.load``), which
+    see display white as 1.
     """
+    if not is_available():
+        raise LfsrError("Open Image Denoise is not available (neither pyoidn nor Blender's libOpenImageDenoise was "
+                        "found): install the package pyoidn, or choose a method without 'oidn'")
     guides = {"albedo": albedo, "normal": normal} if albedo is not None else {}
     images = {name: np.asarray(image, np.float32) for name, image in guides.items() if image is not None}
     # With guides, "high" takes 2.5 times as long as "balanced", no better from 4 on: docs/notebook/networks.md.
     quality = "fast" if fast else "balanced" if images else "high"
     try:
-        denoised = _library().denoise(np.asarray(color, np.float32), **images, hdr=True, clean_aux=bool(images),
-                                      quality=quality)
+        denoised = oidn.denoise(np.asarray(color, np.float32), images.get("albedo"), images.get("normal"), hdr=True,
+                                clean_aux=bool(images), quality=quality, weights=weights,
+                                input_scale=None if weights is None else 1)
     except (ImportError, RuntimeError) as error:
         raise LfsrError(f"Open Image Denoise failed on an image of shape {color.shape} ({error}): "
                         "choose a method without 'oidn'") from None
@@ -65,6 +67,15 @@ def denoise_low_resolution(low: LowResEIA, *, fast: bool = False, guided: bool =
     part = shown_part(low.color, low.parallax)
     guides = _guides(low, part) if guided else None
     return _replaced(low, part, _denoised(low.color[part], guides.images if guides else {}, low.parallax, fast=fast))
+
+
+def denoise_with_ours(low: LowResEIA, weights: str | Path = denoiser.WEIGHTS) -> LowResEIA:
+    """Denoise the colour alone with weights of ours, a TZA file; the rendered colour stays in the layer "noisy".
+
+    LfsrError where the file is missing or damaged.
+    """
+    content, part = denoiser.load(weights), shown_part(low.color, low.parallax)
+    return _replaced(low, part, _denoised(low.color[part], {}, low.parallax, weights=content))
 
 
 def denoise_at_half(low: LowResEIA) -> LowResEIA:
@@ -127,12 +138,13 @@ def _pixels_of_a_lens(color: Array, parallax: tuple[bool, bool]) -> tuple[int, i
 
 
 def _denoised(images: Array, guides: Mapping[str, Array], parallax: tuple[bool, bool], *,
-              fast: bool = False) -> Array:
+              fast: bool = False, weights: bytes | None = None) -> Array:
     """EIs (sy, sx, h, w, 3), denoised as one image."""
     if not images.size:
         return images
     seen = {name: _as_image(guide, parallax) for name, guide in guides.items()}
-    return _as_elemental_images(denoise_eia(_as_image(images, parallax), **seen, fast=fast), images.shape, parallax)
+    denoised = denoise_eia(_as_image(images, parallax), **seen, fast=fast, weights=weights)
+    return _as_elemental_images(denoised, images.shape, parallax)
 
 
 def _can_be_halved(low: LowResEIA) -> bool:
@@ -210,32 +222,4 @@ def as_rendered(low: LowResEIA) -> LowResEIA:
 
 def is_available() -> bool:
     """Whether this Python has pyoidn or finds Blender's library."""
-    return importlib.util.find_spec("pyoidn") is not None or oidn.find_library() is not None
-
-
-@contextlib.contextmanager
-def _hidden(package: str) -> Iterator[None]:
-    """Make ``import package`` fail inside the block (no effect once it is loaded).
-
-    pyoidn imports PyTorch where it is installed, for tensors that it never gets here: a second and 0.2 GiB.
-    """
-    absent = package not in sys.modules
-    if absent:
-        sys.modules[package] = None  # type: ignore[assignment]  # documented: the import then fails
-    try:
-        yield
-    finally:
-        if absent:
-            del sys.modules[package]
-
-
-def _library() -> ModuleType:
-    """The package pyoidn, else ``oidn`` with Blender's library; both make the same image."""
-    try:
-        with _hidden("torch"):
-            return importlib.import_module("pyoidn")
-    except ImportError as error:
-        if oidn.find_library() is not None:
-            return oidn
-        raise LfsrError(f"Open Image Denoise is not available ({error}): install the package pyoidn, "
-                        "or choose a method without 'oidn'") from None
+    return any(oidn.find_libraries())

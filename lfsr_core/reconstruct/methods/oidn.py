@@ -1,12 +1,14 @@
-"""Open Image Denoise through Blender's own library, for a Python without the package pyoidn.
+"""Open Image Denoise through its C library: that of the package pyoidn, else Blender's own.
 
-Blender ships the library beside its Python, so the extension need not bring another 50 to 90 MB. Only the functions
-that ``denoise.py`` needs are bound (OpenImageDenoise/oidn.h, version 2).
+Blender ships the library beside its Python, so the extension need not bring another 50 to 90 MB. The package is not
+imported: it offers no weights of ours and loads PyTorch. Only the functions that ``denoise.py`` needs are bound
+(OpenImageDenoise/oidn.h, version 2).
 """
 
 from __future__ import annotations
 
 import ctypes
+import dataclasses
 import functools
 import importlib.util
 import sys
@@ -17,9 +19,10 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 
-# Relative to a folder above Blender's Python: Linux, macOS, Windows, the bpy wheel on Windows.
-PLACES = ("lib/libOpenImageDenoise.so.2", "lib/libOpenImageDenoise.dylib", "blender.shared/OpenImageDenoise.dll",
-          "OpenImageDenoise.dll")
+# Relative to pyoidn's folder or one above Blender's Python: Linux, macOS, Windows (pyoidn, Blender, the bpy wheel).
+PLACES = ("lib/libOpenImageDenoise.so.2", "lib/libOpenImageDenoise.dylib", "bin/OpenImageDenoise.dll",
+          "blender.shared/OpenImageDenoise.dll", "OpenImageDenoise.dll")
+CPU_MODULE = "OpenImageDenoise_device_cpu.dll"  # Windows finds what it needs only if it is loaded by its path
 CPU_DEVICE, FLOAT3 = 1, 3  # OIDNDeviceType, OIDNFormat
 QUALITIES = {"fast": 4, "balanced": 5, "high": 6}  # OIDNQuality; "fast" exists since library 2.3
 LEVELS_UP = 6  # from site-packages to the folder of the Blender installation
@@ -32,8 +35,10 @@ SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
     "oidnReleaseDevice": (None, (_HANDLE,)),
     "oidnNewFilter": (_HANDLE, (_HANDLE, _NAME)),
     "oidnSetSharedFilterImage": (None, (_HANDLE, _NAME, _HANDLE, ctypes.c_int, *(_SIZE,) * 5)),
+    "oidnSetSharedFilterData": (None, (_HANDLE, _NAME, _HANDLE, _SIZE)),
     "oidnSetFilterBool": (None, (_HANDLE, _NAME, ctypes.c_bool)),
     "oidnSetFilterInt": (None, (_HANDLE, _NAME, ctypes.c_int)),
+    "oidnSetFilterFloat": (None, (_HANDLE, _NAME, ctypes.c_float)),
     "oidnCommitFilter": (None, (_HANDLE,)),
     "oidnExecuteFilter": (None, (_HANDLE,)),
     "oidnReleaseFilter": (None, (_HANDLE,)),
@@ -41,63 +46,97 @@ SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
 
 
 def denoise(color: Array, albedo: Array | None = None, normal: Array | None = None, *,
-            hdr: bool = False, clean_aux: bool = False, quality: str = "high") -> Array:
-    """Denoise an image (H, W, 3) on the CPU, with the parameters of ``pyoidn.denoise``.
+            hdr: bool = False, srgb: bool = False, clean_aux: bool = False, quality: str = "high",
+            weights: bytes | None = None, input_scale: float | None = None) -> Array:
+    """Denoise an image (H, W, 3) on the CPU, float32; a normal needs an albedo.
 
-    ImportError where Blender's library is missing or does not load, RuntimeError where it fails.
+    ``hdr``: values may exceed 1; they are multiplied by ``input_scale`` before the network, None to let the library
+    expose by itself. ``srgb``: values in [0, 1] that are encoded already. ``clean_aux``: albedo and normal have no
+    noise. ``weights``: content of a checked TZA file (``reconstruct/denoiser.py``) instead of the library's own.
+    ImportError where no library is found or loads, RuntimeError where it fails.
     """
-    library = _load()
+    library = _load(tuple(find_libraries()))
     given = {"color": color, "albedo": albedo, "normal": normal, "output": np.empty(color.shape, np.float32)}
     images = {name: np.ascontiguousarray(image, np.float32) for name, image in given.items() if image is not None}
+    settings = Settings(hdr, srgb, clean_aux, QUALITIES[quality], weights, input_scale)
     device = library.oidnNewDevice(CPU_DEVICE)
     try:
         library.oidnCommitDevice(device)
-        _run(library, device, images, {b"hdr": hdr, b"cleanAux": clean_aux}, QUALITIES[quality])
+        _run(library, device, images, settings)
         _check(library, device)
     finally:
         library.oidnReleaseDevice(device)
     return images["output"]
 
 
-def find_library() -> Path | None:
-    """Path of Blender's library: above Blender's Python, or in the bpy wheel, which is not imported."""
-    return next((path for folder in _folders() for path in map(folder.joinpath, PLACES) if path.is_file()), None)
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """What a filter is told besides its images, see ``denoise``."""
+
+    hdr: bool
+    srgb: bool
+    clean_aux: bool
+    quality: int
+    weights: bytes | None
+    input_scale: float | None
+
+
+def find_libraries() -> Iterator[Path]:
+    """Paths of the libraries, the best first: pyoidn's, then Blender's; neither package is imported."""
+    return (path for folder in _folders() for path in map(folder.joinpath, PLACES) if path.is_file())
 
 
 def _folders() -> Iterator[Path]:
-    spec = importlib.util.find_spec("bpy")
-    yield from map(Path, spec.submodule_search_locations or () if spec else ())
+    yield from (folder / "oidn" for folder in _package("pyoidn"))
+    yield from _package("bpy")
     for entry in map(Path, sys.path):
         # .../5.0/python/lib/python3.11/site-packages in every Blender
         if entry.name == "site-packages" and "python" in (parent.name for parent in entry.parents):
             yield from list(entry.parents)[:LEVELS_UP]
 
 
-@functools.lru_cache(maxsize=1)
-def _load() -> ctypes.CDLL:
-    path = find_library()
-    if path is None:
-        raise ImportError("neither pyoidn nor Blender's libOpenImageDenoise was found")
-    try:
-        library = ctypes.CDLL(str(path))
-    except OSError as error:
-        raise ImportError(f"{path} cannot be loaded: {error}") from None
+def _package(name: str) -> Iterator[Path]:
+    spec = importlib.util.find_spec(name)
+    yield from map(Path, spec.submodule_search_locations or () if spec else ())
+
+
+@functools.lru_cache(maxsize=4)
+def _load(paths: tuple[Path, ...]) -> ctypes.CDLL:
+    """The first library that loads."""
+    problem = "neither pyoidn nor Blender's libOpenImageDenoise was found"
+    for path in paths:
+        try:
+            return _bound(path)
+        except (OSError, AttributeError) as error:
+            problem = f"{path} cannot be loaded: {error}"
+    raise ImportError(problem)
+
+
+def _bound(path: Path) -> ctypes.CDLL:
+    if path.with_name(CPU_MODULE).is_file():
+        ctypes.CDLL(str(path.with_name(CPU_MODULE)))
+    library = ctypes.CDLL(str(path))
     for name, (result, arguments) in SIGNATURES.items():
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments
     return library
 
 
-def _run(library: ctypes.CDLL, device: int, images: dict[str, Array], flags: dict[bytes, bool], quality: int) -> None:
+def _run(library: ctypes.CDLL, device: int, images: dict[str, Array], settings: Settings) -> None:
     height, width, _ = images["color"].shape
     work = library.oidnNewFilter(device, b"RT")
     _check(library, device)
     try:
         for name, image in images.items():
             library.oidnSetSharedFilterImage(work, name.encode(), image.ctypes.data, FLOAT3, width, height, 0, 0, 0)
-        for flag, value in flags.items():
-            library.oidnSetFilterBool(work, flag, value)
-        library.oidnSetFilterInt(work, b"quality", quality)
+        library.oidnSetFilterBool(work, b"hdr", settings.hdr)
+        library.oidnSetFilterBool(work, b"srgb", settings.srgb)
+        library.oidnSetFilterBool(work, b"cleanAux", settings.clean_aux)
+        library.oidnSetFilterInt(work, b"quality", settings.quality)
+        if settings.weights is not None:  # not copied: they must outlive the filter
+            library.oidnSetSharedFilterData(work, b"weights", settings.weights, len(settings.weights))
+        if settings.input_scale is not None:
+            library.oidnSetFilterFloat(work, b"inputScale", settings.input_scale)
         library.oidnCommitFilter(work)
         library.oidnExecuteFilter(work)
     finally:

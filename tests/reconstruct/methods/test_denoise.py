@@ -242,7 +242,7 @@ def test_library_of_blender_gives_the_same_image(monkeypatch):
 
 def test_missing_library_is_one_clear_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyoidn", None)
-    monkeypatch.setattr(oidn, "find_library", lambda: None)
+    monkeypatch.setattr(oidn, "find_libraries", lambda: iter(()))
     with pytest.raises(LfsrError, match="install the package pyoidn"):
         denoise_eia(np.zeros((4, 4, 3), np.float32))
 

@@ -1,0 +1,119 @@
+"""The PyTorch twin against the library, with the library's own weights and with others."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.reconstruct import tza
+from lfsr_core.reconstruct.denoiser import BASE, SMALL, network_shapes
+from lfsr_core.reconstruct.methods import oidn
+from lfsr_lab.networks.denoiser import Denoiser, hdr_decode, hdr_encode, ldr_encode, normal_encode
+from lfsr_lab.networks.stock import NAMES, SIZES, stock_weights
+
+RANDOM = np.random.default_rng(0)
+
+
+def render(shape):
+    """A noisy render of stripes with highlights and black, albedo and normal; sides that are no multiple of 16."""
+    columns = np.arange(shape[1])
+    clean = np.where((columns // 9 % 2)[:, None], [3.0, 0.6, 0.2], [0.1, 0.1, 0.12]) * np.ones((shape[0], 1, 1))
+    color = clean * RANDOM.gamma(2, 0.5, clean.shape)
+    color[5:12, 20:25], color[30:33] = 300, 0
+    normal = RANDOM.normal(0, 0.5, clean.shape)
+    return tuple(image.astype(np.float32) for image in (color, np.clip(clean / 3, 0, 1), normal))
+
+
+def noise(shape):
+    """Random values as colour, albedo and normal."""
+    return tuple(image.astype(np.float32) for image in (
+        RANDOM.gamma(0.5, 4, (*shape, 3)), RANDOM.random((*shape, 3)), RANDOM.uniform(-1, 1, (*shape, 3))))
+
+
+def by_twin(network, color, guides, hdr):
+    color, *guides = (torch.from_numpy(image).permute(2, 0, 1)[None] for image in (color, *guides))
+    seen = [guides[0], normal_encode(guides[1])] if guides else []
+    with torch.inference_mode():
+        found = network(torch.cat([hdr_encode(color) if hdr else ldr_encode(color), *seen], 1))
+        found = hdr_decode(found) if hdr else ldr_encode(found)
+    return found[0].permute(1, 2, 0).numpy()
+
+
+def by_library(path, color, guides, hdr, **more):
+    return oidn.denoise(color, *guides, hdr=hdr, srgb=not hdr, weights=tza.read_content(path),
+                        input_scale=1.0 if hdr else None, **more)
+
+
+@pytest.mark.parametrize("images", [render, noise])
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("name", NAMES)
+def test_twin_equals_library(tmp_path, name, size, images):
+    hdr, guided = name.startswith("hdr"), name.endswith("guided")
+    stock = stock_weights(name, size)
+    network = Denoiser.from_tensors(stock, inputs=9 if guided else 3)
+    tza.write_tza(tmp_path / "some.tza", network.tensors())
+    color, *guides = images((45, 70))
+    color, guides = (color if hdr else np.clip(color / 3, 0, 1)), guides if guided else []
+    found, expected = (by(where, color, guides, hdr) for by, where in ((by_twin, network),
+                                                                       (by_library, tmp_path / "some.tza")))
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
+    np.testing.assert_array_equal(expected, oidn.denoise(
+        color, *guides, hdr=hdr, srgb=not hdr, input_scale=1.0 if hdr else None,
+        quality="fast" if size == "small" else "balanced"), "the library's own weights, stored again")
+
+
+@settings(max_examples=5, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])  # to shrink is slow
+@given(st.lists(st.integers(1, 24), min_size=15, max_size=15), st.booleans())
+def test_any_widths_work(tmp_path_factory, widths, guided):
+    torch.manual_seed(0)
+    inputs, path = 9 if guided else 3, tmp_path_factory.mktemp("widths") / "some.tza"
+    tza.write_tza(path, Denoiser((*widths, 3), inputs).tensors())
+    stored = Denoiser.from_tensors(tza.read_tza(path), inputs)
+    color, *guides = noise((20, 35))
+    found, expected = (by(where, np.clip(color, 0, 1), guides if guided else [], hdr=False)
+                       for by, where in ((by_twin, stored), (by_library, path)))
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("quality", oidn.QUALITIES)
+@pytest.mark.parametrize("size", SIZES)
+def test_every_quality_takes_the_weights(tmp_path, size, quality):
+    tza.write_tza(tmp_path / "some.tza", stock_weights("hdr", size))
+    color = render((45, 70))[0]
+    expected = by_library(tmp_path / "some.tza", color, [], True)
+    np.testing.assert_allclose(by_library(tmp_path / "some.tza", color, [], True, quality=quality), expected, rtol=1e-3)
+
+
+@given(st.floats(0, 65504, width=32), st.sampled_from((0.25, 1.0, 8.0)))
+def test_encoding_can_be_undone(value, scale):
+    encoded = hdr_encode(torch.tensor([value]), scale)
+    assert 0 <= encoded <= 1 + 1e-6
+    assert float(hdr_decode(encoded, scale)) == pytest.approx(min(value, 65504 / scale), rel=2e-4, abs=1e-9)
+
+
+def test_encoding_rises_and_has_gradients():
+    values = torch.cat([torch.zeros(1), torch.logspace(-8, 4.8, 400)]).requires_grad_()
+    encoded = hdr_encode(values)
+    assert (encoded.diff() > 0).all()
+    hdr_decode(encoded).sum().backward()
+    assert torch.isfinite(values.grad).all() and (values.grad > 0).all()
+
+
+def test_twin_has_the_tensors_of_the_file():
+    for widths, inputs in ((BASE, 3), (SMALL, 9)):
+        found = Denoiser(widths, inputs).tensors()
+        assert {name: value.shape for name, value in found.items()} == network_shapes(widths, inputs)
+
+
+@pytest.mark.parametrize(("name", "size"), [("albedo", "small"), ("hdr", "huge")])
+def test_unknown_stock_weights_are_one_sentence(name, size):
+    with pytest.raises(LfsrError, match="choose hdr, hdr-guided, ldr, ldr-guided"):
+        stock_weights(name, size)
+
+
+def test_stock_weights_without_a_library_are_one_sentence(monkeypatch):
+    monkeypatch.setattr(oidn, "find_libraries", lambda: iter(()))
+    with pytest.raises(LfsrError, match="install the package pyoidn"):
+        stock_weights()

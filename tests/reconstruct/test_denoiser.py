@@ -1,0 +1,106 @@
+"""Weights of ours: what is checked before the library sees them, and the prefilter that uses them."""
+
+import os
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.reconstruct import denoiser
+from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_with_ours
+from lfsr_core.reconstruct.registry import method
+from lfsr_core.reconstruct.tza import write_tza
+from tests.support.prerequisites import needs_bpy
+
+SMALLEST = (8,) * 15 + (3,)
+
+
+def tensors(seed=0, widths=SMALLEST, inputs=3):
+    draw = np.random.default_rng(seed)
+    return {name: draw.normal(0, 0.1, shape) for name, shape in denoiser.network_shapes(widths, inputs).items()}
+
+
+@pytest.fixture
+def weights(tmp_path):
+    write_tza(tmp_path / "some.tza", tensors())
+    return tmp_path / "some.tza"
+
+
+def low_resolution(parallax=(True, True), shape=(6, 8, 5, 5, 3)):
+    color = np.random.default_rng(1).gamma(1, 1, shape).astype(np.float32)
+    return LowResEIA(color, np.ones((*shape[:-1], 1), np.float32), 4, 4, parallax=parallax)
+
+
+@given(st.lists(st.integers(1, 20), min_size=15, max_size=15), st.sampled_from((3, 9)))
+def test_widths_follow_from_the_tensors(widths, inputs):
+    shapes = denoiser.network_shapes((*widths, 3), inputs)
+    assert len(shapes) == 32
+    found = denoiser.check_network({name: np.empty(shape) for name, shape in shapes.items()}, "x", inputs)
+    assert found == (*widths, 3)
+
+
+@pytest.mark.parametrize(("name", "shape", "message"), [
+    ("dec_conv0.bias", None, "missing"), ("enc_conv4.weight", None, "missing"), ("more", (3,), "no such tensor"),
+    ("enc_conv2.bias", (9,), "expected"), ("dec_conv2a.weight", (8, 8, 3, 3), r"expected \(8, 16, 3, 3\)"),
+    ("enc_conv0.weight", (8, 9, 3, 3), "denoiser with 3 inputs"), ("dec_conv0.bias", (4,), r"expected \(3,\)")])
+def test_tensors_that_make_no_network_are_one_sentence(name, shape, message):
+    changed = tensors() | ({name: np.zeros(shape)} if shape else {})
+    if shape is None:
+        del changed[name]
+    with pytest.raises(LfsrError, match=rf"^x.tza has tensor .*{message}"):
+        denoiser.check_network(changed, "x.tza")
+
+
+def test_a_file_is_read_again_when_it_has_changed(weights):
+    first = denoiser.load(weights)
+    assert denoiser.load(weights) is first
+    write_tza(weights, tensors(seed=1))
+    os.utime(weights, ns=(1, 1))
+    assert denoiser.load(weights) == weights.read_bytes() != first
+
+
+def test_single_floats_are_refused_before_the_library_sees_them(tmp_path):
+    write_tza(tmp_path / "x.tza", tensors(), half=False)
+    with pytest.raises(LfsrError, match="x.tza holds single floats.*takes half floats"):
+        denoiser.load(tmp_path / "x.tza")
+
+
+def test_missing_weights_are_one_sentence(tmp_path):
+    with pytest.raises(LfsrError, match="none.tza does not exist, expected TZA weights"):
+        method("ours+bilinear", weights=tmp_path / "none.tza").prepare(low_resolution())
+
+
+@pytest.mark.parametrize("parallax", [(True, True), (True, False)])
+def test_colour_is_denoised_as_one_image_by_our_weights(weights, parallax):
+    low = low_resolution(parallax, (6, 8, 5, 5, 3) if all(parallax) else (12, 8, 1, 5, 3))
+    found = method("ours+bilinear", weights=weights).prepare(low)
+    image = (low.color.swapaxes(1, 2) if all(parallax) else low.color.transpose(2, 3, 0, 1, 4)).reshape(-1, 8 * (
+        5 if all(parallax) else 1), 3)
+    expected = denoise_eia(image, weights=denoiser.load(weights))
+    again = found.color.swapaxes(1, 2) if all(parallax) else found.color.transpose(2, 3, 0, 1, 4)
+    np.testing.assert_array_equal(again.reshape(image.shape), expected)
+    assert found.noisy is low.color
+    write_tza(weights, tensors(seed=1))
+    assert not np.array_equal(denoise_with_ours(low, weights).color, found.color)
+
+
+def test_a_lamp_far_away_changes_nothing(weights):
+    """The library does not expose by itself, so that frames of an animation agree."""
+    dark = np.random.default_rng(1).gamma(1, 0.1, (32, 400, 3)).astype(np.float32)
+    lit = dark.copy()
+    lit[:, 380:] = 50
+    dark, lit = (denoise_eia(image, weights=denoiser.load(weights)) for image in (dark, lit))
+    np.testing.assert_allclose(lit[:, :60], dark[:, :60], rtol=1e-4)
+    assert not np.allclose(lit[:, 340:], dark[:, 340:], rtol=1e-2)
+
+
+@needs_bpy
+def test_library_of_blender_takes_our_weights(monkeypatch, weights):
+    color, content = low_resolution().color.swapaxes(1, 2).reshape(30, 40, 3), denoiser.load(weights)
+    expected = denoise_eia(color, weights=content)
+    monkeypatch.setitem(sys.modules, "pyoidn", None)
+    np.testing.assert_allclose(denoise_eia(color, weights=content), expected, rtol=1e-3, atol=1e-4)
