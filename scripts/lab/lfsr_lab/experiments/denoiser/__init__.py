@@ -1,0 +1,1 @@
+"""How near denoisers come to references, on known and unprepared scenes."""
