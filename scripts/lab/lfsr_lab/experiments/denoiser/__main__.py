@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
     found: dict[Key, Figures] = {}
     for place in chosen:
         renders = [each for each in settings.renders(place.scene) if not arguments.samples
-                   or each.scale == place.scene.scale and each.samples in arguments.samples]
+                   or (each.scale == place.scene.scale and each.samples in arguments.samples)]
         if not arguments.only_measure:
             place.fill(settings.reference_samples, renders)
         if is_complete(place.folder / REFERENCE, "reference"):
@@ -67,7 +67,8 @@ def measured(place: Place, renders: Iterable[Render], candidates: Sequence[Candi
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m lfsr_lab.experiments.denoiser", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python -m lfsr_lab.experiments.denoiser",
+                                     description=__doc__.splitlines()[0])
     add = parser.add_argument
     add("scenes", type=Path, nargs="+", metavar="SCENES", help="folders with the files of the settings")
     add("-o", "--output", type=Path, required=True, metavar="OUT", help="folder of everything that is made")

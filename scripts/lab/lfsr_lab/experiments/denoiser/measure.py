@@ -1,8 +1,8 @@
 """Accuracy of a method in the lenses that a reference shows, lens by lens, so that methods can be compared in pairs.
 
 The relative squared error is the mean of (x - a)(x - b) / (m² + RELATIVE), scene-linear: a and b are the halves of the
-reference, whose noise cancels, m the mean of both halves and all channels of a pixel. HDR-FLIP is taken against m with the
-exposures that it chooses for the whole reference.
+reference, whose noise cancels, m the mean of both halves and of a pixel's channels. HDR-FLIP is taken against the mean
+of both halves, with the exposures that it chooses for the whole reference.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from lfsr_core.frames.low_res import low_resolution, read_world
 from lfsr_core.frames.reference import Reference
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.reconstruct.method_name import OURS, MethodName
 from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.second_stage import finished_lenses
 from lfsr_lab.experiments.engine.accuracy import lens_ssims
@@ -62,14 +62,15 @@ class Candidate:
     @property
     def label(self) -> str:
         """Its name in tables and files."""
-        return self.name.text + (f"={self.weights.stem}" if self.weights else "")
+        return self.name.text + (f"={self.weights.parent.name}-{self.weights.stem}" if self.weights else "")
 
     def at(self, frame: Frame) -> Candidate | None:
         """Return it as it finishes a frame; None where it cannot."""
         if not self.name.works_with(frame.display.parallax):
             return None
         if frame.scale == 1:
-            return dataclasses.replace(self, name=self.name.without_upscaler())
+            name = MethodName.parse(OURS) if OURS in self.name.prefilters else self.name.without_upscaler()
+            return dataclasses.replace(self, name=name)
         return self if self.name.works_at(frame.scale) else None
 
     def facts(self, render: Path, reference: Path) -> Fingerprint:

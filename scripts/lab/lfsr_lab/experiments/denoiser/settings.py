@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import tomllib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -78,7 +79,7 @@ class Settings:
 
     def renders(self, scene: Scene) -> list[Render]:
         """Return every render of a scene, those at its scale first."""
-        return list(dict.fromkeys([*self.at_scale(scene), *sum(self.at_rays(scene).values(), [])]))
+        return list(dict.fromkeys(itertools.chain(self.at_scale(scene), *self.at_rays(scene).values())))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,0 +1,108 @@
+"""Denoisers judged on renders that are played: measured once, compared in pairs, shown."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.optics.eia import to_elemental_images, to_views
+from lfsr_lab.experiments.denoiser import page
+from lfsr_lab.experiments.denoiser.__main__ import BASELINES, main
+from lfsr_lab.experiments.denoiser.measure import Candidate, Truth
+from lfsr_lab.experiments.denoiser.settings import SETTINGS, Render, Settings, read_settings
+from tests.support.panels import whole
+from tests.support.played_blender import played_blender
+from tests.support.synthetic import MINI, frame_of, light_field, write_reference
+
+TOML = """
+reference_samples = 512
+repeated = [16]
+once = [4]
+scenes = [
+    { name = "disc", file = "disc.blend", group = "round", display = "mini", scale = 2, lenses = 20 },
+    { name = "elsewhere", file = "elsewhere.blend", group = "round" },
+]
+rays = { one = { 1 = 1, 2 = 4, 4 = 16, 5 = 25 } }
+"""
+
+
+def test_what_is_there_is_measured_once_and_shown(tmp_path, capsys):
+    (tmp_path / "disc.blend").touch()
+    settings, blender, out = tmp_path / "settings.toml", tmp_path / "blender", tmp_path / "out"
+    settings.write_text(TOML)
+    words = [str(tmp_path), "-o", str(out), "-m", "bilinear", "--settings", str(settings), "--blender",
+             played_blender(blender)]
+    assert main(words) == 0, capsys.readouterr().err
+    first = capsys.readouterr().out
+    blender.unlink()  # nothing more is rendered
+    cells = sorted(out.rglob("bilinear.json"))
+    times = [cell.stat().st_mtime_ns for cell in cells]
+    assert main([*words, "--only-measure"]) == 0
+    assert capsys.readouterr().out == first == (out / "denoiser.md").read_text() + "\n"
+    assert [cell.stat().st_mtime_ns for cell in cells] == times and len(times) == 5
+    assert "elsewhere" not in first
+    assert {path.name for path in (out / "disc").iterdir()} == {
+        "cells", "reference", "s1-spp1-seed0", "s2-spp16-seed0", "s2-spp16-seed1", "s2-spp4-seed0", "s4-spp16-seed0"}
+    differences = [line for line in first.splitlines() if line.startswith("| disc |")
+                   and line.count("±") == len(BASELINES)]
+    assert len(differences) == 2, first
+    assert "| scene | scale 1 | scale 2 | scale 4 |" in first, first
+
+
+def test_errors_do_not_grow_with_the_noise_of_the_reference(tmp_path):
+    truth = Truth(write_reference(tmp_path, noise=0.05))
+    field = to_elemental_images(light_field()[..., :3], MINI.lenses)[tuple(truth.lenses.T)]
+    exact, worse = (truth.figures(np.float32(factor) * field, 0.0) for factor in (1.0, 1.2))
+    mean = np.mean(truth.halves, 0)
+    noise = np.mean((srgb_encode(mean) - srgb_encode(field))**2)
+    assert abs(np.mean(exact.squared)) < 0.1 * noise and abs(np.mean(exact.relative)) < 2e-3
+    expected = np.mean((0.2 * field)**2 / (mean.mean(-1, keepdims=True)**2 + 0.01))
+    assert np.mean(worse.relative) == pytest.approx(expected, rel=0.15)
+    assert np.mean(exact.ssim) > np.mean(worse.ssim) and np.mean(exact.flip) < np.mean(worse.flip)
+
+
+def test_views_are_compared_where_they_differ_along_one_axis(tmp_path):
+    panel = whole("lenticular")
+    block = tuple((row, column) for row in range(3, 7) for column in range(2, 8))
+    truth = Truth(write_reference(tmp_path, display=panel, lens_list=block))
+    field = light_field(panel)[..., :3]
+    images = to_elemental_images(field, panel.lenses)[tuple(truth.lenses.T)]
+    assert np.array_equal(truth.shown(images), to_views(field, panel.lenses)[0, :, 3:7, 2:8])
+
+
+def test_pairs_differ_by_the_mean_of_seeds_within_an_interval_over_lenses():
+    generator = np.random.default_rng(5)
+    inside, lenses = 0, 12
+    for _ in range(400):
+        common = generator.normal(0, 1, lenses)  # hard and easy lenses, the same for both methods
+        first, second = (common + generator.normal(shift, 0.1, (3, lenses)) for shift in (0.05, 0.0))
+        value, half = page.difference(first, second)
+        inside += abs(value - 0.05) < half
+    assert 0.9 < inside / 400 < 0.99
+    assert page.mean([(0.1, 0.03), (0.3, 0.04)]) == (pytest.approx(0.2), pytest.approx(0.025))
+
+
+def test_weights_are_told_apart_and_stay_at_scale_1(tmp_path):
+    names = []
+    for folder in ("first", "second"):
+        file = tmp_path / folder / "weights.tza"
+        file.parent.mkdir()
+        file.write_text(folder)
+        names.append(Candidate.parse(f"ours+bilinear={file}"))
+    assert names[0].label != names[1].label
+    at_one = names[0].at(frame_of(1))
+    assert (at_one.name.text, at_one.weights) == ("ours", names[0].weights)
+    lenticular = dataclasses.replace(frame_of(2), display=whole("lenticular"))
+    assert Candidate.parse("oidn-both+refine+epi").at(lenticular) is None
+
+
+def test_the_settings_have_equal_rays_at_every_scale():
+    settings = read_settings(SETTINGS)
+    for rays, samples in settings.rays.items():
+        counts = {number / int(scale)**2 for scale, number in samples.items()}
+        assert max(counts) - min(counts) < 0.02, (rays, counts)
+    assert {scene.group for scene in settings.scenes} >= {"known", "unseen"}
+    assert Render(4, 16) in Settings.renders(settings, settings.scenes[0])
