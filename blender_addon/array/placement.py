@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -25,6 +26,7 @@ FILL = 0.85           # fraction of the display that the subject may fill, seen 
 LEAST_FILL = 0.5      # a deep subject is made smaller to fit the usable depth, but not below this
 WALL_MARGIN = 0.9     # fraction of the free space around the camera that the array may use
 MOST_REACH = 1.70141e38   # Blender's value for a ray without end
+MOST_NAMES = 3
 PROBES = (32, 18)     # rays across and down that measure the visible depth of the subject
 SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 BOXED = {"VOLUME", "CURVES", "POINTCLOUD"}  # known by their bounding boxes only
@@ -47,6 +49,42 @@ def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.type
     sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), to_blender(matrix), clip_of(scene))
     half = array.half_width / array.distance, array.half_height / array.distance
     return np.array(_depths(sight, half, subject))
+
+
+def unseen_notice(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.types.Object]) -> str:
+    """Return the notice that the middle of a ``placed`` array sees other things than the subject, and where that lies.
+
+    "" if it sees some of the subject, or if rays could not tell: they meet neither hair nor volumes.
+    """
+    array, matrix = placed
+    sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), to_blender(matrix), clip_of(scene))
+    half = array.half_width / array.distance, array.half_height / array.distance
+    points = [points.mean(0) for points in world_points(subject)]
+    unmet = any(item.type in BOXED for item, _, _ in instances(subject))
+    if not points or unmet or any(item.original in subject for _, item in _hits(sight, half)):
+        return ""
+    names, where = _seen_names(sight, half), _where(np.mean(points, axis=0), sight, half)
+    return f"The array sees {names}, but nothing of the subject, which {where}" if names else (
+        f"The array sees nothing, and the subject {where}")
+
+
+def _seen_names(sight: _Sight, half: tuple[float, float]) -> str:
+    """Names of the objects that most rays meet, "" if they meet nothing."""
+    seen = collections.Counter(item.name for _, item in _hits(sight, half))
+    return ", ".join(name for name, _ in seen.most_common(MOST_NAMES))
+
+
+def _where(point: Array, sight: _Sight, half: tuple[float, float]) -> str:
+    """Where a world point (3,) lies that a camera does not see."""
+    x, y, z = sight.matrix.inverted() @ mathutils.Vector(point)
+    if z >= 0:
+        return "lies behind the camera"
+    if max(abs(x) / half[0], abs(y) / half[1]) > -z:
+        beside = ("to the left", "to the right") if abs(x) / half[0] >= abs(y) / half[1] else ("below", "above")
+        return f"lies {beside[(x if beside[0] == 'to the left' else y) > 0]}"
+    if sight.clip and -z > sight.clip[1]:
+        return "lies beyond the clip end of the camera"
+    return "is hidden or too small"
 
 
 def clip_of(scene: bpy.types.Scene) -> Clip | None:
@@ -188,18 +226,24 @@ def _balanced_depth(sight: _Sight, half: tuple[float, float], subject: set[bpy.t
     """Depth D of equal parallax to the nearest and the farthest visible point: 2/D = 1/near + 1/far."""
     depths = _depths(sight, half, subject)
     if not depths:
-        raise LfsrError("the scene's camera does not see the subject: turn the camera, choose another camera "
-                        f"(or {FIT!r}), or choose another subject")
+        names = _seen_names(sight, half)
+        raise LfsrError(f"the scene's camera does not see the subject{f' but {names}' if names else ''}: turn the "
+                        f"camera, choose another camera (or {FIT!r}), or choose another subject")
     near, far = np.percentile(depths, (2, 98))
     return float(2 / (1 / near + 1 / far))
 
 
 def _depths(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Object]) -> list[float]:
     """Depths at which a grid of PROBES rays meets the subject; ``half``: half the frame at depth 1."""
-    hits = [sight.look(x * half[0], y * half[1])
-            for x in np.linspace(-1, 1, PROBES[0]) for y in np.linspace(-1, 1, PROBES[1])]
     toward = sight.matrix.inverted()
-    return [-(toward @ place).z for place, item in filter(None, hits) if item.original in subject]
+    return [-(toward @ place).z for place, item in _hits(sight, half) if item.original in subject]
+
+
+def _hits(sight: _Sight, half: tuple[float, float]) -> list[tuple[mathutils.Vector, bpy.types.Object]]:
+    """World places and objects that a grid of PROBES rays meets."""
+    hits = (sight.look(x * half[0], y * half[1])
+            for x in np.linspace(-1, 1, PROBES[0]) for y in np.linspace(-1, 1, PROBES[1]))
+    return [hit for hit in hits if hit is not None]
 
 
 def _free_fraction(sight: _Sight, profile: DisplayProfile, array: CameraArray) -> float:

@@ -85,6 +85,8 @@ def prepared(scene: bpy.types.Scene, job: Job, warn: Warn = print) -> Iterator[F
             own_light = _has_own_light(scene, job, subject, warn)
             with lit(scene, own_light):
                 frame = _frame(scene, job, subject, own_light)
+                if unseen := placement.unseen_notice(scene, (frame.array, frame.matrix_world), subject):
+                    warn(unseen)
                 yield dataclasses.replace(frame, world_apart=_world_apart(scene, frame, job, warn))
 
 

@@ -6,6 +6,7 @@ import argparse
 import dataclasses
 import os
 import time
+from collections.abc import Sequence
 from contextlib import closing
 from typing import TYPE_CHECKING
 
@@ -14,9 +15,10 @@ from lfsr_core.commands import upscale
 from lfsr_core.commands.renamed import add_old_option
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.averaging import check_averaging, seed_in_turn
-from lfsr_core.frames.foreground import check_dilate
+from lfsr_core.frames.foreground import UNSEEN, check_dilate
 from lfsr_core.frames.frame import SUBPIXELS, read_frame
 from lfsr_core.frames.job import LAYERS, Job
+from lfsr_core.frames.report import Report, read_report
 from lfsr_core.optics.depth_scale import scales_up_to
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lens_rows import rows_text
@@ -46,6 +48,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="an animation: frames A to B, every Nth, or a list, each in a folder of DIR such as 0001; "
                              "finished frames are not rendered again")
     parser.add_argument("--overwrite", action="store_true", help="with --frames, render finished frames again")
+    parser.add_argument("--allow-empty", action="store_true",
+                        help="exit with 0 although no lens sees the subject, with --frames in no frame")
     common.add_cluster_arguments(parser, "with --frames, ")
     averaging = parser.add_argument(
         "--temporal-averaging", type=int, metavar="N",
@@ -78,7 +82,8 @@ def run(arguments: argparse.Namespace) -> None:
         return
     if scale > 1 and read_frame(arguments.output).scale == 1:
         method = method.without_upscaler()
-    upscale.upscale(arguments.output, method, arguments)
+    report = upscale.upscale(arguments.output, method, arguments)
+    _check_seen(arguments, [report])
 
 
 def _largest_scale(arguments: argparse.Namespace) -> int:
@@ -119,6 +124,16 @@ def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) 
     if failed:
         raise LfsrError(f"{len(failed)} of {len(results)} frames failed, first frame {failed[0].frame} "
                         f"({failed[0].error}): run the same command again to render them")
+    _check_seen(arguments, [read_report(result.folder) for result in results])
+
+
+def _check_seen(arguments: argparse.Namespace, reports: Sequence[Report]) -> None:
+    """LfsrError where no image shows any of the subject, unless that is allowed."""
+    said = [[note for note in report.notes if note.startswith(UNSEEN)] for report in reports]
+    if arguments.allow_empty or not all(said):
+        return
+    raise LfsrError(f"{said[0][0]}. Turn the camera, choose another --camera or --subject, or keep the image in "
+                    f"{arguments.output} with --allow-empty")
 
 
 def _check_frames(arguments: argparse.Namespace) -> None:

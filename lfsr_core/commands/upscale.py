@@ -14,6 +14,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.progress import Progress, ProgressBar, silent
 
 if TYPE_CHECKING:  # slow to import, and `lfsr --help` has to be quick
+    from lfsr_core.frames.report import Report
     from lfsr_core.reconstruct.method_name import MethodName
     from lfsr_core.reconstruct.options import UpscaleOptions
 
@@ -92,8 +93,8 @@ def options_of(arguments: argparse.Namespace, progress: Progress = silent) -> Up
                           temporal_averaging=arguments.temporal_averaging or 0, progress=progress)
 
 
-def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> None:
-    """Run the second stage with a progress bar and print its times."""
+def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> Report:
+    """Run the second stage with a progress bar, print its times, and return its report."""
     from lfsr_core.reconstruct.second_stage import upscale_frame
 
     with closing(ProgressBar()) as bar:
@@ -105,7 +106,8 @@ def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> 
     times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report.seconds.items())
     if frame.panel_rays:
         print(f"{folder / PANEL_FILE}: the panel's image, traced for its subpixels; {method} ({times})")
-        return
+        return report
     if frame.display.is_woven:
         print(f"{folder / PANEL_FILE}: the panel's image, woven for its lens sheet")
     print(f"{folder / EIA_FILE}: {method}, {report.foreground_fraction:.0%} of the lenses are foreground ({times})")
+    return report

@@ -15,7 +15,7 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.foreground import foreground_pixels
+from lfsr_core.frames.foreground import foreground_pixels, unseen_notes
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS, Frame
 from lfsr_core.frames.low_res import over_background
 from lfsr_core.frames.report import Report, write_report
@@ -61,8 +61,8 @@ def finish_panel(folder: Path, frame: Frame, method: MethodName, progress: Progr
     with clock("write"):
         write_png(folder / PANEL_FILE, pixels)
     background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]
-    notes = (*frame.notes, *replaced_notes(replaced, layers["color"][..., 0].size),
-             *exposure_notes(pixels, background))
+    notes = (*frame.notes, *replaced_notes(replaced, layers["color"][..., 3].size),
+             *(unseen_notes(layers) or exposure_notes(pixels, background)))
     report = Report(
         method=method.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds=clock.rounded, peak_bytes=peak_bytes(),

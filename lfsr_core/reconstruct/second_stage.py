@@ -11,7 +11,7 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.foreground import foreground_mask
+from lfsr_core.frames.foreground import foreground_mask, unseen_notes
 from lfsr_core.frames.frame import (
     EIA_FILE,
     EIA_LINEAR_FILE,
@@ -59,12 +59,12 @@ def upscale_frame(folder: str | Path, method: str | MethodName, options: Upscale
         return finish_panel(Path(folder), rendered, name, options.progress)
     run = _begin(folder, registry.method(name, options.weights), options)
     show = _view_transform(run)
-    assembly, replaced = _prepare(run)
+    assembly, replaced, unseen = _prepare(run)
     pixels, linear = _panel_images(run, show, assembly)
     _write_panel(run, pixels)
     with run.clock("write"):
         _write(run, pixels, linear, assembly.mask)
-    report = _report(run, assembly, replaced, _exposure_notes(run, show, assembly, pixels))
+    report = _report(run, assembly, replaced, unseen or _exposure_notes(run, show, assembly, pixels))
     write_report(run.folder, report)
     return report
 
@@ -100,7 +100,7 @@ def read_finished_linear(folder: str | Path) -> Array | None:
 def linear_and_mask(folder: str | Path, method: Method, options: UpscaleOptions = DEFAULT) -> tuple[Array, Array]:
     """EIA like that of ``finished_linear``, and its foreground mask (sy, sx); writes nothing."""
     run = _begin(folder, method, options)
-    assembly, _ = _prepare(run)
+    assembly, *_ = _prepare(run)
     result = filled(assembly.size, run.background)
     finish = functools.partial(place, result, run.frame.rays.tiles, flipped=False)
     upscale_all(assembly, options.step, finish, run.clock, options.progress)
@@ -154,8 +154,8 @@ def _filler(method: Method, scale: int) -> Upscaler:
     return method.upscaler if scale == 1 else registry.CLASSICAL[FILL_METHOD]
 
 
-def _prepare(run: _Run) -> tuple[Assembly, int]:
-    """Everything before the first lens is finished, and the number of pixels that were not finite."""
+def _prepare(run: _Run) -> tuple[Assembly, int, list[str]]:
+    """Everything before the first lens is finished, the number of pixels that were not finite, and ``unseen_notes``."""
     frame, clock, progress = run.frame, run.clock, run.options.progress
     progress("load", 0.0, LOW_RES_FILE)
     with clock("load"):
@@ -166,13 +166,14 @@ def _prepare(run: _Run) -> tuple[Assembly, int]:
         with clock("share"):
             low = average_frames(low, (read_low(each.folder) for each in run.neighbours if each.usable))
     with clock("mask"):
-        mask = foreground_mask(layers, frame.rays.tiles, run.options.dilate)
+        unseen, mask = unseen_notes(layers), foreground_mask(layers, frame.rays.tiles, run.options.dilate)
+        mask = np.zeros_like(mask) if unseen else mask
         mask = mask if run.options.selection else np.ones_like(mask)
         fill = ~mask & (low.alpha.any(axis=(2, 3, 4)) | frame.world_visible)
     progress("upscale", 0.0, "+".join(run.method.name.prefilters))
     with clock("upscale"):
         low = prepared(low, run.method)
-    return Assembly(low, mask, fill, run.method.upscaler, _filler(run.method, frame.scale)), replaced
+    return Assembly(low, mask, fill, run.method.upscaler, _filler(run.method, frame.scale)), replaced, unseen
 
 
 def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[Array, Array | None]:
@@ -235,9 +236,13 @@ def _report(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> R
     return Report(
         method=name.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds=run.clock.rounded, peak_bytes=peak_bytes(), foreground_fraction=float(assembly.mask.mean()),
-        notes=(*filter(None, [frame.scale_reason]), *frame.notes, *replaced_notes(replaced, assembly.low.alpha.size),
-               *notes, *name.guide_notes(assembly.low.layers), *assembly.upscaler.notes,
-               *averaging_notes(run.neighbours)),
+        notes=_notes(run, assembly, replaced, notes),
         replaced_pixels=replaced, dilate=options.dilate, layout=frame.layout, device=frame.device,
         weights=str(options.weights) if options.weights else None, temporal_averaging=options.temporal_averaging,
         neighbours=tuple(each.number for each in run.neighbours))
+
+
+def _notes(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> tuple[str, ...]:
+    frame, low = run.frame, assembly.low
+    return (*filter(None, [frame.scale_reason]), *frame.notes, *replaced_notes(replaced, low.alpha.size), *notes,
+            *run.method.name.guide_notes(low.layers), *assembly.upscaler.notes, *averaging_notes(run.neighbours))

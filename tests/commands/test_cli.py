@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -30,12 +31,16 @@ if "--version" in sys.argv:
 job = json.loads(Path(sys.argv[-1]).read_text())
 with open({log!r}, "a") as log:
     log.write(json.dumps(job) + "\\n")
+import numpy as np
+from lfsr_core.images.exr import write_layers
 from tests.support.synthetic import write_reference, write_render
 if job["kind"] == "reference":
     lenses = job["lens_list"]
     write_reference(Path(job["output"]), lens_list=lenses and tuple(map(tuple, lenses)))
 else:
     write_render(Path(job["output"]), job["scale"], samples=job["spp"])
+    if job["subject"] == "Unseen":
+        write_layers(Path(job["output"], "lr_eia.exr"), {{"color": np.zeros((48, 64, 4), np.float32)}})
 print('LFSR {{"stage": "done", "folder": "."}}')
 """
 
@@ -113,6 +118,16 @@ def test_render_goes_all_the_way(scene, blender, tmp_path, capsys):
                 "view_aperture": 0.5, "world_visible": False, "lens_list": None, "clamp_indirect": None}
     assert {key: job[key] for key in expected} == expected
     assert read_png(folder / "eia.png").shape == (96, 128, 3)
+
+
+def test_an_image_without_foreground_is_no_success(scene, blender, tmp_path, capsys):
+    command = ["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--scale", "2", "--method",
+               "bicubic", "--subject", "Unseen", "--blender", blender]
+    assert main(command) == 2
+    assert re.search("render: no lens sees the subject: no object is in sight.*--allow-empty", capsys.readouterr().err)
+    assert (tmp_path / "frame" / "eia.png").is_file(), "it may be what was wanted"
+    assert main([*command, "--allow-empty"]) == 0
+    assert "no lens sees the subject" in capsys.readouterr().err
 
 
 def test_render_defaults(scene, blender, tmp_path):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.foreground import foreground_mask, recall
+from lfsr_core.frames.foreground import foreground_mask, recall, unseen_notes
 
 LENSES = (5, 4)  # across, down, of 3 × 2 pixels
 
@@ -33,6 +33,15 @@ def test_any_hit_however_faint_marks_its_lens_and_no_other():
     mask = foreground_mask(layers(alpha=image((0, 2), (5, 9), value=1e-3)), LENSES)
     assert mask.shape == (4, 5)
     assert marked(mask) == {(0, 0), (2, 3)}
+
+
+def test_a_render_without_its_subject_is_said_with_what_it_shows():
+    wall = image((0, 0), (1, 1), (2, 2))
+    edge = image((0, 0), (1, 1), value=2.0)  # where a ray passed the wall first, the index is 0
+    for seen, said in ((layers(), "no object is in sight"), (layers(alpha=wall, index=edge), "objects fill 2% of")):
+        (note,) = unseen_notes(seen)
+        assert note.startswith("no lens sees the subject") and said in note
+    assert unseen_notes(layers(alpha=wall)) == unseen_notes(layers(alpha=wall, index=image((2, 2)))) == []
 
 
 def test_dilation_grows_by_lenses_and_stops_at_the_edge():

@@ -105,6 +105,15 @@ def test_a_picture_with_many_broken_pixels_is_said_and_one_of_nothing_else_refus
     assert not (tmp_path / "eia.png").exists()
 
 
+def test_edges_of_background_meshes_alone_are_no_foreground(tmp_path):
+    write_render(tmp_path)
+    layers = read_layers(tmp_path / LOW_RES_FILE)
+    layers["index"] = np.where(layers["color"][..., 3:] == 1, np.float32(2), np.float32(0))
+    write_layers(tmp_path / LOW_RES_FILE, layers)
+    report = second_stage.upscale_frame(tmp_path, "nearest")
+    assert report.foreground_fraction == 0 and "no lens sees the subject: background objects fill" in report.notes[0]
+
+
 def test_report_has_what_the_documentation_says(tmp_path):
     write_render(tmp_path, seconds={"open": 0.5, "render": 2.0})
     second_stage.upscale_frame(tmp_path, "oidn+bicubic")

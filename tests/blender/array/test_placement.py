@@ -157,7 +157,7 @@ def test_camera_sees_its_subject_through_a_clipped_wall(scene):
     box = add_box(scene, tuple(CENTRE), tuple(HALF))
     add_box(scene, (1, -4.9, 3), (2, 0.02, 2))
     camera = add_camera(scene)
-    with pytest.raises(LfsrError, match="does not see the subject"):
+    with pytest.raises(LfsrError, match="does not see the subject but item.001: turn"):
         placement.place_array(scene, SMALL, {box})
     camera.data.clip_start = 0.5
     assert placement.place_array(scene, SMALL, {box})[0].distance == pytest.approx(7 - HALF[1], abs=0.05)
@@ -206,3 +206,46 @@ def test_camera_without_a_direction_is_one_sentence(scene, scale, whose):
     camera.data.dof.use_dof, camera.data.dof.focus_object = True, scene.objects["item"]
     with pytest.raises(LfsrError, match="'camera' has no direction.*set the scale to 1"):
         scaled(scene, {"camera": camera, "parent": parent}[whose], scale)
+
+
+def test_what_a_camera_sees_instead_of_its_subject_is_named(scene):
+    box, wall = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5)), add_box(scene, (0, -2, 0), (9, 0.1, 9))
+    wall.name = "Wall"
+    camera = add_camera(scene, (0, -6, 0))
+    camera.data.dof.use_dof, camera.data.dof.focus_distance = True, 4.0
+
+    def notice(chosen):
+        bpy.context.view_layer.update()
+        return placement.unseen_notice(scene, placement.place_array(scene, SMALL, chosen), chosen)
+
+    assert notice({wall}) == notice({box, wall}) == ""
+    assert "sees Wall, but nothing of the subject, which is hidden" in notice({box})
+    camera.data.clip_end = 3.0
+    assert "sees nothing" in notice({box}) and "beyond the clip end of the camera" in notice({box})
+    camera.data.clip_end, wall.location.y = 100.0, -9
+    assert notice({box}) == ""
+    for axis, where in ((0, "to the left"), (0, "to the right"), (2, "below"), (2, "above")):
+        camera.location = (0, -6, 0)
+        camera.location[axis] = {"to the left": 30, "to the right": -30, "below": 30, "above": -30}[where]
+        assert f"sees nothing, and the subject lies {where}" in notice({box}), where
+    camera.location = (0, 6, 0)
+    assert "lies behind the camera" in notice({box})
+
+
+def test_hair_and_volumes_are_left_to_the_render(scene):
+    """Rays do not meet them."""
+    points = bpy.data.objects.new("points", bpy.data.pointclouds.new("points"))
+    scene.collection.objects.link(points)
+    add_camera(scene, (0, -6, 0)).data.dof.use_dof = True
+    bpy.context.view_layer.update()
+    assert placement.unseen_notice(scene, placement.place_array(scene, SMALL, {points}), {points}) == ""
+
+
+def test_a_subject_that_only_renders_show_is_left_to_the_render(scene):
+    box = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    box.hide_viewport = True
+    camera = add_camera(scene, (0, -6, 0))
+    camera.data.dof.use_dof = True
+    bpy.context.view_layer.update()
+    chosen = {box, camera}
+    assert placement.unseen_notice(scene, placement.place_array(scene, SMALL, chosen), chosen) == ""

@@ -17,7 +17,7 @@ from lfsr_core.frames.job import DEVICES, Job
 from lfsr_core.images import exr
 from lfsr_core.records import to_data
 from lfsr_core.render.protocol import parse_progress
-from tests.support.scenes import MINI, ROOT, add_box, emission
+from tests.support.scenes import MINI, ROOT, add_box, add_camera, emission
 
 ENTRY = ROOT / "blender_addon" / "headless" / "entry.py"
 
@@ -67,6 +67,19 @@ def test_what_is_left_out_is_said_before_the_render_and_kept_in_the_frame(scene,
     assert len(said) == 1 and said[0] < renders[0]
     (note,) = read_frame(tmp_path / "out").notes
     assert note == emitted[said[0]]["message"] and "sequencer" in note
+
+
+def test_a_camera_that_sees_something_else_is_said_before_the_render(scene, tmp_path):
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), emission((1, 0.5, 0.2)))
+    wall = add_box(scene, (0, -2, 0), (3, 0.1, 3), emission((0.5, 0.5, 0.5)))
+    wall.name, background = "Wall", bpy.data.collections.new("Background")
+    scene.collection.children.link(background)
+    background.objects.link(wall)
+    add_camera(scene, (0, -6, 0)).data.dof.use_dof = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    child = start(tmp_path, scene=str(tmp_path / "scene.blend"))
+    said = [record["message"] for record in records(child.communicate()[0].splitlines()) if record.get("warning")]
+    assert child.returncode == 0 and len(said) == 1 and "sees Wall, but nothing of the subject" in said[0]
 
 
 @pytest.mark.parametrize(("options", "sentence"), [
