@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -25,6 +26,7 @@ from lfsr_core.frames.report import Report, read_report, write_report
 from lfsr_core.images.exr import read_finite, read_layers
 from lfsr_core.images.png import read_mask, read_png, write_mask
 from lfsr_core.optics.display import load_display
+from lfsr_core.reconstruct import denoiser, tza
 from lfsr_core.reconstruct.networks import catalogue, numpy_network
 from lfsr_core.records import to_data
 from tests.support.synthetic import MINI, frame_of, write_render
@@ -104,6 +106,17 @@ def read_weights(path: Path) -> None:
     numpy_network._load.__wrapped__(path, 0)
 
 
+def read_denoiser(path: Path) -> None:
+    denoiser._load.__wrapped__(path, 0)
+
+
+def denoiser_weights(path: Path) -> bytes:
+    """The smallest network, of whose bytes a third are the table."""
+    shapes = denoiser.network_shapes((1,) * 15 + (3,))
+    tza.write_tza(path, {name: np.full(shape, 0.1) for name, shape in shapes.items()})
+    return path.read_bytes()
+
+
 def use_frame(path: Path) -> None:
     frame = read_frame(path.parent)
     assert frame.rays.size and frame.rays.tiles
@@ -123,12 +136,14 @@ def read_pictures(path: Path) -> None:
 KINDS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "frame": (FRAME_FILE, use_frame), "report": (REPORT_FILE, lambda path: read_report(path.parent)),
     "job": ("job.json", read_job), "profile": ("profile.toml", load_display), "exr": ("lr_eia.exr", use_picture),
-    "png": ("mask.png", read_pictures), "weights": ("weights.safetensors", read_weights)}
+    "png": ("mask.png", read_pictures), "weights": ("weights.safetensors", read_weights),
+    "denoiser": ("denoiser.tza", read_denoiser)}
 
 
 @pytest.fixture(scope="module")
 def good(tmp_path_factory) -> dict[str, bytes]:
-    files = render_files(tmp_path_factory.mktemp("good"))
+    folder = tmp_path_factory.mktemp("good")
+    files = render_files(folder) | {"denoiser.tza": denoiser_weights(folder / "denoiser.tza")}
     job = Job("out", MINI, "scene.blend", layers=("albedo",), lens_list=((0, 0), (1, 1)), scale=2)
     return files | {"job.json": json.dumps(to_data(job)).encode(), "profile.toml": json.dumps(MINI.to_dict()).encode(),
                     "weights.safetensors": catalogue.weights_path("light", 4).read_bytes()}
@@ -156,7 +171,7 @@ def attempt(folder: Path, kind: str, data: bytes) -> None:
 
 
 def fuzz(folder: Path, kind: str, content: bytes, cases: int) -> None:
-    binary = kind in ("exr", "png", "weights")
+    binary = kind in ("exr", "png", "weights", "denoiser")
     strategy = damaged_bytes(content) if binary else damaged_json(content.decode()) | damaged_bytes(content)
 
     @settings(max_examples=cases, deadline=None, database=None, suppress_health_check=list(HealthCheck))
