@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import signal
+import tempfile
 
 import hypothesis
 
@@ -10,5 +13,15 @@ import hypothesis
 hypothesis.settings.register_profile("lfsr", deadline=None, max_examples=50)
 hypothesis.settings.load_profile("lfsr")
 
+# What tests and the programs that they start leave in the temporary folder goes with them; not pytest's own folders.
+os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", tempfile.gettempdir())
+TEMPORARY = tempfile.mkdtemp(prefix="lfsr-tests-")
+os.environ["TMPDIR"] = tempfile.tempdir = TEMPORARY
+
 # A suite that a shell started in the background ignores Ctrl-C, and so would every program it starts.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_unconfigure() -> None:
+    """Remove the folder at the end of the session."""
+    shutil.rmtree(TEMPORARY, ignore_errors=True)

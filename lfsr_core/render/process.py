@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import os
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -81,7 +82,10 @@ def _render(waiting: _Waiting, blender: Starts, listener: Listener) -> None:
     """Render the ``waiting`` jobs; those that are published leave the list."""
     last = waiting[-1]
     command, log_file = blender.command(*[_write(*each) for each in waiting]), last[1] / LOG_FILE
-    with log_file.open("w", encoding="utf-8") as log, Child(command, log=log.write) as child:
+    temporary = last[1] / "temporary"  # not the system's, where a Blender that is killed would leave its files
+    temporary.mkdir()
+    environment = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(temporary.resolve()))
+    with log_file.open("w", encoding="utf-8") as log, Child(command, environment, log.write) as child:
         for record in child.records():
             _take(record, waiting, listener)
         if not child.is_done():

@@ -5,10 +5,14 @@ Only jobs and results are sent: the scene and the folders are where every worker
 
 from __future__ import annotations
 
+import concurrent.futures
 import contextlib
 import dataclasses
 import logging
+import queue
 import secrets
+import tempfile
+import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,6 +24,9 @@ RESOURCE = "LFSR"  # of a worker: how many tasks it may have at once
 RETRIES = 2  # of a task that fails on one worker and may succeed on another
 DEATHS = 3  # workers that may die over one task before it is given up
 SECONDS_TO_CONNECT = 20
+SECONDS_TO_LOOK = 2.0  # between two looks at the workers while no task ends
+SECONDS_WITHOUT_WORKERS = 20.0  # after which no new ones are awaited
+AGAIN = "and run the same command again to continue"
 PLACE_FILE = ".lfsr-place-"
 
 
@@ -48,16 +55,37 @@ class Cluster:
             raise LfsrError("several workers need the package distributed: install the extra 'farm', as by "
                             "pip install 'lfsr[farm]'") from None
         package: Any = distributed  # has no types
-        with dask.config.set({"distributed.scheduler.allowed-failures": DEATHS}), contextlib.ExitStack() as stack:
-            where = self.address or stack.enter_context(package.LocalCluster(
-                n_workers=self.workers, threads_per_worker=1, resources={RESOURCE: 1}, dashboard_address=None,
-                silence_logs=logging.CRITICAL))
+        with _silence(), contextlib.ExitStack() as stack:
+            folder = stack.enter_context(tempfile.TemporaryDirectory("", "lfsr-workers-", ignore_cleanup_errors=True))
+            stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": DEATHS,
+                                                 "temporary-directory": folder}))
+            where = self.address or stack.enter_context(self._local(package))
             try:
                 client = package.Client(where, timeout=SECONDS_TO_CONNECT, set_as_default=False)
             except (OSError, ValueError) as error:
                 raise LfsrError(f"{self.address} cannot be reached as a Dask scheduler ({error}): start one by "
                                 "`dask scheduler` and give its address, as tcp://host:8786") from None
             yield stack.enter_context(client)
+
+    def _local(self, package: Any) -> Any:
+        """Start a scheduler and workers on this machine."""
+        try:
+            return package.LocalCluster(n_workers=self.workers, threads_per_worker=1, resources={RESOURCE: 1},
+                                        dashboard_address=None, silence_logs=logging.CRITICAL)
+        except (OSError, RuntimeError) as error:
+            raise LfsrError(f"{self.workers} workers could not be started ({error}): check that this machine has "
+                            f"enough memory for them, {AGAIN}") from None
+
+
+@contextlib.contextmanager
+def _silence() -> Iterator[None]:
+    """Print nothing of distributed's log inside the block: it has tracebacks of what we tell in a sentence."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logging.disable(before)
 
 
 def work_through(cluster: Cluster, output: Path, scene: str, tasks: Callable[[int], Iterable[Task]],
@@ -71,16 +99,16 @@ def work_through(cluster: Cluster, output: Path, scene: str, tasks: Callable[[in
         workers = client.scheduler_info(n_workers=-1)["workers"]
         if not workers:
             raise LfsrError("the scheduler has no workers: start some by `dask worker ADDRESS`")
-        answers: dict[str, str] = client.run(_blind, str(place), scene, on_error="return")
+        answers: dict[str, Any] = client.run(_blind, str(place), scene, on_error="return")
         for worker, sentence in answers.items():
-            if sentence:
+            if sentence and not isinstance(sentence, OSError):  # that one has died, and its tasks go to others
                 raise LfsrError(f"the worker {worker} {sentence}")
         uses = all(RESOURCE in worker.get("resources", {}) for worker in workers.values())
         submitted = [client.submit(_work, task.function, task.arguments, str(place), scene,
                                    key=f"lfsr-{task.name}-{place.name[-8:]}", retries=RETRIES,
                                    resources={RESOURCE: 1} if uses else None, pure=False)
                      for task in tasks(len(workers))]
-        _gather(submitted, took, client.loop)
+        _gather(client, submitted, took)
 
 
 def _work(function: Callable[..., Any], arguments: tuple[Any, ...], place: str, scene: str) -> Any:
@@ -91,21 +119,42 @@ def _work(function: Callable[..., Any], arguments: tuple[Any, ...], place: str, 
     return function(*arguments)
 
 
-def _gather(submitted: list[Any], took: Callable[[Any], None], loop: Any) -> None:
+def _gather(client: Any, submitted: list[Any], took: Callable[[Any], None]) -> None:
+    """Call ``took`` with each result; LfsrError where workers die over a task, or none or no scheduler is left."""
     import distributed
 
     package: Any = distributed
+    ended = queue.SimpleQueue[Any]()
+    for task in submitted:
+        task.add_done_callback(ended.put)
     try:
-        for task in package.as_completed(submitted, loop=loop):
+        for _ in submitted:
+            task = _next(client, ended)
             try:
                 took(task.result())
-            except distributed.KilledWorker:
+            except package.KilledWorker:
                 raise LfsrError(f"{DEATHS + 1} workers died over the same work, the last over {task.key}: check that "
-                                "their machines have enough memory, and run the same command again to continue"
+                                f"their machines have enough memory, {AGAIN}") from None
+            except concurrent.futures.CancelledError:
+                raise LfsrError(f"the scheduler {client.scheduler.address} has ended: start it and its workers, {AGAIN}"
                                 ) from None
     finally:
-        for task in submitted:
-            task.cancel()
+        with contextlib.suppress(concurrent.futures.CancelledError, OSError):
+            client.cancel(submitted)
+
+
+def _next(client: Any, ended: queue.SimpleQueue[Any]) -> Any:
+    """Wait for the next task that ends."""
+    seen = time.monotonic()
+    while True:
+        with contextlib.suppress(queue.Empty):
+            return ended.get(timeout=min(SECONDS_TO_LOOK, SECONDS_WITHOUT_WORKERS))
+        with contextlib.suppress(OSError):  # the scheduler is away: then all tasks are cancelled
+            if client.scheduler_info(n_workers=-1)["workers"]:
+                seen = time.monotonic()
+        if time.monotonic() - seen > SECONDS_WITHOUT_WORKERS:
+            raise LfsrError(f"no worker of {client.scheduler.address} is left: start some by `dask worker ADDRESS`, "
+                            f"{AGAIN}")
 
 
 @contextlib.contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import os
 import signal
 import subprocess
@@ -23,6 +24,7 @@ from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.lens_rows import check_cover
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import run_job
+from lfsr_core.sequence import cluster
 from lfsr_core.sequence.cluster import PLACE_FILE, RESOURCE, Cluster
 from lfsr_core.sequence.cluster_animation import render_on
 from lfsr_core.sequence.cluster_reference import ROWS, SAMPLES, Split, part_jobs, reference_on
@@ -33,6 +35,7 @@ from tests.support.played_blender import played_blender
 from tests.support.synthetic import fails
 
 distributed = pytest.importorskip("distributed") if not os.environ.get("CI") else __import__("distributed")
+psutil = pytest.importorskip("psutil")
 FRAMES = range(1, 4)
 
 
@@ -74,6 +77,12 @@ def slow(path: Path) -> str:
     return str(path)
 
 
+def wait_for_work(folder: Path) -> None:
+    """Wait until a worker has begun a frame."""
+    while not list(folder.glob("blender.*.pid")):
+        time.sleep(0.02)
+
+
 def kill_first_worker(folder: Path, killed: list[int]) -> None:
     """Kill the first worker that has begun a frame."""
     while not killed:
@@ -94,6 +103,76 @@ def test_a_dead_workers_frames_are_made_by_others(scheduler, tmp_path, alone):
     thread.join(5)
     assert killed and states(results) == [MADE] * 3 and images(tmp_path / "film") == alone
     assert len(list(tmp_path.glob("blender.*.pid"))) >= 2, "another worker has taken over"
+
+
+@pytest.fixture
+def processes(tmp_path):
+    """A scheduler, one worker without a nanny, and the scheduler's address."""
+    known = tmp_path / "scheduler.json"
+    started = [_start(tmp_path, "scheduler", "--port", "0", "--no-dashboard", "--host", "127.0.0.1",
+                      "--scheduler-file", str(known))]
+    while not (known.exists() and known.read_text().endswith("}")):
+        time.sleep(0.1)
+    address = json.loads(known.read_text())["address"]
+    started.append(_start(tmp_path, "worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard"))
+    with distributed.Client(address, set_as_default=False) as client:
+        client.wait_for_workers(1)
+    yield *started, address
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def _start(folder: Path, kind: str, *words: str) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *words]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "TMPDIR": str(folder)}
+    return subprocess.Popen(command, cwd=folder, stderr=subprocess.DEVNULL, env=environment)
+
+
+@pytest.mark.parametrize(("kind", "sentence"), [
+    ("worker", r"no worker of tcp://\S+ is left: start some by `dask worker ADDRESS`, and run the same command again"),
+    ("scheduler", r"the scheduler tcp://\S+ has ended: start it and its workers, and run the same command again")])
+@pytest.mark.skipif(sys.platform == "win32", reason="kills")
+def test_the_end_of_all_workers_or_of_the_scheduler_is_told(processes, tmp_path, monkeypatch, capfd, kind, sentence):
+    """And the next run, on other workers, clears what the dead one left."""
+    monkeypatch.setattr(cluster, "SECONDS_WITHOUT_WORKERS", 1)
+    scheduler, worker, address = processes
+    ended = worker if kind == "worker" else scheduler
+
+    def kill() -> None:
+        wait_for_work(tmp_path)
+        ended.kill()
+    thread = threading.Thread(target=kill, daemon=True)
+    thread.start()
+    started = time.monotonic()
+    film, tools = animation(tmp_path, FRAMES), Tools(slow(tmp_path / "blender"), chunk=1)
+    with pytest.raises(LfsrError, match=sentence):
+        render_on(Cluster(address), film, tools)
+    assert time.monotonic() - started < 30
+    assert "Traceback" not in capfd.readouterr().err
+    worker.kill()
+    worker.wait()
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as other:
+        assert states(render_on(Cluster(other.scheduler_address), film, tools)).count(MADE) >= 2
+    assert sorted(path.name for path in (tmp_path / "film").iterdir()) == ["0001", "0002", "0003"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="kills")
+def test_a_worker_that_is_killed_while_it_starts_is_told(tmp_path, capfd):
+    before = psutil.Process().children()
+
+    def kill() -> None:
+        found: list[psutil.Process] = []
+        while not found:
+            new = set(psutil.Process().children()).difference(before)
+            found = [child for child in new if "spawn_main" in " ".join(child.cmdline())]
+        found[0].kill()
+    thread = threading.Thread(target=kill, daemon=True)
+    thread.start()
+    with pytest.raises(LfsrError, match="2 workers could not be started .*: check that this machine has enough memory"):
+        render_on(Cluster(workers=2), animation(tmp_path, FRAMES), Tools(slow(tmp_path / "blender"), chunk=1))
+    thread.join(5)
+    assert "Traceback" not in capfd.readouterr().err
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
@@ -117,15 +196,18 @@ def test_blenders_own_sentence_arrives(scheduler, tmp_path):
 def test_the_command_on_workers_of_this_machine(tmp_path, alone):
     blender = played_blender(tmp_path / "blender")
     (tmp_path / "scene.glb").write_text("a scene")
+    temporary = tmp_path / "tmp"
+    temporary.mkdir()
     command = [sys.executable, "-m", "lfsr_core.cli", "render", str(tmp_path / "scene.glb"), "-o", "film", "--frames",
                "1-3", "--display", "mini", "--scale", "2", "--spp", "16", "--seed", "5", "--method", "bicubic",
                "--blender", blender, "--workers", "2"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False,
-                          env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
+                          env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+                                            "TMPDIR": str(temporary)})
     assert done.returncode == 0, done.stderr
     assert "3 frames: 3 made, 0 kept, 0 failed" in done.stdout and "Traceback" not in done.stderr
     assert images(tmp_path / "film") == alone
-    assert not list((tmp_path / "film").glob(f"{PLACE_FILE}*"))
+    assert not list((tmp_path / "film").glob(f"{PLACE_FILE}*")) and not list(temporary.iterdir())
 
 
 @pytest.fixture(scope="module")

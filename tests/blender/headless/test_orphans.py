@@ -76,6 +76,21 @@ def test_blender_ends_with_the_command(blend, sent):
     assert sorted(path.name for path in blend.parent.iterdir()) == ["frame", "scene.blend", "tmp"]
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_a_blender_that_is_killed_leaves_nothing_in_the_temporary_folder(blend):
+    program = lfsr(blend, ENDLESS)
+    try:
+        for line in program.stdout:
+            if "render" in line:
+                break
+        (blender,) = children(program.pid)
+        os.kill(blender, signal.SIGKILL)
+        assert "Blender stopped with signal 9" in program.stdout.read() and program.wait(20) == 2
+    finally:
+        program.kill()
+    assert not list((blend.parent / "tmp").iterdir())
+
+
 def whole(folder):
     """Every file under its final name can be read to its end."""
     if (folder / "frame.json").exists():
