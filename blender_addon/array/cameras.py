@@ -34,18 +34,38 @@ def cameras(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     return [item for item in scene.objects if item.type == "CAMERA"]
 
 
-def choice_notice(scene: bpy.types.Scene) -> str:
-    """Return the notice for a file without an active camera: which one is used, and how to use another."""
-    others = [item.name for item in cameras(scene) if item != scene.camera]
-    named = f"{', '.join(others[:MOST_NAMES])} or " if others else ""
-    return (f"The file's camera {scene.camera.name!r} is used. Choose another with --camera: {named}{FIT}, which "
-            "places the array in front of the subject")
+def camera_notices(scene: bpy.types.Scene, asked: str | None, is_imported: bool) -> list[str]:
+    """Return notices on the camera that the array stands at.
 
-
-def mirror_notice(scene: bpy.types.Scene) -> str:
-    """Return the notice on an array or camera that is its own mirror image, "" if it is not."""
+    ``asked``: name that was asked for, None for none; ``is_imported``: whether the file's format has no active camera.
+    """
     camera = rig.find(scene) or scene.camera
-    if camera is None or not is_mirrored(camera):
-        return ""
-    return (f"Camera {camera.name!r} is mirrored by a negative scale, of its own or of a parent. The mirror is undone: "
-            "left and right are as in the scene")
+    if camera is None:
+        return [_no_camera(scene)] if asked is None else []
+    chosen = [_choice(scene)] if is_imported and asked is None and scene.camera is not None else []
+    return [*chosen, *mirror_notices(camera)]
+
+
+def mirror_notices(camera: bpy.types.Object) -> list[str]:
+    """Return the notice on an array or camera that is its own mirror image, none if it is not."""
+    if not is_mirrored(camera):
+        return []
+    return [f"Camera {camera.name!r} is mirrored by a negative scale, of its own or of a parent. The mirror is undone: "
+            "left and right are as in the scene"]
+
+
+def _choice(scene: bpy.types.Scene) -> str:
+    return (f"The file's camera {scene.camera.name!r} is used. Choose another with --camera: {_others(scene)}{FIT}, "
+            "which places the array in front of the subject")
+
+
+def _no_camera(scene: bpy.types.Scene) -> str:
+    names = _others(scene).removesuffix(" or ")
+    choose = f"choose a camera with --camera ({names}), or " if names else ""
+    return ("The scene has no active camera, so the array stands in front of the subject: of a room it sees the outer "
+            f"wall. For a view from inside {choose}add one in Blender and move it with Align Active Camera to View")
+
+
+def _others(scene: bpy.types.Scene) -> str:
+    names = [item.name for item in cameras(scene) if item != scene.camera]
+    return f"{', '.join(names[:MOST_NAMES])} or " if names else ""

@@ -51,6 +51,16 @@ def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.type
     return np.array(_depths(sight, half, subject))
 
 
+def focus_notice(scene: bpy.types.Scene, placed: Placement) -> str:
+    """Return the notice that a ``placed`` array's display plane is nearer than its camera focuses, "" if it is not."""
+    is_own = rig.find(scene) is not None or scene.camera is None or scene.camera.type != "CAMERA"
+    focus, distance = None if is_own else _focus(scene.camera), placed[0].distance
+    if focus is None or distance > 0.999 * focus:
+        return ""
+    return (f"The camera focuses at {focus:.3g}, but the display plane is at {distance:.3g} scene units: farther away, "
+            "the array would reach through what stands beside the camera")
+
+
 def unseen_notice(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.types.Object]) -> str:
     """Return the notice that the middle of a ``placed`` array sees other things than the subject, and where that lies.
 

@@ -9,7 +9,7 @@ import bpy
 from lfsr_core.errors import LfsrError
 
 from ..array import rig
-from ..array.cameras import mirror_notice
+from ..array.cameras import mirror_notices
 from ..render import devices
 from ..results import preview
 from ..scene.light import has_light
@@ -54,8 +54,8 @@ def _array(scene: bpy.types.Scene) -> Iterator[Problem]:
     elif len(arrays) > 1 and scene.camera not in arrays:
         yield Problem("arrays", array.name, f"The scene has {len(arrays)} camera arrays, of which this one is used. "
                       "Make another one the active camera to use it instead.", severity=INFO, is_object=True)
-    if array is not None and (mirrored := mirror_notice(scene)):
-        yield Problem("mirror", array.name, f"{mirrored}.", severity=INFO, is_object=True)
+    for sentence in mirror_notices(array) if array is not None else ():
+        yield Problem("mirror", array.name, f"{sentence}.", severity=INFO, is_object=True)
 
 
 def _light(scene: bpy.types.Scene) -> Iterator[Problem]:

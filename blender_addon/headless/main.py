@@ -27,7 +27,7 @@ from lfsr_core.render.protocol import (
     repeated,
 )
 
-from ..array.cameras import choice_notice, choose_camera, mirror_notice
+from ..array.cameras import camera_notices, choose_camera
 from ..render.frame_folder import render_job
 from ..render.inputs import Opened
 from ..render.overrides import overridden
@@ -79,9 +79,8 @@ def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:
         scene = choose_scene(job.scene_name)
     if job.camera is not None:
         choose_camera(scene, job.camera)
-    elif not job.scene.endswith(".blend") and scene.camera is not None and job.scene:
-        emit_warning(choice_notice(scene))
-    notes = tuple(filter(None, (*notices(scene), mirror_notice(scene))))
+    is_imported = bool(job.scene) and not job.scene.endswith(".blend")
+    notes = (*notices(scene), *camera_notices(scene, job.camera, is_imported))
     for sentence in notes:
         emit_warning(sentence)
     return scene, Opened(time.perf_counter() - started, content, notes)

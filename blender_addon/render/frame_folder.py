@@ -85,8 +85,10 @@ def prepared(scene: bpy.types.Scene, job: Job, warn: Warn = print) -> Iterator[F
             own_light = _has_own_light(scene, job, subject, warn)
             with lit(scene, own_light):
                 frame = _frame(scene, job, subject, own_light)
-                if unseen := placement.unseen_notice(scene, (frame.array, frame.matrix_world), subject):
-                    warn(unseen)
+                placed = frame.array, frame.matrix_world
+                for sentence in filter(None, (placement.focus_notice(scene, placed),
+                                              placement.unseen_notice(scene, placed, subject))):
+                    warn(sentence)
                 yield dataclasses.replace(frame, world_apart=_world_apart(scene, frame, job, warn))
 
 

@@ -178,11 +178,11 @@ def scaled(scene, item, scale):
 def test_mirror_of_a_camera_is_undone(scene, scale):
     add_box(scene, tuple(CENTRE), tuple(HALF))
     camera = add_camera(scene)
-    assert cameras.mirror_notice(scene) == ""
+    assert cameras.mirror_notices(camera) == []
     plain = scaled(scene, camera, (1, 1, 1))
     array, matrix = scaled(scene, camera, scale)
     assert (array.distance, np.ravel(matrix)) == (pytest.approx(plain[0].distance), pytest.approx(np.ravel(plain[1])))
-    assert "'camera' is mirrored" in cameras.mirror_notice(scene)
+    assert "'camera' is mirrored" in cameras.mirror_notices(camera)[0]
 
 
 def test_mirror_of_a_parent_is_undone_where_it_puts_the_camera(scene):
@@ -193,7 +193,7 @@ def test_mirror_of_a_parent_is_undone_where_it_puts_the_camera(scene):
     _, matrix = scaled(scene, parent, (-1, 1, 1))
     expected = mathutils.Matrix.Translation((-1, -5, 3)) @ mathutils.Matrix.Rotation(np.pi / 2, 4, "X")
     assert np.ravel(matrix) == pytest.approx(np.ravel(spaces.from_blender(expected)), abs=1e-6)
-    assert "mirrored" in cameras.mirror_notice(scene)
+    assert cameras.mirror_notices(camera)
 
 
 @pytest.mark.parametrize("scale", [(0, 0, 0), (0, 1, 1), (1, 1, 0)])
@@ -249,3 +249,19 @@ def test_a_subject_that_only_renders_show_is_left_to_the_render(scene):
     bpy.context.view_layer.update()
     chosen = {box, camera}
     assert placement.unseen_notice(scene, placement.place_array(scene, SMALL, chosen), chosen) == ""
+
+
+def test_a_focus_that_walls_override_is_said(scene):
+    box, wall = add_box(scene, tuple(CENTRE), tuple(HALF)), add_box(scene, (2.0, -5, 3), (0.1, 4, 9))
+    camera = add_camera(scene)
+    camera.data.dof.use_dof, camera.data.dof.focus_distance = True, 6.7
+    bpy.context.view_layer.update()
+    placed = placement.place_array(scene, SMALL, {box, wall})
+    assert placed[0].distance < 6
+    said = placement.focus_notice(scene, placed)
+    assert f"focuses at 6.7, but the display plane is at {placed[0].distance:.3g}" in said
+    wall.location.x = 99
+    bpy.context.view_layer.update()
+    assert placement.focus_notice(scene, placement.place_array(scene, SMALL, {box, wall})) == ""
+    camera.data.dof.use_dof = False
+    assert placement.focus_notice(scene, placed) == "", "there is no focus to override"

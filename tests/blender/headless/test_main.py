@@ -60,6 +60,7 @@ def test_job_becomes_a_frame_folder(blend, tmp_path):
 def test_what_is_left_out_is_said_before_the_render_and_kept_in_the_frame(scene, tmp_path):
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), emission((1, 0.5, 0.2)))
     scene.sequence_editor_create().strips.new_effect("x", "COLOR", 1, frame_start=1, length=10)
+    add_camera(scene, (0, -6, 0))
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     emitted = records(start(tmp_path, scene=str(tmp_path / "scene.blend")).communicate()[0].splitlines())
     said = [number for number, record in enumerate(emitted) if record.get("warning")]

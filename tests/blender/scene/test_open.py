@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import importlib
+import json
+
 import bpy
 import numpy as np
 import pytest
 
 from blender_addon.array import edit, placement, rig
-from blender_addon.array.cameras import choice_notice, choose_camera
+from blender_addon.array.cameras import camera_notices, choose_camera
 from blender_addon.scene.open import open_scene
 from blender_addon.scene.subject import find_subject
 from lfsr_core.errors import LfsrError
@@ -58,6 +61,28 @@ def test_an_importers_long_traceback_is_one_short_sentence(tmp_path):
     assert len(str(caught.value)) <= 300
 
 
+@pytest.mark.parametrize(("extension", "command"), [
+    ("EXT_meshopt_compression", "copy"), ("KHR_texture_basisu", "ktxdecompress")])
+def test_a_compression_that_blender_cannot_read_is_named(tmp_path, extension, command):
+    path = tmp_path / "scene.gltf"
+    path.write_text(json.dumps({"asset": {"version": "2.0"}, "extensionsUsed": [extension],
+                                "extensionsRequired": [extension]}))
+    with pytest.raises(LfsrError, match=f"compressed with {extension}.*`gltf-transform {command} scene.gltf NEW.glb`"):
+        open_scene(path)
+
+
+def test_draco_is_read_where_blender_has_its_library(tmp_path, monkeypatch):
+    add_box(fresh_scene(), (0, 0, 0), (0.5, 0.5, 0.5))
+    path = tmp_path / "scene.glb"
+    bpy.ops.export_scene.gltf(filepath=str(path), export_draco_mesh_compression_enable=True)
+    assert b"KHR_draco_mesh_compression" in path.read_bytes()
+    assert find_subject(open_scene(path))
+    decoder = importlib.import_module("io_scene_gltf2.blender.imp.draco_compression_extension")
+    monkeypatch.setattr(decoder, "dll_path", lambda: tmp_path / "libextern_draco.so")
+    with pytest.raises(LfsrError, match="compressed with KHR_draco_mesh_compression.*gltf-transform copy scene.glb"):
+        open_scene(path)
+
+
 def save_cameras(path, names):
     """A glTF file with a box and cameras before it, none of them active."""
     scene = fresh_scene()
@@ -71,13 +96,29 @@ def save_cameras(path, names):
 def test_first_camera_of_a_gltf_file_is_used_and_others_by_name(tmp_path):
     scene = open_scene(save_cameras(tmp_path / "cameras.glb", ("zeta", "alpha")))
     assert scene.camera.name == "zeta"
-    assert "'zeta'" in choice_notice(scene) and "alpha" in choice_notice(scene)
+    (notice,) = camera_notices(scene, None, is_imported=True)
+    assert "'zeta'" in notice and "alpha" in notice
+    assert camera_notices(scene, None, is_imported=False) == camera_notices(scene, "zeta", is_imported=True) == []
     choose_camera(scene, "alpha")
     assert scene.camera.name == "alpha"
     with pytest.raises(LfsrError, match=r"no camera 'alhpa': did you mean 'alpha'\? Choose one of zeta, alpha"):
         choose_camera(scene, "alhpa")
     choose_camera(scene, "fit")
     assert scene.camera is None
+
+
+def test_a_scene_without_an_active_camera_is_said(tmp_path):
+    scene = open_scene(save_cameras(tmp_path / "cameras.glb", ("zeta", "alpha")))
+    scene.camera = None
+    (notice,) = camera_notices(scene, None, is_imported=True)
+    assert "no active camera" in notice and "--camera (zeta, alpha), or" in notice and len(notice) <= 300
+    assert camera_notices(scene, "fit", is_imported=True) == []
+    for item in [item for item in scene.objects if item.type == "CAMERA"]:
+        bpy.data.objects.remove(item)
+    (notice,) = camera_notices(scene, None, is_imported=False)
+    assert "outer wall" in notice and "--camera" not in notice and "Align Active Camera to View" in notice
+    edit.add(scene, MINI)
+    assert camera_notices(scene, None, is_imported=False) == []
 
 
 def test_camera_by_name_comes_before_an_array(scene):
