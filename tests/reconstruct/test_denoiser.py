@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.optics.eia import from_elemental_images
 from lfsr_core.reconstruct import denoiser
-from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_with_ours
+from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_with_ours, mirrored
 from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.tza import write_tza
 from tests.support.prerequisites import needs_bpy
@@ -78,14 +79,22 @@ def test_missing_weights_are_one_sentence(tmp_path):
 def test_colour_is_denoised_as_one_image_by_our_weights(weights, parallax):
     low = low_resolution(parallax, (6, 8, 5, 5, 3) if all(parallax) else (12, 8, 1, 5, 3))
     found = method("ours+bilinear", weights=weights).prepare(low)
-    image = (low.color.swapaxes(1, 2) if all(parallax) else low.color.transpose(2, 3, 0, 1, 4)).reshape(-1, 8 * (
-        5 if all(parallax) else 1), 3)
+    rows, columns = low.color.shape[0] * low.color.shape[2], low.color.shape[1] * 5
+    image = mirrored(low.color).swapaxes(1, 2).reshape(rows, columns, 3)
     expected = denoise_eia(image, weights=denoiser.load(weights))
-    again = found.color.swapaxes(1, 2) if all(parallax) else found.color.transpose(2, 3, 0, 1, 4)
-    np.testing.assert_array_equal(again.reshape(image.shape), expected)
+    np.testing.assert_array_equal(mirrored(found.color).swapaxes(1, 2).reshape(rows, columns, 3), expected)
     assert found.noisy is low.color
     write_tza(weights, tensors(seed=1))
     assert not np.array_equal(denoise_with_ours(low, weights).color, found.color)
+
+
+@given(st.integers(1, 4), st.integers(1, 4), st.integers(1, 5), st.integers(1, 5))
+def test_neighbours_meet_at_the_same_view_once_mirrored(sy, sx, h, w):
+    views = np.broadcast_to(np.arange(h * w).reshape(h, w, 1), (sy, sx, h, w, 1))  # of each pixel
+    image = from_elemental_images(mirrored(views))[..., 0]
+    np.testing.assert_array_equal(image[:, w - 1:-1:w], image[:, w::w])
+    np.testing.assert_array_equal(image[h - 1:-1:h], image[h::h])
+    np.testing.assert_array_equal(mirrored(mirrored(views)), views)
 
 
 def test_a_lamp_far_away_changes_nothing(weights):

@@ -72,10 +72,26 @@ def denoise_low_resolution(low: LowResEIA, *, fast: bool = False, guided: bool =
 def denoise_with_ours(low: LowResEIA, weights: str | Path = denoiser.WEIGHTS) -> LowResEIA:
     """Denoise the colour alone with weights of ours, a TZA file; the rendered colour stays in the layer "noisy".
 
-    LfsrError where the file is missing or damaged.
+    Every other EI is mirrored before and after, see ``mirrored``. LfsrError where the file is missing or damaged.
     """
-    content, part = denoiser.load(weights), shown_part(low.color, low.parallax)
-    return _replaced(low, part, _denoised(low.color[part], {}, low.parallax, weights=content))
+    content, part = denoiser.load(weights), shown_part(low.color)
+    images = low.color[part]
+    if not images.size:
+        return _replaced(low, part, images)
+    rows, columns = images.shape[:2]
+    denoised = denoise_eia(from_elemental_images(mirrored(images)), weights=content)
+    return _replaced(low, part, mirrored(to_elemental_images(denoised, (columns, rows))))
+
+
+def mirrored(images: Array) -> Array:
+    """Mirror the EIs (sy, sx, h, w, C) of every other row and column, so that neighbours meet at the same view.
+
+    The EIA then has no edges where the scene has none. Applied twice, it changes nothing.
+    """
+    result = images.copy()
+    result[1::2] = result[1::2, :, ::-1]
+    result[:, 1::2] = result[:, 1::2, :, ::-1]
+    return result
 
 
 def denoise_at_half(low: LowResEIA) -> LowResEIA:
