@@ -51,10 +51,11 @@ def _array(scene: bpy.types.Scene) -> Iterator[Problem]:
     array, arrays = rig.find(scene), [item for item in scene.objects if rig.is_array(item)]
     if array is None:
         yield Problem("array", scene.name, "The scene has no camera array.", "Add", ERROR)
-    elif len(arrays) > 1 and scene.camera not in arrays:
+        return
+    if len(arrays) > 1 and scene.camera not in arrays:
         yield Problem("arrays", array.name, f"The scene has {len(arrays)} camera arrays, of which this one is used. "
                       "Make another one the active camera to use it instead.", severity=INFO, is_object=True)
-    for sentence in mirror_notices(array) if array is not None else ():
+    for sentence in mirror_notices(array):
         yield Problem("mirror", array.name, f"{sentence}.", severity=INFO, is_object=True)
 
 
