@@ -35,6 +35,7 @@ class Report:
     # neighbouring frames to each side
     temporal_averaging: int = dataclasses.field(default=0, metadata={"key": "share_frames"})
     neighbours: tuple[int, ...] = ()  # their numbers, with those that could not be averaged
+    averaged: float | None = None  # mean weight of the neighbouring frames where this one shows something, in [0, 1]
 
 
 def write_report(folder: str | Path, report: Report) -> None:

@@ -59,12 +59,13 @@ def upscale_frame(folder: str | Path, method: str | MethodName, options: Upscale
         return finish_panel(Path(folder), rendered, name, options.progress)
     run = _begin(folder, registry.method(name, options.weights), options)
     show = _view_transform(run)
-    assembly, replaced, unseen = _prepare(run)
+    assembly, replaced, averaged, unseen = _prepare(run)
     pixels, linear = _panel_images(run, show, assembly)
     _write_panel(run, pixels)
     with run.clock("write"):
         _write(run, pixels, linear, assembly.mask)
-    report = _report(run, assembly, replaced, unseen or _exposure_notes(run, show, assembly, pixels))
+    notes = unseen or _exposure_notes(run, show, assembly, pixels)
+    report = dataclasses.replace(_report(run, assembly, replaced, notes), averaged=averaged)
     write_report(run.folder, report)
     return report
 
@@ -154,8 +155,12 @@ def _filler(method: Method, scale: int) -> Upscaler:
     return method.upscaler if scale == 1 else registry.CLASSICAL[FILL_METHOD]
 
 
-def _prepare(run: _Run) -> tuple[Assembly, int, list[str]]:
-    """Everything before the first lens is finished, the number of pixels that were not finite, and ``unseen_notes``."""
+def _prepare(run: _Run) -> tuple[Assembly, int, float | None, list[str]]:
+    """Everything before the first lens is finished.
+
+    Then the number of pixels that were not finite, the fraction of the image that was averaged, and ``unseen_notes``.
+    """
+    averaged = None
     frame, clock, progress = run.frame, run.clock, run.options.progress
     progress("load", 0.0, LOW_RES_FILE)
     with clock("load"):
@@ -164,7 +169,7 @@ def _prepare(run: _Run) -> tuple[Assembly, int, list[str]]:
     if run.options.temporal_averaging:
         progress("average", 0.0, "neighbouring frames")
         with clock("share"):
-            low = average_frames(low, (read_low(each.folder) for each in run.neighbours if each.usable))
+            low, averaged = average_frames(low, (read_low(each.folder) for each in run.neighbours if each.usable))
     with clock("mask"):
         unseen, mask = unseen_notes(layers), foreground_mask(layers, frame.rays.tiles, run.options.dilate)
         mask = np.zeros_like(mask) if unseen else mask
@@ -173,7 +178,7 @@ def _prepare(run: _Run) -> tuple[Assembly, int, list[str]]:
     progress("upscale", 0.0, "+".join(run.method.name.prefilters))
     with clock("upscale"):
         low = prepared(low, run.method)
-    return Assembly(low, mask, fill, run.method.upscaler, _filler(run.method, frame.scale)), replaced, unseen
+    return Assembly(low, mask, fill, run.method.upscaler, _filler(run.method, frame.scale)), replaced, averaged, unseen
 
 
 def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[Array, Array | None]:

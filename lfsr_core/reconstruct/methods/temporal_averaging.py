@@ -2,7 +2,8 @@
 
 Two frames that show the same differ by noise, which neighbouring pixels do not have in common; a change of shape,
 light or reflection extends over neighbouring pixels. So the products of the differences of neighbouring pixels, whose
-mean is 0 for noise, measure the change, whatever moved.
+mean is 0 for noise, measure the change, whatever moved. An elemental image is averaged as a whole: where one of its
+pixels has changed, others may have, hidden by noise.
 """
 
 from __future__ import annotations
@@ -22,34 +23,47 @@ NEAR, WIDE = 30.0, 100.0  # weights of a change of neighbouring pixels, and of o
 SIGMAS = 2.5  # standard deviations by which a change must exceed noise
 NEAR_SPREAD, WIDE_SPREAD = 1.25, 2**0.5  # of the change that white noise seems to be, over √pixels and over pixels
 REACH = 1  # pixels or lenses to each side that are looked at together
+CERTAIN = 0.75  # certainty of the least certain pixel above which an elemental image is averaged
 TINY = 1e-12
-VERSION = 1  # of the result: figures measured with another version are out of date
+VERSION = 2  # of the result: figures measured with another version are out of date
 
 
-def average_frames(low: LowResEIA, others: Iterable[LowResEIA]) -> LowResEIA:
-    """Average a frame with others, each pixel by how similar they are there.
+def average_frames(low: LowResEIA, others: Iterable[LowResEIA]) -> tuple[LowResEIA, float]:
+    """Average a frame with others, each elemental image by how similar they are there.
 
-    ``others``: neighbouring frames of the animation, rendered with other seeds; only one is in memory at a time.
+    ``others``: neighbouring frames of the animation, rendered with other seeds; only one is in memory at a time. The
+    second result is how much of what the frame shows was averaged: the mean weight of the others, in [0, 1].
     """
-    count = np.ones(low.color.shape[:-1], np.float32)
+    weights = [np.ones(low.color.shape[:2], np.float32)]
     total = {name: layer.copy() for name in AVERAGED if (layer := getattr(low, name)) is not None}
     for other in others:
-        weight = similarity(low, other)
-        count += weight
+        weights.append(similarity(low, other))
         for name, layer in total.items():
             theirs = getattr(other, name)
-            layer += weight[..., None] * (getattr(low, name) if theirs is None else theirs)
-    return dataclasses.replace(low, **{name: layer / count[..., None] for name, layer in total.items()})
+            layer += weights[-1][..., None, None, None] * (getattr(low, name) if theirs is None else theirs)
+    count = np.sum(weights, 0)[..., None, None, None]
+    shown = np.mean(weights[1:] or [0 * weights[0]], 0)[_shows(low)]
+    averaged = dataclasses.replace(low, **{name: layer / count for name, layer in total.items()})
+    return averaged, float(shown.mean()) if shown.size else 0.0
 
 
 def similarity(low: LowResEIA, other: LowResEIA) -> Array:
-    """Similarity of two frames in [0, 1] for each pixel (sy, sx, h, w): 1 where they differ by noise alone."""
+    """Weight of another frame in [0, 1] for each lens (sy, sx): 1 where the two differ by noise alone.
+
+    It is 0 where a pixel has probably changed, and where one frame shows something and the other nothing.
+    """
     result = unchanged(encode(low.color) - encode(other.color))
     for name in TESTED:
         ours, theirs = getattr(low, name), getattr(other, name)
         if ours is not None and theirs is not None:
             result = np.minimum(result, unchanged(ours - theirs))
-    return result
+    certainty = np.maximum(result.min((2, 3)) - CERTAIN, 0) / (1 - CERTAIN)
+    return np.asarray(np.where(_shows(low) == _shows(other), certainty, 0), np.float32)
+
+
+def _shows(low: LowResEIA) -> Array:
+    """Lenses (sy, sx) that show anything."""
+    return low.alpha.any((2, 3, 4))
 
 
 def unchanged(difference: Array) -> Array:

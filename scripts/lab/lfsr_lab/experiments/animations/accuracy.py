@@ -56,7 +56,7 @@ def measure(lows: Sequence[LowResEIA], truth: Truth, method: Method, reach: int)
     images = []
     for number, low in enumerate(lows):
         others = [lows[other] for other in near(number, range(len(lows)), reach)]
-        images.append(finished_lenses(average_frames(low, others) if others else low, everywhere, method, truth.lenses))
+        images.append(finished_lenses(average_frames(low, others)[0], everywhere, method, truth.lenses))
     seconds = (cpu_seconds() - started) / len(lows)
     return dataclasses.replace(compare(srgb_encode(np.stack(images)), truth), cpu_seconds=round(seconds, 3))
 
