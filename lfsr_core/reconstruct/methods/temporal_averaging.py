@@ -63,7 +63,7 @@ def similarity(low: LowResEIA, other: LowResEIA) -> Array:
 
 def _shows(low: LowResEIA) -> Array:
     """Lenses (sy, sx) that show anything."""
-    return low.alpha.any((2, 3, 4))
+    return np.asarray(low.alpha.any((2, 3, 4)))
 
 
 def unchanged(difference: Array) -> Array:
