@@ -11,6 +11,7 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 # Where lfsr_lab and lfsr_core are: installed side by side, or in a clone, scripts/lab and the root.
 sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4))
@@ -86,6 +87,12 @@ class Scenes:
         put(surfaces.sphere(), principled("bulb", Emission_Color=(1, 0.75, 0.45, 1), Emission_Strength=14.0)[0],
             (2.6, 2.6, 1.9), 0.22)
         world("courtyard", 0.6)
+
+    def study(self, rng: Random) -> None:
+        """The same room with the display plane in its middle."""
+        self.interior(rng)
+        for item in set(bpy.context.scene.objects) - {bpy.context.scene.camera}:
+            item.location.y -= 2.2
 
     def frosted(self, rng: Random) -> None:
         """Models and a photograph behind panes of frosted glass, and bowls of it."""
@@ -188,7 +195,8 @@ class Scenes:
         bpy.ops.import_scene.gltf(filepath=str(self.models / FILES[name]), disable_bone_shape=True)
         bpy.context.view_layer.update()
         added = [item for item in bpy.data.objects if item not in before]
-        plain = {"Lantern": {"Base Color": (0.35, 0.22, 0.1, 1)}, "BoomBox": {"Roughness": 0.35, "Metallic": 0.2}}
+        plain: dict[str, dict[str, Any]] = {
+            "Lantern": {"Base Color": (0.35, 0.22, 0.1, 1)}, "BoomBox": {"Roughness": 0.35, "Metallic": 0.2}}
         for material in {slot.material for item in added for slot in item.material_slots} if name in plain else ():
             for socket, value in plain[name].items():  # copies of the models exist that lack these textures
                 for link in shader(material).inputs[socket].links:
@@ -251,7 +259,7 @@ def tiles(name: str, one: Color, two: Color, count: float, roughness: float) -> 
     return material
 
 
-NAMES = ("figures", "interior", "frosted", "lanterns", "brainstem", "damaged", "vc", "turning")
+NAMES = ("figures", "interior", "frosted", "lanterns", "brainstem", "damaged", "vc", "turning", "study")
 
 
 def main(models: Path, photographs: Path, folder: Path) -> None:
