@@ -2,7 +2,7 @@
 
 The relative squared error is the mean of (x - a)(x - b) / (m² + RELATIVE), scene-linear: a and b are the halves of the
 reference, whose noise cancels, m the mean of both halves and of a pixel's channels. HDR-FLIP is taken against the mean
-of both halves, with the exposures that it chooses for the whole reference.
+of both halves.
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ from lfsr_lab.experiments.engine.records import Fingerprint, method_facts
 from lfsr_lab.experiments.engine.renders import digest, frame_digest
 from lfsr_lab.experiments.engine.timing import cpu_seconds
 
-VERSION = 1  # of how figures are measured
+VERSION = 2  # of how figures are measured
+# In stops. HDR-FLIP's own choice depends on the median, which is black where much of the background is seen.
+EXPOSURES = {"startExposure": -2.0, "stopExposure": 2.0, "numExposures": 5}
 RELATIVE = 0.01
 METRICS = {"ssim": "`ssim_lens_fg`", "flip": "HDR-FLIP", "relative": "relMSE"}
 
@@ -116,20 +118,13 @@ class Truth:
         block = images.reshape(rows, -1, images.shape[1] * images.shape[2], 3)
         return np.ascontiguousarray(np.moveaxis(block, 2, 0))
 
-    @cached_property
-    def exposures(self) -> dict[str, Any]:
-        """The exposures of HDR-FLIP."""
-        whole = np.concatenate((self.halves[0] + self.halves[1]) / 2)
-        found = _flip(whole, whole, {})[2]
-        return {name: found[name] for name in ("startExposure", "stopExposure", "numExposures")}
-
     def figures(self, finished: Array, seconds: float) -> Figures:
         """Return the figures of scene-linear elemental images of ``lenses``."""
         images, (a, b) = self.shown(finished), self.halves
         mean = (a + b) / 2
         relative = (images - a) * (images - b) / (mean.mean(-1, keepdims=True)**2 + RELATIVE)
         shown = [srgb_encode(values) for values in (images, a, b)]
-        flips = [_flip(*pair, self.exposures)[1] for pair in zip(mean, images, strict=True)]
+        flips = [_flip(*pair) for pair in zip(mean, images, strict=True)]
         return Figures(_values(lens_ssims(*shown)), _values(flips), _lenses(relative),
                        _lenses((shown[0] - shown[1]) * (shown[0] - shown[2])), round(seconds, 3))
 
@@ -145,11 +140,10 @@ def measure(render: Path, truth: Truth, candidate: Candidate) -> Figures:
     return truth.figures(images, cpu_seconds() - started)
 
 
-def _flip(reference: Array, image: Array, exposures: dict[str, Any]) -> tuple[Array, float, dict[str, Any]]:
+def _flip(reference: Array, image: Array) -> float:
     images = [np.ascontiguousarray(values, np.float32) for values in (reference, image)]
-    found: tuple[Array, float, dict[str, Any]] = flip_evaluator.evaluate(
-        *images, "HDR", inputsRGB=False, applyMagma=False, parameters=dict(exposures))
-    return found
+    return float(flip_evaluator.evaluate(*images, "HDR", inputsRGB=False, applyMagma=False,
+                                         parameters=dict(EXPOSURES))[1])
 
 
 def _lenses(values: Array) -> tuple[float, ...]:
