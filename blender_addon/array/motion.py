@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 
 import bpy
 import numpy as np
+
+from lfsr_core.sequence.numbers import spread
 
 MOST_FRAMES = 24  # sampled from an animation
 
@@ -16,11 +18,17 @@ def frames(scene: bpy.types.Scene) -> Iterator[int]:
 
     A scene without animation yields its current frame only.
     """
-    if not is_animated():
+    first, last = frame_range(scene)
+    return visited(scene, spread(range(first, last + 1), MOST_FRAMES))
+
+
+def visited(scene: bpy.types.Scene, numbers: Collection[int]) -> Iterator[int]:
+    """As ``frames``, but of these ``numbers``; the current frame only where there are none."""
+    if not numbers or not is_animated():
         yield scene.frame_current
         return
     with same_frame(scene):
-        for number in chosen(*frame_range(scene)):
+        for number in numbers:
             scene.frame_set(number)
             yield number
 
@@ -51,8 +59,3 @@ def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
     first, last = max(first, scene.frame_start), min(last, scene.frame_end)
     return (first, last) if first <= last else (scene.frame_start, scene.frame_end)
 
-
-def chosen(first: int, last: int) -> list[int]:
-    """Return at most MOST_FRAMES evenly spaced frames from ``first`` to ``last``, including both."""
-    count = min(last - first + 1, MOST_FRAMES)
-    return sorted({round(number) for number in np.linspace(first, last, count)})

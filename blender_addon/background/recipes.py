@@ -10,11 +10,14 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, SUBPIXELS, frame_folder
 from lfsr_core.frames.job import Job
+from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import to_data
 from lfsr_core.render.process import DERIVED_FILES
 from lfsr_core.render.staging import parts_folder, publish, staging_folder
+from lfsr_core.sequence.numbers import spread
 
+from ..render.frame_folder import scale_of
 from ..settings import folders, scene_settings
 from . import runtime
 from .steps import PANEL_TASKS, Steps, file_copy, render_step, rendering_step, second_stage_step
@@ -56,8 +59,14 @@ def frame_recipe(scene: bpy.types.Scene, frames: tuple[int, ...] = ()) -> Recipe
 
 
 def animation_recipe(scene: bpy.types.Scene) -> Recipe:
-    """Recipe of the frames of the timeline's range; LfsrError where they cannot be rendered."""
-    return frame_recipe(scene, tuple(range(scene.frame_start, scene.frame_end + 1, scene.frame_step)))
+    """Recipe of the frames of the timeline's range, all at one scale; LfsrError where they cannot be rendered."""
+    frames = tuple(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
+    recipe = frame_recipe(scene, frames)
+    if not recipe.job.scales:
+        return recipe
+    # Chosen here, so that frames of another scale are rendered again.
+    job = dataclasses.replace(recipe.job, scale_frames=spread(frames))
+    return dataclasses.replace(recipe, job=job.with_scale(scale_of(scene, job)))
 
 
 def render_animation(recipe: Recipe) -> Steps:
@@ -110,8 +119,8 @@ def reference_recipe(scene: bpy.types.Scene) -> tuple[Recipe, Job]:
     if not recipe.is_complete:
         raise LfsrError(f"the image in {recipe.folder} was made with other settings: render the EIA again first")
     return recipe, dataclasses.replace(
-        recipe.job, output=str(recipe.folder.with_name(f"{recipe.folder.name}_reference")), kind="reference", scale=1,
-        scale_reason="", layers=(), spp=scene.lfsr.reference_samples, clamp_indirect=0.0)
+        recipe.job.with_scale(ScaleChoice(1)), kind="reference", layers=(), clamp_indirect=0.0,
+        output=str(recipe.folder.with_name(f"{recipe.folder.name}_reference")), spp=scene.lfsr.reference_samples)
 
 
 def render_reference(recipe: Recipe, job: Job, lenses: int) -> Steps:

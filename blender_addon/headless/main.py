@@ -14,7 +14,9 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
+from lfsr_core.frames.identity import PLACES, digest, job_facts
 from lfsr_core.frames.job import Job, read_job
+from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.render.content import scene_content, stamp
 from lfsr_core.render.protocol import (
     EXIT_BAD_INPUT,
@@ -28,7 +30,7 @@ from lfsr_core.render.protocol import (
 )
 
 from ..array.cameras import camera_notices, choose_camera
-from ..render.frame_folder import render_job
+from ..render.frame_folder import render_job, scale_of
 from ..render.inputs import Opened
 from ..render.overrides import overridden
 from ..scene.notices import notices
@@ -55,6 +57,7 @@ def main(arguments: Sequence[str]) -> int:
 def run_all(jobs: Sequence[Job]) -> Path:
     """Render ``jobs``, opening a scene where it differs from the job before; return the last frame folder."""
     scene, opened, last, progress = None, Opened(), None, functools.partial(emit_progress, "render")
+    choices: dict[str, ScaleChoice] = {}
     with ExitStack() as stack:
         for job in jobs:
             if last is None or (job.scene, job.scene_name) != (last.scene, last.scene_name):
@@ -63,11 +66,22 @@ def run_all(jobs: Sequence[Job]) -> Path:
                 if len(jobs) > 1:
                     # Without it Cycles would build the scene again for each frame.
                     stack.enter_context(overridden(scene.render, {"use_persistent_data": True}))
-            folder, last = render_job(scene, job, opened, progress=progress, warn=emit_warning), job
+            last, job = job, _of_one_scale(scene, job, choices)
+            folder = render_job(scene, job, opened, progress=progress, warn=emit_warning)
             opened = dataclasses.replace(opened, seconds=0.0)
             if len(jobs) > 1:
                 emit(stage=RENDERED_STAGE, folder=str(folder))
     return folder
+
+
+def _of_one_scale(scene: bpy.types.Scene, job: Job, choices: dict[str, ScaleChoice]) -> Job:
+    """The job at the scale of its animation; ``choices``: those made before, so that frames are looked at once."""
+    if not job.scales or not job.scale_frames:
+        return job
+    question = digest(job_facts(job, (*PLACES, "frame", "seed")))
+    if question not in choices:
+        choices[question] = scale_of(scene, job)
+    return job.with_scale(choices[question])
 
 
 def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:

@@ -15,12 +15,13 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, write_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.low_res import finished_layout
-from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale
+from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.lens_rows import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.render.parts import ImageParts, Part, remove_others
 
 from ..array import motion, placement
+from ..array.scale import scale_by_depth
 from ..scene.light import has_light, is_certain, is_meant, lit
 from ..scene.subject import find_subject, has_background_meshes
 from . import animation, devices, passes, world
@@ -74,12 +75,20 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
     return Path(job.output)
 
 
+def scale_of(scene: bpy.types.Scene, job: Job) -> ScaleChoice:
+    """Choose one of the job's scales by the depth of its frames."""
+    return scale_by_depth(scene, job.display, find_subject(scene, job.subject), job.scales, job.judged_rays,
+                          job.scale_frames)
+
+
 @contextmanager
 def prepared(scene: bpy.types.Scene, job: Job, warn: Warn = print) -> Iterator[Frame]:
     """Set ``scene`` to the job's frame, light it and index its objects inside the block; yield the Frame."""
     with motion.same_frame(scene):
         if job.frame is not None:
             scene.frame_set(job.frame)
+        if job.scales and job.kind != "reference":
+            job = job.with_scale(scale_of(scene, job))
         subject = find_subject(scene, job.subject)
         with animation.resting(scene), passes.pass_indices(subject):
             own_light = _has_own_light(scene, job, subject, warn)
@@ -113,17 +122,17 @@ def _frame(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], own
     array, matrix_world = placement.place_array(scene, job.display, subject)
     layers = job.layers
     world_visible = _world_visible(scene, job, own_light)
-    scale = _scale(scene, job, (array, matrix_world), subject)
     if "index" not in layers and has_background_meshes(scene, subject):
         layers = (*layers, "index")
     # The lens card renders where the OSL camera cannot.
     layout = devices.way_of(job.device) if job.layout == "one-pass" else job.layout
     return Frame(
-        display=job.display, scale=scale.scale, scale_reason=scale.reason, array=array, matrix_world=matrix_world,
-        samples=scale.samples, seed=job.seed, frame=scene.frame_current, convention=job.convention,
-        view_aperture=job.view_aperture, lens_list=job.lens_list, rows=job.rows, layout=layout, layers=layers,
-        clip=placement.clip_of(scene), world_visible=world_visible, color=color_settings(scene, world_visible),
-        scene=os.path.basename(job.scene or bpy.data.filepath), subject=job.subject or "", camera=job.camera or "",
+        display=job.display, scale=1 if job.kind == "reference" else job.scale, scale_reason=job.scale_reason,
+        array=array, matrix_world=matrix_world, samples=job.spp, seed=job.seed, frame=scene.frame_current,
+        convention=job.convention, view_aperture=job.view_aperture, lens_list=job.lens_list, rows=job.rows,
+        layout=layout, layers=layers, clip=placement.clip_of(scene), world_visible=world_visible,
+        color=color_settings(scene, world_visible), scene=os.path.basename(job.scene or bpy.data.filepath),
+        subject=job.subject or "", camera=job.camera or "",
         blender=bpy.app.version_string, device=job.device)
 
 
@@ -136,14 +145,6 @@ def _device(job: Job) -> str:
         raise LfsrError(f"the layout {SUBPIXELS} needs the OSL camera, which this Blender does not run on {device}: "
                         f"render on {' or '.join(devices.WITH_OSL_CAMERA)}, or choose another layout")
     return device
-
-
-def _scale(scene: bpy.types.Scene, job: Job, placed: placement.Placement,
-           subject: set[bpy.types.Object]) -> ScaleChoice:
-    """Scale and samples per pixel: the job's, or chosen from its scales by the depth of the scene."""
-    if job.kind == "reference" or not job.scales:
-        return ScaleChoice(1 if job.kind == "reference" else job.scale, job.spp, job.scale_reason)
-    return choose_scale(job.display, placed[0], placement.seen_depths(scene, placed, subject), job.scales, job.spp)
 
 
 def _world_visible(scene: bpy.types.Scene, job: Job, own_light: bool) -> bool:

@@ -14,6 +14,7 @@ from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, SUBPIXELS, read_rendere
 from lfsr_core.frames.identity import is_same
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
+from lfsr_core.reconstruct.method_name import MethodName
 
 from .methods import DIRECT
 
@@ -48,7 +49,7 @@ def is_complete(folder: Path, job: Job, method: str) -> bool:
         return False  # an incomplete or older folder is rendered again
     # In an animation with temporal averaging neighbouring frames have seeds of their own.
     job = dataclasses.replace(job, seed=seed_in_turn(job.seed, frame.frame, report.temporal_averaging))
-    return report.method == method and is_same(frame, job)
+    return report.method == MethodName.parse(method).at_scale(frame.scale).text and is_same(frame, job)
 
 
 def finished_frame(scene: bpy.types.Scene, purpose: str) -> Path:

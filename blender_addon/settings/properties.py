@@ -35,7 +35,7 @@ def _draws(_settings: SceneSettings, _context: bpy.types.Context) -> None:
 
 
 def _display_changed(settings: SceneSettings, context: bpy.types.Context) -> None:
-    """Set the preset again: its method depends on the display."""
+    """Set the preset again: its rays and its method depend on the display."""
     _apply_quality(settings, context)
     _draws(settings, context)
 
@@ -46,14 +46,14 @@ def _apply_quality(settings: SceneSettings, _context: bpy.types.Context) -> None
         return
     settings.applying = True
     try:
-        settings.samples, settings.method = values
+        settings.rays, settings.samples, settings.method = values
     finally:
         settings.applying = False
 
 
 def _is_custom(settings: SceneSettings, _context: bpy.types.Context) -> None:
     if not settings.applying:
-        chosen = settings.samples, settings.method
+        chosen = settings.rays, settings.samples, settings.method
         settings.quality = next((name for name, values in qualities(settings.id_data).items() if values == chosen),
                                 "CUSTOM")
 
@@ -93,10 +93,10 @@ class SceneSettings(bpy.types.PropertyGroup):
     straight: BoolProperty(
         name=DIRECT, description="Render the panel's own image, one ray direction per subpixel, instead of a light "
         "field. It is more accurate and needs a quarter of the samples, but has no views to preview, compare or "
-        "export. Scale, Method, Linear EXR and Temporal Averaging are not used", default=False, update=_draws)
+        "export. Scale, Method, Linear EXR and Temporal Averaging are not used", default=False, update=_display_changed)
     scale: EnumProperty(
         name="Scale", description="Render one of this many views in each direction and reconstruct the others",
-        items=[(AUTO_SCALE, "Auto", "4×, or less if the subject is too deep for that", 0),
+        items=[(AUTO_SCALE, "Auto", "The scale that loses least for the subject's depth and the rays", 0),
                *((f"{s}", f"{s}×", f"Render 1 of {s}×{s} views" if s > 1 else "Render every view", s) for s in SCALES)],
         default=AUTO_SCALE, update=_draws)
 
@@ -119,11 +119,15 @@ class SceneSettings(bpy.types.PropertyGroup):
         items=[("DRAFT", "Draft", "Fewest rays: for placing objects and light"),
                ("BALANCED", "Balanced", "Few rays, denoised: for most images"),
                ("FINAL", "Final", "Many rays, denoised: for final images"),
-               ("CUSTOM", "Custom", "Samples and method are set by hand")],
+               ("CUSTOM", "Custom", "Rays and method are set by hand")],
         default="BALANCED", update=_apply_quality)
+    rays: FloatProperty(
+        name="Rays per Pixel", description="Paths per pixel of the finished image, which decide noise and time: 1 is "
+        "16 samples per rendered pixel at scale 4×, 4 at 2×", min=0.01, soft_max=64.0, precision=2, step=25,
+        default=1.0, update=_is_custom)
     samples: IntProperty(
-        name="Samples", description="Paths per pixel of the rendered views", min=1, soft_max=1024, default=16,
-        update=_is_custom)
+        name="Fixed Samples", description="Paths per rendered pixel, whatever the scale; 0 for those that follow from "
+        "Rays per Pixel", min=0, soft_max=1024, default=0, update=_is_custom)
     method: EnumProperty(
         name="Method", description="How the image is denoised and the missing views are made", items=method_items(),
         default=DEFAULT_METHOD, update=_is_custom)

@@ -13,11 +13,11 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.job import Job
-from lfsr_core.optics.depth_scale import choose_scale, scales_up_to
+from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PANEL_METHODS, MethodName, default_method
+from lfsr_core.reconstruct.method_name import PANEL_METHODS, MethodName, default_method
 
-from ..array import placement, rig
+from ..array import rig
 from ..render import devices
 from ..render.color import color_settings
 from ..scene.subject import find_subject
@@ -28,7 +28,7 @@ PROFILE_FILE = "FILE"
 FIRST_PROFILES = ("bupt-32in-8k", "dense-8k", "fhd", "mini", "small")
 SCALES = (1, 2, 3, 4, 5, 8)
 AUTO_SCALE = "AUTO"
-QUALITY_SAMPLES = {"DRAFT": 4, "BALANCED": 16, "FINAL": 64}
+QUALITY_SAMPLES = {"DRAFT": 4, "BALANCED": 16, "FINAL": 64}  # at the usual scale
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,13 +41,13 @@ class Resolved:
     layout: str  # as of ``Job``
     method: MethodName
     layers: tuple[str, ...]  # auxiliary layers that the method needs
-    scale: int  # of Auto the largest, until ``resolve_for_render`` looks at the scene's depth
-    is_auto: bool
-    samples: int
+    scale: int  # of Auto the largest
+    scales: tuple[int, ...]  # that Auto chooses from, the largest first; else none
+    samples: int  # per pixel, at that scale
+    rays: float | None  # per finished pixel, which decide the samples at other scales; None where samples are fixed
     seed: int
     linear_exr: bool
     temporal_averaging: int  # neighbouring frames on each side
-    scale_reason: str = ""
 
     @property
     def is_direct(self) -> bool:
@@ -73,46 +73,37 @@ class Resolved:
             raise LfsrError(f"{what} needs a light field, which {DIRECT} does not render: switch it off under Display")
 
     def job(self, output: Path, frame: int) -> Job:
-        """The render job of one frame, into the folder ``output``."""
-        return Job(output=str(output), display=self.display, scale=self.scale, scale_reason=self.scale_reason,
-                   spp=self.samples, scene_name=self.scene_name, layers=self.layers, layout=self.layout,
-                   seed=self.seed, frame=frame, device=self.device)
+        """The render job of one frame, into the folder ``output``; of Auto, Blender chooses the scale."""
+        return Job(output=str(output), display=self.display, scale=self.scale, scales=self.scales, spp=self.samples,
+                   rays=self.rays if self.scales else None, scene_name=self.scene_name, layers=self.layers,
+                   layout=self.layout, seed=self.seed, frame=frame, device=self.device)
 
 
 def resolve(scene: bpy.types.Scene) -> Resolved:
     """Resolve the settings; LfsrError where the display's profile cannot be read."""
     settings, display, device = scene.lfsr, display_of(scene), device_of(scene)
-    is_direct, is_auto = settings.straight and display.is_woven, settings.scale == AUTO_SCALE
+    is_direct = settings.straight and display.is_woven
     method = MethodName.parse(PANEL_METHODS[0] if is_direct else settings.method)
-    scale = 1 if is_direct else scales_up_to(display)[0] if is_auto else int(settings.scale)
+    scales = method.scales_of(scales_up_to(display)) if settings.scale == AUTO_SCALE and not is_direct else ()
+    scale = 1 if is_direct else scales[0] if scales else int(settings.scale)
+    rays = None if settings.samples else settings.rays
     return Resolved(scene.name, display, device, SUBPIXELS if is_direct else devices.way_of(device), method,
-                    method.layers, scale, is_auto, settings.samples, settings.seed,
-                    linear_exr=settings.linear_exr and not is_direct,
+                    method.layers, scale, scales, settings.samples or samples_at(display, scale, settings.rays), rays,
+                    settings.seed, linear_exr=settings.linear_exr and not is_direct,
                     temporal_averaging=0 if is_direct else settings.share_frames)
 
 
 def resolve_for_render(scene: bpy.types.Scene) -> Resolved:
-    """Resolve the settings, and Auto to the scale that the subject's depth allows now.
-
-    LfsrError for whatever makes a render impossible before it starts.
-    """
+    """Resolve the settings; LfsrError for whatever makes a render impossible before it starts."""
     if bpy.context.preferences.addons.get("cycles") is None:
         raise LfsrError("Cycles is switched off in Blender's preferences: switch the Cycles Render Engine add-on on")
     found = resolve(scene)
     found.check()
-    subject = find_subject(scene)
+    find_subject(scene)
     color_settings(scene)
-    placed = rig.placement(scene, found.display)
-    if placed is None:
+    if rig.placement(scene, found.display) is None:
         raise LfsrError(f"scene {scene.name!r} has no camera array: add one in the Light Field tab")
-    if found.is_direct or not found.is_auto:
-        return found
-    scales = [scale for scale in scales_up_to(found.display) if scale == 1 or found.method.works_at(scale)]
-    choice = choose_scale(found.display, placed[0], placement.seen_depths(scene, placed, subject), scales,
-                          found.samples)
-    method = found.method.without_upscaler() if choice.scale == 1 else found.method
-    return dataclasses.replace(found, scale=choice.scale, samples=choice.samples, scale_reason=choice.reason,
-                               method=method)
+    return found
 
 
 def is_direct(scene: bpy.types.Scene) -> bool:
@@ -175,13 +166,15 @@ def _read_profile(path: str, _changed: int) -> DisplayProfile:
     return load_display(path)
 
 
-def qualities(scene: bpy.types.Scene) -> dict[str, tuple[int, str]]:
-    """Samples and method of each quality preset, on the scene's display."""
+def qualities(scene: bpy.types.Scene) -> dict[str, tuple[float, int, str]]:
+    """Rays per pixel, fixed samples (none) and method of each quality preset, on the scene's display."""
     try:
-        best = default_method(display_of(scene).parallax)
-    except LfsrError:
-        best = DEFAULT_METHOD  # the panel shows what is wrong with the display
-    return {name: (samples, best) for name, samples in QUALITY_SAMPLES.items()}
+        display = display_of(scene)
+    except LfsrError:  # the panel shows what is wrong with it
+        display = load_display(FIRST_PROFILES[0])
+    is_direct = scene.lfsr.straight and display.is_woven
+    return {name: (float(samples) if is_direct else usual_rays(display, samples), 0, default_method(display.parallax))
+            for name, samples in QUALITY_SAMPLES.items()}
 
 
 def length(scene: bpy.types.Scene, value: float) -> str:

@@ -99,15 +99,17 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
     bl_order = 3
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw preset, samples, method, device and output."""
+        """Draw preset, rays, method, device and output."""
         lfsr, has_lenses = context.scene.lfsr, not scene_settings.is_direct(context.scene)
         layout = columns(self.layout)
         layout.prop(lfsr, "quality", text="Preset")
+        row_if(not lfsr.samples, layout).prop(lfsr, "rays")
         layout.prop(lfsr, "samples")
         row_if(has_lenses, layout).prop(lfsr, "method")
         layout.prop(lfsr, "seed")
+        facts(self.layout, _sample_facts(context.scene))
         if hasattr(context.scene, "cycles"):
-            layout.prop(context.scene.cycles, "device")
+            columns(self.layout).prop(context.scene.cycles, "device")
             facts(self.layout, summary.device_facts(context.scene))
             if summary.lacks_gpu(context.scene):
                 sentence(self.layout, "No GPU is set up in Preferences > System", "INFO", context)
@@ -204,6 +206,13 @@ class LFSR_PT_exports(LightFieldPanel, bpy.types.Panel):
         row = row_if(session.current() is None, self.layout)
         row.operator("lfsr.open_viewer", icon="URL")
         row.menu("LFSR_MT_export", icon="EXPORT")
+
+
+def _sample_facts(scene: bpy.types.Scene) -> summary.Facts:
+    try:
+        return summary.sample_facts(scene_settings.resolve(scene))
+    except LfsrError:
+        return []  # the panel Display says what is wrong
 
 
 def _draw_direct(layout: bpy.types.UILayout, settings: Resolved, context: bpy.types.Context) -> None:

@@ -7,12 +7,12 @@ from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
 
 SUBFOLDER = "lfsr/light_field"
-SAVED = ("display", "profile_file", "straight", "scale", "samples", "method", "seed", "linear_exr", "reference_samples",
-         "reference_lenses")
+SAVED = ("display", "profile_file", "straight", "scale", "rays", "samples", "method", "seed", "linear_exr",
+         "reference_samples", "reference_lenses")
 
 
 class LFSR_OT_preset_add(AddPresetBase, bpy.types.Operator):
-    """Add or remove a light-field preset of display, scale, samples and method"""
+    """Add or remove a light-field preset of display, scale, rays and method"""
 
     bl_idname = "lfsr.preset_add"
     bl_label = "Add Light Field Preset"

@@ -11,6 +11,7 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import REPORT_FILE
 from lfsr_core.frames.report import read_report
+from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.panel.panel_rays import rendered_size
 
 from ..array import rig
@@ -32,11 +33,25 @@ def display_facts(settings: Resolved) -> Facts:
         (width, height), panel = rendered_size(display), display.panel_pixels
         return [("Rendered", f"{width} × {height} px"), ("Image", f"{panel[0]} × {panel[1]} px")]
     low, lenses, views = display.low_views(settings.scale), display.lenses, display.views
+    more = " or more" if settings.scales else ""
     return [("Lenses", f"{lenses[0]} × {lenses[1]}"),
             ("Views", f"{views[0]} × {views[1]}"),
-            ("Rendered", f"{low[0]} × {low[1]}"),
-            ("", f"{lenses[0] * low[0]} × {lenses[1] * low[1]} px"),
+            ("Rendered", f"{low[0]} × {low[1]}{more}"),
+            ("", f"{lenses[0] * low[0]} × {lenses[1] * low[1]} px{more}"),
             ("Image", f"{display.eia_pixels[0]} × {display.eia_pixels[1]} px")]
+
+
+def sample_facts(settings: Resolved) -> Facts:
+    """Samples that follow from the rays, or rays from fixed samples; of Auto those at its smallest and largest scale.
+
+    LfsrError if the rays are too many.
+    """
+    display, scales = settings.display, settings.scales or (settings.scale,)
+    if settings.rays is None:
+        rays = [f"{settings.samples / display.finished_pixels(scale):.3g}" for scale in scales]
+        return [("Rays per Pixel", " to ".join(dict.fromkeys((rays[0], rays[-1]))))]
+    samples = [f"{samples_at(display, scale, settings.rays)}" for scale in scales]
+    return [("Samples", " to ".join(dict.fromkeys((samples[-1], samples[0]))))]
 
 
 def depth_facts(scene: bpy.types.Scene) -> Facts:

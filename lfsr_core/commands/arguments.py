@@ -20,11 +20,10 @@ FARTHEST_MM = 1e6
 MOST_WORKERS = 256
 
 
-def add_scene_arguments(parser: argparse.ArgumentParser, samples: int) -> None:
-    """Scene, output, samples, and everything that decides the geometry."""
+def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
+    """Scene, output, and everything that decides the geometry."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="frame folder to write")
-    parser.add_argument("--spp", type=int, default=samples, metavar="N", help="samples per pixel, default: %(default)s")
     add_geometry_arguments(parser)
 
 

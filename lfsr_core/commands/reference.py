@@ -33,7 +33,9 @@ SCALE_FOR_MASK, SAMPLES_FOR_MASK = 4, 4
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
-    common.add_scene_arguments(parser, DEFAULT_SAMPLES)
+    common.add_scene_arguments(parser)
+    parser.add_argument("--spp", type=int, default=DEFAULT_SAMPLES, metavar="N",
+                        help="samples per pixel, default: %(default)s")
     parser.add_argument("--lenses", type=int, metavar="N",
                         help="only N random lenses, spread over the foreground; default: all")
     common.add_rows_argument(parser)

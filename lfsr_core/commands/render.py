@@ -8,7 +8,7 @@ import os
 import time
 from collections.abc import Sequence
 from contextlib import closing
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lfsr_core.commands import arguments as common
 from lfsr_core.commands import upscale
@@ -19,27 +19,36 @@ from lfsr_core.frames.foreground import UNSEEN, check_dilate
 from lfsr_core.frames.frame import SUBPIXELS, read_frame
 from lfsr_core.frames.job import LAYERS, Job
 from lfsr_core.frames.report import Report, read_report
-from lfsr_core.optics.depth_scale import scales_up_to
-from lfsr_core.optics.display import load_display
+from lfsr_core.optics.depth_scale import USUAL_SAMPLES, USUAL_SCALE, samples_at, scales_up_to, usual_rays
+from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.lens_rows import rows_text
 from lfsr_core.progress import ProgressBar
 from lfsr_core.render.store import with_blender
+from lfsr_core.sequence.numbers import parse_frames, spread
 
 if TYPE_CHECKING:
     from lfsr_core.reconstruct.method_name import MethodName
 
 NAME = "render"
 HELP = "render a scene's low-resolution EIA with Blender and upscale it to eia.png"
-DEFAULT_SAMPLES = 16
 AUTO_SCALE = "auto"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
-    common.add_scene_arguments(parser, DEFAULT_SAMPLES)
-    parser.add_argument("--scale", type=_scale, default=AUTO_SCALE, metavar="auto|2|3|4|5|8",
-                        help="factor by which the views are divided for the render; auto, the default: 4, or less if "
-                             "the scene is too deep for 4; 1 renders every view (with --method oidn or none)")
+    common.add_scene_arguments(parser)
+    parser.add_argument("--rays", type=float, metavar="R",
+                        help="rays per finished pixel, which decide noise and time: 1 is 16 samples per rendered pixel "
+                             f"at scale 4 and 4 at scale 2; default: as many as {USUAL_SAMPLES} samples at scale "
+                             f"{USUAL_SCALE}; with --layout {SUBPIXELS}: {USUAL_SAMPLES}")
+    parser.add_argument("--spp", type=int, metavar="N",
+                        help="samples per rendered pixel whatever the scale, instead of --rays")
+    parser.add_argument("--scale", type=_scale, default=AUTO_SCALE, metavar="auto|1|2|3|4|5|8",
+                        help="factor by which the views are divided for the render, 1 for every view; auto, the "
+                             "default: the one up to 5 that loses least at the scene's depth and the rays")
+    parser.add_argument("--scale-frames", metavar="A-B|A-BxN|A,B,C",
+                        help="with --scale auto, frames whose depth decides one scale for all of them; default: those "
+                             "of --frames, else the frame that is rendered")
     parser.add_argument("--layers", type=_layers, metavar="NAME,NAME",
                         help=f"auxiliary layers from the same render, of {', '.join(LAYERS)}, "
                              "or `none`; default: those that the method needs")
@@ -62,13 +71,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Check the method, render, then upscale."""
     check_dilate(arguments.dilate)
-    _check_frames(arguments)
-    scale = _largest_scale(arguments)
+    _check_together(arguments)
+    display = load_display(arguments.display)
+    scales = _scales(arguments, display)
     method = (upscale.panel_method(arguments) if arguments.layout == SUBPIXELS
-              else upscale.chosen_method(arguments.method, scale, load_display(arguments.display)))
+              else upscale.chosen_method(arguments.method, scales[0], display))
     layers = method.layers if arguments.layers is None else arguments.layers
-    job = common.make_job(arguments, scale=scale, layers=layers)
-    job = dataclasses.replace(job, scales=_scales(arguments, job, method))
+    scales = method.scales_of(scales) if arguments.scale == AUTO_SCALE else scales
+    job = common.make_job(arguments, layers=layers, **_sampling(arguments, display, scales))
     if arguments.frames is not None:
         _render_frames(arguments, job, method)
         return
@@ -80,37 +90,39 @@ def run(arguments: argparse.Namespace) -> None:
         print(f"{arguments.output}: rows {rows_text(job.rows)} of {job.display.lenses[1]}; join the parts with "
               "`lfsr merge`")
         return
-    if scale > 1 and read_frame(arguments.output).scale == 1:
-        method = method.without_upscaler()
+    if job.scales:
+        method = method.at_scale(read_frame(arguments.output).scale)
     report = upscale.upscale(arguments.output, method, arguments)
     _check_seen(arguments, [report])
 
 
-def _largest_scale(arguments: argparse.Namespace) -> int:
-    """The scale asked for, or the largest that may be chosen."""
+def _scales(arguments: argparse.Namespace, display: DisplayProfile) -> tuple[int, ...]:
+    """The scale asked for, or those that the depth of the scene chooses from, the largest first."""
     if arguments.scale != AUTO_SCALE:
-        return int(arguments.scale)
-    if arguments.layout == SUBPIXELS:
-        return 1
-    return scales_up_to(load_display(arguments.display))[0]
+        return (int(arguments.scale),)
+    return (1,) if arguments.layout == SUBPIXELS else scales_up_to(display)
 
 
-def _scales(arguments: argparse.Namespace, job: Job, method: MethodName) -> tuple[int, ...]:
-    """Scales that Blender may choose from; an animation has one for all frames."""
-    if arguments.scale != AUTO_SCALE or arguments.frames is not None or arguments.layout == SUBPIXELS:
-        return ()
-    return tuple(scale for scale in scales_up_to(job.display) if scale == 1 or method.works_at(scale))
+def _sampling(arguments: argparse.Namespace, display: DisplayProfile, scales: tuple[int, ...]) -> dict[str, Any]:
+    """Fields of a job: scale and samples, or scales and rays from which both follow."""
+    usual = USUAL_SAMPLES if arguments.layout == SUBPIXELS else usual_rays(display)
+    rays = None if arguments.spp is not None else usual if arguments.rays is None else arguments.rays
+    samples = arguments.spp if rays is None else samples_at(display, scales[0], rays)
+    if len(scales) == 1:
+        return {"scale": scales[0], "spp": samples}
+    return {"scale": scales[0], "spp": samples, "scales": scales, "rays": rays,
+            "scale_frames": spread(parse_frames(arguments.scale_frames)) if arguments.scale_frames else ()}
 
 
 def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) -> None:
-    from lfsr_core.sequence.animation import SecondStage, animation_of
+    from lfsr_core.sequence.animation import SecondStage, animation_of, kept_scale
     from lfsr_core.sequence.cluster_animation import render_on
     from lfsr_core.sequence.engine import FAILED, Tools, counts, render_animation, table
-    from lfsr_core.sequence.numbers import parse_frames
 
     cluster = common.chosen_cluster(arguments)
     # Workers start in folders of their own.
     job = dataclasses.replace(job, output=os.path.abspath(job.output))
+    job = job if arguments.overwrite else kept_scale(job)
     weights = os.path.abspath(arguments.weights) if arguments.weights else None
     second = SecondStage(str(method), arguments.dilate, weights, arguments.step, arguments.linear_exr,
                          arguments.temporal_averaging or 0)
@@ -136,7 +148,7 @@ def _check_seen(arguments: argparse.Namespace, reports: Sequence[Report]) -> Non
                     f"{arguments.output} with --allow-empty")
 
 
-def _check_frames(arguments: argparse.Namespace) -> None:
+def _check_together(arguments: argparse.Namespace) -> None:
     """LfsrError for options that exclude each other, or that need --frames."""
     others = {"--frame": arguments.frame, "--rows": arguments.rows}
     alone = {"--overwrite": arguments.overwrite or None, "--workers": arguments.workers, "--cluster": arguments.cluster,
@@ -146,6 +158,8 @@ def _check_frames(arguments: argparse.Namespace) -> None:
             raise LfsrError(f"{name} was given without --frames: give the frames, as in --frames 1-48"
                             if arguments.frames is None else
                             f"--frames {arguments.frames} and {name} were both given: leave out one of them")
+    if arguments.rays is not None and arguments.spp is not None:
+        raise LfsrError(f"--rays {arguments.rays:g} and --spp {arguments.spp} were both given: leave out one of them")
 
 
 def _scale(text: str) -> int | str:

@@ -71,7 +71,7 @@ def panel_method(arguments: argparse.Namespace) -> MethodName:
 
 
 def chosen_method(name: str | None, scale: int, display: DisplayProfile) -> MethodName:
-    """The method ``name``, or the default for None; LfsrError if it is unknown or does not work at this scale."""
+    """What the method ``name``, or the default for None, does at ``scale``; LfsrError if it is unknown or cannot."""
     from lfsr_core.reconstruct.method_name import PLAIN_METHOD, default_method
     from lfsr_core.reconstruct.methods import denoise
     from lfsr_core.reconstruct.registry import method as load_method
@@ -82,7 +82,7 @@ def chosen_method(name: str | None, scale: int, display: DisplayProfile) -> Meth
         name = name if scale > 1 else METHOD_AT_FULL_RESOLUTION
     chosen = load_method(name).name
     chosen.check_scale(scale)
-    return chosen
+    return chosen.at_scale(scale)
 
 
 def options_of(arguments: argparse.Namespace, progress: Progress = silent) -> UpscaleOptions:

@@ -42,11 +42,11 @@ def wanted_facts(job: Job, found: Frame, content: str = "") -> Facts:
     The values of ``found`` stand for what the job leaves open, such as the device or the choice of a scale; a
     reference may have other samples and lenses than its job. ``content``: digest of the scene's file, empty for any.
     """
-    is_reference, is_chosen = job.kind == "reference", found.scale in job.scales
+    is_reference, scale = job.kind == "reference", found.scale if found.scale in job.scales else job.scale
     is_open_layout = job.layout == LAYOUTS[0] and found.layout != SUBPIXELS  # some devices need the lens card
     return {"display": job.display,
-            "scale": found.scale if is_chosen else job.scale,
-            "samples": found.samples if is_chosen or is_reference else job.spp,
+            "scale": scale,
+            "samples": found.samples if is_reference else job.samples_at(scale),
             "layout": found.layout if is_open_layout else job.layout,
             "convention": job.convention,
             "view_aperture": job.view_aperture,

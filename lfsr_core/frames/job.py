@@ -8,6 +8,7 @@ from pathlib import Path
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.files import read_json
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, check_direct
+from lfsr_core.optics.depth_scale import MOST_SAMPLES, ScaleChoice, samples_at, usual_rays
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lens_rows import check_rows, rows_text
 from lfsr_core.optics.rays import CONVENTIONS
@@ -19,7 +20,7 @@ AUTO = "auto"  # the best device of the machine that renders
 DEVICES = ("CPU", "OPTIX", "CUDA", "HIP", "ONEAPI", "METAL")
 LAYERS = ("albedo", "normal", "position", "index", "denoised")
 # Blender's own limits: it would silently clip larger numbers.
-MOST_SAMPLES, MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**24, 2**31 - 1, 1_048_574, 10**8
+MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**31 - 1, 1_048_574, 10**8
 MOST_DIGITS = 30
 CLAMP_INDIRECT = 10.0  # Cycles' default: fewer fireflies at low sample counts
 SCENE_SUFFIXES = (".blend", ".glb", ".gltf", ".obj")
@@ -35,6 +36,8 @@ class Job:
     kind: str = "render"  # "render" or "reference", which has two halves
     scale: int = 4  # by which the views are divided
     scales: tuple[int, ...] = ()  # to choose from by the depth of the scene, instead of ``scale``; or none
+    scale_frames: tuple[int, ...] = ()  # frames whose depth is looked at for that, none for ``frame`` alone
+    rays: float | None = None  # per finished pixel: they decide the samples at the chosen scale; None for ``spp``
     scale_reason: str = ""  # why the scale was chosen, for frame.json; empty where it was asked for
     spp: int = 16  # samples per pixel, which a reference splits evenly over its halves
     layers: tuple[str, ...] = ()  # auxiliary layers to write too
@@ -63,6 +66,7 @@ class Job:
         _check_numbers(self)
         for scale in (self.scale, *self.scales):
             self.display.low_views(scale)
+            self.samples_at(scale)
         if self.rows is not None:
             check_rows(self.rows, self.display.lenses[1])
             whole = {"a list of lenses": self.lens_list is not None, "the layer denoised": "denoised" in self.layers,
@@ -72,6 +76,20 @@ class Job:
                                 "leave out one of the two")
         if self.layout == SUBPIXELS:
             check_direct(self.display, vars(self))
+
+    @property
+    def judged_rays(self) -> float:
+        """Rays per finished pixel by which a scale is chosen: with ``spp``, those that it makes at the usual scale."""
+        return usual_rays(self.display, self.spp) if self.rays is None else self.rays
+
+    def samples_at(self, scale: int) -> int:
+        """Samples per pixel of a render at ``scale``; LfsrError for impossible ``rays``."""
+        return self.spp if self.rays is None else samples_at(self.display, scale, self.rays)
+
+    def with_scale(self, choice: ScaleChoice) -> Job:
+        """The same job at the scale that was chosen."""
+        return dataclasses.replace(self, scale=choice.scale, spp=self.samples_at(choice.scale), scales=(),
+                                   scale_frames=(), rays=None, scale_reason=choice.reason)
 
 
 def read_job(path: str | Path) -> Job:
@@ -110,8 +128,9 @@ def _check_numbers(job: Job) -> None:
         value = getattr(job, name)
         if value is not None and not 0 <= value <= most:
             raise LfsrError(f"{name.replace('_', ' ')} is {_shown(value)}, but it must be between 0 and {most}")
-    if job.frame is not None and abs(job.frame) > MOST_FRAME:
-        raise LfsrError(f"frame is {_shown(job.frame)}, but it must be between -{MOST_FRAME} and {MOST_FRAME}")
+    for frame in (job.frame, *job.scale_frames):
+        if frame is not None and abs(frame) > MOST_FRAME:
+            raise LfsrError(f"frame is {_shown(frame)}, but it must be between -{MOST_FRAME} and {MOST_FRAME}")
 
 
 def _shown(value: object) -> str:

@@ -1,27 +1,52 @@
-"""The scale for a scene's depth: how many views to leave out before detail far from the display plane is lost.
+"""How many views to render, and with how many samples: the scale that a scene's depth and a number of rays call for.
 
-A point off the display plane moves by some lenses (its disparity) from one rendered view to the next, further at
-larger scales. The second stage restores less the larger this disparity is (docs/results/stress.md).
+A number of rays per finished pixel can be many samples of few views (a large scale) or few samples of many views. A
+large scale has less noise, but a point off the display plane moves further from one rendered view to the next (its
+disparity), and the second stage restores less of it. ``choose_scale`` takes the scale whose predicted loss is least.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Collection
 
 import numpy as np
 
 from lfsr_core.arrays import Array
+from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-MAX_SCALE = 4  # that is chosen
+MOST_SCALE = 5  # that is chosen
 MIN_VIEWS = 5  # along each axis that a scale above 2 must leave (docs/results/displays.md)
-# Largest mean disparity, in lenses, that can be restored, by the samples per pixel that rendering every view with as
-# many rays would get: at scale 2, and above it. docs/results/stress.md
-MAX_DISPARITY = {1: 1.38, 16: 0.52}
-MAX_DISPARITY_COARSE = {1: 0.75, 4: 0.52}
-LOST = 2.0  # lenses of disparity from which on nothing more can be lost
+USUAL_SCALE, USUAL_SAMPLES = 4, 16  # the rays of a render for which nothing was asked
+MOST_SAMPLES = 2**24  # Blender's own limit: it would silently clip larger numbers
+ALMOST = 0.999  # of a sample: quotients of samples and pixels are not exact
+
+
+@dataclasses.dataclass(frozen=True)
+class LossModel:
+    """Predicted loss of accuracy, in SSIM: of detail, by points that move between rendered views, and by noise.
+
+    Both terms make the choice monotonous: the deeper a point and the more rays, the more a smaller scale gains.
+    """
+
+    # detail · ln(1 + disparity / lenses), mean over the points that are seen
+    detail: float
+    lenses: float
+    # noise · samples ** -power
+    noise: float
+    power: float
+
+    def loss(self, moves: Array, scale: int, samples: float) -> float:
+        """Predicted loss at ``scale`` with ``samples`` per pixel, for ``moves`` (n,) between the display's views."""
+        lost = self.detail * float(np.log1p(moves * scale / self.lenses).mean()) if len(moves) else 0.0
+        return lost + self.noise * math.pow(samples, -self.power)
+
+
+# By `python -m lfsr_lab.experiments.depth_scale`, see docs/notebook/stress.md.
+MODEL = LossModel(detail=0.4, lenses=3.0, noise=0.1, power=0.57)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,11 +54,10 @@ class ScaleChoice:
     """A scale and why it was chosen."""
 
     scale: int
-    samples: int  # per pixel
     reason: str = ""
 
 
-def scales_up_to(display: DisplayProfile, most: int = MAX_SCALE) -> tuple[int, ...]:
+def scales_up_to(display: DisplayProfile, most: int = MOST_SCALE) -> tuple[int, ...]:
     """Scales to choose from, the largest first: those that divide the display's views and leave enough, and 1.
 
     If there are none, the smallest that divides the views, and 1.
@@ -43,49 +67,52 @@ def scales_up_to(display: DisplayProfile, most: int = MAX_SCALE) -> tuple[int, .
     return (*sorted(usual or display.scales()[:1], reverse=True), 1)
 
 
+def usual_rays(display: DisplayProfile, samples: int = USUAL_SAMPLES) -> float:
+    """Rays per finished pixel of ``samples`` per pixel at USUAL_SCALE."""
+    return samples / display.finished_pixels(USUAL_SCALE)
+
+
+def samples_at(display: DisplayProfile, scale: int, rays: float) -> int:
+    """Samples per rendered pixel that make ``rays`` per finished pixel: at least 1, rounded.
+
+    LfsrError for rays that are not above 0, or more than Blender can render.
+    """
+    samples = rays * display.finished_pixels(scale)
+    if not 0 < samples <= MOST_SAMPLES:
+        raise LfsrError(f"rays per finished pixel are {rays:g}, but they must be above 0, and at most "
+                        f"{MOST_SAMPLES // display.finished_pixels(scale)} at scale {scale}")
+    return max(1, round(samples))
+
+
 def disparities(display: DisplayProfile, array: CameraArray, depths: Array) -> Array:
     """Lenses by which neighbouring views of the display move points at ``depths`` (n,) from the camera plane."""
     pitches = [2 * half / lenses for half, lenses, many in zip(
         array.half_size, display.lenses, display.parallax, strict=True) if many]
     nearest = 1e-6 * array.distance
     off_plane: Array = np.abs(array.distance / np.maximum(depths, nearest) - 1)
-    return np.divide(off_plane * array.spacing, min(pitches, default=np.inf))
+    return np.divide(off_plane * array.spacing, min(pitches, default=math.inf))
 
 
-def choose_scale(display: DisplayProfile, array: CameraArray, depths: Array, scales: Collection[int],
-                 samples: int) -> ScaleChoice:
-    """Return the largest of ``scales`` whose missing views can be restored, else the smallest.
+def choose_scale(display: DisplayProfile, moves: Array, scales: Collection[int], rays: float,
+                 model: LossModel = MODEL) -> ScaleChoice:
+    """Return the scale with the least predicted loss; of equal ones, the largest.
 
     Parameters
     ----------
-    display, array : where the views stand
-    depths : (n,) of points of the subject, spread over the image, from the camera plane
-    scales : to choose from
-    samples : per pixel; scale 1 gets fewer, so that it takes as many rays as the smallest scale above 1
+    display : whose views are divided
+    moves : (n,) disparities of points of the subject, spread over the image, as of ``disparities``
+    scales : to choose from; those that would get less than one sample are left out, unless all would
+    rays : per finished pixel
+    model : predicts the loss
     """
-    ordered, moves = sorted(scales, reverse=True), disparities(display, array, depths)
-    largest = ordered[0]
+    samples = {scale: rays * display.finished_pixels(scale) for scale in sorted(scales, reverse=True)}
+    largest = next(iter(samples))
+    enough = [scale for scale, count in samples.items() if count >= ALMOST] or [largest]
+    scale = min(enough, key=lambda scale: model.loss(moves, scale, samples[scale]))
     if not len(moves):
-        return ScaleChoice(largest, samples, f"scale {largest}: the middle view sees nothing of the subject")
-    scale = next((s for s in ordered if s > 1 and mean_disparity(moves, s) <= max_disparity(samples, s)), ordered[-1])
-    moved = mean_disparity(moves, largest)
-    if scale == largest:
-        return ScaleChoice(scale, samples, f"scale {scale}: neighbouring rendered views differ by {moved:.2g} lenses "
-                                           "on average, which can be restored")
-    reason = (f"scale {scale} and not {largest}, at which neighbouring rendered views would differ by {moved:.2g} "
-              "lenses on average: more than can be restored")
-    if scale > 1:
-        return ScaleChoice(scale, samples, reason)
-    fewer = max(1, samples // min((s for s in ordered if s > 1), default=1) ** 2)
-    return ScaleChoice(scale, fewer, f"{reason}; {fewer} of {samples} samples, for all views are rendered")
-
-
-def mean_disparity(moves: Array, scale: int) -> float:
-    """Mean disparity between views rendered at ``scale``, for ``moves`` (n,) between those of the display."""
-    return float(np.minimum(moves * scale, LOST).mean())
-
-
-def max_disparity(samples: int, scale: int) -> float:
-    """Largest mean disparity that can be restored better than by rendering every view with as many rays."""
-    most = MAX_DISPARITY if scale == 2 else MAX_DISPARITY_COARSE
-    return float(np.interp(np.log(samples / scale**2), np.log([*most]), [*most.values()]))
+        return ScaleChoice(scale, f"scale {scale}: the middle view sees nothing of the subject")
+    moved = float(np.median(moves))
+    there = "" if scale == largest else f", at scale {largest} by {moved * largest:.2g}"
+    return ScaleChoice(scale, f"scale {scale} is predicted to lose least at {rays:.3g} rays per finished pixel: half "
+                              f"of the subject moves by at least {moved * scale:.2g} lenses between neighbouring "
+                              f"rendered views{there}")

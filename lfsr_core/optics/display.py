@@ -128,6 +128,10 @@ class DisplayProfile:
         across, down = (count // scale if many else 1 for count, many in zip(self.views, self.parallax, strict=True))
         return across, down
 
+    def finished_pixels(self, scale: int) -> int:
+        """Pixels of the finished EIA for each rendered pixel."""
+        return math.prod(scale for many in self.parallax if many)
+
     def scales(self) -> list[int]:
         """Scale factors from 2 to 10 that divide the views of every axis with several."""
         counts = self._view_counts

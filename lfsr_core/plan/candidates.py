@@ -139,9 +139,7 @@ def between(spps: Sequence[int], steps: int) -> list[tuple[int, int, int, float]
 def methods_at(scale: int, names: Iterable[str], parallax: tuple[bool, bool] = (True, True)) -> tuple[str, ...]:
     """Those of the methods ``names`` that work at ``scale`` and on the display; at scale 1 without their upscalers."""
     parsed = [name for name in map(MethodName.parse, names) if name.works_with(parallax) or scale == 1]
-    if scale == 1:
-        return tuple(dict.fromkeys(name.without_upscaler().text for name in parsed))
-    return tuple(dict.fromkeys(name.text for name in parsed if name.works_at(scale)))
+    return tuple(dict.fromkeys(name.at_scale(scale).text for name in parsed if scale == 1 or name.works_at(scale)))
 
 
 def choose(rated: Sequence[Rated], target: float, most_seconds: float = math.inf) -> Choice:

@@ -125,6 +125,17 @@ class MethodName:
         """Whether it can upscale by ``scale``."""
         return self.upscaler != AS_RENDERED and not self.untrained(scale)
 
+    def scales_of(self, scales: Collection[int]) -> tuple[int, ...]:
+        """Those of ``scales`` that it can upscale by, and 1, where its denoisers work alone."""
+        return tuple(scale for scale in scales if scale == 1 or self.works_at(scale))
+
+    def at_scale(self, scale: int) -> MethodName:
+        """What it does at ``scale``: at 1, where every view is rendered, its denoisers alone."""
+        if scale > 1:
+            return self
+        kept = [part if part in (*DENOISERS, OURS) else DENOISERS[0] for part in self.prefilters]
+        return MethodName.parse("+".join(kept) or AS_RENDERED)
+
     def works_with(self, parallax: tuple[bool, bool]) -> bool:
         """Whether it works on a display whose views differ along those axes; networks need both."""
         return not self.network or all(parallax)
@@ -145,11 +156,6 @@ class MethodName:
     def mixes(self, prefilter: str) -> bool:
         """Whether ``prefilter`` makes two images that its network mixes."""
         return prefilter == BOTH and self.network is not None and "second_base" in self.network.options
-
-    def without_upscaler(self) -> MethodName:
-        """The method for a render of every view: its denoisers alone."""
-        kept = [part if part in DENOISERS else DENOISERS[0] for part in self.prefilters]
-        return MethodName.parse("+".join(kept) or AS_RENDERED)
 
     def guide_notes(self, layers: Collection[str]) -> list[str]:
         """A sentence for the report if a denoiser lacks guides; ``layers``: those of the frame."""

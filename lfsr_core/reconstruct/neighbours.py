@@ -45,11 +45,15 @@ def numbered_beside(folder: Path, count: int, planned: Iterable[int] = ()) -> li
     """Folders of frames ``near`` the one in ``folder``, of those rendered or ``planned``."""
     if not NUMBERED.match(folder.name):
         return []
-    beside = folder.parent.iterdir() if folder.parent.is_dir() else ()
-    numbers = {int(path.name): path for path in beside if NUMBERED.match(path.name)
-               and (path / FRAME_FILE).is_file() and (path / LOW_RES_FILE).is_file()}
-    numbers |= {number: folder.parent / f"{number:04d}" for number in planned}
+    numbers = numbered(folder.parent) | {number: folder.parent / f"{number:04d}" for number in planned}
     return [numbers[number] for number in near(int(folder.name), numbers, count)]
+
+
+def numbered(output: Path) -> dict[int, Path]:
+    """Folders of the rendered frames of an animation in ``output``, by their numbers."""
+    found = output.iterdir() if output.is_dir() else ()
+    return {int(path.name): path for path in found if NUMBERED.match(path.name)
+            and (path / FRAME_FILE).is_file() and (path / LOW_RES_FILE).is_file()}
 
 
 def near(number: int, numbers: Collection[int], count: int) -> list[int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Sequence
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
@@ -14,11 +14,14 @@ from lfsr_core.frames.identity import check_same, is_same
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.exr import check_complete
-from lfsr_core.reconstruct.neighbours import numbered_beside
+from lfsr_core.optics.depth_scale import ScaleChoice
+from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.reconstruct.neighbours import numbered, numbered_beside
 from lfsr_core.reconstruct.options import UpscaleOptions
 from lfsr_core.render.content import scene_content
 from lfsr_core.render.process import RENDERED_FILES, check_folder
 from lfsr_core.render.store import is_complete
+from lfsr_core.sequence.numbers import spread
 
 PNG_END = b"IEND\xaeB`\x82"
 TO_RENDER, TO_FINISH, DONE = "to render", "to finish", "done"
@@ -41,6 +44,10 @@ class SecondStage:
         return UpscaleOptions(self.step, self.dilate, weights=self.weights, linear_exr=self.linear_exr,
                               temporal_averaging=self.temporal_averaging)
 
+    def method_at(self, scale: int) -> MethodName:
+        """The method for frames of ``scale``."""
+        return MethodName.parse(self.method).at_scale(scale)
+
 
 @dataclasses.dataclass(frozen=True)
 class Animation:
@@ -53,9 +60,19 @@ class Animation:
     lenient: bool = False
 
 
-def animation_of(job: Job, frames: Iterable[int], second: SecondStage, lenient: bool = False) -> Animation:
+def kept_scale(job: Job) -> Job:
+    """Return ``job`` at the scale of a frame that its output folder already holds, so that all frames have one."""
+    for _, folder in sorted(numbered(Path(job.output)).items()) if job.scales else ():
+        found = _readable(folder)
+        if found is not None and found.display == job.display and found.scale in job.scales:
+            return job.with_scale(ScaleChoice(found.scale, found.scale_reason))
+    return job
+
+
+def animation_of(job: Job, frames: Sequence[int], second: SecondStage, lenient: bool = False) -> Animation:
     """Return the animation of ``frames`` of the scene of ``job``, in folders such as ``0001`` in its output.
 
+    A job that chooses its scale chooses one for all frames, by the depth of a few of them.
     With temporal averaging, neighbouring frames have different seeds; without it, all have the seed of ``job``, so
     that the noise does not move. ``lenient``: as of ``Animation``.
     """
@@ -63,6 +80,8 @@ def animation_of(job: Job, frames: Iterable[int], second: SecondStage, lenient: 
     if is_complete(output, "render") or is_complete(output, "reference"):
         raise LfsrError(f"{output} is a frame folder itself: choose another folder for the frames of an animation")
     check_averaging(second.temporal_averaging)
+    if job.scales and not job.scale_frames:
+        job = dataclasses.replace(job, scale_frames=spread(frames))
     jobs = tuple(dataclasses.replace(job, frame=number, output=str(frame_folder(output, number)),
                                      seed=seed_in_turn(job.seed, number, second.temporal_averaging))
                  for number in frames)
@@ -116,7 +135,7 @@ def _is_finished(animation: Animation, job: Job) -> bool:
     except LfsrError:
         return False
     made = (report.method, report.dilate, report.weights, report.temporal_averaging)
-    if made != (second.method, second.dilate, second.weights, second.temporal_averaging):
+    if made != (second.method_at(report.scale).text, second.dilate, second.weights, second.temporal_averaging):
         return False
     if second.linear_exr and not _is_complete(folder / EIA_LINEAR_FILE):
         return False

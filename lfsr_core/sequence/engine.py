@@ -185,7 +185,7 @@ class _Finishing:
 
     def _finish(self, job: Job) -> None:
         options = dataclasses.replace(self.second.options, progress=self._check_stopped)
-        upscale_frame(Path(job.output), self.second.method, options)
+        upscale_frame(Path(job.output), self.second.method_at(read_part(job.output).scale), options)
 
     def _check_stopped(self, *_: object) -> None:
         if self._stopped.is_set():

@@ -1,18 +1,24 @@
-"""Read frame numbers as people write them."""
+"""Frame numbers: as people write them, and a few that are spread over many."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+
+import numpy as np
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import MOST_FRAME
 
-RANGE = re.compile(r"(-?\d{1,8})(?:-(-?\d{1,8})(?:x(\d{1,8}))?)?$")
+RANGE = re.compile(r"(-?\d{1,8})(?:-(-?\d{1,8})(?:[x:](\d{1,8}))?)?$")
 MOST_FRAMES = 100_000
+MOST_SPREAD = 5
 
 
 def parse_frames(text: str) -> tuple[int, ...]:
     """Return the frames of ``1-48``, ``1-48x2`` (every second one), ``7``, or several of these with commas; each once.
+
+    OpenJD writes ``1-48:2`` for ``1-48x2``.
 
     LfsrError for any other ``text``.
     """
@@ -22,6 +28,12 @@ def parse_frames(text: str) -> tuple[int, ...]:
         if len(frames) > MOST_FRAMES:
             raise LfsrError(f"frames {text[:30]} are more than {MOST_FRAMES}: render them in several runs")
     return tuple(frames)
+
+
+def spread(frames: Sequence[int], most: int = MOST_SPREAD) -> tuple[int, ...]:
+    """Return at most ``most`` of ``frames``, evenly spread over them, with the first and the last."""
+    places = np.linspace(0, len(frames) - 1, min(len(frames), most))
+    return tuple(frames[round(place)] for place in places)
 
 
 def _range(word: str, text: str) -> range:

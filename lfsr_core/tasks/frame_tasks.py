@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.files import atomic_path
-from lfsr_core.frames.frame import MASK_FILE, read_frame
+from lfsr_core.frames.frame import MASK_FILE, read_frame, read_rendered
 from lfsr_core.render.protocol import emit_progress, emit_warning
 
 
@@ -18,10 +18,12 @@ def upscale(folder: str, method: str, linear_exr: bool = False, views: str | Non
 
     Return the "method" and the "seconds" of each stage.
     """
+    from lfsr_core.reconstruct.method_name import MethodName
     from lfsr_core.reconstruct.options import UpscaleOptions
     from lfsr_core.reconstruct.second_stage import upscale_frame
 
-    report = upscale_frame(folder, method, UpscaleOptions(linear_exr=linear_exr, progress=emit_progress))
+    name = MethodName.parse(method).at_scale(read_rendered(folder).scale)
+    report = upscale_frame(folder, name, UpscaleOptions(linear_exr=linear_exr, progress=emit_progress))
     if views:
         decode(folder, views)
     return {"method": report.method, "seconds": report.seconds}

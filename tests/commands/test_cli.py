@@ -133,8 +133,8 @@ def test_an_image_without_foreground_is_no_success(scene, blender, tmp_path, cap
 def test_render_defaults(scene, blender, tmp_path):
     assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender]) == 0
     (job,) = jobs(blender)
-    assert (job["scale"], job["spp"], job["layers"], job["frame"]) == (2, 16, ["albedo", "normal"], None)
-    assert job["scales"] == [2, 1], "Blender sees the depth and chooses"
+    assert (job["scale"], job["spp"], job["layers"], job["frame"]) == (2, 4, ["albedo", "normal"], None)
+    assert (job["scales"], job["rays"], job["scale_frames"]) == ([2, 1], 1, []), "Blender sees the depth and chooses"
     assert json.loads((tmp_path / "frame" / "report.json").read_text())["method"] == DEFAULT_METHOD
 
 
@@ -154,6 +154,23 @@ def test_a_scale_that_is_asked_for_is_the_only_one(scene, blender, tmp_path, cap
     with pytest.raises(SystemExit):
         main(["render", scene, "-o", "x", "--scale", "some"])
     assert "--scale" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("arguments", "expected"), [
+    (["--scale", "4"], (4, 16, [], None)), (["--scale", "4", "--rays", "0.25"], (4, 4, [], None)),
+    (["--scale", "1", "--rays", "3.4"], (1, 3, [], None)), (["--scale", "2", "--spp", "7"], (2, 7, [], None)),
+    (["--rays", "4"], (2, 16, [2, 1], 4)), (["--spp", "64"], (2, 64, [2, 1], None))])
+def test_rays_are_per_finished_pixel_and_samples_per_rendered_pixel(scene, blender, tmp_path, arguments, expected):
+    assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--method", "bilinear",
+                 "--blender", blender, *arguments]) == 0
+    (job,) = jobs(blender)
+    assert (job["scale"], job["spp"], job["scales"], job["rays"]) == expected
+
+
+def test_frames_can_be_named_whose_depth_decides(scene, blender, tmp_path):
+    assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender, "--frame",
+                 "7", "--scale-frames", "1-9:2"]) == 0
+    assert jobs(blender)[0]["scale_frames"] == [1, 3, 5, 7, 9]
 
 
 def test_render_has_the_layers_that_its_method_looks_at(scene, blender, tmp_path):
@@ -177,6 +194,10 @@ def test_render_at_scale_1_needs_no_upscaler(scene, blender, tmp_path):
     (["--method", "bicubik"], "unknown method 'bicubik': did you mean 'bicubic'"),
     (["--scale", "3"], r"scale is 3, but display 'mini' has 8×8 views per lens"),
     (["--spp", "0"], "samples per pixel is 0"),
+    (["--spp", "4", "--rays", "2"], "--rays 2 and --spp 4 were both given: leave out one of them"),
+    (["--rays", "0"], "rays per finished pixel are 0, but they must be above 0"),
+    (["--rays", "nan", "--scale", "2"], "rays per finished pixel are nan, but they must be above 0"),
+    (["--scale-frames", "9-1"], "frames are 9-1, but the first number must be the smaller one"),
     (["--layers", "albdo"], "layer is 'albdo': did you mean 'albedo'"),
     (["--display", "mimi"], "unknown display 'mimi': did you mean 'mini'"),
     (["--view-aperture", "2"], "view aperture is 2"),

@@ -21,6 +21,7 @@ LENSES = ((0, 0), (1, 1))
 
 @pytest.mark.parametrize(("changes", "sentence"), [
     ({"spp": 4}, "with 16 samples per pixel, but 4 were asked for"),
+    ({"scales": (2, 4), "rays": 1.0}, "with 16 samples per pixel, but 4 were asked for"),
     ({"scale": 4, "spp": 4}, "with scale 2, but scale 4 was asked for"),
     ({"display": dataclasses.replace(MINI, name="other")}, "with display mini, but display other was"),
     ({"display": dataclasses.replace(MINI, viewing_angle_deg=33.0)},
@@ -51,7 +52,8 @@ def test_the_first_difference_is_one_sentence(tmp_path, changes, sentence):
 @pytest.mark.parametrize(("changes", "found"), [
     ({"device": AUTO}, {"device": "OPTIX"}),
     ({"layers": ("normal",)}, {"layers": ("albedo", "normal")}),
-    ({"scales": (2, 4), "scale": 4}, {"samples": 64}),
+    ({"scales": (2, 4), "scale": 4}, {}),
+    ({"scales": (2, 4), "scale": 4, "rays": 16.0}, {"samples": 64}),
     ({}, {"layout": "lens-card"}),
     ({}, {"world_visible": True}),
     ({"kind": "reference", "scale": 1}, {"scale": 1, "samples": 500, "lens_list": LENSES})])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import pytest
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job, check_scene, read_job
+from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import load_display
 from lfsr_core.records import to_data, write_record
 
@@ -15,7 +17,7 @@ MINI = load_display("mini")
 JOB = Job("out", MINI, scene="s.blend", kind="reference", scale=2, spp=9, layers=("albedo",), layout="view-by-view",
           convention="paper", view_aperture=0.5, seed=5, frame=3, subject="Things", lens_list=((1, 2), (3, 4)),
           device="OPTIX", clamp_indirect=0.0, world_visible=True, scene_name="Set", parts="kept",
-          camera="Camera", scales=(4, 2), scale_reason="it is deep", world="world.exr")
+          camera="Camera", scales=(4, 2), scale_frames=(1, 9), rays=2.5, scale_reason="it is deep", world="world.exr")
 
 
 def test_json_round_trip_keeps_every_field(tmp_path):
@@ -34,6 +36,8 @@ def test_json_round_trip_keeps_every_field(tmp_path):
     ({"seed": 2**31}, "seed is 2147483648.*between 0 and 2147483647"),
     ({"seed": -(10**400)}, "seed is -1000"),
     ({"frame": 10**9}, "frame is 1000000000.*1048574"),
+    ({"scale_frames": (1, 10**9)}, "frame is 1000000000.*1048574"),
+    ({"rays": -2.0}, "rays per finished pixel are -2, but they must be above 0"),
     ({"clamp_indirect": -1.0}, "clamp indirect is -1.0"),
     ({"spp": 0}, "samples per pixel is 0, but a render.*at least 1"),
     ({"spp": 1.5}, "samples per pixel is 1.5"),
@@ -69,6 +73,15 @@ def test_job_file_of_another_type_is_named(tmp_path):
     (tmp_path / "job.json").write_text("[]")
     with pytest.raises(LfsrError, match="holds a list, but a render job"):
         read_job(tmp_path / "job.json")
+
+
+def test_samples_follow_from_the_rays_at_the_chosen_scale():
+    job = Job("out", MINI, scale=4, spp=5, scales=(4, 2, 1), scale_frames=(1,))
+    assert job.with_scale(ScaleChoice(2, "it is deep")) == Job("out", MINI, scale=2, spp=5, scale_reason="it is deep")
+    assert job.judged_rays == 5 / 16
+    by_rays = dataclasses.replace(job, rays=4.0)
+    assert [by_rays.with_scale(ScaleChoice(scale)).spp for scale in job.scales] == [64, 16, 4]
+    assert by_rays.judged_rays == 4
 
 
 def test_scene_is_checked_before_blender_starts(tmp_path):

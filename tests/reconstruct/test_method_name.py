@@ -69,14 +69,15 @@ def test_a_network_works_only_at_scales_it_was_trained_for(monkeypatch):
     assert name.networks == ("fsrcnn",) and name.untrained(2) == ("fsrcnn",) and name.untrained(4) == ()
     assert name.works_at(4) and not name.works_at(2)
     assert MethodName.parse("bicubic").works_at(7) and not MethodName.parse("oidn").works_at(4)
+    assert name.scales_of((5, 4, 2, 1)) == (4, 1) and MethodName.parse("oidn").scales_of((4, 1)) == (1,)
 
 
 @pytest.mark.parametrize(("text", "left", "steps"), [
     ("bilinear", "none", 1), ("none", "none", 0), ("oidn-fast+bilinear", "oidn-fast", 2), ("oidn", "oidn", 1),
-    ("oidn-both+refine+epi", "oidn", 5)])
+    ("oidn-both+refine+epi", "oidn", 5), ("ours+bilinear+epi", "ours", 3)])
 def test_what_is_left_at_scale_1_and_how_many_steps_there_are(text, left, steps):
-    assert MethodName.parse(text).without_upscaler().text == left
-    assert MethodName.parse(text).steps == steps
+    name = MethodName.parse(text)
+    assert (name.at_scale(1).text, name.at_scale(2), name.steps) == (left, name, steps)
 
 
 def test_a_missing_guide_is_noted():

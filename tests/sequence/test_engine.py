@@ -18,7 +18,8 @@ import pytest
 from lfsr_core.cli import main
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame, write_frame
-from lfsr_core.sequence.animation import SecondStage
+from lfsr_core.frames.report import read_report
+from lfsr_core.sequence.animation import SecondStage, kept_scale
 from lfsr_core.sequence.engine import FAILED, KEPT, MADE, Tools, render_animation
 from tests.support.animations import animation, images, played_tools, states
 from tests.support.played_blender import played_blender
@@ -85,6 +86,29 @@ def test_a_frame_that_lacks_its_picture_is_not_rendered_again(made, damage):
 
 def test_another_method_finishes_the_same_renders(made):
     assert states(render_animation(animation(made, FRAMES, SecondStage("light")), NO_BLENDER)) == [MADE] * 3
+
+
+def test_one_scale_for_all_frames_is_chosen_by_the_depth_of_a_few(tmp_path):
+    asked = animation(tmp_path, range(1, 10), scales=(4, 2), rays=1.0)
+    assert {job.scale_frames for job in asked.jobs} == {(1, 3, 5, 7, 9)}
+    asked = animation(tmp_path, range(1, 10), scales=(4, 2), rays=1.0, scale_frames=(2, 3))
+    assert {job.scale_frames for job in asked.jobs} == {(2, 3)}
+
+
+def test_frames_that_are_there_decide_the_scale_of_others(made):
+    job = dataclasses.replace(animation(made, FRAMES).jobs[0], output=str(made / "film"), scale=4, scales=(4, 2),
+                              scale_frames=(1,), rays=4.0)
+    kept = kept_scale(job)
+    assert (kept.scale, kept.scales, kept.scale_frames, kept.spp, kept.rays) == (2, (), (), 16, None)
+    assert kept_scale(dataclasses.replace(job, output=str(made / "other"))).scales == (4, 2)
+    assert kept_scale(dataclasses.replace(job, scales=(4, 8))).scales == (4, 8)
+
+
+def test_frames_at_scale_1_are_denoised_alone(tmp_path):
+    asked = animation(tmp_path, (1,), SecondStage("oidn+bilinear+epi"), scale=1)
+    assert states(render_animation(asked, played_tools(tmp_path, 1))) == [MADE]
+    assert read_report(tmp_path / "film" / "0001").method == "oidn"
+    assert states(render_animation(asked, NO_BLENDER)) == [KEPT]
 
 
 def test_overwrite_makes_all_again(made):

@@ -41,7 +41,7 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
 
 
 class LFSR_OT_plan_use(bpy.types.Operator):
-    """Set the samples, scale and method that were found"""
+    """Set the scale, rays per pixel and method that were found"""
 
     bl_idname = "lfsr.plan_use"
     bl_label = "Use Settings"
@@ -49,12 +49,13 @@ class LFSR_OT_plan_use(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Set scale, samples and method."""
+        """Set scale, rays and method."""
         scene, state = context.scene, context.window_manager.lfsr
         if state.plan_scene != scene.name or not state.plan_method:
             raise LfsrError(f"no settings were found for scene {scene.name!r}: press Find first")
-        scene.lfsr.scale, scene.lfsr.samples = str(state.plan_scale), state.plan_samples
-        scene.lfsr.method = state.plan_method
+        pixels = scene_settings.display_of(scene).finished_pixels(state.plan_scale)
+        scene.lfsr.scale, scene.lfsr.method = str(state.plan_scale), state.plan_method
+        scene.lfsr.rays, scene.lfsr.samples = state.plan_samples / pixels, 0
         return {"FINISHED"}
 
 

@@ -15,8 +15,10 @@ const JOB_TYPE = {
         { key: "output", type: "string", subtype: "dir_path", required: true,
           description: "Folder that every worker sees; frame 1 goes to its folder 0001" },
         { key: "display", type: "string", default: "bupt-32in-8k", description: "Display profile" },
-        { key: "scale", type: "int32", default: 4, description: "Factor by which the views are divided for the render" },
-        { key: "samples", type: "int32", default: 16, propargs: { min: 1 }, description: "Samples per pixel" },
+        { key: "scale", type: "string", default: "auto",
+          description: "auto for one scale of all frames by their depth, or 1, 2, 3, 4, 5, 8" },
+        { key: "rays", type: "float", default: 1, propargs: { min: 0.01 },
+          description: "Rays per finished pixel; 1 is 16 samples per rendered pixel at scale 4, 4 at scale 2" },
         { key: "seed", type: "int32", default: 0, propargs: { min: 0 } },
         { key: "device", type: "string", default: "auto", description: "auto, CPU, OPTIX, CUDA, HIP, ONEAPI or METAL" },
         { key: "method", type: "string", default: "oidn-both+refine+epi", description: "Method that makes the other views" },
@@ -73,7 +75,8 @@ function renderTasks(settings, frame) {
         tasks.push(lfsrTask(settings, `render-${frame}-${part}of${settings.parts}`, [
             "render", settings.blendfile, "--output", path.join(partsFolder(settings, frame), String(part)),
             "--frame", frame, "--rows", `${part}/${settings.parts}`, "--display", settings.display,
-            "--scale", String(settings.scale), "--spp", String(settings.samples), "--seed", String(settings.seed),
+            "--scale", settings.scale, "--scale-frames", settings.frames, "--rays", String(settings.rays),
+            "--seed", String(settings.seed),
             "--temporal-averaging", String(settings.share), "--device", settings.device, "--method", settings.method]));
     }
     return tasks;

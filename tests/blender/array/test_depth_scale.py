@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import pytest
 
+from blender_addon.background import recipes
 from blender_addon.render import frame_folder
 from blender_addon.settings import scene_settings
 from lfsr_core.frames.job import Job
@@ -43,12 +42,43 @@ def test_a_scale_that_was_asked_for_stays(scene):
             frame_of(scene, kind="reference"))] == [(4, ""), (1, "")]
 
 
-def test_the_panel_chooses_before_it_renders(tmp_path):
+def test_samples_follow_from_the_rays_and_fixed_ones_stay(scene):
+    boxes(scene, (1.0, 20.0))
+    deep = [(frame.scale, frame.samples) for frame in (frame_of(scene, rays=4.0), frame_of(scene, spp=64))]
+    assert deep == [(1, 4), (1, 64)]
+    assert "at 4 rays per finished pixel" in frame_of(scene, spp=64).scale_reason
+
+
+def test_a_few_frames_of_an_animation_decide_together(scene):
+    boxes(scene, (5.0, 5.0))
+    moved = scene.objects[-1]
+    for number, factor in ((1, 1.0), (9, 20.0)):  # from the camera: as large to see
+        moved.scale = (factor,) * 3
+        moved.keyframe_insert("scale", frame=number)
+    scene.frame_set(1)
+    alone, together = frame_of(scene), frame_of(scene, scale_frames=(1, 9))
+    assert together.scale < alone.scale
+    assert (scene.frame_current, together.frame) == (1, 1)
+    assert frame_of(scene, frame=9, scale_frames=(1, 9)).scale == together.scale
+
+
+def test_a_frame_without_an_array_does_not_count(scene):
+    boxes(scene, (5.0, 5.1))
+    for number, turned in ((1, 0.0), (9, 3.0)):
+        scene.camera.rotation_euler.x = 1.5708 + turned
+        scene.camera.keyframe_insert("rotation_euler", frame=number)
+    scene.frame_set(1)
+    assert frame_of(scene, scale_frames=(1, 9)).scale == frame_of(scene).scale
+
+
+def test_the_panel_leaves_the_choice_to_blender_and_gives_an_animation_one_scale(tmp_path):
     with panel.registered():
         scene = panel.artist_scene(tmp_path)
-        job = scene_settings.resolve_for_render(scene).job(tmp_path, 1)
-        assert (job.scale, job.scale_reason) == (2, "")
-        scene.lfsr.scale = scene_settings.AUTO_SCALE
-        auto = scene_settings.resolve_for_render(scene).job(tmp_path, 1)
-        assert auto.scale in (2, 4) and auto.scale_reason.startswith(f"scale {auto.scale}")
-        assert not auto.scales and dataclasses.replace(auto, scale=2, scale_reason="") == job
+        job = recipes.frame_recipe(scene).job
+        assert (job.scale, job.scales, job.rays) == (2, (), None)
+        scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.rays = scene_settings.AUTO_SCALE, 0, 0.5
+        auto = recipes.frame_recipe(scene).job
+        assert (auto.scale, auto.scales, auto.spp, auto.rays) == (2, (2, 1), 2, 0.5)
+        chosen = recipes.animation_recipe(scene).job
+        assert not chosen.scales and chosen.scale_reason.startswith(f"scale {chosen.scale}")
+        assert chosen.spp == max(1, round(0.5 * chosen.scale**2))

@@ -147,10 +147,14 @@ def test_array_is_fitted_to_the_whole_animation_whatever_the_frame(scene):
 
 
 def test_frames_that_stand_for_an_animation(scene):
-    assert list(motion.frames(scene)) == [1], "nothing moves"
-    assert motion.chosen(3, 5) == [3, 4, 5]
-    many = motion.chosen(1, 1000)
+    assert list(motion.frames(scene)) == list(motion.visited(scene, (3, 5))) == [1], "nothing moves"
+    box = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    for number in (1, 1000):
+        box.keyframe_insert("location", frame=number)
+    scene.frame_start, scene.frame_end = 1, 1000
+    many = list(motion.frames(scene))
     assert len(many) == motion.MOST_FRAMES and (many[0], many[-1]) == (1, 1000)
+    assert list(motion.visited(scene, (3, 5))) == [3, 5] and scene.frame_current == 1
 
 
 def test_camera_sees_its_subject_through_a_clipped_wall(scene):

@@ -1,7 +1,8 @@
-"""Quality presets set samples and method, and follow them."""
+"""Quality presets set rays and method, and follow them; fixed samples stay as they are."""
 
 from __future__ import annotations
 
+import bpy
 import pytest
 
 from blender_addon.settings import scene_settings
@@ -17,19 +18,57 @@ def scene(tmp_path):
 
 
 @pytest.mark.parametrize("name", scene_settings.QUALITY_SAMPLES)
-def test_quality_sets_samples_and_method(scene, name):
-    scene.lfsr.quality = name
-    assert (scene.lfsr.samples, scene.lfsr.method) == (scene_settings.QUALITY_SAMPLES[name], DEFAULT_METHOD)
+def test_quality_sets_rays_and_method(scene, name):
+    scene.lfsr.quality, scene.lfsr.scale = name, "4"
+    assert (scene.lfsr.samples, scene.lfsr.method) == (0, DEFAULT_METHOD)
+    assert scene_settings.resolve(scene).samples == scene_settings.QUALITY_SAMPLES[name]
     assert scene.lfsr.quality == name
 
 
-def test_changing_a_value_is_custom_and_back(scene):
+@pytest.mark.parametrize("changed", ["rays", "samples"])
+def test_changing_a_value_is_custom_and_back(scene, changed):
     scene.lfsr.quality = "FINAL"
-    samples = scene.lfsr.samples
-    scene.lfsr.samples = samples + 1
+    before = getattr(scene.lfsr, changed)
+    setattr(scene.lfsr, changed, before + 1)
     assert scene.lfsr.quality == "CUSTOM"
-    scene.lfsr.samples = samples
+    setattr(scene.lfsr, changed, before)
     assert scene.lfsr.quality == "FINAL"
+
+
+def test_a_saved_scene_keeps_the_samples_that_were_set(tmp_path):
+    """Older versions saved samples alone; scripts set them."""
+    with panel.registered():
+        scene = panel.artist_scene(None)
+        scene.lfsr.property_unset("rays")
+        scene.lfsr.samples = 40
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+        bpy.ops.wm.read_homefile(use_empty=True)
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+        found = bpy.context.scene
+        for scale in ("2", "4", scene_settings.AUTO_SCALE):
+            found.lfsr.scale = scale
+            resolved = scene_settings.resolve(found)
+            assert (resolved.samples, resolved.rays) == (40, None)
+            assert resolved.job(tmp_path, 1).samples_at(1) == 40
+
+
+def test_the_rays_stay_when_the_scale_changes(scene):
+    scene.lfsr.samples, scene.lfsr.rays = 0, 2.0
+    found = {}
+    for scale in ("1", "2", "4", "8"):
+        scene.lfsr.scale = scale
+        found[scale] = scene_settings.resolve(scene).samples
+    assert found == {"1": 2, "2": 8, "4": 32, "8": 128}
+
+
+def test_a_preset_costs_the_same_on_every_display(scene):
+    """As many samples at scale 4, or in a pixel of the panel."""
+    scene.lfsr.quality = "BALANCED"
+    for display, rays in (("small", 1), ("looking-glass-16", 4)):
+        scene.lfsr.display = display
+        assert (scene.lfsr.quality, scene.lfsr.rays) == ("BALANCED", rays)
+    scene.lfsr.straight = True
+    assert (scene.lfsr.rays, scene_settings.resolve(scene).samples) == (16, 16)
 
 
 def test_a_preset_takes_the_method_for_the_displays_views(scene):

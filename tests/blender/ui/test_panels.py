@@ -67,13 +67,26 @@ def test_with_an_array(scene):
     assert "16 × 12" in labels(drawn["Display"]) and "64 × 48 px" in labels(drawn["Display"])
     assert {"lfsr.array_fit", "lfsr.array_remove"} <= operators(drawn["Camera Array"])
     assert {"distance", "spacing", "show_frustum"} <= properties(drawn["Camera Array"])
-    assert {"quality", "samples", "method", "output"} <= properties(drawn["Quality"])
+    assert {"quality", "rays", "samples", "method", "output"} <= properties(drawn["Quality"])
     assert {"lfsr.render_eia", "lfsr.render_animation"} <= operators(drawn["Render"])
     assert ("menu", {"menu": "LFSR_MT_submit"}) in drawn["Render"]
     assert properties(drawn["Render"]) == {"share_frames", "use_overwrite"}
     assert {"eye_right", "eye_up"} <= properties(drawn["Preview"])
     assert operators(drawn["View and Export"]) == {"lfsr.open_viewer"}
     assert operators(drawn["Reference"]) == {"lfsr.render_reference"}
+
+
+def test_what_follows_from_rays_and_from_fixed_samples(scene):
+    scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.rays = "small", "AUTO", 0, 1
+    drawn = draw_all()
+    assert "Samples 1 to 25" in labels(drawn["Quality"]) and "rays" not in greyed(drawn["Quality"])
+    assert "8 × 8 or more" in labels(drawn["Display"])
+    scene.lfsr.scale = "4"
+    drawn = draw_all()
+    assert "Samples 16" in labels(drawn["Quality"]) and "or more" not in labels(drawn["Display"])
+    scene.lfsr.samples = 4
+    drawn = draw(panels.LFSR_PT_quality)
+    assert "Rays per Pixel 0.25" in labels(drawn) and greyed(drawn) == {"rays"}
 
 
 def test_without_an_array(scene):
@@ -95,7 +108,7 @@ def test_with_a_missing_profile(scene):
 
 
 def test_direct_rendering_is_offered_for_a_lens_sheet_only(scene):
-    scene.lfsr.straight = True
+    scene.lfsr.straight, scene.lfsr.samples = True, 0
     drawn = draw_all()
     assert "straight" not in properties(drawn["Display"]) and "64 × 48 px" in labels(drawn["Display"])
     assert all_greyed(drawn) == {"eye_right"}, "there are no views yet"

@@ -10,7 +10,7 @@ import bpy
 import pytest
 
 from blender_addon.background import session
-from blender_addon.settings import methods
+from blender_addon.settings import methods, scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.operators import plan
 from lfsr_core.plan import options
@@ -45,7 +45,8 @@ def test_plan_is_found_shown_and_used(scene):
     drawn = draw(panels.LFSR_PT_plan)
     assert "s2-spp1" in labels(drawn) and operators(drawn) == {"lfsr.plan", "lfsr.plan_use"}
     assert bpy.ops.lfsr.plan_use() == {"FINISHED"}
-    assert (scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method) == ("2", 1, state.plan_method)
+    assert (scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method) == ("2", 0, state.plan_method)
+    assert (scene.lfsr.rays, scene_settings.resolve(scene).samples) == (0.25, 1)
     assert not list(Path(bpy.app.tempdir).glob("lfsr-*")), "what was rendered is gone"
 
 

@@ -22,7 +22,7 @@ from lfsr_core.frames.low_res import low_resolution, read_world
 from lfsr_core.frames.reference import Reference
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.reconstruct.method_name import OURS, MethodName
+from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.second_stage import finished_lenses
 from lfsr_lab.experiments.engine.accuracy import lens_ssims
@@ -71,8 +71,7 @@ class Candidate:
         if not self.name.works_with(frame.display.parallax):
             return None
         if frame.scale == 1:
-            name = MethodName.parse(OURS) if OURS in self.name.prefilters else self.name.without_upscaler()
-            return dataclasses.replace(self, name=name)
+            return dataclasses.replace(self, name=self.name.at_scale(1))
         return self if self.name.works_at(frame.scale) else None
 
     def facts(self, render: Path, reference: Path) -> Fingerprint:

@@ -40,7 +40,7 @@ class Way:
         if self != OURS:
             return ()
         method = MethodName.parse(default_method(profile.parallax))
-        return tuple(scale for scale in scales_up_to(profile) if scale == 1 or method.works_at(scale))
+        return method.scales_of(scales_up_to(profile))
 
 
 OURS = Way("default", "ours", "one-pass", (4, 16, 64),
@@ -65,7 +65,7 @@ def panel_image(folder: Path, way: Way) -> Array:
     if way == USUAL:
         return shown(_view_by_view(folder, frame), frame.display, "nearest")
     method = MethodName.parse(default_method(frame.display.parallax))
-    return shown(finished_linear(folder, method if frame.scale > 1 else method.without_upscaler()), frame.display)
+    return shown(finished_linear(folder, method.at_scale(frame.scale)), frame.display)
 
 
 def traced(folder: Path, name: str, method: str = "none") -> Array:

@@ -1,0 +1,35 @@
+"""The scale that a scene's depth calls for."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from contextlib import suppress
+
+import bpy
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale, disparities
+from lfsr_core.optics.display import DisplayProfile
+
+from . import motion, placement
+
+
+def scale_by_depth(scene: bpy.types.Scene, display: DisplayProfile, subject: set[bpy.types.Object],
+                   scales: Collection[int], rays: float, frames: Collection[int] = ()) -> ScaleChoice:
+    """Choose one of ``scales`` by the depth at which the middle of the array sees the ``subject``.
+
+    Parameters
+    ----------
+    scene : with an array, a camera or only a subject to place the array by
+    display : whose views are divided
+    subject : objects that count
+    scales, rays : as of ``choose_scale``
+    frames : whose depths decide together; the current one for none
+    """
+    moves = [np.empty(0)]
+    for _ in motion.visited(scene, frames):
+        with suppress(LfsrError):  # no array where the subject is out of sight: its frame says so when it is rendered
+            placed = placement.place_array(scene, display, subject)
+            moves.append(disparities(display, placed[0], placement.seen_depths(scene, placed, subject)))
+    return choose_scale(display, np.concatenate(moves), scales, rays)
