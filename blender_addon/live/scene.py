@@ -29,7 +29,7 @@ from ..array.spaces import is_mirrored
 from ..render import devices
 from ..render.lens_card import new_camera, new_card, place_of
 from ..scene.volumes import distance_to_volume
-from ..settings.scene_settings import display_of
+from ..settings.scene_settings import display_of, live_samples
 from . import nodes
 
 MARK = "lfsr_live"
@@ -153,7 +153,7 @@ def _own_values(scene: bpy.types.Scene) -> dict[str, dict[str, Any]]:
     render = {"engine": "CYCLES", "film_transparent": scene.render.film_transparent or scene.world is None,
               "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0, "resolution_percentage": 100, "use_multiview": False,
               "border_min_x": 0.0, "border_min_y": 0.0} | dict.fromkeys(kept) | compat.whole_textures()
-    cycles = {"preview_samples": lfsr.live_samples, "use_preview_adaptive_sampling": False,
+    cycles = {"preview_samples": live_samples(scene), "use_preview_adaptive_sampling": False,
               "use_preview_denoising": lfsr.live_denoise and devices.has_denoiser(),
               "preview_denoising_start_sample": lfsr.live_denoise_start, "preview_denoising_input_passes": "RGB",
               "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0, "sample_clamp_indirect": CLAMP_INDIRECT,

@@ -169,9 +169,12 @@ class SceneSettings(bpy.types.PropertyGroup):
         items=[(f"{s}", f"{s}×", f"Render 1 of {s}×{s} views" if s > 1 else "Render every view", s)
                for s in LIVE_SCALES],
         default="4")
+    live_rays: FloatProperty(
+        name="Rays per Pixel", description="Paths per pixel of the display after which the live view stops rendering; "
+        "0 for no limit", min=0.0, soft_max=256.0, precision=2, step=100, default=16.0)
     live_samples: IntProperty(
-        name="Samples", description="Paths per pixel after which the live view stops rendering; 0 for no limit",
-        min=0, soft_max=4096, default=256)
+        name="Fixed Samples", description="Paths per rendered pixel after which the live view stops rendering, "
+        "whatever the pixel size; 0 for those that follow from Rays per Pixel", min=0, soft_max=4096, default=0)
     live_smooth: BoolProperty(
         name="Interpolate", description="Interpolate the views between the rendered ones, inside each elemental image",
         default=True)

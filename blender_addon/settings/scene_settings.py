@@ -177,6 +177,17 @@ def qualities(scene: bpy.types.Scene) -> dict[str, tuple[float, int, str]]:
             for name, samples in QUALITY_SAMPLES.items()}
 
 
+def live_samples(scene: bpy.types.Scene) -> int:
+    """Samples per pixel after which the live view stops, 0 for no limit."""
+    lfsr = scene.lfsr
+    if lfsr.live_samples or not lfsr.live_rays:
+        return int(lfsr.live_samples)
+    try:
+        return samples_at(display_of(scene), int(lfsr.live_scale), lfsr.live_rays)
+    except LfsrError:
+        return 0  # the live view says what is wrong with the display
+
+
 def length(scene: bpy.types.Scene, value: float) -> str:
     """A length in the scene's units, as Blender shows it."""
     units = scene.unit_settings

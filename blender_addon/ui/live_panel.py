@@ -28,6 +28,7 @@ class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
             layout.operator("lfsr.live_start", icon="PLAY")
         column = columns(layout)
         column.prop(lfsr, "live_scale")
+        row_if(not lfsr.live_samples, column).prop(lfsr, "live_rays")
         column.prop(lfsr, "live_samples")
         row_if(nodes.can_interpolate(), column).prop(lfsr, "live_smooth")
         row_if(devices.has_denoiser(), column).prop(lfsr, "live_denoise")

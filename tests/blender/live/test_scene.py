@@ -46,6 +46,15 @@ def test_nothing_is_left_and_nothing_was_changed(scene):
     assert not [group for group in bpy.data.node_groups if group.name.startswith("LFSR")]
 
 
+def test_rays_of_the_live_view_are_per_pixel_of_the_display(scene, shown):
+    found = {}
+    for values in (("2", 16, 0), ("4", 16, 0), ("4", 0, 0), ("4", 16, 5)):
+        scene.lfsr.live_scale, scene.lfsr.live_rays, scene.lfsr.live_samples = values
+        live_scene.follow(shown)
+        found[values] = shown.cycles.preview_samples
+    assert list(found.values()) == [64, 256, 0, 5]
+
+
 def test_a_mirrored_array_cannot_be_followed(scene):
     rig.find(scene).scale.y = -1
     bpy.context.view_layer.update()

@@ -57,7 +57,7 @@ for frame, turn in ((1, 0.0), (120, 3.0)):
     monkey.keyframe_insert("rotation_euler", frame=frame)
 scene.render.film_transparent = False
 lfsr = scene.lfsr
-lfsr.display, lfsr.live_samples, lfsr.live_denoise = DISPLAY, 0, False
+lfsr.display, lfsr.live_rays, lfsr.live_denoise = DISPLAY, 0, False
 bpy.ops.lfsr.array_fit("EXEC_DEFAULT", True)
 bpy.ops.wm.save_mainfile()
 """
