@@ -105,15 +105,16 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
         layout.prop(lfsr, "quality", text="Preset")
         row_if(not lfsr.samples, layout).prop(lfsr, "rays")
         layout.prop(lfsr, "samples")
+        facts(self.layout, _sample_facts(context.scene))
+        layout = columns(self.layout)  # columns stand in the order in which they were made
         row_if(has_lenses, layout).prop(lfsr, "method")
         layout.prop(lfsr, "seed")
-        facts(self.layout, _sample_facts(context.scene))
         if hasattr(context.scene, "cycles"):
-            columns(self.layout).prop(context.scene.cycles, "device")
+            layout.prop(context.scene.cycles, "device")
             facts(self.layout, summary.device_facts(context.scene))
             if summary.lacks_gpu(context.scene):
                 sentence(self.layout, "No GPU is set up in Preferences > System", "INFO", context)
-        below = columns(self.layout)  # a second column: the first stands above the facts
+        below = columns(self.layout)
         below.prop(lfsr, "output")
         row_if(has_lenses, below).prop(lfsr, "linear_exr")
 

@@ -49,9 +49,9 @@ def sample_facts(settings: Resolved) -> Facts:
     display, scales = settings.display, settings.scales or (settings.scale,)
     if settings.rays is None:
         rays = [f"{settings.samples / display.finished_pixels(scale):.3g}" for scale in scales]
-        return [("Rays per Pixel", " to ".join(dict.fromkeys((rays[0], rays[-1]))))]
+        return [("", f"{' to '.join(dict.fromkeys((rays[0], rays[-1])))} rays per pixel")]
     samples = [f"{samples_at(display, scale, settings.rays)}" for scale in scales]
-    return [("Samples", " to ".join(dict.fromkeys((samples[-1], samples[0]))))]
+    return [("", f"{' to '.join(dict.fromkeys((samples[-1], samples[0])))} samples")]
 
 
 def depth_facts(scene: bpy.types.Scene) -> Facts:

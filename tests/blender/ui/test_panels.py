@@ -79,14 +79,14 @@ def test_with_an_array(scene):
 def test_what_follows_from_rays_and_from_fixed_samples(scene):
     scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.rays = "small", "AUTO", 0, 1
     drawn = draw_all()
-    assert "Samples 1 to 25" in labels(drawn["Quality"]) and "rays" not in greyed(drawn["Quality"])
+    assert "1 to 25 samples" in labels(drawn["Quality"]) and "rays" not in greyed(drawn["Quality"])
     assert "8 × 8 or more" in labels(drawn["Display"])
     scene.lfsr.scale = "4"
     drawn = draw_all()
-    assert "Samples 16" in labels(drawn["Quality"]) and "or more" not in labels(drawn["Display"])
+    assert "16 samples" in labels(drawn["Quality"]) and "or more" not in labels(drawn["Display"])
     scene.lfsr.samples = 4
     drawn = draw(panels.LFSR_PT_quality)
-    assert "Rays per Pixel 0.25" in labels(drawn) and greyed(drawn) == {"rays"}
+    assert "0.25 rays per pixel" in labels(drawn) and greyed(drawn) == {"rays"}
 
 
 def test_without_an_array(scene):
