@@ -14,7 +14,7 @@ from tests.support.prerequisites import needs_bpy
 pytestmark = needs_bpy
 SCRIPTS = Path(__file__).parents[3] / "scripts" / "lab" / "lfsr_lab" / "scenes"
 DISPLAY = DisplayProfile("tiny", (64, 48), (59.04, 44.28), (8, 6), (8, 8), 500.0, 40.0)
-MOVING = {"object": "ball", "light": "lamp"}
+MOVING = {"object": "ball", "light": "lamp", "dance": "dancer"}
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -15,16 +15,19 @@ from pathlib import Path
 sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4))
 
 import bpy
+import numpy as np
 
 from lfsr_lab.scenes.shared import surfaces
+from lfsr_lab.scenes.shared.graph import paint
 from lfsr_lab.scenes.shared.light import aim, lamp, world
-from lfsr_lab.scenes.shared.objects import put
+from lfsr_lab.scenes.shared.objects import add_object, put
 from lfsr_lab.scenes.sweeps.builders import full_board
 from lfsr_lab.scenes.sweeps.stage import Stage, board, turned, write_scenes
 from lfsr_lab.scenes.sweeps.things import Grid, bodies, every_sort, printed
 
 FILL, LAMP_POWER, LAMP_SIZE = 0.12, 9.0, 8.0  # lamp: watts per squared pitch of its distance, pitches
 BODY_SIZE = 1.6  # of the bodies, times that of the sweeps
+BEAT = 16  # frames, of the dance
 BALL_STEP, LAMP_STEP, ARRAY_STEP = 0.9, math.radians(8), 0.4  # of a frame: pitches, radians, pitches
 
 
@@ -77,6 +80,42 @@ def moving_array(stage: Stage, _value: float) -> None:
         keyframe(array, frame)
 
 
+def dancing_figure(stage: Stage, _value: float) -> None:
+    """A figure dances before nothing, as fast as people do."""
+    world(strength=0.6)
+    lamp(lamp_place(stage, -0.5), LAMP_POWER * stage.space.distance**2 / 4, LAMP_SIZE)
+    cloth, skin = printed("cloth", 2.5, Roughness=0.6), paint("skin", (0.6, 0.35, 0.25), 0.5)
+    dancer = add_object(None, None, "dancer")
+    put(surfaces.sphere(), cloth, (0, 0, 0), (1.1, 0.9, 1.7)).parent = dancer
+    put(surfaces.sphere(), skin, (0, 0, 2.5), 0.8).parent = dancer
+    sides = (-1, 1)
+    arms = [limb(dancer, skin, (side * 1.1, 0, 1.2), 0.35) for side in sides]
+    hands = [limb(arm, skin, (0, 0, -2), 0.28) for arm in arms]
+    legs = [limb(dancer, cloth, (side * 0.6, 0, -1.3), 0.5) for side in sides]
+    feet = [limb(leg, cloth, (0, 0, -2), 0.35) for leg in legs]
+    for frame in frames_of(stage):
+        turn = frame * 2 * math.pi / BEAT
+        dancer.location = (2.2 * math.sin(turn / 2), stage.space.depth(-0.2), 0.4 * abs(math.sin(turn)))
+        dancer.rotation_euler = (0, 0.25 * math.sin(turn), 0.9 * math.sin(turn / 2))
+        for index, side in enumerate(sides):
+            swing = math.sin(turn + 3 * index)
+            arms[index].rotation_euler = (0.6 * swing, side * (math.sin(turn + index) - 1.2), 0)
+            hands[index].rotation_euler = (0.7 * math.sin(1.3 * turn), -0.5 * side * (1 + swing), 0)
+            legs[index].rotation_euler = (0.5 * swing, -0.35 * side, 0)
+            feet[index].rotation_euler = (0.5 * (1 + swing), 0, 0)
+        for thing in (dancer, *arms, *hands, *legs, *feet):
+            keyframe(thing, frame)
+
+
+def limb(parent: bpy.types.Object, material: bpy.types.Material, at: tuple[float, float, float],
+         radius: float) -> bpy.types.Object:
+    """Part of a figure, two pitches long, that hangs from ``at``."""
+    path = np.stack([np.zeros(12), np.zeros(12), np.linspace(0, -2, 12)], -1)
+    thing = put(surfaces.tube(path, radius, 16), material, at)
+    thing.parent = parent
+    return thing
+
+
 def frames_of(stage: Stage) -> range:
     """The numbers of the frames."""
     scene = bpy.context.scene
@@ -90,7 +129,7 @@ def keyframe(thing: bpy.types.Object, frame: int) -> None:
     thing.keyframe_insert("rotation_euler", frame=frame)
 
 
-BUILDERS = {"object": moving_object, "light": moving_light, "array": moving_array}
+BUILDERS = {"object": moving_object, "light": moving_light, "dance": dancing_figure, "array": moving_array}
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ import numpy as np
 from lfsr_core.frames.frame import frame_folder
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.methods import temporal_averaging
 from lfsr_core.reconstruct.neighbours import read_low
 from lfsr_core.reconstruct.registry import method
@@ -22,8 +21,9 @@ from lfsr_lab.experiments.engine.cells import Cell
 from lfsr_lab.experiments.engine.records import method_facts
 from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, SCENE_FILE, Store, reference_of
 
+METHOD = "oidn+bilinear"  # whose figures stay when a network is trained again
 DISPLAY_FILE = Path(__file__).parent / "animations.toml"
-NAMES = ("object", "light", "array")  # what moves, of lfsr_lab.scenes.animation_scenes
+NAMES = ("object", "light", "dance", "array")  # what moves, of lfsr_lab.scenes.animation_scenes
 FIXED, CHANGING, TURNING = "fixed", "changing", "turning"  # seeds of the frames; the last begin again after PERIOD
 PERIOD = 5
 SCENE_SCALE = 4  # at which what the scenes show is within the usable depth
@@ -88,7 +88,7 @@ class Animation:
     def cells(self) -> Iterator[tuple[Way, int, Cell[Figures]]]:
         """Yield what is measured: ways and samples per pixel."""
         settings = self.settings
-        inputs = {"method": DEFAULT_METHOD, **method_facts(DEFAULT_METHOD), "averaging": temporal_averaging.VERSION}
+        inputs = {"method": METHOD, **method_facts(METHOD), "averaging": temporal_averaging.VERSION}
         for way, spp in [*itertools.product(WAYS, settings.samples), *((ALONE, spp) for spp in settings.more)]:
             name = f"{way.name} spp{spp}".replace(",", "").replace(" ", "-")
             jobs = self.low(way.seeds, spp)
@@ -119,4 +119,4 @@ class Animation:
         return Truth.read([Path(job.output) for job in self.references()])
 
     def _measure(self, way: Way, jobs: Sequence[Job]) -> Figures:
-        return measure([read_low(Path(job.output)) for job in jobs], self.truth, method(DEFAULT_METHOD), way.reach)
+        return measure([read_low(Path(job.output)) for job in jobs], self.truth, method(METHOD), way.reach)

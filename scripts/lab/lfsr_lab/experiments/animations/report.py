@@ -13,7 +13,8 @@ from lfsr_lab.experiments.engine.environment import Environment
 from lfsr_lab.experiments.engine.report import markdown_table
 
 STEM = "shots"  # of the files
-TITLES = {"object": "an object moves", "light": "the light moves", "array": "the camera array moves"}
+TITLES = {"object": "an object moves", "light": "the light moves", "dance": "a figure dances",
+          "array": "the camera array moves"}
 HEADER = ("", "samples", "split SSIM", "flicker", "low-frequency error", "lag, frames")
 SHOWN = {"ssim": "split SSIM", "flicker": "flicker, %"}
 DRAWN = {FIXED_ALONE.name: "fixed seeds", ALONE.name: "changing seeds", AVERAGED.name: "averaged, 5 frames"}
