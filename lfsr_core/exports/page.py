@@ -12,7 +12,7 @@ import html
 import json
 import re
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,10 +31,11 @@ from lfsr_core.optics.eye import gap_mm
 from lfsr_core.progress import Progress, silent
 
 PARTS = Path(__file__).parent / "viewer"
-BEST, USUAL_QUALITY = 100, 95
+BEST, USUAL_QUALITY, STILL_QUALITY = 100, 95, 85
 # Mean difference of 255 in lenses that show something: lossy WebP halves the resolution of colour, too much for small
 # elemental images of strong colours. Rendered 8K images lose 1.0 at the usual quality (measured).
 MOST_LOSS = 2.0
+MOST_LOSSLESS = 60_000  # values of the still image: lossy WebP halves the resolution of colour
 MOST_SIDE = 16383  # pixels, of WebP
 MOST_PAGE_BYTES = 400_000_000  # that browsers hold in one page
 WARN_BYTES = 30_000_000
@@ -77,7 +78,7 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
         if sum(map(len, images)) > MOST_PAGE_BYTES:
             raise LfsrError(f"the page would be over {MOST_PAGE_BYTES / 1e6:.0f} MB after {number + 1} of "
                             f"{len(frames)} frames: give fewer frames or a lower --quality")
-    text = _page(profile, list(frames.values()), images)
+    text = _page(profile, _labels(frames), still(next(iter(frames)), profile), images)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     progress("view", 1.0, path.name)
@@ -103,6 +104,23 @@ def _webp(folder: Path, profile: DisplayProfile, quality: int | None, notes: lis
         return encode_webp(pixels, quality)
     usual = encode_webp(pixels, USUAL_QUALITY)
     return usual if loss(pixels, usual, profile.lenses) <= MOST_LOSS else encode_webp(pixels, BEST)
+
+
+def _labels(frames: Mapping[Path, Frame]) -> list[str]:
+    """Numbers of the frames, or where two have the same, the ends of their folders' paths that tell them apart."""
+    labels, folders = [str(frame.frame) for frame in frames.values()], [folder.resolve() for folder in frames]
+    for depth in range(1, max(len(folder.parts) for folder in folders) + 1):
+        if len(set(labels)) == len(labels):
+            break
+        labels = ["/".join(folder.parts[-depth:]) for folder in folders]
+    return labels
+
+
+def still(folder: Path, profile: DisplayProfile) -> bytes:
+    """View of a camera in the middle, as WebP: what the page shows before its EIA, and where WebGL is missing."""
+    images = to_elemental_images(read_png(folder / EIA_FILE), profile.lenses)
+    middle = np.ascontiguousarray(images[:, :, profile.views[1] // 2, profile.views[0] // 2])
+    return encode_webp(middle, BEST if middle.size <= MOST_LOSSLESS else STILL_QUALITY)
 
 
 def fewer_views(pixels: Array, profile: DisplayProfile) -> Array:
@@ -144,14 +162,15 @@ def encode_webp(pixels: Array, quality: int) -> bytes:
     return encoded
 
 
-def _page(profile: DisplayProfile, frames: list[Frame], images: list[str]) -> str:
+def _page(profile: DisplayProfile, labels: list[str], first: bytes, images: list[str]) -> str:
     """Text of the page: the files of ``viewer/``, with the data in place of their marks."""
-    record = _geometry(profile) | {"labels": [str(frame.frame) for frame in frames]}
+    record, url = _geometry(profile) | {"labels": labels}, f"data:image/webp;base64,{base64.b64encode(first).decode()}"
     data = json.dumps(record).replace("<", "\\u003c")
     tags = "\n".join(f'<script type="application/octet-stream" class="eia">{image}</script>' for image in images)
     parts = {"/*STYLE*/": _part("viewer.css"), "/*SHADER*/": _part("viewer.glsl"),
              "/*SCRIPT*/": _part("viewer.js") + _part("controls.js"), "TITLE": html.escape(profile.name),
-             "DATA": data, "<!--IMAGES-->": tags}
+             "ASPECT": f"{profile.panel_mm[0]:g}/{profile.panel_mm[1]:g}",
+             "STILL": url, "DATA": data, "<!--IMAGES-->": tags}
     # All at once, so that nothing inserted is taken for a mark.
     return re.sub("|".join(map(re.escape, parts)), lambda found: parts[found[0]], _part("viewer.html"))
 

@@ -17,7 +17,7 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.rays import view_offset
-from tests.support.browser import Page, chromium, needs_chromium
+from tests.support.browser import CHROMIUM, Page, chromium, needs_chromium
 from tests.support.finished import DIRECT, MINI, TALL, finished
 
 pytestmark = needs_chromium
@@ -289,6 +289,103 @@ def test_the_canvas_shows_the_display_where_the_layout_says(browser, folders):
     assert inside.mean() > 0.6
     drawn = pixels[y[inside].astype(int), x[inside].astype(int)]
     assert difference(drawn, seen[inside]) <= 2
+    page.close()
+
+
+@pytest.mark.parametrize("fragment", ["eye=NaN", "eye=1,2", "eye=1,,3", "eye=0,0,-5", "eye=1,2,x", "mode=upside",
+                                      "stereo=3", "texture=-5", "texture=0", "texture=big"])
+def test_what_the_address_says_wrongly_is_ignored_with_a_note(browser, folders, fragment):
+    page = opened(browser, folders["mini"], f"#{fragment}")
+    assert f"{fragment} in the address was ignored: expected" in page.page.inner_text("#note")
+    assert state(page) == state(page) | {"eye": [0, 0, MINI.viewing_distance_mm], "mode": "smooth", "stereo": "one"}
+    assert canvas(page).std() > 30 and page.complaints == []
+    page.close()
+
+
+@pytest.mark.parametrize("size", [(360, 740), (740, 360), (320, 568), (1280, 720)])
+def test_the_caption_covers_neither_map_nor_image(browser, folders, size):
+    """Also on telephones."""
+    page = opened(browser, folders["mini"], viewport=dict(zip(("width", "height"), size, strict=True)),
+                  device_scale_factor=2, is_mobile=size[0] < 1000, has_touch=True)
+    header, plan = (page.page.locator(name).bounding_box() for name in ("header", "#map"))
+    assert header["x"] + header["width"] <= min(plan["x"], size[0]) and header["x"] >= 0
+    top = run(page, "() => (layout.y - display.panel_mm[1] / 2 * layout.scale) / layout.ratio")
+    assert header["y"] + header["height"] <= top
+    assert page.page.evaluate("document.querySelector('header').scrollWidth") <= header["width"] + 1
+    page.close()
+
+
+def test_an_aperture_is_drawn_with_fewer_samples_while_it_changes(browser, folders):
+    """48 samples of each pixel take as many times as long; at rest they are all drawn."""
+    page = opened(browser, folders["mini"])
+    work = "() => canvas.width * canvas.height * pupilSamples()"
+    sharp, size = run(page, work), run(page, "() => canvas.width")
+    run(page, "() => { find('aperture').value = 0.5; find('aperture').dispatchEvent(new Event('input')); }")
+    page.page.wait_for_function("(0, eval)('quick')")
+    assert run(page, work) <= 3 * sharp
+    page.page.wait_for_function("!(0, eval)('quick')")
+    assert run(page, work) == 48 * sharp and run(page, "() => canvas.width") == size
+    assert page.complaints == []
+    page.close()
+
+
+def drawn_at_display(page) -> np.ndarray:
+    """What a picture of the page's window shows where the display is, 16 × 12 pixels."""
+    encoded = np.frombuffer(page.screenshot(), np.uint8)
+    box = page.locator("#still").bounding_box()
+    x, y, width, height = (round(box[name]) for name in ("x", "y", "width", "height"))
+    pixels = cv2.imdecode(encoded, cv2.IMREAD_COLOR)[y:y + height, x:x + width, ::-1]
+    return cv2.resize(pixels, (16, 12), interpolation=cv2.INTER_AREA)
+
+
+def test_without_webgl_it_shows_a_still_image_and_says_so(browser, folders):
+    plain = browser.browser_type.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-3d-apis"])
+    page = opened(plain, folders["mini"])
+    assert "a still image from the middle" in page.page.inner_text("#note")
+    assert not page.page.locator("#controls").is_visible()
+    assert difference(drawn_at_display(page.page), read_light_field(folders["mini"]).views[3, 3]) < 15
+    assert page.complaints == []
+    plain.close()
+
+
+def test_a_still_image_is_there_until_the_large_one_is(browser, folders):
+    path = write_page([folders["mini"]]).path
+    context = browser.new_context(viewport={"width": 480, "height": 400}, reduced_motion="reduce")
+    page = context.new_page()
+    page.add_init_script("const real = createImageBitmap, gate = new Promise(done => { window.go = done; });"
+                         "window.createImageBitmap = (...all) => gate.then(() => real(...all));")
+    page.goto(path.resolve().as_uri())
+    page.wait_for_function("document.getElementById('size').textContent")
+    first = drawn_at_display(page)
+    assert difference(first, read_light_field(folders["mini"]).views[3, 3]) < 15
+    place = page.locator("#still").bounding_box()
+    page.evaluate("window.go()")
+    page.wait_for_selector("html[data-ready=true]")
+    page.wait_for_function("document.getElementById('still').hidden")
+    layout = page.evaluate("(0, eval)('({...layout})')")
+    assert place["x"] + place["width"] / 2 == pytest.approx(layout["x"] / layout["ratio"], abs=1)
+    assert place["width"] == pytest.approx(MINI.panel_mm[0] * layout["scale"] / layout["ratio"], abs=1)
+    context.close()
+
+
+def test_a_screen_reader_is_told_where_the_eye_rests_and_not_every_frame(browser, folders):
+    page = opened(browser, folders["mini"], reduced_motion="no-preference")
+    page.page.evaluate("""() => { window.told = 0; const seen = new MutationObserver(() => { window.told++; });
+        for (const part of document.querySelectorAll('[role=status], [role=alert], [aria-live]'))
+            seen.observe(part, {childList: true, characterData: true, subtree: true}); }""")
+    page.page.wait_for_timeout(1500)  # it sways
+    assert page.page.evaluate("window.told") <= 1
+    page.page.keyboard.press("ArrowRight")
+    page.page.wait_for_function("document.getElementById('spoken').textContent.startsWith('eye ')")
+    assert page.page.evaluate("window.told") <= 3
+    page.close()
+
+
+def test_frames_of_one_number_are_named_after_their_folders(browser, folders, tmp_path):
+    for take in ("a", "b"):
+        finished(tmp_path / take / "frame", matrix_world=read_frame(folders["mini"]).matrix_world)
+    page = Page(browser, write_page([tmp_path / "a" / "frame", tmp_path / "b" / "frame"], tmp_path / "both.html").path)
+    assert run(page, "() => display.labels") == ["a/frame", "b/frame"]
     page.close()
 
 

@@ -1,11 +1,12 @@
 // Input by pointer, wheel, keys and sliders, and the text that the page shows.
-const options = new URLSearchParams(location.hash.slice(1));
+let largest = Infinity;  // pixels a side that an image may have
 
 function moveEye(x, y, z) {
   const [wide, high] = zone, far = display.distance_mm;
   state.eye = [between(x, -wide * 0.75, wide * 0.75), between(y, -high * 0.75, high * 0.75),
                between(z, far * 0.4, far * 2.5)];
   resize();
+  redraw();
 }
 
 function tell() {
@@ -57,12 +58,14 @@ function setFrame(frame) {
 function setStereo(value) {
   state.stereo = value;
   resize();
+  redraw();
 }
 
 function reset() {
   Object.assign(state, structuredClone(START), {frame: state.frame});
   setSway(false);
   resize();
+  redraw();
 }
 
 function fullScreen() {
@@ -161,12 +164,47 @@ function tick(now) {
     played = Infinity;  // the next is due when this one is shown
     setFrame((state.frame + 1) % display.labels.length).then(() => { played = performance.now(); });
   }
+  const hurried = pupilSamples() > 1 && now - changed < SETTLED;
+  if (hurried !== quick) {
+    quick = hurried;
+    resize();
+  }
   if (dirty) {
     dirty = false;
     draw();
     tell();
   }
+  if (!swaying && !playing && now - changed > 4 * SETTLED) speak();
   requestAnimationFrame(tick);
+}
+
+// Tell screen readers where the eye rests: not every frame of its way.
+function speak() {
+  const [spoken, where] = [find("spoken"), find("where").textContent];
+  if (spoken.textContent !== where) spoken.textContent = where;
+}
+
+// Values in the address by their names: what they must be, and how each is used; undefined where it is none.
+const ADDRESS = {
+  eye: ["X,Y,Z in millimetres", text => {
+    const eye = text.split(",").map(part => part.trim() ? Number(part) : NaN);
+    return eye.length === 3 && eye.every(Number.isFinite) && eye[2] > 0 ? () => moveEye(...eye) : undefined;
+  }],
+  mode: ["smooth or physical", text => ["smooth", "physical"].includes(text) ? () => { state.mode = text; } : undefined],
+  stereo: ["one, side or anaglyph", text => ["one", "side", "anaglyph"].includes(text) ? () => setStereo(text) : undefined],
+  texture: ["pixels a side", text => Number(text) >= 1 ? () => { largest = Number(text); } : undefined],
+};
+
+function readAddress() {
+  const options = new URLSearchParams(location.hash.slice(1)), wrong = [];
+  for (const [name, [rule, read]] of Object.entries(ADDRESS)) {
+    if (!options.has(name)) continue;
+    const use = read(options.get(name));
+    if (use) use();
+    else wrong.push(`${name}=${options.get(name)} in the address was ignored: expected ${rule}.`);
+  }
+  if (wrong.length) note(wrong.join(" "));
+  return options.has("eye");
 }
 
 function listen() {
@@ -191,9 +229,7 @@ function listen() {
   canvas.addEventListener("webglcontextlost", () => note("The GPU lost the image: load the page again."));
 }
 
-async function start() {
-  if (!gl) return note("This browser has no WebGL 2, which the viewer needs: try a current one.");
-  setUp();
+function describe() {
   const [wide, high] = display.panel_mm.map(mm => Math.round(mm));
   find("name").textContent = display.name;
   find("size").textContent = `${wide} × ${high} mm, ${display.lenses.join(" × ")} lenses of ${display.views.join(" × ")} ` +
@@ -201,13 +237,29 @@ async function start() {
   Object.assign(find("focus"), {min: Math.round(depthOf(FARTHEST)), max: Math.round(depthOf(NEAREST)), step: 1});
   find("frame").max = display.labels.length - 1;
   for (const name of ["frameLabel", "play"]) find(name).hidden = display.labels.length < 2;
-  if (options.has("eye")) state.eye = options.get("eye").split(",").map(Number);
-  for (const name of ["mode", "stereo"]) if (options.has(name)) state[name] = options.get(name);
-  listen();
-  await setFrame(0);
+  tell();
+}
+
+function showStill() {
+  note("This browser has no WebGL 2, so this is a still image from the middle: a current browser lets you look around.");
+  for (const name of ["controls", "map", "where"]) find(name).hidden = true;
+  addEventListener("resize", resize);
   resize();
-  setSway(!reducedMotion.matches && !options.has("eye"));
-  requestAnimationFrame(tick);
+}
+
+async function start() {
+  describe();
+  if (gl) {
+    setUp();
+    const placed = readAddress();
+    listen();
+    resize();
+    await setFrame(0);
+    setSway(!reducedMotion.matches && !placed);
+    requestAnimationFrame(tick);
+  } else {
+    showStill();
+  }
   document.documentElement.dataset.ready = "true";
 }
 

@@ -12,12 +12,12 @@ uniform vec2 panel;               // its size
 uniform float viewDistance, spacing;
 uniform vec3 eye;
 uniform float focus, aperture;    // depth in focus; width of the pupil
+uniform int pupil;                // samples of it
 uniform int mode;                 // 0 smooth, 1 physical, 2 disagreement of cameras per depth at one place
 uniform vec2 corner, perPixel;    // lower left corner of the viewport; millimetres per pixel
 uniform float farthest, depthStep; // depths of mode 2, as relative sizes of things there
 uniform vec2 target;              // place of mode 2
 out vec4 color;
-const int PUPIL = 48;
 
 // Pixel on the panel of a view of a lens; `view` is in camera order. Nothing else computes it.
 vec3 panelPixel(ivec2 lens, ivec2 view) {
@@ -60,12 +60,12 @@ vec3 throughPupil(vec2 place) {
   vec3 point = vec3(eye.xy + (place - eye.xy) * (eye.z - focus) / eye.z, focus);
   if (aperture <= 0.0) return smoothly(eye, point);
   vec3 sum = vec3(0);
-  for (int i = 0; i < PUPIL; i++) {
-    float turn = float(i) * 2.39996323, radius = sqrt((float(i) + 0.5) / float(PUPIL)) * aperture * 0.5;
+  for (int i = 0; i < pupil; i++) {
+    float turn = float(i) * 2.39996323, radius = sqrt((float(i) + 0.5) / float(pupil)) * aperture * 0.5;
     vec3 c = smoothly(eye + vec3(cos(turn), sin(turn), 0) * radius, point);
     sum += c * c;  // light adds, screen values do not
   }
-  return sqrt(sum / float(PUPIL));
+  return sqrt(sum / float(pupil));
 }
 
 // Disagreement of 25 cameras around a place for one depth per column.

@@ -8,10 +8,12 @@ const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
 const START = {eye: [0, 0, display.distance_mm], mode: "smooth", stereo: "one", eyes: 63, aperture: 0, focus: 0, frame: 0};
 // Depths that a click compares to find the focus, and the ends of the slider, as relative sizes of things there.
 const DEPTHS = 160, FARTHEST = -0.5, NEAREST = 0.8;
+// Samples of a pupil at rest, and while anything changes: then also a quarter of the pixels, until nothing has for so long.
+const PUPIL = 48, QUICK_PUPIL = 10, SETTLED = 250;
 const state = structuredClone(START);
 const layout = {};  // where the display is in the canvas: centre and pixels per millimetre
 const textures = new Map();  // by frame, those used last at the end
-let program, places = {}, dirty = true, swaying = false, swayStart = 0, playing = false, showing = -1;
+let program, places = {}, dirty = true, changed = 0, quick = false, swaying = false, swayStart = 0, playing = false, showing = -1;
 
 const between = (value, low, high) => Math.min(Math.max(value, low), high);
 const note = text => { find("note").textContent = text; };
@@ -87,7 +89,7 @@ async function load(frame) {
   const exact = {colorSpaceConversion: "none", premultiplyAlpha: "none"};
   const blob = new Blob([bytesOf(document.getElementsByClassName("eia")[frame].textContent)], {type: "image/webp"});
   let bitmap = await createImageBitmap(blob, exact), fitted = [bitmap.width, bitmap.height];
-  const most = Math.min(gl.getParameter(gl.MAX_TEXTURE_SIZE), Number(options.get("texture")) || Infinity);
+  const most = Math.min(gl.getParameter(gl.MAX_TEXTURE_SIZE), largest);
   while (Math.max(...fitted) > most) fitted = fitted.map(length => Math.floor(length / 2));
   if (fitted[0] < bitmap.width) {
     note(`This GPU takes ${most} pixels a side: the image is shown at ${fitted[0]}×${fitted[1]} of ` +
@@ -115,7 +117,12 @@ async function show(frame) {
   if (showing === frame) redraw();
 }
 
-function redraw() { dirty = true; }
+function redraw() {
+  dirty = true;
+  changed = performance.now();
+}
+
+function pupilSamples() { return !state.aperture || state.mode === "physical" ? 1 : quick ? QUICK_PUPIL : PUPIL; }
 
 // Draw what one eye sees into a viewport; `area` is its lower left corner and millimetres per pixel.
 function drawEye(eye, viewport, area) {
@@ -125,6 +132,7 @@ function drawEye(eye, viewport, area) {
   gl.uniform3fv(places.eye, eye);
   gl.uniform1f(places.focus, between(state.focus, -1e6, Math.min(eye[2], display.distance_mm) * 0.9));
   gl.uniform1f(places.aperture, state.aperture * zone[0]);
+  gl.uniform1i(places.pupil, pupilSamples());
   gl.uniform1i(places.mode, state.mode === "physical" ? 1 : 0);
   gl.uniform2f(places.corner, area.left - viewport[0] * area.step, area.bottom - viewport[1] * area.step);
   gl.uniform2f(places.perPixel, area.step, area.step);
@@ -146,6 +154,7 @@ function eyePair() {
 
 function draw() {
   if (!bind()) return;
+  find("still").hidden = true;
   const {width, height} = canvas, step = 1 / layout.scale, [left, right] = eyePair(), half = Math.floor(width / 2);
   const area = (w) => ({left: -w / 2 * step, bottom: (layout.y - height) * step, step});
   gl.enable(gl.SCISSOR_TEST);
@@ -170,7 +179,10 @@ function offScreen(width, height, draw_) {
   gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, width, height);
   gl.bindFramebuffer(gl.FRAMEBUFFER, buffer);
   gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+  const before = quick;
+  quick = false;
   if (bind()) draw_();
+  quick = before;
   gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
   gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   gl.deleteFramebuffer(buffer);
@@ -219,16 +231,27 @@ function depthAt(x, y) {
   return depthOf(good.reduce((a, b) => Math.abs(a[1]) <= Math.abs(b[1]) ? a : b)[1]);
 }
 
+// The display below the caption, as far as one line of the eye's place reaches, and above the controls.
 function resize() {
-  const ratio = Math.min(devicePixelRatio || 1, 2);
+  const ratio = Math.min(devicePixelRatio || 1, 2) * (quick ? 0.5 : 1);
   canvas.width = Math.max(1, Math.round(canvas.clientWidth * ratio));
   canvas.height = Math.max(1, Math.round(canvas.clientHeight * ratio));
-  const free = canvas.height - (find("controls").offsetHeight + 24) * ratio;  // leave room for the caption
+  const top = (find("where").offsetTop + 34) * ratio;
+  const free = Math.max(1, canvas.height - top - find("controls").offsetHeight * ratio);
   const across = canvas.width / (state.stereo === "side" ? 2 : 1);
-  const fit = Math.min(across * 0.9 / display.panel_mm[0], free * 0.88 / display.panel_mm[1]);
+  const fit = Math.min(across * 0.9 / display.panel_mm[0], free * 0.92 / display.panel_mm[1]);
   layout.ratio = ratio;
   layout.scale = fit * display.distance_mm / state.eye[2];  // a display looks larger from nearer
-  layout.y = free / 2 + 24 * ratio;
+  layout.y = top + free / 2;
   layout.x = across / 2;
-  redraw();
+  placeStill();
+  dirty = true;
+}
+
+// The small image of the middle, until the EIA is there, where the display will be.
+function placeStill() {
+  const [width, height] = display.panel_mm.map(mm => mm * layout.scale / layout.ratio);
+  Object.assign(find("still").style, {
+    inset: "auto", margin: 0, maxWidth: "none", left: `${layout.x / layout.ratio - width / 2}px`,
+    top: `${layout.y / layout.ratio - height / 2}px`, width: `${width}px`, height: `${height}px`});
 }
