@@ -68,6 +68,7 @@ def _no_focus(_scene: bpy.types.Scene, target: str) -> None:
 FIXES: dict[str, Fix] = {
     "cycles": lambda _scene, _target: bpy.ops.preferences.addon_enable(module="cycles"),
     "array": lambda scene, _target: add(scene, scene_settings.display_of(scene)), "light": _add_light,
+    "dim": _add_light,
     "engine": _setting("render", engine="CYCLES"),
     "script": _setting("cycles", device="CPU", shading_system=True), "dirty": _pack, "background": _to_background,
     "filter": _setting("cycles", pixel_filter_type="BOX"), "denoiser": _setting("cycles", use_denoising=False),

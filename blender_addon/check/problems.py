@@ -12,10 +12,11 @@ from ..array import rig
 from ..array.cameras import mirror_notices
 from ..render import devices
 from ..results import preview
-from ..scene.light import has_light
+from ..scene.light import has_light, is_dim
 from ..scene.notices import left_out, missing_images
 from ..scene.subject import find_subject
 from ..settings import folders, scene_settings
+from ..settings.lights import AUTO_LIGHT, SCENE_LIGHTS
 from ..settings.words import capitalized
 from . import geometry
 from .problem import ERROR, INFO, SEVERITIES, Problem
@@ -60,9 +61,15 @@ def _array(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 
 def _light(scene: bpy.types.Scene) -> Iterator[Problem]:
+    if scene.lfsr.light not in SCENE_LIGHTS:
+        return
     if not has_light(scene):
-        yield Problem("light", scene.name, "The scene has no light. It will be lit with one of Blender's world "
-                      "images.", "Add World Light")
+        becomes = ("It will be lit with one of Blender's world images." if scene.lfsr.light == AUTO_LIGHT
+                   else "The image will be black.")
+        yield Problem("light", scene.name, f"The scene has no light. {becomes}", "Add World Light")
+    elif is_dim(scene):
+        yield Problem("dim", scene.name, "The world is the only light and almost dark, and so will be the image. "
+                      "Increase its strength or add lights.", "Add World Light")
 
 
 def _scripts(scene: bpy.types.Scene) -> Iterator[Problem]:

@@ -30,7 +30,7 @@ from lfsr_core.render.protocol import (
 )
 
 from ..array.cameras import camera_notices, choose_camera
-from ..render.frame_folder import render_job, scale_of
+from ..render.frame_folder import render_job, scale_of, settled_light
 from ..render.inputs import Opened
 from ..render.overrides import overridden
 from ..scene.notices import notices
@@ -94,10 +94,16 @@ def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:
     if job.camera is not None:
         choose_camera(scene, job.camera)
     is_imported = bool(job.scene) and not job.scene.endswith(".blend")
-    notes = (*notices(scene), *camera_notices(scene, job.camera, is_imported))
-    for sentence in notes:
+    seconds, notes = time.perf_counter() - started, list[str]()
+
+    def note(sentence: str) -> None:
+        notes.append(sentence)
         emit_warning(sentence)
-    return scene, Opened(time.perf_counter() - started, content, notes)
+
+    for sentence in (*notices(scene), *camera_notices(scene, job.camera, is_imported)):
+        note(sentence)
+    light = settled_light(scene, job, note)
+    return scene, Opened(seconds, content, light, tuple(notes))
 
 
 def _open(job: Job) -> tuple[bpy.types.Scene, str]:

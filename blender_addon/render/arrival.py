@@ -1,48 +1,82 @@
-"""Measure with a tiny render how much light arrives at the array."""
+"""Measure with a tiny render how much light arrives at what the array sees, and choose the light of a scene."""
 
 from __future__ import annotations
 
-import dataclasses
 import tempfile
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from lfsr_core.frames.job import Job
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.job import EVEN, OWN, Job
 from lfsr_core.images.exr import clean, read_layers
-from lfsr_core.optics.rays import RayLayout
 
 from ..array import placement
-from . import devices
-from .cycles import RenderSettings, Shot, render_encoded
+from ..scene.light import DEFAULT_LIGHT, DIM, has_light, is_certain, lit
+from ..scene.subject import find_subject
+from . import devices, passes
+from .cycles import RenderSettings, cycles_settings, temporary_camera
+from .output import render_to
 
-LENSES = (8, 5)     # across and down, spread over the display
-SAMPLES = 4
-FIREFLIES = 99      # percentile of brightness that counts: single bright pixels do not
-# Scene-linear: at most 8 of 255 in every view transform of Blender 5.0, without a look (measured).
-DARK = 2e-3
+WIDTH, SAMPLES = 64, 4  # pixels across, and samples per pixel
+# Darker surfaces count as if they reflected this much: black things in good light are not in the dark.
+LEAST_ALBEDO = 0.1
+DARK = "Almost no light reaches what the array sees"
 
 
-def is_dark(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object]) -> bool:
-    """Return True if a few lenses see objects, but too dark for any view transform at the scene's exposure."""
+def chosen_light(scene: bpy.types.Scene, job: Job, warn: Callable[[str], None]) -> str:
+    """Return the light in which ``scene`` is rendered where the job leaves that open; ``warn`` unless it is its own.
+
+    A .blend keeps its own light if it has any, with a warning where that is too little.
+    """
+    has_own = has_light(scene)
+    if has_own and (is_certain(scene) or not is_dark(scene, job)):
+        return OWN
+    if has_own and Path(job.scene).suffix.lower() in ("", ".blend"):
+        warn(f"{DARK}, so the image will be almost black. Increase the lights or the exposure, or choose another light "
+             "(--light)")
+        return OWN
+    reason = DARK if has_own else "The scene has no light"
+    with lit(scene, DEFAULT_LIGHT):
+        reaches = not is_dark(scene, job)
+    if reaches:
+        warn(f"{reason}. It is lit with Blender's world image {DEFAULT_LIGHT!r}: choose another light with --light")
+        return DEFAULT_LIGHT
+    warn(f"{reason}, and something encloses it. It is lit evenly, without shadows: choose another light with --light")
+    return EVEN
+
+
+def is_dark(scene: bpy.types.Scene, job: Job) -> bool:
+    """Return True if most of the subject that the middle of the array sees is hardly lit, at the scene's exposure.
+
+    What shines does not count by its brightness but by its size: half of the subject decides. False also where the
+    subject is not in sight; the render says that.
+    """
+    light = np.empty(0)
+    with suppress(LfsrError):
+        light = _arriving(scene, job)
+    return bool(light.size and np.median(light) * 2.0**scene.view_settings.exposure < DIM)
+
+
+def _arriving(scene: bpy.types.Scene, job: Job) -> np.ndarray:
+    """Brightness (n,) that a white surface would have in place of each pixel of the subject."""
+    subject = find_subject(scene, job.subject)
     array, matrix_world = placement.place_array(scene, job.display, subject)
-    layout = RayLayout.for_display(job.display, array, max(job.display.scales(), default=1), lens_list=_lenses(job))
-    shot = Shot(layout, matrix_world, devices.way_of(job.device), placement.clip_of(scene))
+    size = WIDTH, max(round(WIDTH * array.half_height / array.half_width), 4)
+    settings = RenderSettings(SAMPLES, layers=("albedo", "index"), device=devices.resolved(job.device))
     # In Blender's own temporary folder, which is removed even if Blender crashes.
-    with tempfile.TemporaryDirectory(prefix="lfsr-light-", dir=bpy.app.tempdir or None) as name:
-        path = Path(name, "light.exr")
-        render_encoded(scene, shot, dataclasses.replace(RenderSettings(SAMPLES), device=job.device), path)
-        color = clean(read_layers(path))[0]["color"]
-    seen = color[..., 3] > 0
-    if not seen.any():
-        return False
-    brightest = np.percentile(color[seen][:, :3].max(-1), FIREFLIES)
-    return bool(brightest * 2.0**scene.view_settings.exposure < DARK)
-
-
-def _lenses(job: Job) -> tuple[tuple[int, int], ...]:
-    (sx, sy), (across, down) = job.display.lenses, LENSES
-    columns, rows = (((np.arange(count) + 0.5) * size / count).astype(int)
-                     for count, size in ((min(across, sx), sx), (min(down, sy), sy)))
-    return tuple((int(row), int(column)) for row in rows for column in columns)
+    with (tempfile.TemporaryDirectory(prefix="lfsr-light-", dir=bpy.app.tempdir or None) as name,
+          passes.pass_indices(subject), temporary_camera(scene, matrix_world, array.distance) as camera,
+          cycles_settings(scene, settings, size)):
+        lens, clip, path = camera.data, placement.clip_of(scene), Path(name, "light.exr")
+        lens.sensor_fit, lens.lens = "HORIZONTAL", lens.sensor_width / 2 * array.distance / array.half_width
+        lens.clip_start, lens.clip_end = clip or (lens.clip_start, lens.clip_end)
+        render_to(scene, path)
+        layers = clean(read_layers(path))[0]
+    seen = (layers["color"][..., 3] > 0.5) & (layers["index"][..., 0] == passes.FOREGROUND)
+    color, albedo = layers["color"][seen][:, :3].max(-1), layers["albedo"][seen].max(-1)
+    light: np.ndarray = color / np.maximum(albedo, LEAST_ALBEDO)
+    return light

@@ -13,7 +13,7 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, write_frame
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.job import AUTO, OWN, Job
 from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.lens_rows import pixel_rows
@@ -22,10 +22,10 @@ from lfsr_core.render.parts import ImageParts, Part, remove_others
 
 from ..array import motion, placement
 from ..array.scale import scale_by_depth
-from ..scene.light import has_light, is_certain, is_meant, lit
+from ..scene.light import lit
 from ..scene.subject import find_subject, has_background_meshes
 from . import animation, devices, passes, world
-from .arrival import is_dark
+from .arrival import chosen_light
 from .color import color_settings
 from .cycles import RenderSettings, Shot, render_encoded
 from .inputs import Opened, inputs
@@ -54,8 +54,8 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
     -------
     The frame folder.
     """
-    job = dataclasses.replace(job, device=_device(job))
     opened = opened or Opened()
+    job = dataclasses.replace(job, device=_device(job), light=opened.light if job.light == AUTO else job.light)
     notes = list(opened.notes)
 
     def note(sentence: str) -> None:
@@ -84,44 +84,36 @@ def scale_of(scene: bpy.types.Scene, job: Job) -> ScaleChoice:
 @contextmanager
 def prepared(scene: bpy.types.Scene, job: Job, warn: Warn = print) -> Iterator[Frame]:
     """Set ``scene`` to the job's frame, light it and index its objects inside the block; yield the Frame."""
+    # Not at the job's frame: all frames of an animation have the same light.
+    job = dataclasses.replace(job, light=settled_light(scene, job, warn))
     with motion.same_frame(scene):
         if job.frame is not None:
             scene.frame_set(job.frame)
         if job.scales and job.kind != "reference":
             job = job.with_scale(scale_of(scene, job))
         subject = find_subject(scene, job.subject)
-        with animation.resting(scene), passes.pass_indices(subject):
-            own_light = _has_own_light(scene, job, subject, warn)
-            with lit(scene, own_light):
-                frame = _frame(scene, job, subject, own_light)
-                placed = frame.array, frame.matrix_world
-                for sentence in filter(None, (placement.focus_notice(scene, placed),
-                                              placement.unseen_notice(scene, placed, subject))):
-                    warn(sentence)
-                yield dataclasses.replace(frame, world_apart=_world_apart(scene, frame, job, warn))
+        with animation.resting(scene), passes.pass_indices(subject), lit(scene, job.light):
+            frame = _frame(scene, job, subject)
+            placed = frame.array, frame.matrix_world
+            for sentence in filter(None, (placement.focus_notice(scene, placed),
+                                          placement.unseen_notice(scene, placed, subject))):
+                warn(sentence)
+            yield dataclasses.replace(frame, world_apart=_world_apart(scene, frame, job, warn))
 
 
-def _has_own_light(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], warn: Warn) -> bool:
-    """True if the scene is rendered in its own light; ``warn`` if it has none, or almost none."""
-    if not has_light(scene):
-        warn("The scene has no light. It is lit with one of Blender's world images")
-        return False
-    if is_certain(scene) or not is_dark(scene, job, subject):
-        return True
-    # Imported files have other units: their sun of 3 lux is not meant to be as dark as night.
-    if is_meant(scene) and Path(job.scene).suffix in ("", ".blend"):
-        warn("Almost no light reaches what the array sees, so the image will be almost black. Increase the lights or "
-             "the exposure")
-        return True
-    warn("Almost no light reaches what the array sees. The scene is lit with one of Blender's world images")
-    return False
+def settled_light(scene: bpy.types.Scene, job: Job, warn: Warn) -> str:
+    """Return the light of ``scene`` for ``job``: the one asked for, or for AUTO the one that the scene needs now."""
+    if job.light != AUTO:
+        return job.light
+    with animation.resting(scene):
+        return chosen_light(scene, job, warn)
 
 
-def _frame(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], own_light: bool) -> Frame:
+def _frame(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object]) -> Frame:
     """The frame that ``job`` asks for; LfsrError if the array cannot be placed or colours cannot be reproduced."""
     array, matrix_world = placement.place_array(scene, job.display, subject)
     layers = job.layers
-    world_visible = _world_visible(scene, job, own_light)
+    world_visible = _world_visible(scene, job)
     if "index" not in layers and has_background_meshes(scene, subject):
         layers = (*layers, "index")
     # The lens card renders where the OSL camera cannot.
@@ -132,7 +124,7 @@ def _frame(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object], own
         convention=job.convention, view_aperture=job.view_aperture, lens_list=job.lens_list, rows=job.rows,
         layout=layout, layers=layers, clip=placement.clip_of(scene), world_visible=world_visible,
         color=color_settings(scene, world_visible), scene=os.path.basename(job.scene or bpy.data.filepath),
-        subject=job.subject or "", camera=job.camera or "",
+        subject=job.subject or "", camera=job.camera or "", light=job.light,
         blender=bpy.app.version_string, device=job.device)
 
 
@@ -147,13 +139,13 @@ def _device(job: Job) -> str:
     return device
 
 
-def _world_visible(scene: bpy.types.Scene, job: Job, own_light: bool) -> bool:
+def _world_visible(scene: bpy.types.Scene, job: Job) -> bool:
     if job.world_visible and scene.world is None:
         raise LfsrError(f"scene {scene.name!r} has no world to show behind the subject: add a world, or leave out "
                         "--world-visible")
     if job.world_visible is not None:
         return job.world_visible
-    return own_light and scene.world is not None and not scene.render.film_transparent
+    return job.light == OWN and scene.world is not None and not scene.render.film_transparent
 
 
 def _world_apart(scene: bpy.types.Scene, frame: Frame, job: Job, warn: Warn) -> bool:

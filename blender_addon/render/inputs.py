@@ -9,7 +9,7 @@ import bpy
 
 from lfsr_core.frames.frame import Frame
 from lfsr_core.frames.identity import digest, job_facts
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.job import AUTO, Job
 from lfsr_core.records import to_data
 from lfsr_core.render.content import file_content, stamp
 from lfsr_core.version import __version__
@@ -26,6 +26,7 @@ class Opened:
 
     seconds: float = 0.0  # it took
     content: str = ""  # digest of its file, see ``lfsr_core.render.content``; empty if it is not known
+    light: str = AUTO  # in which it is rendered, AUTO where that is not settled
     notes: tuple[str, ...] = ()  # what the user was told of it
 
 

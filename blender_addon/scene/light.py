@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,19 +10,22 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.frames.job import EVEN, OWN, check_light, is_light_file
 
 from .. import compat
 
-DEFAULT_LIGHT = "city.exr"   # neutral, from all sides: suits glass as well as skin
-CERTAIN_SUN, CERTAIN_WORLD = 0.5, 0.05   # W/m² and radiance that show a white surface well above black
+DEFAULT_LIGHT = "city"  # neutral, from all sides: suits glass as well as skin
+# Brightness below which a white surface is almost in the dark. The world of a new file, 0.05, lights less.
+DIM = 0.08
+CERTAIN_SUN, CERTAIN_WORLD = 0.5, 0.1   # W/m² and radiance that show a white surface well above that
+# Lamps of even light: direction from which they shine, in degrees around Z from the front and above the ground, W/m².
+EVEN_LAMPS = ((-40, 50, 2.0), (80, 25, 1.0), (200, 35, 1.0), (0, -80, 0.5))
 
 
 def has_light(scene: bpy.types.Scene) -> bool:
     """Return True if anything in the scene emits light: a lamp, a world, or a material in use."""
-    if is_meant(scene):
-        return True
-    materials = {slot.material for item in scene.objects if not item.hide_render for slot in item.material_slots}
-    return any(material is not None and _shines(material.node_tree, (0, 0, 0)) for material in materials)
+    world = scene.world is not None and _shines(scene.world.node_tree, scene.world.color)
+    return world or _has_lamps(scene) or _has_emission(scene)
 
 
 def _shines(tree: bpy.types.NodeTree | None, plain: tuple[float, ...]) -> bool:
@@ -48,10 +52,19 @@ def is_certain(scene: bpy.types.Scene) -> bool:
     return max(suns, default=0.0) * factor >= CERTAIN_SUN or _plain_world(scene.world) * factor >= CERTAIN_WORLD
 
 
-def is_meant(scene: bpy.types.Scene) -> bool:
-    """Return True if somebody has lit the scene, with a lamp or a world; emissive materials do not count."""
-    lamps = any(item.type == "LIGHT" and not item.hide_render and item.data.energy for item in scene.objects)
-    return lamps or (scene.world is not None and _shines(scene.world.node_tree, scene.world.color))
+def is_dim(scene: bpy.types.Scene) -> bool:
+    """Return True if a scene's only light is a world of one colour that is almost dark."""
+    brightness = _plain_world(scene.world) * 2.0**scene.view_settings.exposure
+    return 0 < brightness < DIM and not _has_lamps(scene) and not _has_emission(scene)
+
+
+def _has_lamps(scene: bpy.types.Scene) -> bool:
+    return any(item.type == "LIGHT" and not item.hide_render and item.data.energy for item in scene.objects)
+
+
+def _has_emission(scene: bpy.types.Scene) -> bool:
+    materials = {slot.material for item in scene.objects if not item.hide_render for slot in item.material_slots}
+    return any(material is not None and _shines(material.node_tree, (0, 0, 0)) for material in materials)
 
 
 def _plain_world(world: bpy.types.World | None) -> float:
@@ -67,12 +80,31 @@ def _plain_world(world: bpy.types.World | None) -> float:
 
 
 @contextmanager
-def lit(scene: bpy.types.Scene, is_own: bool) -> Iterator[None]:
-    """Light ``scene`` inside the block with a world image, unless ``is_own``: it has light of its own."""
-    if is_own:
+def lit(scene: bpy.types.Scene, light: str) -> Iterator[None]:
+    """Light ``scene`` inside the block: OWN leaves it as it is, EVEN adds lamps, anything else is a world image."""
+    if light == OWN:
         yield
         return
-    before, world = scene.world, add_light(scene)
+    with _even_lamps(scene) if light == EVEN else _world_image(scene, light):
+        yield
+
+
+@contextmanager
+def _even_lamps(scene: bpy.types.Scene) -> Iterator[None]:
+    lamps = [bpy.data.objects.new("LFSR light", bpy.data.lights.new("LFSR light", "SUN")) for _ in EVEN_LAMPS]
+    try:
+        for lamp, (around, above, strength) in zip(lamps, EVEN_LAMPS, strict=True):
+            lamp.rotation_euler = math.radians(90 - above), 0, math.radians(around)
+            lamp.data.energy, lamp.data.use_shadow, lamp.visible_camera = strength, False, False
+            scene.collection.objects.link(lamp)
+        yield
+    finally:
+        bpy.data.batch_remove([data for lamp in lamps for data in (lamp, lamp.data)])
+
+
+@contextmanager
+def _world_image(scene: bpy.types.Scene, light: str) -> Iterator[None]:
+    before, world = scene.world, add_light(scene, light)
     try:
         yield
     finally:
@@ -84,17 +116,28 @@ def lit(scene: bpy.types.Scene, is_own: bool) -> Iterator[None]:
                 bpy.data.images.remove(image)
 
 
-def add_light(scene: bpy.types.Scene, name: str = DEFAULT_LIGHT) -> bpy.types.World:
-    """Light the scene with one of the world images that ship with Blender (CC0)."""
-    path = Path(bpy.utils.system_resource("DATAFILES"), "studiolights", "world", name)
-    if not path.is_file():
-        raise LfsrError(f"the scene has no light and this Blender has no {path.name} to light it with: add a light")
+def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.World:
+    """Light the scene with a world image: a file's, or by name one of those that ship with Blender (CC0)."""
+    image = bpy.data.images.load(str(_image_file(light)), check_existing=True)
+    if not all(image.size):
+        bpy.data.images.remove(image)
+        raise LfsrError(f"light {light} cannot be read as an image: choose another file")
     world = bpy.data.worlds.new("LFSR light")
     compat.use_nodes(world)
     nodes = world.node_tree.nodes
     texture = nodes.new("ShaderNodeTexEnvironment")
-    texture.image = bpy.data.images.load(str(path), check_existing=True)
+    texture.image = image
     background = next(node for node in nodes if node.type == "BACKGROUND")
     world.node_tree.links.new(texture.outputs["Color"], background.inputs["Color"])
     scene.world = world
     return world
+
+
+def _image_file(light: str) -> Path:
+    if is_light_file(light):
+        check_light(light)
+        return Path(light)
+    path = Path(bpy.utils.system_resource("DATAFILES"), "studiolights", "world", f"{light}.exr")
+    if not path.is_file():
+        raise LfsrError(f"this Blender has no world image {light!r}: choose another light, or give a .hdr or .exr file")
+    return path

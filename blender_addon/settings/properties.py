@@ -22,6 +22,7 @@ from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 
 from ..array import rig
 from ..results import preview, show_image
+from .lights import AUTO_LIGHT, light_items
 from .methods import DIRECT, method_items
 from .scene_settings import AUTO_SCALE, SCALES, profile_items, qualities
 
@@ -131,6 +132,12 @@ class SceneSettings(bpy.types.PropertyGroup):
     method: EnumProperty(
         name="Method", description="How the image is denoised and the missing views are made", items=method_items(),
         default=DEFAULT_METHOD, update=_is_custom)
+    light: EnumProperty(
+        name="Light", description="What lights the scene in light-field renders; the scene itself stays as it is",
+        items=light_items(), default=AUTO_LIGHT)
+    light_file: StringProperty(
+        name="Light File", description="World image (.hdr or .exr) that lights the scene",
+        subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"})
     seed: IntProperty(name="Seed", description="Seed of the noise: another value renders other noise", min=0, default=0)
     output: StringProperty(
         name="Output", description="Folder for the images of this scene; // is the folder of the .blend file",

@@ -22,6 +22,7 @@ from ..render import devices
 from ..render.color import color_settings
 from ..scene.subject import find_subject
 from .folders import absolute
+from .lights import check_chosen, light_of
 from .methods import DIRECT, check_scale
 
 PROFILE_FILE = "FILE"
@@ -46,6 +47,7 @@ class Resolved:
     samples: int  # per pixel, at that scale
     rays: float | None  # per finished pixel, which decide the samples at other scales; None where samples are fixed
     seed: int
+    light: str  # as of ``Job``
     linear_exr: bool
     temporal_averaging: int  # neighbouring frames on each side
 
@@ -55,7 +57,8 @@ class Resolved:
         return self.layout == SUBPIXELS
 
     def check(self) -> None:
-        """LfsrError where the display, the scale, the method and the device do not go together."""
+        """LfsrError where the display, the scale, the method and the device do not go together, or light is missing."""
+        check_chosen(self.light)
         if self.is_direct:
             reason = why_not_direct(self.device)
             if reason:
@@ -76,7 +79,7 @@ class Resolved:
         """The render job of one frame, into the folder ``output``; of Auto, Blender chooses the scale."""
         return Job(output=str(output), display=self.display, scale=self.scale, scales=self.scales, spp=self.samples,
                    rays=self.rays if self.scales else None, scene_name=self.scene_name, layers=self.layers,
-                   layout=self.layout, seed=self.seed, frame=frame, device=self.device)
+                   layout=self.layout, seed=self.seed, frame=frame, device=self.device, light=self.light)
 
 
 def resolve(scene: bpy.types.Scene) -> Resolved:
@@ -89,7 +92,7 @@ def resolve(scene: bpy.types.Scene) -> Resolved:
     rays = None if settings.samples else settings.rays
     return Resolved(scene.name, display, device, SUBPIXELS if is_direct else devices.way_of(device), method,
                     method.layers, scale, scales, settings.samples or samples_at(display, scale, settings.rays), rays,
-                    settings.seed, linear_exr=settings.linear_exr and not is_direct,
+                    settings.seed, light_of(scene), linear_exr=settings.linear_exr and not is_direct,
                     temporal_averaging=0 if is_direct else settings.share_frames)
 
 

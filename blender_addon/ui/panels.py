@@ -10,6 +10,7 @@ from ..array import rig
 from ..background import session
 from ..results import preview
 from ..settings import scene_settings
+from ..settings.lights import FILE_LIGHT
 from ..settings.scene_settings import Resolved
 from . import summary
 from .drawing import LightFieldPanel, columns, facts, row_if, sentence
@@ -99,7 +100,7 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
     bl_order = 3
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw preset, rays, method, device and output."""
+        """Draw preset, rays, method, light, device and output."""
         lfsr, has_lenses = context.scene.lfsr, not scene_settings.is_direct(context.scene)
         layout = columns(self.layout)
         layout.prop(lfsr, "quality", text="Preset")
@@ -109,6 +110,9 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
         layout = columns(self.layout)  # columns stand in the order in which they were made
         row_if(has_lenses, layout).prop(lfsr, "method")
         layout.prop(lfsr, "seed")
+        layout.prop(lfsr, "light")
+        if lfsr.light == FILE_LIGHT:
+            layout.prop(lfsr, "light_file", text="File")
         if hasattr(context.scene, "cycles"):
             layout.prop(context.scene.cycles, "device")
             facts(self.layout, summary.device_facts(context.scene))

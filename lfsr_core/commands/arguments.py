@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LAYOUTS
-from lfsr_core.frames.job import AUTO, DEVICES, Job, check_scene
+from lfsr_core.frames.job import AUTO, DEVICES, EVEN, OWN, WORLD_IMAGES, Job, check_light, check_scene
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lens_rows import parse_rows
 from lfsr_core.optics.rays import CONVENTIONS
@@ -52,6 +52,10 @@ def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
                         help="the foreground; default: everything but the world and a collection called Background")
     parser.add_argument("--world-visible", action=argparse.BooleanOptionalAction,
                         help="show the world behind the subject; default: as set in the scene")
+    parser.add_argument("--light", default=AUTO, metavar="|".join((AUTO, OWN, "NAME", "FILE.hdr", "FILE.exr")),
+                        help="auto, the default: the scene's own light, or another for an almost dark file that is "
+                             f"not a .blend; own; {EVEN}: from all sides, without shadows; one of Blender's world "
+                             f"images ({', '.join(WORLD_IMAGES)}), or one of yours")
     parser.add_argument("--device", type=lambda text: text if text == AUTO else text.upper(), default=AUTO,
                         metavar="auto|NAME",
                         help=f"Cycles device, {', '.join(DEVICES)}; default: the best of this machine")
@@ -66,6 +70,7 @@ def make_job(arguments: argparse.Namespace, **values: Any) -> Job:
     display = load_display(arguments.display)
     if getattr(arguments, "rows", None) is not None:
         given["rows"] = parse_rows(arguments.rows, display.lenses[1])
+    given["light"] = check_light(arguments.light)
     given |= {"scene": check_scene(arguments.scene), "display": display} | values
     return Job(**given | {"output": str(given["output"])})
 

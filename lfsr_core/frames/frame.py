@@ -65,6 +65,7 @@ class Frame:
     subject: str = ""
     content: str = ""  # digest of the scene's file, see render.content; empty where it is not known
     camera: str = ""  # name of the camera that was asked for, empty for the scene's own
+    light: str = ""  # its own, the name or file of a world image, or even, see ``job.LIGHTS``; empty where not known
     # blender, device: version and device that rendered it
     blender: str = ""
     device: str = "CPU"

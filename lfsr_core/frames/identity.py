@@ -57,6 +57,7 @@ def wanted_facts(job: Job, found: Frame, content: str = "") -> Facts:
             "subject": job.subject or "",
             "camera": job.camera or "",
             "device": found.device if job.device == AUTO else job.device,
+            "light": found.light if job.light == AUTO or not found.light else job.light,
             "world_visible": found.world_visible if job.world_visible is None else job.world_visible,
             "layers": found.layers if set(job.layers) <= set(found.layers) else job.layers,
             "content": content if content and found.content else found.content}

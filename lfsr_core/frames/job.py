@@ -18,6 +18,11 @@ KINDS = ("render", "reference")
 FIT = "fit"  # instead of a camera's name: the array is fitted to the subject
 AUTO = "auto"  # the best device of the machine that renders
 DEVICES = ("CPU", "OPTIX", "CUDA", "HIP", "ONEAPI", "METAL")
+# Light of a scene besides AUTO: its own; lamps from all sides without shadows; one of Blender's world images.
+OWN, EVEN = "own", "even"
+WORLD_IMAGES = ("city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset")
+LIGHTS = (AUTO, OWN, EVEN, *WORLD_IMAGES)
+LIGHT_SUFFIXES = (".hdr", ".exr")  # of a world image of the user's
 LAYERS = ("albedo", "normal", "position", "index", "denoised")
 # Blender's own limits: it would silently clip larger numbers.
 MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**31 - 1, 1_048_574, 10**8
@@ -56,6 +61,7 @@ class Job:
     camera: str | None = None  # name of the camera to use, FIT to stand before the subject, None for the scene's own
     scene_name: str | None = None  # scene in the file, None for the one that is open in it
     world: str | None = None  # world.exr of another render from the same place, None to render the world where needed
+    light: str = AUTO  # of LIGHTS, or the file of a world image; AUTO: the scene's own unless it is too dark
     parts: str | None = None  # folder for the finished parts of a long render, None to store none
 
     def __post_init__(self) -> None:
@@ -63,6 +69,8 @@ class Job:
             _check_choice(field, getattr(self, field), choices)
         for layer in self.layers:
             _check_choice("layer", layer, LAYERS)
+        if not is_light_file(self.light):
+            _check_light_name(self.light)
         _check_numbers(self)
         for scale in (self.scale, *self.scales):
             self.display.low_views(scale)
@@ -108,6 +116,27 @@ def check_scene(scene: str | Path) -> str:
     if scene.suffix.lower() not in SCENE_SUFFIXES:
         raise LfsrError(f"{scene} is not a scene file that can be opened: give one of {', '.join(SCENE_SUFFIXES)}")
     return str(scene.resolve())
+
+
+def check_light(light: str) -> str:
+    """Return a light by its name, or the absolute path of its file; LfsrError if there is neither."""
+    if not is_light_file(light):
+        _check_light_name(light)
+        return light
+    if not Path(light).is_file():
+        raise LfsrError(f"light {light} does not exist: check the path, or choose one of {', '.join(LIGHTS)}")
+    return str(Path(light).resolve())
+
+
+def is_light_file(light: str) -> bool:
+    """Return True if a light is the file of a world image."""
+    return Path(light).suffix.lower() in LIGHT_SUFFIXES
+
+
+def _check_light_name(light: str) -> None:
+    if light not in LIGHTS:
+        raise LfsrError(f"light is {light!r}: {did_you_mean(light, LIGHTS)}It must be one of {', '.join(LIGHTS)}, or a "
+                        f"{' or '.join(LIGHT_SUFFIXES)} file")
 
 
 def _check_choice(field: str, value: str, choices: tuple[str, ...]) -> None:

@@ -18,7 +18,7 @@ from lfsr_core.images.exr import read_finite
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import to_elemental_images
 
-SAME_AS_REFERENCE = ("display", "convention", "frame", "world_visible")
+SAME_AS_REFERENCE = ("display", "convention", "frame", "world_visible", "light")
 MOST_NAME = 60  # characters of a scene's name in a message
 
 
@@ -99,7 +99,10 @@ def check_reference(frame: Frame, reference: Frame) -> None:
     """LfsrError unless ``reference`` shows at full resolution what ``frame`` shows."""
     if reference.scale != 1:
         raise LfsrError(f"the reference has scale {reference.scale}, but it must be 1: render it with 'lfsr reference'")
-    if name := first_difference(vars(reference), {name: vars(frame)[name] for name in SAME_AS_REFERENCE}):
+    wanted = {name: vars(frame)[name] for name in SAME_AS_REFERENCE}
+    # Older folders do not know their light.
+    wanted["light"] = wanted["light"] if reference.light and frame.light else reference.light
+    if name := first_difference(vars(reference), wanted):
         theirs, ours = phrases(name, vars(reference)[name], vars(frame)[name])
         raise LfsrError(f"the reference was rendered with {theirs}, but the frame with {ours}: "
                         "render the reference of the same frame in the same way")

@@ -49,8 +49,9 @@ class FarmJob:
         """Settings by their names in the templates; Flamenco's are in lower case."""
         rays = self.job.spp / self.job.display.finished_pixels(self.job.scale)
         return {"Output": self.job.output, "Parts": self.parts, "Display": self.display or self.job.display.name,
-                "Scale": str(self.job.scale), "Rays": rays, "Seed": self.job.seed, "Device": self.job.device,
-                "Method": self.method, "Linear": LINEAR_EXR[self.linear_exr], "Share": self.temporal_averaging}
+                "Scale": str(self.job.scale), "Rays": rays, "Seed": self.job.seed, "Light": self.job.light,
+                "Device": self.job.device, "Method": self.method, "Linear": LINEAR_EXR[self.linear_exr],
+                "Share": self.temporal_averaging}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -108,6 +108,7 @@ def test_render_goes_all_the_way(scene, blender, tmp_path, capsys):
     assert main(["render", scene, "-o", str(folder), "--display", "mini", "--scale", "2", "--spp", "3", "--method",
                  "bicubic", "--seed", "7", "--layers", "position,index", "--subject", "Things", "--frame", "4",
                  "--layout", "view-by-view", "--convention", "paper", "--view-aperture", "0.5",
+                 "--light", "night",
                  "--no-world-visible", "--linear-exr", "--blender", blender]) == 0
     assert sorted(path.name for path in folder.iterdir()) == [
         "eia.exr", "eia.png", "frame.json", "lr_eia.exr", "mask.png", "report.json"]
@@ -115,7 +116,8 @@ def test_render_goes_all_the_way(scene, blender, tmp_path, capsys):
     (job,) = jobs(blender)
     expected = {"scene": scene, "kind": "render", "scale": 2, "spp": 3, "seed": 7, "layers": ["position", "index"],
                 "subject": "Things", "frame": 4, "layout": "view-by-view", "convention": "paper",
-                "view_aperture": 0.5, "world_visible": False, "lens_list": None, "clamp_indirect": None}
+                "view_aperture": 0.5, "world_visible": False, "light": "night", "lens_list": None,
+                "clamp_indirect": None}
     assert {key: job[key] for key in expected} == expected
     assert read_png(folder / "eia.png").shape == (96, 128, 3)
 
@@ -128,6 +130,13 @@ def test_an_image_without_foreground_is_no_success(scene, blender, tmp_path, cap
     assert (tmp_path / "frame" / "eia.png").is_file(), "it may be what was wanted"
     assert main([*command, "--allow-empty"]) == 0
     assert "no lens sees the subject" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("light", "sentence"), [
+    ("citty", "light is 'citty': did you mean 'city'"), ("gone.exr", "gone.exr does not exist")])
+def test_a_light_that_there_is_not_is_refused_at_once(scene, blender, tmp_path, capsys, light, sentence):
+    assert sentence in fails(["render", scene, "-o", str(tmp_path / "frame"), "--light", light, "--blender", blender],
+                             capsys)
 
 
 def test_render_defaults(scene, blender, tmp_path):

@@ -26,7 +26,7 @@ FRAME = Frame(
     layers=("albedo", "normal"), world_visible=True, world_apart=True, scale_reason="it is deep",
     color=ColorSettings("Rec.2020", "AgX", "AgX - Punchy", 0.5, 1.1, "config.ocio"),
     scene="scene.blend", subject="Things", camera="Left", content="abc",
-    blender="5.0.1", device="OPTIX", notes=("a note",), seconds={"render": 1.5})
+    blender="5.0.1", device="OPTIX", notes=("a note",), light="city", seconds={"render": 1.5})
 
 
 def test_round_trip_keeps_every_field(tmp_path):

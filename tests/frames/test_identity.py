@@ -56,9 +56,17 @@ def test_the_first_difference_is_one_sentence(tmp_path, changes, sentence):
     ({"scales": (2, 4), "scale": 4, "rays": 16.0}, {"samples": 64}),
     ({}, {"layout": "lens-card"}),
     ({}, {"world_visible": True}),
+    ({}, {"light": "city"}),
+    ({"light": "night"}, {"light": ""}),  # an older frame does not know
     ({"kind": "reference", "scale": 1}, {"scale": 1, "samples": 500, "lens_list": LENSES})])
 def test_what_a_job_leaves_open_may_be_anything(changes, found):
     assert is_same(dataclasses.replace(FRAME, **found), dataclasses.replace(JOB, **changes))
+
+
+def test_another_light_is_another_render(tmp_path):
+    write_frame(tmp_path, dataclasses.replace(FRAME, light="own"))
+    with pytest.raises(LfsrError, match="with light own, but light night was asked for"):
+        check_same(tmp_path, dataclasses.replace(JOB, light="night"), names=None)
 
 
 def test_a_light_field_is_no_render_of_subpixels():

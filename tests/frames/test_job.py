@@ -8,7 +8,7 @@ import json
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.job import Job, check_scene, read_job
+from lfsr_core.frames.job import Job, check_light, check_scene, read_job
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import load_display
 from lfsr_core.records import to_data, write_record
@@ -17,7 +17,8 @@ MINI = load_display("mini")
 JOB = Job("out", MINI, scene="s.blend", kind="reference", scale=2, spp=9, layers=("albedo",), layout="view-by-view",
           convention="paper", view_aperture=0.5, seed=5, frame=3, subject="Things", lens_list=((1, 2), (3, 4)),
           device="OPTIX", clamp_indirect=0.0, world_visible=True, scene_name="Set", parts="kept",
-          camera="Camera", scales=(4, 2), scale_frames=(1, 9), rays=2.5, scale_reason="it is deep", world="world.exr")
+          camera="Camera", scales=(4, 2), scale_frames=(1, 9), rays=2.5, scale_reason="it is deep", world="world.exr",
+          light="night")
 
 
 def test_json_round_trip_keeps_every_field(tmp_path):
@@ -46,6 +47,7 @@ def test_json_round_trip_keeps_every_field(tmp_path):
     ({"convention": "old"}, "convention is 'old': It must be one of centred, paper"),
     ({"kind": "film"}, "kind is 'film'"),
     ({"layers": ("albedo", "norma")}, "layer is 'norma': did you mean 'normal'"),
+    ({"light": "nihgt"}, "light is 'nihgt': did you mean 'night'.*or a .hdr or .exr file"),
     ({"view_aperture": -0.1}, "view aperture is -0.1"),
     ({"rows": (0, 3)}, "rows are 0-3, but the display has rows of lenses 1-12"),
     ({"rows": (2, 2), "layout": "view-by-view"}, "rows 2 were asked for, but the layout view-by-view is not"),
@@ -92,3 +94,12 @@ def test_scene_is_checked_before_blender_starts(tmp_path):
     (tmp_path / "scene.fbx").touch()
     with pytest.raises(LfsrError, match=r"scene.fbx is not a scene file.*\.blend, \.glb"):
         check_scene(tmp_path / "scene.fbx")
+
+
+def test_a_light_is_a_name_or_a_file_that_is_there(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "Sky.HDR").touch()
+    assert check_light("even") == "even" and check_light("Sky.HDR") == str(tmp_path / "Sky.HDR")
+    for light, sentence in (("sky.exr", "sky.exr does not exist"), ("sky", "light is 'sky'"), ("", "light is ''")):
+        with pytest.raises(LfsrError, match=sentence):
+            check_light(light)

@@ -90,6 +90,13 @@ def test_matching_reference_passes_with_rounding_and_other_samples():
     check_reference(frame_of(4), dataclasses.replace(REFERENCE, lens_list=((0, 0), (3, 4))))
 
 
+def test_a_reference_in_another_light_is_refused_where_both_are_known():
+    with pytest.raises(LfsrError, match="with light own, but the frame with light city"):
+        check_reference(frame_of(4, light="city"), frame_of(1, light="own"))
+    check_reference(frame_of(4, light="city"), frame_of(1))
+    check_reference(frame_of(4), frame_of(1, light="own"))
+
+
 def test_reference_of_other_lenses_is_refused():
     with pytest.raises(LfsrError, match="other lenses"):
         check_reference(frame_of(4, lens_list=((0, 0),)), frame_of(1, lens_list=((0, 1),)))

@@ -20,6 +20,8 @@ const JOB_TYPE = {
         { key: "rays", type: "float", default: 1, propargs: { min: 0.01 },
           description: "Rays per finished pixel; 1 is 16 samples per rendered pixel at scale 4, 4 at scale 2" },
         { key: "seed", type: "int32", default: 0, propargs: { min: 0 } },
+        { key: "light", type: "string", default: "auto",
+          description: "auto, own, even, one of Blender's world images, or a .hdr or .exr file that every worker sees" },
         { key: "device", type: "string", default: "auto", description: "auto, CPU, OPTIX, CUDA, HIP, ONEAPI or METAL" },
         { key: "method", type: "string", default: "oidn-both+refine+epi", description: "Method that makes the other views" },
         { key: "linear", type: "string", default: "--no-linear-exr", choices: ["--no-linear-exr", "--linear-exr"],
@@ -76,7 +78,7 @@ function renderTasks(settings, frame) {
             "render", settings.blendfile, "--output", path.join(partsFolder(settings, frame), String(part)),
             "--frame", frame, "--rows", `${part}/${settings.parts}`, "--display", settings.display,
             "--scale", settings.scale, "--scale-frames", settings.frames, "--rays", String(settings.rays),
-            "--seed", String(settings.seed),
+            "--seed", String(settings.seed), "--light", settings.light,
             "--temporal-averaging", String(settings.share), "--device", settings.device, "--method", settings.method]));
     }
     return tasks;

@@ -23,6 +23,19 @@ def test_no_light(scene):
     assert scene.world.name == "Light Field World"
 
 
+def test_the_world_of_a_new_file_alone(scene):
+    scene.collection.objects.unlink(bpy.data.objects["Sun"])
+    scene.world = bpy.data.worlds.new("World")
+    assert found(scene, "light") is None and "almost dark" in found(scene, "dim").reason
+    for name, code in (("EVEN", None), ("OWN", "dim")):
+        scene.lfsr.light = name
+        assert (found(scene, "dim") is None) == (code is None)
+    scene.world = None
+    assert "will be black" in found(scene, "light").reason
+    scene.world, scene.lfsr.light = bpy.data.worlds["World"], "AUTO"
+    fix(scene, "dim")
+
+
 @pytest.mark.parametrize("code, spoil", [
     ("filter", lambda scene: setattr(scene.cycles, "pixel_filter_type", "BLACKMAN_HARRIS")),
     ("denoiser", lambda scene: setattr(scene.cycles, "use_denoising", True)),

@@ -6,13 +6,14 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.render import frame_folder
+from blender_addon.render import arrival, frame_folder
 from blender_addon.scene import light
 from blender_addon.scene.open import open_scene
+from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.job import EVEN, OWN, Job
 from lfsr_core.images import exr
-from tests.support.scenes import MINI, add_box, emission, save_box
+from tests.support.scenes import MINI, add_box, add_camera, emission, save_box
 
 
 def test_scene_without_light_gets_an_hdri_that_is_not_seen(tmp_path):
@@ -38,9 +39,10 @@ def test_own_black_world_is_put_back(scene, tmp_path):
     for node in black.node_tree.nodes if black.node_tree else ():
         if node.type == "BACKGROUND":
             node.inputs["Strength"].default_value = 0.0
-    with light.lit(scene, is_own=light.has_light(scene)):
-        assert scene.world != black
-    assert scene.world == black
+    for name in (light.DEFAULT_LIGHT, EVEN, OWN):
+        with light.lit(scene, name):
+            assert light.has_light(scene) == (name != OWN)
+        assert scene.world == black and not bpy.data.lights and len(bpy.data.objects) == 1
 
 
 @pytest.mark.parametrize(("kind", "lit"), [
@@ -76,14 +78,119 @@ def brightness(stage, tmp_path, **options):
     return color[..., :3].max(), " ".join(said)
 
 
-def test_glow_that_lights_nothing_counts_as_no_light(scene, tmp_path):
+IMPORTED = [("", False), ("scene.glb", True)]  # a .blend keeps its own light
+
+
+@pytest.mark.parametrize(("file", "lit"), IMPORTED)
+def test_glow_that_lights_nothing_counts_as_no_light(scene, tmp_path, file, lit):
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     add_box(scene, (0, 40, 0), (0.01, 0.01, 0.01), emission((0.01, 0.01, 0.01)))
     scene.collection.children.link(bpy.data.collections.new("box"))
     scene.collection.children["box"].objects.link(scene.objects["item"])
     assert light.has_light(scene)
-    brightest, said = brightness(scene, tmp_path, subject="box")
-    assert brightest > 0.05 and "Almost no light reaches" in said and "lit with" in said
+    brightest, said = brightness(scene, tmp_path, subject="box", scene=file)
+    assert "Almost no light reaches" in said and ("lit with" in said) == lit
+    assert brightest > 0.05 if lit else brightest < 0.01
+
+
+@pytest.mark.parametrize(("file", "lit"), IMPORTED)
+def test_what_shines_in_the_dark_does_not_count_as_light(scene, tmp_path, file, lit):
+    """A lantern: a bright pane, too small to light the rest."""
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    add_box(scene, (0, -0.5, 0), (0.1, 0.01, 0.1), emission((20, 20, 20)))
+    _, said = brightness(scene, tmp_path, scene=file)
+    assert "Almost no light reaches" in said and ("lit with" in said) == lit
+    assert read_frame(tmp_path / "out").light == ("city" if lit else "own")
+    color = exr.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
+    assert (np.median(color[color[..., 3] == 1][:, :3].max(-1)) > 0.05) == lit
+
+
+def test_what_shines_all_over_needs_no_light(scene, tmp_path):
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), emission((0.3, 0.3, 0.3)))
+    assert brightness(scene, tmp_path, scene="scene.glb")[1] == ""
+    assert read_frame(tmp_path / "out").light == "own"
+
+
+def grey_world(scene, value):
+    scene.world = bpy.data.worlds.new("grey")
+    scene.world.color = (value,) * 3
+    if scene.world.node_tree:
+        background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
+        background.inputs["Color"].default_value = (value, value, value, 1)
+
+
+@pytest.mark.parametrize(("value", "exposure", "dark"), [(0.05, 0, True), (0.05, 2, False), (0.5, 0, False)])
+def test_the_world_of_a_new_file_is_too_dark(scene, tmp_path, value, exposure, dark):
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    grey_world(scene, value)
+    scene.view_settings.exposure = exposure
+    _, said = brightness(scene, tmp_path)
+    assert ("Almost no light reaches" in said) == light.is_dim(scene) == dark
+    assert light.is_certain(scene) != dark
+
+
+def test_black_things_in_good_light_are_not_dark(scene, tmp_path):
+    item = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    black = bpy.data.materials.new("black")
+    black.use_nodes = True
+    shader = next(node for node in black.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader.inputs["Base Color"].default_value, shader.inputs["Roughness"].default_value = (0.02, 0.02, 0.02, 1), 1.0
+    item.data.materials.append(black)
+    grey_world(scene, 1.0)
+    assert not arrival.is_dark(scene, Job(str(tmp_path), MINI))
+    grey_world(scene, 0.05)
+    assert arrival.is_dark(scene, Job(str(tmp_path), MINI))
+
+
+def test_what_an_image_cannot_light_is_lit_evenly(scene, tmp_path):
+    """A closed room, or a city in a box of sky."""
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    add_box(scene, (0, 0, 0), (9, 9, 9))
+    add_camera(scene, (0, -4, 0))
+    _, said = brightness(scene, tmp_path, scene="scene.glb")
+    assert "encloses it" in said and read_frame(tmp_path / "out").light == "even"
+    color = exr.read_layers(tmp_path / "out" / "lr_eia.exr")["color"][..., :3].max(-1)
+    assert np.median(color) > 0.05
+    assert not bpy.data.lights
+
+
+def test_light_is_chosen_by_hand(scene, tmp_path):
+    path = save_box(tmp_path / "scene.glb", (0, 0, 0), (0.5, 0.5, 0.5))
+    sky = tmp_path / "sky.exr"
+    exr.write_layers(sky, {"color": np.full((8, 16, 3), 0.3, np.float32) * np.float32((1, 0, 0))})
+    means = {}
+    for chosen in ("own", "city", "night", "even", str(sky)):
+        brightest, said = brightness(open_scene(path), tmp_path, scene=str(path), light=chosen)
+        assert said == "" and read_frame(tmp_path / "out").light == chosen
+        color = exr.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
+        means[chosen] = color[color[..., 3] == 1][:, :3].mean(0)
+    assert not means["own"].any() and means["city"].min() > means["night"].min() > 0.01 and means["even"].min() > 0.1
+    assert means[str(sky)][0] > 0.05 and not means[str(sky)][1:].any()
+
+
+@pytest.mark.parametrize(("name", "sentence"), [("gone.hdr", "does not exist"), ("text.exr", "cannot be read as an")])
+def test_a_light_file_that_cannot_be_read_is_one_sentence(scene, tmp_path, name, sentence):
+    (tmp_path / "text.exr").write_text("no image")
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    with pytest.raises(LfsrError, match=f"{name} {sentence}"):
+        brightness(scene, tmp_path, light=str(tmp_path / name))
+    assert scene.world is None and not bpy.data.worlds
+
+
+def test_every_frame_of_an_animation_has_the_same_light(scene, tmp_path):
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    with_sun(scene, 0.4)
+    sun = bpy.data.lights["sun"]
+    for number, strength in ((1, 0.4), (10, 0.0)):
+        sun.energy = strength
+        sun.keyframe_insert("energy", frame=number)
+    scene.frame_set(1)
+    lights = set()
+    for number in (1, 10):
+        job = Job(str(tmp_path), MINI, scene="scene.glb", frame=number)
+        with frame_folder.prepared(scene, job) as frame:
+            lights.add(frame.light)
+    assert lights == {"own"}
 
 
 @pytest.mark.parametrize(("file", "lit"), [("", False), ("sun.glb", True)])

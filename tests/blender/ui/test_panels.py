@@ -13,7 +13,10 @@ from blender_addon.render import devices
 from blender_addon.settings import scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.operators import check
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.job import LIGHTS
 from tests.support import panel
+from tests.support.problems import found
 from tests.support.recording_layout import RecordingLayout
 
 
@@ -87,6 +90,26 @@ def test_what_follows_from_rays_and_from_fixed_samples(scene):
     scene.lfsr.samples = 4
     drawn = draw(panels.LFSR_PT_quality)
     assert "0.25 rays per pixel" in labels(drawn) and greyed(drawn) == {"rays"}
+
+
+def test_the_light_of_the_menu_is_the_jobs(scene, tmp_path):
+    assert {"light"} == properties(draw_all()["Quality"]) & {"light", "light_file"}
+    assert scene_settings.resolve(scene).job(tmp_path, 1).light == "auto"
+    items = scene.lfsr.bl_rna.properties["light"].enum_items
+    assert {item.identifier.lower() for item in items} == {*LIGHTS, "file"}
+    for name in LIGHTS:
+        scene.lfsr.light = name.upper()
+        assert scene_settings.resolve_for_render(scene).job(tmp_path, 1).light == name
+    scene.lfsr.light = "FILE"
+    assert {"light", "light_file"} <= properties(draw_all()["Quality"])
+    for path, sentence in (("", "no light file is chosen"), ("//gone.hdr", "does not exist"), ("//x.jpg", "light is")):
+        scene.lfsr.light_file = path
+        with pytest.raises(LfsrError, match=sentence):
+            scene_settings.resolve_for_render(scene)
+        assert sentence in found(scene, "display").reason.lower()
+    (tmp_path / "sky.hdr").touch()
+    scene.lfsr.light_file = "//sky.hdr"
+    assert scene_settings.resolve_for_render(scene).job(tmp_path, 1).light == str(tmp_path / "sky.hdr")
 
 
 def test_without_an_array(scene):

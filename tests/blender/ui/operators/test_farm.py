@@ -31,7 +31,7 @@ def add_on():
 def scene(add_on, tmp_path):
     scene = panel.artist_scene(tmp_path)
     scene.frame_start, scene.frame_end, scene.frame_step = 2, 6, 2
-    scene.lfsr.seed, scene.lfsr.linear_exr, scene.lfsr.share_frames = 7, True, 2
+    scene.lfsr.seed, scene.lfsr.linear_exr, scene.lfsr.share_frames, scene.lfsr.light = 7, True, 2, "SUNSET"
     return scene
 
 
@@ -45,8 +45,8 @@ def test_the_openjd_job_is_valid_and_says_what_the_panel_says(scene, tmp_path, c
     values = read_json(job / "parameters.json", "parameters")
     assert values == {
         "Scene": str(job / "scene.farm.blend"), "Output": str(tmp_path / "lightfield" / "Scene"), "Frames": "2-6:2",
-        "Parts": 3, "Display": "mini", "Scale": "2", "Rays": 0.25, "Seed": 7, "Device": "CPU", "Method": "bicubic",
-        "Linear": "--linear-exr", "Share": 2}
+        "Parts": 3, "Display": "mini", "Scale": "2", "Rays": 0.25, "Seed": 7, "Light": "sunset", "Device": "CPU",
+        "Method": "bicubic", "Linear": "--linear-exr", "Share": 2}
     bundle = read_json(job / "parameter_values.json", "parameters")["parameterValues"]
     assert {entry["name"]: entry["value"] for entry in bundle} == values
     said = capsys.readouterr().out

@@ -33,7 +33,7 @@ def demo_camera() -> None:
 
 def world(image: str = "city", strength: float = 0.45) -> bpy.types.Node:
     """Light the scene with one of Blender's own world images, packed; return the background node."""
-    graph = Graph(add_light(bpy.context.scene, f"{image}.exr").node_tree)
+    graph = Graph(add_light(bpy.context.scene, image).node_tree)
     graph.only("TEX_ENVIRONMENT").image.pack()
     background = graph.only("BACKGROUND")
     background.inputs["Strength"].default_value = strength
