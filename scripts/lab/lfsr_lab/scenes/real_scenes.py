@@ -61,7 +61,7 @@ class Scenes:
         world("city", 0.3)
 
     def interior(self, rng: Random) -> None:
-        """A closed room with the cameras inside it: a window, a bulb, shelves with models, photographs on the wall."""
+        """A room that fills every view: a window, a bulb, shelves with models, photographs on the wall."""
         wood = paint("wood", (0.3, 0.17, 0.08), 0.4)
         walls(wood)
         for index, x in enumerate((-3.6, -1.2, 1.2, 3.6)):
@@ -212,15 +212,14 @@ class Scenes:
 
 
 def walls(wood: bpy.types.Material) -> None:
-    """Put up a room around display and cameras; its left wall has a window, with a lamp behind it."""
+    """Put up a room that is open towards the cameras; its left wall has a window, with a lamp behind it."""
     wall = paint("wall", (0.75, 0.72, 0.66), 0.8)
-    put(surfaces.box(), tiles("floor", (0.55, 0.5, 0.42), (0.18, 0.12, 0.09), 26, 0.2), (0, -3.5, -2.3), (6, 9.5, 0.1))
-    for at, half in (((0, -3.5, 3.2), (6, 9.5, 0.1)), ((0, 5.0, 0.4), (6, 0.1, 3)), ((0, -13, 0.4), (6, 0.1, 3)),
-                     ((5.2, -3.5, 0.4), (0.1, 9.5, 3)), ((-5.2, -8.75, 0.4), (0.1, 4.25, 3)),
-                     ((-5.2, 3.6, 0.4), (0.1, 1.5, 3)), ((-5.2, -1.2, -1.7), (0.1, 3.4, 0.8)),
-                     ((-5.2, -1.2, 2.9), (0.1, 3.4, 0.5))):
+    put(surfaces.box(), tiles("floor", (0.55, 0.5, 0.42), (0.18, 0.12, 0.09), 13, 0.2), (0, 1.2, -2.3), (6, 3.8, 0.1))
+    for at, half in (((0, 1.2, 3.2), (6, 3.8, 0.1)), ((0, 5.0, 0.4), (6, 0.1, 3)), ((5.2, 1.2, 0.4), (0.1, 3.8, 3)),
+                     ((-5.2, 3.6, 0.4), (0.1, 1.5, 3)), ((-5.2, -0.25, -1.7), (0.1, 2.35, 0.8)),
+                     ((-5.2, -0.25, 2.9), (0.1, 2.35, 0.5))):
         put(surfaces.box(), wall, at, half)
-    for y in (-4.4, -2.2, 0.0, 2.1):
+    for y in (-2.6, -0.25, 2.1):
         put(surfaces.box(), wood, (-5.2, y, 0.8), (0.06, 0.06, 2.0))
 
 
