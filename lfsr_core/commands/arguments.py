@@ -115,6 +115,14 @@ def numbers(text: str) -> tuple[int, ...]:
         raise argparse.ArgumentTypeError(f"{text!r} is not a list of whole numbers such as 1,4,16") from None
 
 
+def reals(text: str) -> tuple[float, ...]:
+    """Numbers such as 0.25,1,4, for argparse."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a list of numbers such as 0.25,1,4") from None
+
+
 def names(text: str) -> tuple[str, ...]:
     """Names such as oidn,light, for argparse: each once, empty ones left out."""
     return tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))

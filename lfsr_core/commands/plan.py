@@ -7,12 +7,13 @@ import shlex
 from contextlib import closing
 from pathlib import Path
 
-from lfsr_core.commands.arguments import add_geometry_arguments, make_job, names, numbers
+from lfsr_core.commands.arguments import add_geometry_arguments, make_job, names, numbers, reals
+from lfsr_core.errors import LfsrError
 from lfsr_core.progress import ProgressBar
 
 NAME = "plan"
 HELP = "find the cheapest scale, samples and method that reach an accuracy, from a small sample of lenses"
-OPTIONS = ("target", "metric", "scales", "spps", "between", "methods", "most_seconds", "budget", "lenses",
+OPTIONS = ("target", "metric", "scales", "spps", "rays", "between", "methods", "most_seconds", "budget", "lenses",
            "reference_spp")
 
 
@@ -24,13 +25,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="ssim_lens_fg (default) or ssim_lens, see docs/reference/metrics.md")
     parser.add_argument("--scales", type=numbers, metavar="N,N", help="default: those of 1,2,4,8 that the display has")
     parser.add_argument("--spps", type=numbers, metavar="N,N", help="samples per pixel, default: 4,16,64,256")
+    parser.add_argument("--rays", type=reals, metavar="R,R", help="rays per finished pixel, instead of --spps")
     parser.add_argument("--between", type=int, metavar="N",
                         help="sample counts to estimate between each two of --spps, default: 3")
     parser.add_argument("--methods", type=names, metavar="NAME,NAME", help="default: the default method and its parts")
     parser.add_argument("--seconds", dest="most_seconds", type=float, metavar="N", help="longest time of a frame")
     parser.add_argument("--budget", type=float, metavar="0..1",
-                        help="cost of the sample, as a fraction of the costliest candidate's frame, default: 0.05")
-    parser.add_argument("--lenses", type=int, metavar="N", help="number of lenses to sample, whatever the budget")
+                        help="most that the sample may cost, as a fraction of the costliest candidate's frame, "
+                             "default: 0.05; two minutes of rendering are always allowed")
+    parser.add_argument("--lenses", type=int, metavar="N",
+                        help="number of lenses to sample, whatever the budget; default: 12 to 192, as many as it takes")
     parser.add_argument("--reference-spp", type=int, metavar="N", help="of the sampled lenses, default: 256")
     parser.add_argument("--details", action="store_true", help="show every measured candidate, not at most ten lines")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
@@ -51,6 +55,8 @@ def run(arguments: argparse.Namespace) -> None:
     from lfsr_core.render.blender import find_blender
     from lfsr_core.render.process import run_job
 
+    if arguments.rays is not None and arguments.spps is not None:
+        raise LfsrError("--rays and --spps were both given: leave out one of them")
     given = {name: value for name in OPTIONS if (value := getattr(arguments, name)) is not None}
     options = PlanOptions(**given)
     layers = layers_of(options.methods or default_methods())
@@ -58,11 +64,11 @@ def run(arguments: argparse.Namespace) -> None:
     blender = find_blender(arguments.blender)
     with closing(ProgressBar()) as bar, work_folder(arguments.work, job, options, bar.note) as folder:
         planned = make_plan(job, options, lambda job, progress: run_job(job, blender, progress, bar.note), folder, bar)
-    print(table(planned, options, arguments.details))
+    print(table(planned, options, job.display, arguments.details))
     if arguments.json:
         write_record(arguments.json, plan_report(planned, options, job))
     if planned.choice.chosen is not None:
-        print(render_command(arguments, planned.choice.chosen.options))
+        print(render_command(arguments, planned.choice.chosen.options(job.display)))
 
 
 def render_command(arguments: argparse.Namespace, options: tuple[str, ...]) -> str:

@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.estimate import Estimate
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_CHAINS, PLAIN_METHOD, MethodName
@@ -40,10 +41,10 @@ class Candidate:
         """Short name, as in "s4-spp16 oidn+bilinear"."""
         return f"s{self.scale}-spp{self.spp} {self.method}"
 
-    @property
-    def options(self) -> tuple[str, ...]:
+    def options(self, display: DisplayProfile) -> tuple[str, ...]:
         """Options of `lfsr render` that make it."""
-        return "--scale", str(self.scale), "--spp", str(self.spp), "--method", self.method
+        rays = self.spp / display.finished_pixels(self.scale)
+        return "--scale", str(self.scale), "--rays", f"{rays:.6g}", "--method", self.method
 
     @property
     def steps(self) -> int:
@@ -90,11 +91,12 @@ def samples_of(candidate: Candidate, display: DisplayProfile) -> int:
 
 
 def candidates(display: DisplayProfile, scales: Sequence[int] | None = None, spps: Sequence[int] = SAMPLES,
-               methods: Sequence[str] | None = None) -> list[Candidate]:
+               methods: Sequence[str] | None = None, rays: Sequence[float] | None = None) -> list[Candidate]:
     """Every possible combination for a display, cheapest render first.
 
-    ``scales``: None for those of SCALES that divide the views. ``methods``: None for ``default_methods``. LfsrError for
-    a scale that does not divide the views, samples below 1, or an unknown method.
+    ``scales``: None for those of SCALES that divide the views. ``methods``: None for ``default_methods``. ``rays``: per
+    finished pixel, instead of ``spps``. LfsrError for a scale that does not divide the views, samples below 1,
+    impossible rays, or an unknown method.
     """
     for name in methods or ():
         method(name)
@@ -106,7 +108,8 @@ def candidates(display: DisplayProfile, scales: Sequence[int] | None = None, spp
     for scale in scales:
         display.low_views(scale)
     methods = methods or default_methods()
-    found = {Candidate(scale, spp, name) for scale in scales for spp in spps
+    found = {Candidate(scale, spp, name) for scale in scales
+             for spp in (spps if rays is None else [samples_at(display, scale, each) for each in rays])
              for name in methods_at(scale, methods, display.parallax)}
     if not found:
         raise LfsrError(f"no method of {', '.join(methods)} works at scale {', '.join(map(str, scales))}: "

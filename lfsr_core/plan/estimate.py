@@ -20,7 +20,7 @@ class Estimate:
     """Accuracy of a whole frame, from a sample of its lenses."""
 
     mean: float  # over all lenses that count
-    # one-sided 95 % bounds of the mean
+    # one-sided bounds of the mean, at 95 % unless another certainty is asked for
     low: float
     high: float
     error: float  # standard error of the mean
@@ -41,6 +41,7 @@ class Stratum:
 def estimate(strata: Sequence[Stratum], z: float = NORMAL_ONE_SIDED) -> Estimate:
     """Estimate the mean of ``values`` over all lenses that are ``inside``, from the samples of all strata.
 
+    ``z``: normal quantile of the bounds' certainty.
     A ratio estimator over strata, with linear regression on the covariates where there are enough lenses, a correction
     for finite populations, Student's t, and Hall's correction for skewness, since a few bad lenses among many good
     ones are the rule. LfsrError if no sampled lens is inside, or a single lens represents a larger stratum.

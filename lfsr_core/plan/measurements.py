@@ -1,26 +1,23 @@
-"""Scores and times of candidates while a plan is made, and the decision which to render."""
+"""Scores of candidates while a plan is made, and what follows from them."""
 
 from __future__ import annotations
 
 import dataclasses
-import time
-from collections.abc import Iterable, Iterator
-from pathlib import Path
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import Frame
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import BETWEEN, Candidate, Rated, between, choose, samples_of
 from lfsr_core.plan.estimate import Estimate, Stratum, estimate
 from lfsr_core.plan.options import PlanOptions
-from lfsr_core.plan.renders import Moving, SampleRenders
-from lfsr_core.plan.sample import STRATA, Budget, Lens, Mosaic, reach, with_neighbours
-from lfsr_core.plan.score import QuickLook, SampledReference, Scores, score, stage_time
-from lfsr_core.plan.times import StageTime, TimeModel
+from lfsr_core.plan.sample import STRATA, Budget, Lens
+from lfsr_core.plan.score import QuickLook, Scores
+from lfsr_core.plan.sequential import Group, Known, certainty
+from lfsr_core.plan.times import TimeModel
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,127 +43,121 @@ class Question:
         """The candidate whose frame takes the most path samples."""
         return max(self.wanted, key=lambda candidate: samples_of(candidate, self.display))
 
+    @property
+    def groups(self) -> set[Group]:
+        """Scales and samples of the candidates."""
+        return {(candidate.scale, candidate.spp) for candidate in self.wanted}
+
+    def of(self, group: Group) -> list[Candidate]:
+        """Candidates of one scale and sample count."""
+        return [candidate for candidate in self.wanted if (candidate.scale, candidate.spp) == group]
+
 
 @dataclasses.dataclass(frozen=True)
 class LensSample:
-    """The sampled lenses."""
+    """The lenses that may be sampled, look by look."""
 
     look: QuickLook
     frame: Frame  # of the quick look's render
-    strata: dict[str, list[Lens]]  # sampled lenses by name of STRATA
+    added: list[dict[str, list[Lens]]]  # lenses that each look adds, by name of STRATA
     budget: Budget
     limit: float  # most path samples, infinite where the number of lenses was given
+    is_least: bool  # whether fewest lenses exceed the budget already: a first look is then taken whatever it costs
+
+    def lenses(self, number: int) -> list[Lens]:
+        """Lenses that look ``number`` adds, in the order of STRATA."""
+        return [lens for name in STRATA for lens in self.added[number][name]]
 
     @property
-    def lenses(self) -> list[Lens]:
-        """All sampled lenses, in the order of STRATA."""
-        return [lens for name in STRATA for lens in self.strata[name]]
+    def count(self) -> int:
+        """Number of lenses after the last look."""
+        return sum(len(self.lenses(number)) for number in range(len(self.added)))
 
-    def done(self, renders: list[tuple[int, int]] | None) -> float:
-        """Fraction of the sample's cost spent after these renders, by (scale, spp); None: after the quick look."""
-        spent = self.budget.quick if renders is None else self._cost(renders)
-        return spent / self._cost(self.budget.renders)
-
-    def affords(self, renders: list[tuple[int, int]]) -> bool:
-        """Whether these renders are within the limit."""
-        return self._cost(renders) <= self.limit
-
-    def _cost(self, renders: Iterable[tuple[int, int]]) -> float:
-        return self.budget.cost(len(self.lenses), renders)
+    def cost(self, looks: Mapping[Group, int]) -> float:
+        """Path samples spent after so many looks at each group."""
+        spent, last = self.budget.quick, max(looks.values(), default=0)
+        return spent + sum(self.budget.cost(len(self.lenses(number)), [group for group, taken in looks.items()
+                                                                      if taken > number]) for number in range(last))
 
 
 class Measurements:
-    """Scores and times of candidates; ``measure`` adds those of one scale and sample count."""
+    """Scores of candidates; ``add`` takes those of another look."""
 
-    def __init__(self, question: Question, sample: LensSample, reference: SampledReference, renders: SampleRenders,
-                 model: TimeModel) -> None:
-        self.question, self.sample, self.reference, self.renders = question, sample, reference, renders
+    def __init__(self, question: Question, sample: LensSample, model: TimeModel) -> None:
+        self.question, self.sample, self.model = question, sample, model
         self.scores: dict[Candidate, Scores] = {}
-        self.seconds = 0.0
-        self._model, self._stages = model, dict[tuple[int, str], StageTime]()
+        self.looks = dict.fromkeys(question.groups, 0)
+        self.hits: list[Array] = []  # (n,) bool for each look: lenses whose reference shows any foreground
         self._notes: dict[Candidate, str] = {}
-        self._measured: list[tuple[int, int]] = []
 
-    def measure(self, scale: int, spp: int, report: Moving) -> None:
-        """Render and measure the candidates of one scale and sample count, or note why not."""
-        here = [c for c in self.question.wanted if (c.scale, c.spp) == (scale, spp)]
-        why = self._why_not(scale, spp, here)
-        if why:
-            self._notes |= dict.fromkeys(here, why)
-            return
-        width = reach(self.question.display, scale)
-        listed, blocks = with_neighbours(self.sample.lenses, width, self.question.display.lenses)
-        beside = " and their neighbours" if width else ""
-        report(f"{len(self.sample.lenses)} lenses{beside} at scale {scale}, {spp} samples",
-               self.sample.done(self._measured), self.sample.done([*self._measured, (scale, spp)]))
-        folder = self.renders.sampled(scale, spp, listed)
-        self._measured.append((scale, spp))
-        started = time.perf_counter()
-        for candidate in here:
-            report(f"{candidate.name}: {here.index(candidate) + 1} of {len(here)} methods",
-                   self.sample.done(self._measured))
-            self._score(candidate, folder, Mosaic.of(blocks), Mosaic.of(blocks[:1]))
-        self.seconds += time.perf_counter() - started
+    def add(self, group: Group, found: Mapping[Candidate, Scores], failed: Mapping[Candidate, str]) -> None:
+        """Take the scores of the next look at a group; ``failed``: why candidates have none."""
+        self._notes |= failed
+        for candidate, scores in found.items():
+            self.scores[candidate] = self.scores[candidate] + scores if candidate in self.scores else scores
+        self.looks[group] += 1
+
+    def next_group(self) -> Group | None:
+        """The group to look at next, None where the choice is certain or nothing more can be learned."""
+        options = self.question.options
+        return Known(self.rated(), self.looks, self.sample.count, options.target, options.limit,
+                     self._affords).next_group()
 
     def rated(self) -> list[Rated]:
         """All candidates as known so far, cheapest first."""
-        times, display = self.times(), self.question.display
+        display = self.question.display
         found = [(candidate, self.scores[candidate].values if candidate in self.scores else None,
                   self._notes.get(candidate, "")) for candidate in self.question.wanted]
         found += [(candidate, values, BETWEEN) for candidate, values in self._between()]
-        rows = [Rated(**vars(candidate), seconds=times.seconds(candidate, display), note=note,
+        rows = [Rated(**vars(candidate), seconds=self.model.seconds(candidate, display), note=note,
                       estimate=None if values is None else self._estimate(values)) for candidate, values, note in found]
         return sorted(rows, key=lambda row: row.seconds)
 
-    def times(self) -> TimeModel:
-        """Time model of all renders so far."""
-        model = dataclasses.replace(self._model, stages=self._stages)
-        fraction = float(self.sample.look.masks["foreground"].mean())
-        return model.refined(self.sample.frame, self.renders.of_lenses, fraction)
+    def explained(self) -> list[Rated]:
+        """All candidates once the choice is made, with a note where one was not measured."""
+        rows, options = self.rated(), self.question.options
+        chosen = choose(rows, options.target, options.limit).chosen
+        return [row if row.estimate or row.note else dataclasses.replace(row, note=self._why_not(row, chosen))
+                for row in rows]
 
-    def _why_not(self, scale: int, spp: int, here: list[Candidate]) -> str:
-        """Reason not to measure the candidates of one scale and sample count, empty if there is none."""
-        options, times = self.question.options, self.times()
-        least = min(times.seconds(candidate, self.question.display) for candidate in here)
-        if least > options.limit:
+    def _why_not(self, row: Rated, chosen: Rated | None) -> str:
+        """Reason why a candidate was not measured."""
+        if row.seconds > self.question.options.limit:
             return "takes too long"
-        chosen = choose(self.rated(), options.target, options.limit).chosen
-        confirms = chosen and chosen.scale == scale and all(
-            spp <= other for key, other in self.sample.budget.renders
-            if key == scale and other > chosen.spp)
-        if chosen and least > chosen.seconds and not confirms:
+        if chosen and row.seconds > chosen.seconds:
             return f"not needed: costs more than {chosen.name}"
-        if not self.sample.affords([*self._measured, (scale, spp)]):
-            return "not measured: beyond the sample's budget (--budget)"
-        return ""
+        return "not measured: beyond the sample's budget (--budget)"
 
-    def _score(self, candidate: Candidate, folder: Path, mosaic: Mosaic, one: Mosaic) -> None:
-        try:
-            self.scores[candidate] = score(folder, candidate.method, mosaic, self.reference)
-            stage = stage_time(folder, candidate.method, mosaic, one)
-        except LfsrError as error:
-            self._notes[candidate] = str(error)
-            return
-        self._stages[candidate.scale, candidate.method] = stage
+    def _affords(self, group: Group) -> bool:
+        """Whether another look at a group is possible."""
+        looks = {**self.looks, group: self.looks[group] + 1}
+        if looks[group] > len(self.sample.added):
+            return False
+        return self.sample.cost(looks) <= self.sample.limit or (looks[group] == 1 and self.sample.is_least)
 
     def _between(self) -> Iterator[tuple[Candidate, Array]]:
-        """Candidates between measured ones, with the accuracy (n,) of each sampled lens."""
+        """Candidates between measured ones, with the accuracy (n,) of each lens that both have."""
         for scale, method in sorted({(candidate.scale, candidate.method) for candidate in self.scores}):
             known = {candidate.spp: scores.values for candidate, scores in self.scores.items()
                      if (candidate.scale, candidate.method) == (scale, method)}
             for spp, fewer, more, weight in between(list(known), self.question.options.between):
-                yield Candidate(scale, spp, method), (1 - weight) * known[fewer] + weight * known[more]
+                count = min(len(known[fewer]), len(known[more]))
+                yield (Candidate(scale, spp, method),
+                       (1 - weight) * known[fewer][:count] + weight * known[more][:count])
 
     def _estimate(self, of_lenses: Array) -> Estimate:
-        """Estimate over the display from the accuracy (n,) of every sampled lens."""
-        look, every, strata, start = self.sample.look, self.question.every_lens, [], 0
-        for name in STRATA:
-            lenses = self.sample.strata[name]
-            rows = slice(start, start + len(lenses))
-            start = rows.stop
-            if name == "rest" and not every:
-                continue
-            values = of_lenses[rows]
-            inside = np.ones(len(values), bool) if every or name == "foreground" else self.reference.hits[rows]
-            strata.append(Stratum(int(look.masks[name].sum()), values, inside, *look.covariates(name, lenses)))
-        return estimate(strata)
+        """Estimate over the display from the accuracy (n,) of the lenses of the first looks."""
+        lenses: list[tuple[str, Lens]] = []
+        hits, strata = [], []
+        for number, added in enumerate(self.sample.added):
+            if len(lenses) < len(of_lenses):
+                lenses += [(name, lens) for name in STRATA for lens in added[name]]
+                hits.append(self.hits[number])
+        names, seen = np.array([name for name, _ in lenses]), np.concatenate(hits)
+        look, every = self.sample.look, self.question.every_lens
+        for name in STRATA if every else STRATA[:-1]:
+            rows = names == name
+            inside = seen[rows] if name == "edge" and not every else np.ones(int(rows.sum()), bool)
+            covariates = look.covariates(name, [lens for own, lens in lenses if own == name])
+            strata.append(Stratum(int(look.masks[name].sum()), of_lenses[rows], inside, *covariates))
+        return estimate(strata, certainty(len(self.sample.added)))

@@ -16,17 +16,18 @@ class PlanOptions:
 
     target: float = 0.95  # accuracy to reach, in (0, 1)
     metric: str = METRICS[0]  # one of METRICS
-    # scales, spps, methods: as for ``candidates``
+    # scales, spps, methods, rays: as for ``candidates``
     scales: tuple[int, ...] | None = None
     spps: tuple[int, ...] = SAMPLES
     methods: tuple[str, ...] | None = None
+    rays: tuple[float, ...] | None = None
     # only these (scale, samples) of those candidates, None for all
     renders: tuple[tuple[int, int], ...] | None = None
     between: int = 3  # sample counts to estimate between each two that are measured
     most_seconds: float | None = None  # longest time of a frame, None for any
-    # cost of the sample, as a fraction of the path samples of the costliest candidate's frame
+    # most that the sample may cost, as a fraction of the path samples of the costliest candidate's frame
     budget: float = dataclasses.field(default=0.05, metadata={"key": "share"})
-    lenses: int | None = None  # number of lenses to sample, whatever the budget
+    lenses: int | None = None  # number of lenses to sample, whatever the budget; None for as many as it takes
     reference_spp: int = 256  # samples per pixel of the sampled lenses' reference
 
     def __post_init__(self) -> None:
@@ -53,7 +54,7 @@ class PlanOptions:
 
     def candidates(self, display: DisplayProfile) -> list[Candidate]:
         """Candidates for ``display``, cheapest render first; LfsrError as of ``candidates``, or if none is left."""
-        found = candidates(display, self.scales, self.spps, self.methods)
+        found = candidates(display, self.scales, self.spps, self.methods, self.rays)
         if self.renders is not None:
             found = [candidate for candidate in found if (candidate.scale, candidate.spp) in self.renders]
         if not found:

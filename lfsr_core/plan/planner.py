@@ -4,29 +4,35 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.job import Job
 from lfsr_core.images.exposure import extreme_tone
 from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.plan import sample as plan_sample
-from lfsr_core.plan.candidates import Choice, Rated, choose, low_pixels, samples_of
+from lfsr_core.plan.candidates import Candidate, Choice, Rated, choose, low_pixels, samples_of
 from lfsr_core.plan.measurements import LensSample, Measurements, Question
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.renders import REFERENCE_PARTS, Moving, SampleRenders
-from lfsr_core.plan.score import QuickLook, SampledReference, quick_look
-from lfsr_core.plan.times import TimeModel, path_samples, render_seconds
+from lfsr_core.plan.sample import STRATA, Mosaic, reach, with_neighbours
+from lfsr_core.plan.score import QuickLook, SampledReference, Scores, quick_look, score, stage_time
+from lfsr_core.plan.sequential import Group
+from lfsr_core.plan.times import StageTime, TimeModel, path_samples, render_seconds
 from lfsr_core.plan.work import sample_facts
 from lfsr_core.progress import Progress, silent
 
 PILOT_LENSES = 64
 QUICK_FRACTION = 0.05  # of the plan, a guess until costs are known
+FREE_SECONDS = 120  # of renders that a plan may take although they exceed its budget
 SAMPLE_FILE = "sample.json"
 
 
@@ -74,6 +80,7 @@ def make_plan(job: Job, options: PlanOptions, render: Callable[[Job, Progress], 
     ------
     LfsrError : for bad options, a scene without foreground, or as of ``render``
     """
+    job = job.with_scale(ScaleChoice(1))
     question = Question(job, options, tuple(options.candidates(job.display)))
     if job.layout in ("view-by-view", SUBPIXELS):
         raise LfsrError(f"a plan renders single lenses, which the layout {job.layout} cannot: choose another layout")
@@ -82,12 +89,108 @@ def make_plan(job: Job, options: PlanOptions, render: Callable[[Job, Progress], 
     report = Moving(progress)
     renders = SampleRenders(Path(folder), job, lambda job: render(job, report.rendering))
     sample, model = _sample(question, renders, report)
-    measured = Measurements(question, sample, _reference(question, sample, renders, report), renders, model)
-    for scale in sorted({candidate.scale for candidate in question.wanted}, reverse=True):
-        for spp in sorted({candidate.spp for candidate in question.wanted if candidate.scale == scale}):
-            measured.measure(scale, spp, report)
-    rated = tuple(measured.rated())
-    return Planned(rated, choose(rated, options.target, options.limit), _facts(measured))
+    looking = Looking(question, sample, renders, model, report)
+    while (group := looking.measured.next_group()) is not None:
+        looking.look(group)
+    rated = tuple(looking.measured.explained())
+    return Planned(rated, choose(rated, options.target, options.limit), looking.facts())
+
+
+class Looking:
+    """Renders and measures the candidates of a plan, group by group and look by look."""
+
+    def __init__(self, question: Question, sample: LensSample, renders: SampleRenders, model: TimeModel,
+                 report: Moving) -> None:
+        self.measured = Measurements(question, sample, model)
+        self.references: list[SampledReference] = []
+        self.seconds = 0.0  # of second stages
+        self._renders, self._model, self._report = renders, model, report
+        self._stages = dict[tuple[int, str], StageTime]()
+
+    def look(self, group: Group) -> None:
+        """Render the lenses of the next look at one scale and sample count, and measure every candidate on them."""
+        measured, sample, (scale, spp) = self.measured, self.measured.sample, group
+        number = measured.looks[group]
+        if number == len(self.references):
+            self._render_reference(number)
+        lenses, display = sample.lenses(number), measured.question.display
+        width = reach(display, scale)
+        listed, blocks = with_neighbours(lenses, width, display.lenses)
+        spent = sample.cost({**measured.looks, group: number + 1})
+        self._tell(f"{self._lenses(number)}{' and their neighbours' if width else ''} at scale {scale}, {spp} samples",
+                   spent - sample.budget.cost(len(lenses), [group], reference=False), spent)
+        folder = self._renders.sampled(number, scale, spp, listed)
+        started = time.perf_counter()
+        self._measure(group, folder, blocks, spent)
+        self.seconds += time.perf_counter() - started
+        measured.model = self._times()
+
+    def _measure(self, group: Group, folder: Path, blocks: Array, spent: float) -> None:
+        """Measure a group's candidates on the render of ``blocks`` of lenses in ``folder``."""
+        measured = self.measured
+        here, number = measured.question.of(group), measured.looks[group]
+        scores: dict[Candidate, Scores] = {}
+        failed: dict[Candidate, str] = {}
+        for candidate in here:
+            self._tell(f"{candidate.name}: {here.index(candidate) + 1} of {len(here)} methods", spent)
+            try:
+                scores[candidate] = score(folder, candidate.method, Mosaic.of(blocks), self.references[number])
+                if not number:
+                    self._stages[candidate.scale, candidate.method] = stage_time(
+                        folder, candidate.method, Mosaic.of(blocks), Mosaic.of(blocks[:1]))
+            except LfsrError as error:
+                failed[candidate] = str(error)
+        measured.add(group, scores, failed)
+
+    def _render_reference(self, number: int) -> None:
+        """Render the lenses that a look adds at full resolution, in four independent quarters."""
+        measured, files, frames = self.measured, [], []
+        lenses, spent = measured.sample.lenses(number), measured.sample.cost(measured.looks)
+        step = measured.sample.budget.cost(len(lenses), []) / REFERENCE_PARTS
+        for part in range(REFERENCE_PARTS):
+            self._tell(f"reference of {self._lenses(number)}, part {part + 1} of {REFERENCE_PARTS}",
+                       spent + part * step, spent + (part + 1) * step)
+            quarters, frame = self._renders.reference(number, part, measured.question.options.reference_spp, lenses)
+            files += quarters
+            frames.append(frame)
+        self.references.append(SampledReference.read(files, frames[0], len(lenses)))
+        _check_exposure(self.references[-1])
+        measured.hits.append(self.references[-1].hits)
+
+    def _lenses(self, number: int) -> str:
+        """The lenses of a look in words."""
+        sample = self.measured.sample
+        if len(sample.added) == 1:
+            return f"{sample.count} lenses"
+        return f"{len(sample.lenses(number))} lenses of at most {sample.count}"
+
+    def _tell(self, message: str, spent: float, until: float | None = None) -> None:
+        """Show the progress: path samples ``spent``, and those at the end of the render that begins."""
+        sample = self.measured.sample
+        whole = min(sample.limit, sample.cost(dict.fromkeys(self.measured.looks, len(sample.added))))
+        self._report(message, spent / whole, None if until is None else until / whole)
+
+    def _times(self) -> TimeModel:
+        """Time model of all renders so far."""
+        sample, model = self.measured.sample, dataclasses.replace(self._model, stages=dict(self._stages))
+        fraction = float(sample.look.masks["foreground"].mean())
+        return model.refined(sample.frame, self._renders.of_lenses, fraction)
+
+    def facts(self) -> SampleFacts:
+        """The sample and its cost, when the plan is made."""
+        measured, renders, sample = self.measured, self._renders, self.measured.sample
+        question, used = measured.question, sample.added[:len(self.references)]
+        costliest = question.costliest
+        seconds = measured.model.seconds(costliest, question.display)
+        return SampleFacts(
+            lenses={name: sum(len(added[name]) for added in used) for name in STRATA},
+            foreground=int(sample.look.masks["foreground"].sum()), costliest=costliest.name, costliest_seconds=seconds,
+            seconds=renders.seconds, measuring_seconds=self.seconds,
+            fraction=renders.samples / samples_of(costliest, question.display),
+            fraction_of_seconds=renders.seconds / seconds, cost_ratio=sample.budget.cost_ratio,
+            within_budget=math.isfinite(sample.limit) and not sample.is_least,
+            reference_noise=max(reference.noise for reference in self.references),
+            largest_gain=max((scores.gain for scores in measured.scores.values()), default=0.0))
 
 
 def _check_sample(folder: Path, question: Question) -> None:
@@ -113,36 +216,23 @@ def _sample(question: Question, renders: SampleRenders, report: Moving) -> tuple
                       world=frame.seconds.get("world", 0.0) + look.world)
     report("measuring the cost of the foreground", QUICK_FRACTION)
     budget = plan_sample.budget(question.display, question.wanted, options.reference_spp, path_samples(frame),
-                                _cost_ratio(question, renders, look, model.per_sample), options.budget)
-    count = options.lenses or budget.lenses
-    strata = plan_sample.sample(look.masks, count, question.job.seed, question.every_lens)
-    # A given number of lenses, and the least useful number, are taken whatever they cost.
-    limit = math.inf if options.lenses or count <= plan_sample.LEAST_LENSES else budget.allowed
-    return LensSample(look, frame, strata, budget, limit), model
+                                _cost_ratio(question, renders, look, model.per_sample), options.budget,
+                                FREE_SECONDS / model.per_sample)
+    counts = (options.lenses,) if options.lenses else plan_sample.looks(plan_sample.LEAST_LENSES, budget.lenses)
+    added = plan_sample.samples(look.masks, counts, question.job.seed, question.every_lens)
+    return LensSample(look, frame, added, budget, math.inf if options.lenses else budget.allowed,
+                      budget.lenses <= plan_sample.LEAST_LENSES), model
 
 
 def _cost_ratio(question: Question, renders: SampleRenders, look: QuickLook, per_sample: float) -> float:
     """Cost of a path sample in a foreground lens relative to one in the mean lens, from a few lenses."""
     mask = look.masks["foreground"]
-    few = plan_sample.sample({**look.masks, "edge": np.zeros_like(mask)}, PILOT_LENSES, question.job.seed, False)
+    masks = {**look.masks, "edge": np.zeros_like(mask)}
+    (few,) = plan_sample.samples(masks, (PILOT_LENSES,), question.job.seed, False)
     pilot = renders.pilot(few["foreground"])
     ratio = render_seconds(pilot) / path_samples(pilot) / per_sample
     # If the other lenses cost nothing, it is the inverse of the foreground's fraction; more would be set-up.
     return float(np.clip(ratio, 1, mask.size / mask.sum()))
-
-
-def _reference(question: Question, sample: LensSample, renders: SampleRenders, report: Moving) -> SampledReference:
-    """The sampled lenses at full resolution, in four independent quarters."""
-    files, frames, lenses = [], [], sample.lenses
-    steps = np.linspace(sample.done(None), sample.done([]), REFERENCE_PARTS + 1).tolist()
-    for part in range(REFERENCE_PARTS):
-        report(f"reference of {len(lenses)} lenses, part {part + 1} of {REFERENCE_PARTS}", *steps[part:part + 2])
-        quarters, frame = renders.reference(part, question.options.reference_spp, lenses)
-        files += quarters
-        frames.append(frame)
-    reference = SampledReference.read(files, frames[0], len(lenses))
-    _check_exposure(reference)
-    return reference
 
 
 def _check_exposure(reference: SampledReference) -> None:
@@ -152,17 +242,3 @@ def _check_exposure(reference: SampledReference) -> None:
         change = "stronger" if tone == "black" else "weaker"
         raise LfsrError(f"the sampled lenses are almost {tone}, so that every setting would seem perfect: make the "
                         f"scene's lights {change}, or check where the camera looks")
-
-
-def _facts(measured: Measurements) -> SampleFacts:
-    question, sample, renders = measured.question, measured.sample, measured.renders
-    costliest = question.costliest
-    seconds = measured.times().seconds(costliest, question.display)
-    return SampleFacts(
-        lenses={name: len(lenses) for name, lenses in sample.strata.items()},
-        foreground=int(sample.look.masks["foreground"].sum()), costliest=costliest.name, costliest_seconds=seconds,
-        seconds=renders.seconds, measuring_seconds=measured.seconds,
-        fraction=renders.samples / samples_of(costliest, question.display),
-        fraction_of_seconds=renders.seconds / seconds, cost_ratio=sample.budget.cost_ratio,
-        within_budget=math.isfinite(sample.limit), reference_noise=measured.reference.noise,
-        largest_gain=max((scores.gain for scores in measured.scores.values()), default=0.0))

@@ -18,7 +18,7 @@ QUICK, QUICK_SCALE, QUICK_SAMPLES = "quick", 4, 4
 PILOT_SAMPLES = 16
 REFERENCE_PARTS = 2  # jobs of two independent halves each: four quarters
 # Every render of the sample has random numbers of its own, other than those of reference halves (HALF_SEED).
-SEED_STEP, REFERENCE_SEED, MOST_SAMPLES = 7919, 1 << 23, 4096
+SEED_STEP, REFERENCE_SEED, MOST_SCALE, MOST_SAMPLES = 7919, 1 << 23, 16, 4096
 
 
 class Moving:
@@ -57,17 +57,17 @@ class SampleRenders:
         """A few lenses at the scale of the quick look, with enough samples to time one."""
         return self._rendered("pilot", 2, scale=self._quick_scale, spp=PILOT_SAMPLES, lens_list=tuple(lenses))[1]
 
-    def reference(self, part: int, spp: int, lenses: Sequence[Lens]) -> tuple[list[Path], Frame]:
-        """Files of two quarters of the sampled lenses' reference; ``spp``: of all REFERENCE_PARTS together."""
-        folder, frame = self._rendered(f"reference-{part}", part, kind="reference", scale=1, layers=(),
-                                       clamp_indirect=0.0, spp=max(2, spp // REFERENCE_PARTS),
-                                       lens_list=tuple(lenses), seed=REFERENCE_SEED)
+    def reference(self, look: int, part: int, spp: int, lenses: Sequence[Lens]) -> tuple[list[Path], Frame]:
+        """Files of two quarters of the reference of a look's lenses; ``spp``: of all REFERENCE_PARTS together."""
+        folder, frame = self._rendered(_of_look(f"reference-{part}", look), part + REFERENCE_PARTS * look,
+                                       kind="reference", scale=1, layers=(), clamp_indirect=0.0,
+                                       spp=max(2, spp // REFERENCE_PARTS), lens_list=tuple(lenses), seed=REFERENCE_SEED)
         return [folder / name for name in REFERENCE_FILES], frame
 
-    def sampled(self, scale: int, spp: int, lenses: Sequence[Lens]) -> Path:
-        """The sampled lenses and their neighbours at one scale and sample count."""
-        return self._rendered(f"s{scale}-spp{spp}", scale * MOST_SAMPLES + spp, scale=scale, spp=spp,
-                          lens_list=tuple(lenses))[0]
+    def sampled(self, look: int, scale: int, spp: int, lenses: Sequence[Lens]) -> Path:
+        """The lenses of a look and their neighbours at one scale and sample count."""
+        return self._rendered(_of_look(f"s{scale}-spp{spp}", look), (look * MOST_SCALE + scale) * MOST_SAMPLES + spp,
+                              scale=scale, spp=spp, lens_list=tuple(lenses))[0]
 
     @property
     def of_lenses(self) -> list[Frame]:
@@ -101,3 +101,8 @@ class SampleRenders:
         """File of the world, the same for all lenses and samples; None until it is rendered, or if it is not apart."""
         quick = self._frames.get(QUICK)
         return str(self._folder / QUICK / WORLD_FILE) if quick is not None and quick.world_apart else None
+
+
+def _of_look(name: str, look: int) -> str:
+    """Folder of a render of the first look, or of a later one."""
+    return f"{name}-look{look + 1}" if look else name

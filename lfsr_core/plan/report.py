@@ -6,22 +6,23 @@ import dataclasses
 import math
 
 from lfsr_core.frames.job import Job
+from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import BETWEEN, Choice, Rated
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.planner import Planned, SampleFacts
 
 MOST_ROWS = 5  # so that heading, rows, cost, sentence and command are ten lines
-HEADINGS = ("", "scale", "spp", "method", "seconds", "accuracy", "95 % above", "")
+HEADINGS = ("", "scale", "rays", "spp", "method", "seconds", "accuracy", "95 % above", "")
 
 
-def table(planned: Planned, options: PlanOptions, details: bool = True) -> str:
+def table(planned: Planned, options: PlanOptions, display: DisplayProfile, details: bool = True) -> str:
     """Table of the measured candidates and the chosen one, cheapest first; the cost of the sample; the choice.
 
     Without ``details`` at most ten lines: candidates as accurate as a cheaper one are left out.
     """
     shown = [row for row in planned.rated if row.note != BETWEEN or row is planned.choice.chosen]
     shown = shown if details else _front(shown, planned.choice)
-    rows = [HEADINGS, *(_row(row, planned.choice, options) for row in shown)]
+    rows = [HEADINGS, *(_row(row, planned.choice, options, display) for row in shown)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(HEADINGS))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     return "\n".join([*lines, "", _cost(planned.sample), sentence(planned.choice, options)])
@@ -86,8 +87,9 @@ def plan_report(planned: Planned, options: PlanOptions, job: Job) -> PlanReport:
                       choice.best, choice.limit, sentence(choice, options))
 
 
-def _row(row: Rated, choice: Choice, options: PlanOptions) -> tuple[str, ...]:
+def _row(row: Rated, choice: Choice, options: PlanOptions, display: DisplayProfile) -> tuple[str, ...]:
     known = ("–", "–") if row.estimate is None else (f"{row.estimate.mean:.3f}", f"{row.estimate.low:.3f}")
     note = row.note or ("reaches it" if row.low >= options.target else "")
     mark = "→" if row is choice.chosen else ""
-    return mark, str(row.scale), str(row.spp), row.method, f"{row.seconds:.1f}", *known, note
+    rays = f"{row.spp / display.finished_pixels(row.scale):.3g}"
+    return mark, str(row.scale), rays, str(row.spp), row.method, f"{row.seconds:.1f}", *known, note

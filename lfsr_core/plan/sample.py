@@ -22,10 +22,11 @@ CONTEXT = 16  # low-resolution pixels around a sampled lens that a denoiser shou
 WIDE_ENOUGH = 32  # pixels across an elemental image that needs no neighbours: most of it is far from the border
 MOST_REACH = 2  # lenses on each side; more neighbours would cost more than the lens
 REACH_IN_A_VIEW = 4  # for displays with parallax along one axis: the denoiser sees whole views, one pixel per lens
-LEAST_LENSES, MOST_LENSES = 12, 96
+LEAST_LENSES, MOST_LENSES = 12, 192
 EDGE_PART = 6  # one in so many sampled lenses lies beside the foreground, where the quick render may have missed it
 LEAST_OF_STRATUM = 4
 STRATA = ("foreground", "edge", "rest")
+PLACES = np.array([1 << 32, 1])  # make one number of a row and a column
 
 Lens = tuple[int, int]
 
@@ -34,7 +35,7 @@ Lens = tuple[int, int]
 class Budget:
     """Cost of the sample, in mean path samples of a whole frame."""
 
-    allowed: float  # at most
+    allowed: float  # at most, unless the least number of lenses takes more
     quick: float  # of the quick look at every lens
     cost_ratio: float  # of a path sample in a sampled lens, which shows more, to one in the mean lens
     reference: float  # path samples per sampled lens of the reference
@@ -50,10 +51,10 @@ class Budget:
         affordable = int((self.allowed - self.quick) / (usual * self.cost_ratio))
         return min(max(affordable, LEAST_LENSES), MOST_LENSES)
 
-    def cost(self, lenses: int, renders: Iterable[tuple[int, int]]) -> float:
-        """Cost of the quick look, the reference and these renders of so many lenses."""
-        per_lens = self.reference + sum(self.renders[key] for key in renders)
-        return self.quick + lenses * self.cost_ratio * per_lens
+    def cost(self, lenses: int, renders: Iterable[tuple[int, int]], reference: bool = True) -> float:
+        """Cost of these renders of so many lenses and, unless it is there, of their ``reference``."""
+        per_lens = self.reference * reference + sum(self.renders[key] for key in renders)
+        return lenses * self.cost_ratio * per_lens
 
 
 def reach(display: DisplayProfile, scale: int) -> int:
@@ -65,13 +66,17 @@ def reach(display: DisplayProfile, scale: int) -> int:
 
 
 def budget(display: DisplayProfile, wanted: Sequence[Candidate], reference_spp: int, quick: float, cost_ratio: float,
-           fraction: float) -> Budget:
-    """Budget of a sample of the candidates ``wanted``: a fraction of the path samples of the costliest one's frame."""
+           fraction: float, least: float = 0.0) -> Budget:
+    """Budget of a sample of the candidates ``wanted``: a fraction of the path samples of the costliest one's frame.
+
+    ``least``: path samples that are always allowed.
+    """
     lenses = math.prod(display.lenses)
     renders = {(scale, spp): (2 * reach(display, scale) + 1) ** 2 * low_pixels(display, scale) / lenses * spp
                for scale, spp in {(candidate.scale, candidate.spp) for candidate in wanted}}
     costliest = max(samples_of(candidate, display) for candidate in wanted)
-    return Budget(fraction * costliest, quick, cost_ratio, math.prod(display.views) * reference_spp, renders)
+    reference = math.prod(display.views) * reference_spp
+    return Budget(max(fraction * costliest, least), quick, cost_ratio, reference, renders)
 
 
 def strata_masks(mask: Array, wide: Array) -> dict[str, Array]:
@@ -79,17 +84,43 @@ def strata_masks(mask: Array, wide: Array) -> dict[str, Array]:
     return {"foreground": mask, "edge": wide & ~mask, "rest": ~(mask | wide)}
 
 
-def sample(masks: Mapping[str, Array], count: int, seed: int, every: bool) -> dict[str, list[Lens]]:
-    """Choose random (row, column) lenses of each stratum, spread over it; at least LEAST_OF_STRATUM where it has them.
+def looks(least: int, most: int) -> tuple[int, ...]:
+    """Numbers of lenses after each look of a sample that grows from ``least`` to ``most``, each about twice the last.
 
-    ``count``: lenses in all, about. ``every``: True samples "rest" too, which the metric of the foreground ignores.
+    A render starts with Blender, so lenses come in groups; and the fewer the looks, the narrower their bounds.
     """
-    random, few = np.random.default_rng(seed), max(LEAST_OF_STRATUM, count // EDGE_PART)
+    count = 1 + round(math.log2(most / least))
+    ratio = (most / least) ** (1 / max(count - 1, 1))
+    return (*(round(least * ratio**number) for number in range(count - 1)), most)
+
+
+def samples(masks: Mapping[str, Array], counts: Sequence[int], seed: int, every: bool) -> list[dict[str, list[Lens]]]:
+    """Choose random (row, column) lenses of each stratum, spread over it: those that each look adds.
+
+    At least LEAST_OF_STRATUM of each stratum that has them. ``counts``: lenses after each look, about; looks that add
+    none are left out. ``every``: True samples "rest" too, which the metric of the foreground ignores.
+    """
+    random, left, found = np.random.default_rng(seed), {name: np.argwhere(masks[name]) for name in STRATA}, []
+    before = dict.fromkeys(STRATA, 0)
+    for count in counts:
+        sizes, added = _sizes(masks, count, every), {}
+        for name in STRATA:
+            chosen = systematic_sample(left[name], sizes[name] - before[name], random)
+            left[name] = left[name][~np.isin(left[name] @ PLACES, chosen @ PLACES)]
+            added[name] = sorted((int(row), int(column)) for row, column in chosen)
+        before = sizes
+        if any(added.values()):
+            found.append(added)
+    return found
+
+
+def _sizes(masks: Mapping[str, Array], count: int, every: bool) -> dict[str, int]:
+    """Number of lenses of each stratum in a sample of ``count``."""
+    few = max(LEAST_OF_STRATUM, count // EDGE_PART)
     sizes = {"edge": few, "rest": few if every else 0}
     sizes = {name: min(size, int(masks[name].sum())) for name, size in sizes.items()}
-    sizes["foreground"] = min(max(LEAST_OF_STRATUM, count - sum(sizes.values())), int(masks["foreground"].sum()))
-    chosen = {name: systematic_sample(np.argwhere(masks[name]), sizes[name], random) for name in STRATA}
-    return {name: sorted((int(row), int(column)) for row, column in lenses) for name, lenses in chosen.items()}
+    return sizes | {"foreground": min(max(LEAST_OF_STRATUM, count - sum(sizes.values())),
+                                      int(masks["foreground"].sum()))}
 
 
 def with_neighbours(lenses: Sequence[Lens], reach_: int, grid: tuple[int, int]) -> tuple[list[Lens], Array]:

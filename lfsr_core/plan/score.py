@@ -76,10 +76,31 @@ class SampledReference:
 
 @dataclasses.dataclass(frozen=True)
 class Scores:
-    """Accuracy of a method."""
+    """Accuracy of a method on sampled lenses."""
 
-    values: Array  # (n,) split SSIM of each sampled lens, corrected for the reference's noise
-    gain: float  # of their mean with twice the reference's samples
+    # (n,) split SSIM of each lens, against halves of two of the reference's quarters and of one
+    full: Array
+    less: Array
+
+    @property
+    def gain(self) -> float:
+        """Gain of the mean with twice the reference's samples."""
+        return float(np.mean(self.full - self.less))
+
+    @property
+    def values(self) -> Array:
+        """Split SSIM (n,) of each lens, corrected for the reference's noise.
+
+        That noise lowers the metric about in proportion to its variance. So what the metric gains from halves of one
+        quarter to halves of two is missing once more. CORRECTED of that gain is added: adding all of it would
+        sometimes promise too much (docs/notebook/plan.md).
+        """
+        # Strong noise, whose variances are cut off at 0, raises the metric: then there is no gain to extrapolate.
+        return self.full + CORRECTED * (self.full - self.less) if self.gain > 0 else self.full
+
+    def __add__(self, more: Scores) -> Scores:
+        """The same method's accuracy on these lenses and on ``more``."""
+        return Scores(np.concatenate([self.full, more.full]), np.concatenate([self.less, more.less]))
 
 
 def quick_look(folder: Path) -> QuickLook:
@@ -132,17 +153,10 @@ def score(folder: Path, name: str, mosaic: Mosaic, reference: SampledReference) 
 
 
 def split_scores(images: Array, reference: SampledReference) -> Scores:
-    """Split SSIM of images (n, py, px, 3) in [0, 1], corrected for the reference's noise.
-
-    The reference's remaining noise lowers the metric about in proportion to its variance. So what the metric gains
-    from halves of one quarter to halves of two is missing once more. CORRECTED of that gain is added: adding all of it
-    would sometimes promise too much (docs/notebook/plan.md).
-    """
+    """Split SSIM of images (n, py, px, 3) in [0, 1]."""
     full = _mean_ssim(images, *reference.pair((0, 1), (2, 3)))
     less = (_mean_ssim(images, *reference.pair((0,), (2,))) + _mean_ssim(images, *reference.pair((1,), (3,)))) / 2
-    gain = float(np.mean(full - less))
-    # Strong noise, whose variances are cut off at 0, raises the metric: then there is no gain to extrapolate.
-    return Scores(full + CORRECTED * (full - less) if gain > 0 else full, gain)
+    return Scores(full, less)
 
 
 def stage_time(folder: Path, name: str, mosaic: Mosaic, one: Mosaic) -> StageTime:

@@ -18,6 +18,7 @@ import pytest
 from lfsr_core import progress
 from lfsr_core.cli import build_parser, main
 from lfsr_core.frames.job import Job
+from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.display import load_display
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.work import work_folder
@@ -70,7 +71,8 @@ def test_plan_ends_with_the_command_that_renders_the_choice(scene, blender, tmp_
     chosen = data["chosen"]
     arguments = build_parser().parse_args(words[1:])
     assert words[0] == "lfsr" and str(arguments.scene) == scene
-    assert (arguments.scale, arguments.spp, arguments.method) == (chosen["scale"], chosen["spp"], chosen["method"])
+    samples = samples_at(load_display("mini"), arguments.scale, arguments.rays)
+    assert (arguments.scale, samples, arguments.method) == (chosen["scale"], chosen["spp"], chosen["method"])
     assert (arguments.display, arguments.frame, arguments.world_visible) == ("mini", 3, False)
     assert chosen["estimate"]["low"] >= 0.5 and data["options"]["most_seconds"] is None
     assert (tmp_path / "work" / "quick" / "frame.json").exists()
@@ -94,6 +96,7 @@ def test_plan_that_finds_nothing_says_why_and_names_no_command(scene, blender, c
 
 @pytest.mark.parametrize(("options", "message"), [
     (["--target", "1.5"], "target is 1.5"), (["--metric", "psnr"], "metric is 'psnr'"),
+    (["--rays", "1"], "--rays and --spps were both given"),
     (["--methods", "bilinaer"], "did you mean 'bilinear'"), (["--scales", "3"], "scale is 3"),
     (["--budget", "0"], "budget is 0"), (["--lenses", "2"], "number of lenses is 2"),
     (["--layout", "view-by-view"], "view-by-view"), (["--blender", "/no/blender"], "'/no/blender' was not found")])

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.plan import candidates as plan
 from lfsr_core.plan.candidates import Candidate, Rated, asymptote, candidates, chain, choose
 from lfsr_core.plan.estimate import Estimate
@@ -107,6 +108,16 @@ def test_candidates_are_all_combinations_the_display_and_methods_allow():
     assert {candidate.method for candidate in found if candidate.scale == 2} == {"bilinear", "oidn+bilinear"}
     costs = [plan.samples_of(candidate, MINI) for candidate in found]
     assert costs == sorted(costs) and len(set(found)) == len(found) == 16
+
+
+@given(st.sampled_from((2, 4)), st.integers(1, 4096))
+def test_candidates_of_the_same_rays_cost_the_same(scale, spp):
+    found = candidates(MINI, None, methods=("bilinear",), rays=(1, 4))
+    assert {(each.scale, each.spp) for each in found} == {(1, 1), (1, 4), (2, 4), (2, 16), (4, 16), (4, 64), (8, 64),
+                                                          (8, 256)}
+    assert len({plan.samples_of(each, MINI) for each in found}) == 2
+    *_, rays, _, _ = Candidate(scale, spp, "bilinear").options(MINI)
+    assert samples_at(MINI, scale, float(rays)) == spp, "the command renders what was planned"
 
 
 def test_a_network_is_a_candidate_only_where_it_was_trained():

@@ -95,7 +95,7 @@ def test_between_measured_sample_counts_the_estimates_are_near_whole_frames_too(
     for row in found:
         true = accuracy(tmp_path / f"whole{row.candidate.spp}", row.candidate)
         assert -0.02 < row.estimate.mean - true < 3 * row.estimate.error + 0.004
-    text = table(planned, options)
+    text = table(planned, options, MINI)
     assert len(text.splitlines()) == 1 + 3 + 3
 
 
@@ -146,6 +146,7 @@ def test_a_sample_of_other_settings_is_not_taken(tmp_path):
 
 def test_a_small_budget_leaves_costly_candidates_out(tmp_path, monkeypatch):
     monkeypatch.setattr(planner.plan_sample, "LEAST_LENSES", 4)
+    monkeypatch.setattr(planner, "FREE_SECONDS", 0)
     options = dataclasses.replace(OPTIONS, target=0.999, lenses=None, reference_spp=16, budget=0.5)
     planned = plan(JOB, options, render, tmp_path / "sample")
     left_out = [row for row in planned.rated if "budget" in row.note]

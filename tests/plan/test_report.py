@@ -22,7 +22,7 @@ def test_report_says_everything(tmp_path):
     options = PlanOptions(target=0.6, scales=(2, 4), spps=(4, 16, 64), methods=("nearest", "bilinear"), lenses=40,
                       reference_spp=1024, between=0)
     planned = make_plan(JOB, options, lambda job, progress: render(job), tmp_path / "sample")
-    text = table(planned, options)
+    text = table(planned, options, JOB.display)
     chosen = planned.choice.chosen
     assert any(line.startswith("→") and chosen.candidate.method in line for line in text.splitlines())
     assert "path samples of s2-spp64" in text and "with 95 % confidence" in text
@@ -32,8 +32,8 @@ def test_report_says_everything(tmp_path):
     assert report.chosen.method == chosen.candidate.method and len(report.candidates) == 12
     assert report.sample.lenses["foreground"] + report.sample.lenses["edge"] == 40
     assert report.sample.cost_ratio >= 1 and report.sample.costliest.startswith("s2-spp64")
-    assert text == table(planned, options, details=True)
-    short = table(planned, options, details=False).splitlines()
+    assert text == table(planned, options, JOB.display, details=True)
+    short = table(planned, options, JOB.display, details=False).splitlines()
     assert len(short) <= 9, "ten with the command to render"
     assert any(line.startswith("→") and chosen.candidate.method in line for line in short)
     assert short[-2:] == text.splitlines()[-2:]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -17,8 +19,9 @@ from lfsr_core.plan.sample import (
     REACH_IN_A_VIEW,
     Mosaic,
     budget,
+    looks,
     reach,
-    sample,
+    samples,
     strata_masks,
     with_neighbours,
 )
@@ -62,12 +65,27 @@ def test_sample_is_of_its_strata_and_no_lens_comes_twice(count, seed, whole):
     mask[3:9, 4:12], wide[2:10, 3:13] = True, True
     masks = strata_masks(mask, wide)
     assert sum(m.astype(int) for m in masks.values()).min() == 1 == sum(m.astype(int) for m in masks.values()).max()
-    found = sample(masks, count, seed, whole)
+    (found,) = samples(masks, (count,), seed, whole)
     for name, lenses in found.items():
         assert len(set(lenses)) == len(lenses) and all(masks[name][lens] for lens in lenses)
         assert len(lenses) >= LEAST_OF_STRATUM or (name == "rest" and not whole)
-    assert found == sample(masks, count, seed, whole)
+    assert [found] == samples(masks, (count,), seed, whole)
     assert sum(map(len, found.values())) <= max(count, 3 * LEAST_OF_STRATUM)
+    # A sample that grows begins with the same lenses, and adds others.
+    first, *more = samples(masks, (count, 2 * count, 4 * count), seed, whole)
+    assert first == found
+    for name in found:
+        every = [lens for added in (first, *more) for lens in added[name]]
+        assert len(set(every)) == len(every) and all(masks[name][lens] for lens in every)
+    assert all(any(added.values()) for added in more)
+
+
+@given(st.integers(LEAST_LENSES, MOST_LENSES))
+def test_each_look_about_doubles_the_lenses(most):
+    counts = looks(LEAST_LENSES, most)
+    assert counts[-1] == most and counts[0] in (LEAST_LENSES, most)
+    assert all(1.4 < later / earlier < 2.9 for earlier, later in itertools.pairwise(counts))
+    assert looks(LEAST_LENSES, 192) == (12, 24, 48, 96, 192)
 
 
 def test_neighbours_are_as_many_as_a_denoiser_needs():
@@ -85,11 +103,13 @@ def test_sample_stays_within_its_budget(fraction, ratio):
     assert LEAST_LENSES <= found.lenses <= MOST_LENSES
     usual = [key for key, cost in found.renders.items() if cost < found.reference]
     if found.lenses > LEAST_LENSES:
-        assert found.cost(found.lenses, usual) <= found.allowed
+        assert found.quick + found.cost(found.lenses, usual) <= found.allowed
     assert budget(display, candidates(display), 256, 1e6, 2 * ratio, fraction).lenses <= found.lenses
 
 
 def test_cost_of_a_sample_counts_every_render_and_neighbour():
     found = budget(MINI, candidates(MINI, (2,), (4,), ("bilinear",)), 16, 1000.0, 3.0, 0.05)
     assert found.allowed == pytest.approx(0.05 * 64 * 48 * 4)
-    assert found.cost(10, [(2, 4)]) == 1000 + 10 * 3 * (64 * 16 + 25 * 16 * 4)
+    assert found.cost(10, [(2, 4)]) == 10 * 3 * (64 * 16 + 25 * 16 * 4)
+    assert found.cost(10, [(2, 4)], reference=False) == 10 * 3 * 25 * 16 * 4
+    assert budget(MINI, candidates(MINI, (2,), (4,), ("bilinear",)), 16, 1000.0, 3.0, 0.05, 1e6).allowed == 1e6

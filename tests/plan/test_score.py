@@ -8,7 +8,7 @@ import pytest
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.plan import score
-from lfsr_core.plan.score import SampledReference, split_scores
+from lfsr_core.plan.score import SampledReference, Scores, split_scores
 
 
 @pytest.mark.parametrize(("denoiser", "rows"), [(False, 10), (True, 10), (True, 1)])
@@ -44,6 +44,8 @@ def test_correction_takes_some_of_the_references_noise_out():
             return tuple(np.mean([self.quarters[n] for n in names], 0) for names in (first, second))
     quarters = tuple(exact + random.normal(0, noise, exact.shape) for _ in range(4))
     scores = split_scores(image, Shown(quarters, np.ones(600, bool), noise))
-    plain = float(scores.values.mean()) - score.CORRECTED * scores.gain
+    plain = float(scores.full.mean())
     assert plain < true - 0.003 and scores.gain > 0
     assert abs(scores.values.mean() - true) < abs(plain - true)
+    halves = [Scores(scores.full[rows], scores.less[rows]) for rows in (slice(200), slice(200, None))]
+    assert np.array_equal((halves[0] + halves[1]).values, scores.values), "as if all lenses had come at once"
