@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", dest="most_seconds", type=float, metavar="N", help="longest time of a frame")
     parser.add_argument("--budget", type=float, metavar="0..1",
                         help="most that the sample may cost, as a fraction of the costliest candidate's frame, "
-                             "default: 0.05; two minutes of rendering are always allowed")
+                             "default: 0.05; 100 million path samples are always allowed")
     parser.add_argument("--lenses", type=int, metavar="N",
                         help="number of lenses to sample, whatever the budget; default: 12 to 192, as many as it takes")
     parser.add_argument("--reference-spp", type=int, metavar="N", help="of the sampled lenses, default: 256")

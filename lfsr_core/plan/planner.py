@@ -32,7 +32,7 @@ from lfsr_core.progress import Progress, silent
 
 PILOT_LENSES = 64
 QUICK_FRACTION = 0.05  # of the plan, a guess until costs are known
-FREE_SECONDS = 120  # of renders that a plan may take although they exceed its budget
+FREE_SAMPLES = 10**8  # path samples, a minute or two of most scenes, that a plan may take beyond its budget
 SAMPLE_FILE = "sample.json"
 
 
@@ -167,7 +167,8 @@ class Looking:
     def _tell(self, message: str, spent: float, until: float | None = None) -> None:
         """Show the progress: path samples ``spent``, and those at the end of the render that begins."""
         sample = self.measured.sample
-        whole = min(sample.limit, sample.cost(dict.fromkeys(self.measured.looks, len(sample.added))))
+        one, all_ = (sample.cost(dict.fromkeys(self.measured.looks, looks)) for looks in (1, len(sample.added)))
+        whole = min(max(sample.limit, one), all_)
         self._report(message, spent / whole, None if until is None else until / whole)
 
     def _times(self) -> TimeModel:
@@ -217,7 +218,7 @@ def _sample(question: Question, renders: SampleRenders, report: Moving) -> tuple
     report("measuring the cost of the foreground", QUICK_FRACTION)
     budget = plan_sample.budget(question.display, question.wanted, options.reference_spp, path_samples(frame),
                                 _cost_ratio(question, renders, look, model.per_sample), options.budget,
-                                FREE_SECONDS / model.per_sample)
+                                FREE_SAMPLES)
     counts = (options.lenses,) if options.lenses else plan_sample.looks(plan_sample.LEAST_LENSES, budget.lenses)
     added = plan_sample.samples(look.masks, counts, question.job.seed, question.every_lens)
     return LensSample(look, frame, added, budget, math.inf if options.lenses else budget.allowed,

@@ -16,6 +16,7 @@ from statistics import NormalDist
 from lfsr_core.plan.candidates import BETWEEN, Rated, chain, choose
 
 WRONG = 0.05  # largest chance that a bound of a candidate is wrong at any look
+WORTH = 1.2  # times as much must the chosen candidate cost, so that more lenses are looked at for a cheaper one
 Group = tuple[int, int]  # scale and samples per pixel
 
 
@@ -40,7 +41,8 @@ class Known:
 
         First come groups that were not measured, the largest scale and the fewest samples first, if they cost less
         than the cheapest candidate that seems to reach the target; then further looks at that candidate, at those that
-        cost less and may still reach it, and at those that could refute it.
+        cost less and may still reach it, and at those that could refute it. Where one is proved to reach it, only those
+        count that cost much less.
         """
         chosen, hopeful = choose(self.rated, self.target, self.limit).chosen, self._hopeful()
         confirming = self._next_samples(chosen) if chosen else None
@@ -50,7 +52,8 @@ class Known:
             if (not self.looks[group] and seconds <= self.limit and (is_cheap or group == confirming)
                     and self.affords(group)):
                 return group
-        rows = [row for row in self.rated if self._is_open(row) and (chosen is None or row.seconds < chosen.seconds)
+        rows = [row for row in self.rated if self._is_open(row)
+                and (chosen is None or WORTH * row.seconds < chosen.seconds)
                 and (hopeful is None or row.seconds <= hopeful.seconds or self._refutes(row, hopeful))]
         least = min(rows, key=lambda row: (self._looks(row), row.seconds), default=None)
         return self._group(least) if least else None

@@ -146,7 +146,7 @@ def test_a_sample_of_other_settings_is_not_taken(tmp_path):
 
 def test_a_small_budget_leaves_costly_candidates_out(tmp_path, monkeypatch):
     monkeypatch.setattr(planner.plan_sample, "LEAST_LENSES", 4)
-    monkeypatch.setattr(planner, "FREE_SECONDS", 0)
+    monkeypatch.setattr(planner, "FREE_SAMPLES", 0)
     options = dataclasses.replace(OPTIONS, target=0.999, lenses=None, reference_spp=16, budget=0.5)
     planned = plan(JOB, options, render, tmp_path / "sample")
     left_out = [row for row in planned.rated if "budget" in row.note]
