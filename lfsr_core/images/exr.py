@@ -134,6 +134,7 @@ def _output(path: str | Path, layers: Mapping[str, Array], height: int, half: bo
         _check_written(path, output, output.open(str(temporary), spec))
         yield output
         _check_written(path, output, output.close())
+        check_complete(temporary, path)  # closing does not tell that the last rows found no space
 
 
 def _check_written(path: str | Path, output: oiio.ImageOutput, done: bool) -> None:
@@ -142,16 +143,19 @@ def _check_written(path: str | Path, output: oiio.ImageOutput, done: bool) -> No
                         "choose another folder")
 
 
-def check_complete(path: str | Path) -> None:
-    """LfsrError unless every part of an EXR can be read to its last row; a full disk truncates files silently."""
+def check_complete(path: str | Path, named: str | Path | None = None) -> None:
+    """LfsrError unless every part of an EXR can be read to its last row; a full disk truncates files silently.
+
+    ``named``: the file's name in the error, None for ``path``.
+    """
     source = oiio.ImageInput.open(str(path))
     if source is None:
-        raise _truncated(path, oiio.geterror())
+        raise _truncated(named or path, oiio.geterror())
     index = 0
     while source.seek_subimage(index, 0):
         pixels = source.read_image(index, 0, 0, source.spec().nchannels, "half")
         if pixels is None or source.has_error:
-            raise _truncated(path, source.geterror())
+            raise _truncated(named or path, source.geterror())
         index += 1
     source.close()
 

@@ -18,7 +18,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import foreground_pixels, unseen_notes
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS, Frame
 from lfsr_core.frames.low_res import over_background
-from lfsr_core.frames.report import Report, write_report
+from lfsr_core.frames.report import Report
 from lfsr_core.images.exposure import exposure_notes
 from lfsr_core.images.exr import read_finite, replaced_notes
 from lfsr_core.images.png import write_png
@@ -45,8 +45,8 @@ def check_panel_finish(method: MethodName, options: UpscaleOptions) -> None:
                         "have: leave it out")
 
 
-def finish_panel(folder: Path, frame: Frame, method: MethodName, progress: Progress = silent) -> Report:
-    """Finish a frame folder after direct subpixel rendering: write panel.png and report.json."""
+def finish_panel(folder: Path, staged: Path, frame: Frame, method: MethodName, progress: Progress = silent) -> Report:
+    """Write the panel.png of a frame folder after direct subpixel rendering into the folder ``staged``."""
     clock = StageClock(frame.seconds)
     progress("load", 0.0, LOW_RES_FILE)
     with clock("load"):
@@ -59,17 +59,15 @@ def finish_panel(folder: Path, frame: Frame, method: MethodName, progress: Progr
         show = ViewTransform(frame.color, image.shape[0] * image.shape[1])
         pixels = _shown(show, image)
     with clock("write"):
-        write_png(folder / PANEL_FILE, pixels)
+        write_png(staged / PANEL_FILE, pixels)
     background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]
     notes = (*frame.notes, *replaced_notes(replaced, layers["color"][..., 3].size),
              *(unseen_notes(layers) or exposure_notes(pixels, background)))
-    report = Report(
+    return Report(
         method=method.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds=clock.rounded, peak_bytes=peak_bytes(),
         foreground_fraction=float(foreground_pixels(layers).mean()), notes=notes,
         replaced_pixels=replaced, layout=frame.layout, device=frame.device)
-    write_report(folder, report)
-    return report
 
 
 def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: MethodName) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
+from lfsr_core.files import system_errors
 from lfsr_core.frames.foreground import foreground_mask, unseen_notes
 from lfsr_core.frames.frame import (
     EIA_FILE,
@@ -42,8 +43,10 @@ from lfsr_core.reconstruct.options import DEFAULT, UpscaleOptions
 from lfsr_core.reconstruct.panel_stage import check_panel_finish, finish_panel
 from lfsr_core.reconstruct.registry import Method
 from lfsr_core.reconstruct.world import finish_lenses, prepared
+from lfsr_core.render.staging import replace_files, staging_folder
 
 FILL_METHOD = PLAIN_METHOD
+FINISHED_FILES = (EIA_FILE, EIA_LINEAR_FILE, MASK_FILE, PANEL_FILE)
 MOST_JUDGED = 200  # elemental images that decide whether the image is nearly black or white
 
 
@@ -51,23 +54,34 @@ def upscale_frame(folder: str | Path, method: str | MethodName, options: Upscale
     """Finish a rendered frame folder: write eia.png, mask.png and report.json.
 
     Also writes eia.exr where the options ask for it, and panel.png for a display with a lens sheet. After direct
-    subpixel rendering it writes panel.png and report.json alone. LfsrError for bad input; no file is half-written.
+    subpixel rendering it writes panel.png and report.json alone. LfsrError for bad input, or where another process
+    writes into the folder; all files are replaced together or none.
     """
-    rendered, name = read_rendered(folder), MethodName.parse(method)
+    folder, rendered, name = Path(folder), read_rendered(folder), MethodName.parse(method)
     if rendered.panel_rays:
         check_panel_finish(name, options)
-        return finish_panel(Path(folder), rendered, name, options.progress)
-    run = _begin(folder, registry.method(name, options.weights), options)
+    with staging_folder(folder) as staging, system_errors(folder):
+        staged = staging / "finished"
+        staged.mkdir()
+        report = (finish_panel(folder, staged, rendered, name, options.progress) if rendered.panel_rays
+                  else _finish(_begin(folder, registry.method(name, options.weights), options), staged))
+        write_report(staged, report)
+        replace_files(staged, folder, () if rendered.panel_rays else FINISHED_FILES)
+    options.progress("write", 1.0, PANEL_FILE if rendered.panel_rays else EIA_FILE)
+    return report
+
+
+def _finish(run: _Run, staged: Path) -> Report:
+    """Write the images of a finished light field into the folder ``staged``."""
     show = _view_transform(run)
     assembly, replaced, averaged, unseen = _prepare(run)
     pixels, linear = _panel_images(run, show, assembly)
-    _write_panel(run, pixels)
+    _write_panel(run, staged, pixels)
+    run.options.progress("write", 0.0, EIA_FILE)
     with run.clock("write"):
-        _write(run, pixels, linear, assembly.mask)
+        _write(staged, pixels, linear, assembly.mask)
     notes = unseen or _exposure_notes(run, show, assembly, pixels)
-    report = dataclasses.replace(_report(run, assembly, replaced, notes), averaged=averaged)
-    write_report(run.folder, report)
-    return report
+    return dataclasses.replace(_report(run, assembly, replaced, notes), averaged=averaged)
 
 
 def panel_image(folder: str | Path, method: Method, options: UpscaleOptions = DEFAULT) -> Array:
@@ -201,11 +215,9 @@ def _panel_images(run: _Run, show: ViewTransform, assembly: Assembly) -> tuple[A
     return pixels, linear
 
 
-def _write_panel(run: _Run, pixels: Array) -> None:
+def _write_panel(run: _Run, staged: Path, pixels: Array) -> None:
     """Weave the EIA for a panel with a lens sheet; without one the EIA is the image of the panel."""
-    path = run.folder / PANEL_FILE
     if not run.frame.display.is_woven:
-        path.unlink(missing_ok=True)
         return
     run.options.progress("weave", 0.0, PANEL_FILE)
     with run.clock("map"):
@@ -213,19 +225,14 @@ def _write_panel(run: _Run, pixels: Array) -> None:
     with run.clock("weave"):
         panel = weave(pixels, mapped)
     with run.clock("write"):
-        write_png(path, panel)
+        write_png(staged / PANEL_FILE, panel)
 
 
-def _write(run: _Run, pixels: Array, linear: Array | None, mask: Array) -> None:
-    run.options.progress("write", 0.0, EIA_FILE)
-    write_png(run.folder / EIA_FILE, pixels)
-    write_mask(run.folder / MASK_FILE, mask)
-    if linear is None:
-        # An earlier one could be of another method than eia.png.
-        (run.folder / EIA_LINEAR_FILE).unlink(missing_ok=True)
-    else:
-        write_layers(run.folder / EIA_LINEAR_FILE, {"color": linear}, half=True)
-    run.options.progress("write", 1.0, EIA_FILE)
+def _write(staged: Path, pixels: Array, linear: Array | None, mask: Array) -> None:
+    write_png(staged / EIA_FILE, pixels)
+    write_mask(staged / MASK_FILE, mask)
+    if linear is not None:
+        write_layers(staged / EIA_LINEAR_FILE, {"color": linear}, half=True)
 
 
 def _exposure_notes(run: _Run, show: ViewTransform, assembly: Assembly, pixels: Array) -> list[str]:

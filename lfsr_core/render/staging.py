@@ -1,4 +1,4 @@
-"""Hidden folders beside a frame folder: for a render before it is published, and for parts of a long render."""
+"""Hidden folders beside a frame folder: for what is written before it is published, and for parts of a long render."""
 
 from __future__ import annotations
 
@@ -19,34 +19,47 @@ RANGE = re.compile(r"(\d+)-(\d+)-(\d+)$")  # end of a part's name: its first row
 
 @contextlib.contextmanager
 def staging_folder(target: Path) -> Iterator[Path]:
-    """Make a hidden folder beside ``target`` and remove it after the block; folders of dead processes go first.
+    """Make a hidden folder beside ``target``, or in it where that cannot be, and remove it after the block.
 
-    LfsrError where the folder cannot be made, or another render into ``target`` is under way.
+    Folders of dead processes go first. It is the target's lock. LfsrError where it cannot be made, or another process
+    has one for ``target``.
     """
+    target = target.absolute()  # "." has no name
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         remove_dead(target)
-        name = tempfile.mkdtemp(prefix=_prefix(target), dir=target.parent)
+        name = tempfile.mkdtemp(prefix=_prefix(target), dir=_place(target))
     except OSError as error:
         raise LfsrError(f"{target} cannot be made ({error.strerror}): choose another folder") from None
     folder = Path(name)
     try:
         with (folder / LOCK_FILE).open("wb") as lock:
             if not locks(lock) or any(found != folder for found in remove_dead(target)):
-                raise LfsrError(f"another render into {target} is under way: wait for it, or choose another folder")
+                raise LfsrError(f"another render or second stage of {target} is under way: wait for it, or choose "
+                                "another folder")
             yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
 def publish(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
-    """Move finished files into ``folder``, and remove the ``stale`` files of an earlier run and the stored parts."""
+    """Replace the files in ``folder`` as ``replace_files`` does, and remove the stored parts of its render."""
     folder.mkdir(exist_ok=True)
-    for name in stale:
-        (folder / name).unlink(missing_ok=True)
-    for path in staged.iterdir():
-        os.replace(path, folder / path.name)
+    replace_files(staged, folder, stale)
     shutil.rmtree(parts_folder(folder), ignore_errors=True)
+
+
+def replace_files(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
+    """Move finished files into ``folder``, and remove the ``stale`` files of an earlier run that are not replaced.
+
+    A process that is killed meanwhile leaves no JSON file that describes other files than those beside it.
+    """
+    paths = sorted(staged.iterdir(), key=lambda path: (path.suffix == ".json", path.name))
+    names = {path.name for path in paths if path.suffix != ".json"}
+    for name in {*(path.name for path in paths), *stale} - names:
+        (folder / name).unlink(missing_ok=True)
+    for path in paths:
+        os.replace(path, folder / path.name)
 
 
 def parts_folder(target: Path) -> Path:
@@ -67,13 +80,19 @@ def parts_sentence(folder: Path) -> str:
 def remove_dead(target: Path) -> list[Path]:
     """Remove the staging folders that dead processes left for ``target``, and return those that are in use."""
     held = []
-    for lock_file in target.parent.glob(f"{_prefix(target)}*/{LOCK_FILE}") if CAN_LOCK else ():
+    for lock_file in _place(target).glob(f"{_prefix(target)}*/{LOCK_FILE}") if CAN_LOCK else ():
         with contextlib.suppress(OSError), lock_file.open("rb") as lock:
             if locks(lock):
                 shutil.rmtree(lock_file.parent, ignore_errors=True)
             else:
                 held.append(lock_file.parent)
     return held
+
+
+def _place(target: Path) -> Path:
+    """Folder of the hidden folders: files cannot be moved into another file system, as a mounted ``target`` is."""
+    inside = target.is_dir() and (os.path.ismount(target) or not os.access(target.parent, os.W_OK))
+    return target if inside else target.parent
 
 
 def _prefix(target: Path) -> str:

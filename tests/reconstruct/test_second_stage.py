@@ -1,5 +1,8 @@
 import dataclasses
 import json
+import re
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -8,6 +11,7 @@ import pytest
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames import low_res
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
+from lfsr_core.frames.report import read_report
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_png
@@ -213,6 +217,57 @@ def test_an_upscaler_that_is_not_thread_safe_runs_alone_in_steps(tmp_path):
     assert not upscaler.overlapped
     assert max(upscaler.calls) == 5
     assert sum(upscaler.calls) == second_stage.linear_and_mask(tmp_path, method("bilinear"))[1].sum()
+
+
+FULL_DISK = """
+import resource, sys
+from lfsr_core.errors import LfsrError
+from lfsr_core.reconstruct.options import UpscaleOptions
+from lfsr_core.reconstruct.second_stage import upscale_frame
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)
+try:
+    upscale_frame(sys.argv[1], "bicubic", UpscaleOptions(linear_exr=True))
+except LfsrError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX limit on file size")
+def test_a_full_disk_leaves_all_files_of_the_finish_before(tmp_path):
+    folder = write_render(tmp_path / "frame")
+    second_stage.upscale_frame(folder, "bicubic", UpscaleOptions(linear_exr=True))
+    most = (folder / "eia.exr").stat().st_size - 1
+    assert all(path.stat().st_size < most for path in folder.glob("*.png"))
+    second_stage.upscale_frame(folder, "nearest")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    result = subprocess.run([sys.executable, "-c", FULL_DISK, folder, str(most)], capture_output=True, text=True)
+    assert re.search(r"eia\.exr (cannot be written|was not written completely) .*free some", result.stdout), result
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert [path.name for path in tmp_path.iterdir()] == ["frame"]
+
+
+def test_only_one_process_finishes_a_folder_at_a_time(tmp_path):
+    folder = write_render(tmp_path / "frame")
+    messages = []
+
+    def again(*_state):
+        if not messages:
+            with pytest.raises(LfsrError) as refused:
+                second_stage.upscale_frame(folder, "nearest")
+            messages.append(str(refused.value))
+
+    assert second_stage.upscale_frame(folder, "bicubic", UpscaleOptions(progress=again)).method == "bicubic"
+    assert messages == [f"another render or second stage of {folder} is under way: wait for it, or choose another "
+                        "folder"]
+    assert read_report(folder).method == "bicubic"
+    assert [path.name for path in tmp_path.iterdir()] == ["frame"]
+
+
+def test_a_folder_is_finished_from_inside(tmp_path, monkeypatch):
+    folder = write_render(tmp_path / "frame")
+    monkeypatch.chdir(folder)
+    second_stage.upscale_frame(".", "nearest")
+    assert (folder / "eia.png").is_file() and [path.name for path in tmp_path.iterdir()] == ["frame"]
 
 
 def test_what_is_written_can_be_had_without_writing(tmp_path):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.render.staging import staging_folder
+from lfsr_core.render.staging import replace_files, staging_folder
 
 HOLDER = """
 import sys, time
@@ -40,7 +41,8 @@ def test_it_is_gone_after_the_block_also_after_an_error(tmp_path):
 
 
 def test_a_second_render_into_the_same_folder_is_refused(tmp_path, holder):
-    with pytest.raises(LfsrError, match="another render into .*frame is under way"), staging_folder(tmp_path / "frame"):
+    with pytest.raises(LfsrError, match="another render or second stage of .*frame is under way"), \
+            staging_folder(tmp_path / "frame"):
         pass
     with staging_folder(tmp_path / "other") as folder:
         assert folder.is_dir()
@@ -54,6 +56,34 @@ def test_what_a_dead_run_left_goes_with_the_next(tmp_path, holder):
     assert [str(tmp_path / name) for name in names(tmp_path)] == [left]
     with staging_folder(tmp_path / "frame") as folder:
         assert names(tmp_path) == [folder.name]
+
+
+@pytest.mark.skipif(not Path("/dev/shm").is_mount(), reason="needs a mounted folder that all may write to")
+def test_a_mounted_folder_has_it_inside():
+    with staging_folder(Path("/dev/shm")) as folder:
+        assert folder.parent == Path("/dev/shm") and folder.name.startswith(".shm-")
+        with pytest.raises(LfsrError, match="is under way"), staging_folder(Path("/dev/shm")):
+            pass
+    assert not folder.exists()
+
+
+def test_files_are_replaced_and_the_json_last(tmp_path):
+    old, new = tmp_path / "frame", tmp_path / "staged"
+    for folder, names in ((old, ["a.json", "a.png", "stale.exr", "other.txt"]), (new, ["a.json", "a.png", "z.png"])):
+        folder.mkdir()
+        for name in names:
+            (folder / name).write_text(folder.name)
+    (old / "z.png").mkdir()  # stops it on the way
+    with pytest.raises(OSError, match="z.png"):
+        replace_files(new, old, ["stale.exr", "a.png"])
+    assert names_in(old) == {"a.png": "staged", "other.txt": "frame"}
+    (old / "z.png").rmdir()
+    replace_files(new, old, ["stale.exr"])
+    assert names_in(old) == {"a.json": "staged", "a.png": "staged", "other.txt": "frame", "z.png": "staged"}
+
+
+def names_in(folder):
+    return {path.name: path.read_text() for path in folder.iterdir() if path.is_file()}
 
 
 def test_strangers_of_a_similar_name_stay(tmp_path):
