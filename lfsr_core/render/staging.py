@@ -42,6 +42,12 @@ def staging_folder(target: Path) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
+def release(staging: Path) -> None:
+    """Let others write into the target of a staging folder, before the folder's block ends."""
+    if CAN_LOCK:
+        (staging / LOCK_FILE).unlink()
+
+
 def publish(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
     """Replace the files in ``folder`` as ``replace_files`` does, and remove the stored parts of its render."""
     folder.mkdir(exist_ok=True)
@@ -52,9 +58,13 @@ def publish(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
 def replace_files(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
     """Move finished files into ``folder``, and remove the ``stale`` files of an earlier run that are not replaced.
 
-    A process that is killed meanwhile leaves no JSON file that describes other files than those beside it.
+    A process that is killed meanwhile leaves no JSON file that describes other files than those beside it. LfsrError,
+    and nothing is changed, where a file has the name of a folder.
     """
     paths = sorted(staged.iterdir(), key=lambda path: (path.suffix == ".json", path.name))
+    for path in (folder / path.name for path in paths):
+        if path.is_dir():
+            raise LfsrError(f"{path} cannot be written (it is a folder): remove it or choose another folder")
     names = {path.name for path in paths if path.suffix != ".json"}
     for name in {*(path.name for path in paths), *stale} - names:
         (folder / name).unlink(missing_ok=True)

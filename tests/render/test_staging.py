@@ -67,18 +67,19 @@ def test_a_mounted_folder_has_it_inside():
     assert not folder.exists()
 
 
-def test_files_are_replaced_and_the_json_last(tmp_path):
+def test_files_are_replaced_all_or_none(tmp_path):
     old, new = tmp_path / "frame", tmp_path / "staged"
     for folder, names in ((old, ["a.json", "a.png", "stale.exr", "other.txt"]), (new, ["a.json", "a.png", "z.png"])):
         folder.mkdir()
         for name in names:
             (folder / name).write_text(folder.name)
-    (old / "z.png").mkdir()  # stops it on the way
-    with pytest.raises(OSError, match="z.png"):
+    (old / "z.png").mkdir()
+    before = names_in(old)
+    with pytest.raises(LfsrError, match=r"z\.png cannot be written \(it is a folder\)"):
         replace_files(new, old, ["stale.exr", "a.png"])
-    assert names_in(old) == {"a.png": "staged", "other.txt": "frame"}
+    assert names_in(old) == before
     (old / "z.png").rmdir()
-    replace_files(new, old, ["stale.exr"])
+    replace_files(new, old, ["stale.exr", "a.png"])
     assert names_in(old) == {"a.json": "staged", "a.png": "staged", "other.txt": "frame", "z.png": "staged"}
 
 
