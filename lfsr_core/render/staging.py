@@ -13,7 +13,7 @@ from pathlib import Path
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import CAN_LOCK, locks
 
-LOCK_FILE = "in-use"
+LOCK_FILE, RELEASED_FILE = "in-use", "released"
 RANGE = re.compile(r"(\d+)-(\d+)-(\d+)$")  # end of a part's name: its first row or view, the next one, milliseconds
 
 
@@ -45,7 +45,8 @@ def staging_folder(target: Path) -> Iterator[Path]:
 def release(staging: Path) -> None:
     """Let others write into the target of a staging folder, before the folder's block ends."""
     if CAN_LOCK:
-        (staging / LOCK_FILE).unlink()
+        # Locked as before, so that it tells whether its process lives.
+        (staging / LOCK_FILE).rename(staging / RELEASED_FILE)
 
 
 def publish(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
@@ -90,12 +91,13 @@ def parts_sentence(folder: Path) -> str:
 def remove_dead(target: Path) -> list[Path]:
     """Remove the staging folders that dead processes left for ``target``, and return those that are in use."""
     held = []
-    for lock_file in _place(target).glob(f"{_prefix(target)}*/{LOCK_FILE}") if CAN_LOCK else ():
-        with contextlib.suppress(OSError), lock_file.open("rb") as lock:
-            if locks(lock):
-                shutil.rmtree(lock_file.parent, ignore_errors=True)
-            else:
-                held.append(lock_file.parent)
+    for lock_file in _place(target).glob(f"{_prefix(target)}*/*") if CAN_LOCK else ():
+        if lock_file.name in (LOCK_FILE, RELEASED_FILE):
+            with contextlib.suppress(OSError), lock_file.open("rb") as lock:
+                if locks(lock):
+                    shutil.rmtree(lock_file.parent, ignore_errors=True)
+                elif lock_file.name == LOCK_FILE:
+                    held.append(lock_file.parent)
     return held
 
 

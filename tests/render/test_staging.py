@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.render.staging import replace_files, staging_folder
+from lfsr_core.render.staging import release, replace_files, staging_folder
 
 HOLDER = """
 import sys, time
@@ -85,6 +85,17 @@ def test_files_are_replaced_all_or_none(tmp_path):
 
 def names_in(folder):
     return {path.name: path.read_text() for path in folder.iterdir() if path.is_file()}
+
+
+def test_a_released_folder_locks_nobody_out_and_goes_with_its_process(tmp_path, holder):
+    process, left = holder
+    release(Path(left))
+    with staging_folder(tmp_path / "frame"):
+        assert Path(left).is_dir()
+    process.kill()
+    process.wait()
+    with staging_folder(tmp_path / "frame") as folder:
+        assert names(tmp_path) == [folder.name]
 
 
 def test_strangers_of_a_similar_name_stay(tmp_path):
