@@ -60,7 +60,12 @@ def wanted_facts(job: Job, found: Frame, content: str = "") -> Facts:
             "light": found.light if job.light == AUTO or not found.light else job.light,
             "world_visible": found.world_visible if job.world_visible is None else job.world_visible,
             "layers": found.layers if set(job.layers) <= set(found.layers) else job.layers,
-            "content": content if content and found.content else found.content}
+            "content": content if is_changed(found.content, content) else found.content}
+
+
+def is_changed(before: str, now: str) -> bool:
+    """True if two digests of a scene's file differ, as far as both are known and of one format."""
+    return bool(before and now) and before != now and before.partition("-")[0] == now.partition("-")[0]
 
 
 def first_difference(found: Facts, wanted: Facts) -> str:

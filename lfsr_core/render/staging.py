@@ -35,8 +35,7 @@ def staging_folder(target: Path) -> Iterator[Path]:
     try:
         with (folder / LOCK_FILE).open("wb") as lock:
             if not locks(lock) or any(found != folder for found in remove_dead(target)):
-                raise LfsrError(f"another render or second stage of {target} is under way: wait for it, or choose "
-                                "another folder")
+                raise LfsrError(f"another process is writing {target}: wait for it, or choose another folder")
             yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -257,8 +257,7 @@ def test_only_one_process_finishes_a_folder_at_a_time(tmp_path):
             messages.append(str(refused.value))
 
     assert second_stage.upscale_frame(folder, "bicubic", UpscaleOptions(progress=again)).method == "bicubic"
-    assert messages == [f"another render or second stage of {folder} is under way: wait for it, or choose another "
-                        "folder"]
+    assert messages == [f"another process is writing {folder}: wait for it, or choose another folder"]
     assert read_report(folder).method == "bicubic"
     assert [path.name for path in tmp_path.iterdir()] == ["frame"]
 

@@ -4,40 +4,109 @@ from __future__ import annotations
 
 import shutil
 import struct
+import tempfile
+from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.render.content import scene_content
+from lfsr_core.render.content import FORMAT, scene_content
+
+TYPES = {"raw_data": 0, "char": 1, "int": 4, "void": 0, "Window": 16, "Thing": 88, "ToolSettings": 8, "Pair": 16}
+STRUCTS = {"raw_data": [], "Window": [("void", "*target"), ("int", "state[2]")],
+           "Pair": [("Thing", "*other"), ("int", "number"), ("char", "_pad[4]")],
+           "Thing": [("Pair", "pair"), ("void", "*(*call)()"), ("Pair", "*more[2]"), ("ToolSettings", "*tools"),
+                     ("char", "path[40]")],
+           "ToolSettings": [("Thing", "*last")]}
+
+
+def declaration() -> bytes:
+    """The block DNA1, which lists TYPES and STRUCTS."""
+    names = list(dict.fromkeys(name for members in STRUCTS.values() for _, name in members))
+    types, data = list(TYPES), b"SDNA"
+    for code, texts in ((b"NAME", names), (b"TYPE", types)):
+        data += code + struct.pack("<i", len(texts)) + b"".join(text.encode() + b"\0" for text in texts)
+        data += bytes(-len(data) % 4)
+    data += b"TLEN" + struct.pack(f"<{len(types)}H", *TYPES.values())
+    data += bytes(-len(data) % 4) + b"STRC" + struct.pack("<i", len(STRUCTS))
+    for kind, members in STRUCTS.items():
+        data += struct.pack("<HH", types.index(kind), len(members))
+        data += b"".join(struct.pack("<HH", types.index(a), names.index(b)) for a, b in members)
+    return data
 
 
 def blend(path, blocks, new=True):
-    """A .blend of (code, address, content) blocks, in the layout before or since 5.0."""
+    """A .blend of (code, address, struct, content) blocks, in the layout before or since 5.0."""
     data = b"BLENDER17-01v0500" if new else b"BLENDER-v405"
-    for code, address, content in [*blocks, (b"ENDB", 0, b"")]:
-        size = len(content)
-        data += struct.pack("<4siQqq", code, 3, address, size, 1) if new else \
-            struct.pack("<4siQii", code, size, address, 3, 1)
+    end = [(b"DNA1", 1, "raw_data", declaration()), (b"ENDB", 0, "raw_data", b"")]
+    for code, address, kind, content in [*blocks, *end]:
+        size, number = len(content), list(STRUCTS).index(kind)
+        data += struct.pack("<4siQqq", code, number, address, size, 1) if new else \
+            struct.pack("<4siQii", code, size, address, number, 1)
         data += content
     path.write_bytes(data)
     return scene_content(path)
 
 
-def scene(base, light=5, window=1):
-    """A scene whose object points at its mesh, loaded at address ``base``; a window that looks at it."""
-    return [(b"WM", base + 900, struct.pack("<QQ", base + 100, window)), (b"DATA", base + 950, bytes([window] * 8)),
-            (b"OB", base + 100, struct.pack("<QQ", base + 200, light)), (b"DATA", base + 200, b"twelve bytes"),
-            (b"ME", base + 300, struct.pack("<Qi", base + 100, 7))]
+def pair(other=0, number=5, pad=b"\0" * 4):
+    return struct.pack("<Qi4s", other, number, pad)
+
+
+def scene(base, number=5, window=1, runtime=1, pad=b"\0" * 4, path=b"a.png", tool=0):
+    """A thing with data and tools, loaded at address ``base``, whose pair points at another thing; and a window."""
+    def thing(to, more, tools):
+        return pair(to, number, pad) + struct.pack("<4Q", runtime, *more, tools) + path.ljust(40, b"\0")
+
+    # Data of different data-blocks may have the same address.
+    return [(b"WM", base + 900, "Window", struct.pack("<Qii", base + 100, window, 0)),
+            (b"DATA", base + 950, "raw_data", bytes([window] * 8)),
+            (b"OB", base + 100, "Thing", thing(base + 300, (base + 200, 0), base + 400)),
+            (b"DATA", base + 200, "Pair", pair(base + 100, 1) + pair(base + 300, 2)),
+            (b"DATA", base + 210, "raw_data", b"thirteen bytes"),
+            (b"DATA", base + 400, "ToolSettings", struct.pack("<Q", tool)),
+            (b"OB", base + 300, "Thing", thing(0, (0, base + 200), 0)), (b"DATA", base + 200, "Pair", pair(0, 9))]
+
+
+BASE = 10**12
+SAME = [{"window": 9}, {"runtime": 77}, {"pad": b"junk"}, {"path": b"a.png\0and what was here before"}, {"tool": BASE}]
 
 
 @pytest.mark.parametrize("new", [False, True])
-def test_addresses_and_windows_do_not_count_but_the_scene_does(tmp_path, new):
-    first = blend(tmp_path / "a.blend", scene(10**12), new)
-    assert blend(tmp_path / "b.blend", scene(7 * 10**11, window=9), new) == first
-    assert blend(tmp_path / "c.blend", scene(10**12, light=6), new) != first
-    other = scene(10**12)
-    other[2] = (b"OB", 10**12 + 100, struct.pack("<QQ", 10**12 + 300, 5))
-    assert blend(tmp_path / "d.blend", other, new) != first, "it points at another block"
+@pytest.mark.parametrize("changes", SAME)
+def test_what_only_a_session_knows_does_not_count(tmp_path, new, changes):
+    first = blend(tmp_path / "a.blend", scene(BASE), new)
+    assert blend(tmp_path / "b.blend", scene(7 * 10**11, **changes), new) == first
+    assert first.startswith(f"{FORMAT}-")
+
+
+@pytest.mark.parametrize("new", [False, True])
+@pytest.mark.parametrize("changes", [{"number": 6}, {"path": b"b.png"}])
+def test_what_the_scene_holds_counts(tmp_path, new, changes):
+    assert blend(tmp_path / "a.blend", scene(BASE), new) != blend(tmp_path / "b.blend", scene(BASE, **changes), new)
+
+
+@pytest.mark.parametrize(("block", "content"), [
+    (2, pair(BASE + 100) + struct.pack("<4Q", 1, BASE + 200, 0, BASE + 400) + b"a.png".ljust(40, b"\0")),
+    (2, pair(0) + struct.pack("<4Q", 1, BASE + 200, 0, BASE + 400) + b"a.png".ljust(40, b"\0")),
+    (3, pair(BASE + 300, 1) + pair(BASE + 300, 2)), (3, pair(BASE + 100, 1)), (4, b"fourteen bytes")])
+def test_pointers_and_plain_data_count(tmp_path, block, content):
+    first, other = scene(BASE), scene(BASE)
+    other[block] = (*other[block][:3], content)
+    assert blend(tmp_path / "a.blend", first) != blend(tmp_path / "b.blend", other)
+
+
+@given(st.integers(0, 10**6), st.binary(min_size=1, max_size=6))
+def test_a_damaged_declaration_is_no_error(place, piece):
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name, "a.blend")
+        blend(path, scene(BASE))
+        data = bytearray(path.read_bytes())
+        at = data.index(b"SDNA") + place % len(declaration())
+        data[at:at + len(piece)] = piece
+        path.write_bytes(data)
+        assert scene_content(path).startswith(f"{FORMAT}-")
 
 
 @pytest.mark.parametrize("content", [b"", b"BLENDER", b"BLENDER17-01v0500", b"BLENDER-v405" + bytes(200),

@@ -41,7 +41,7 @@ def test_it_is_gone_after_the_block_also_after_an_error(tmp_path):
 
 
 def test_a_second_render_into_the_same_folder_is_refused(tmp_path, holder):
-    with pytest.raises(LfsrError, match="another render or second stage of .*frame is under way"), \
+    with pytest.raises(LfsrError, match="another process is writing .*frame: wait for it"), \
             staging_folder(tmp_path / "frame"):
         pass
     with staging_folder(tmp_path / "other") as folder:
@@ -62,7 +62,7 @@ def test_what_a_dead_run_left_goes_with_the_next(tmp_path, holder):
 def test_a_mounted_folder_has_it_inside():
     with staging_folder(Path("/dev/shm")) as folder:
         assert folder.parent == Path("/dev/shm") and folder.name.startswith(".shm-")
-        with pytest.raises(LfsrError, match="is under way"), staging_folder(Path("/dev/shm")):
+        with pytest.raises(LfsrError, match="another process is writing"), staging_folder(Path("/dev/shm")):
             pass
     assert not folder.exists()
 

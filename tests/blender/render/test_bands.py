@@ -138,6 +138,24 @@ def test_a_copy_of_the_same_scene_has_the_same_content(noisy, tmp_path):
     assert content() != first
 
 
+def test_what_was_in_memory_before_does_not_count(noisy):
+    def content(*paths):
+        for path in paths:
+            bpy.data.images["wood"].filepath_raw = path
+        with file_copy() as copy:
+            return scene_content(copy)
+
+    bpy.data.images.new("wood", 4, 4).use_fake_user = True
+    first = content("//wood.png")
+    assert first == content("//a/much/longer/path/to/the/wood.png", "//wood.png") != content("//oak.png")
+    box = bpy.context.view_layer.objects.active = next(item for item in noisy.objects if item.type == "MESH")
+    for mode in ("EDIT", "OBJECT"):
+        bpy.ops.object.mode_set(mode=mode)
+        assert content("//wood.png") == first, f"{mode} mode shows the same"
+    box.data.vertices[0].co.x += 1e-3
+    assert content("//wood.png") != first
+
+
 def test_time_limit_is_only_reached_by_long_renders():
     assert 100 < Pace(4, 4, 1, 60.0).timeout < 150, "two in a row must not cost five minutes"
 

@@ -55,6 +55,8 @@ def _add_measure_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--render-repeats", type=int, default=1, metavar="N",
                         help="timed runs of every render, default: %(default)s")
     parser.add_argument("--only-measure", action="store_true", help="render nothing; leave out what is not there")
+    parser.add_argument("--replace", action="store_true",
+                        help="replace a chart of other settings in DIR; cells and renders stay")
     parser.add_argument("--again", type=names, default=(), metavar="NAME,NAME",
                         help="methods to measure again; `all` for every one")
     parser.add_argument("--retime", type=names, default=(), metavar="NAME,NAME",

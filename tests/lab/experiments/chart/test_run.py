@@ -11,6 +11,8 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.metrics import eia_metrics
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.registry import method
+from lfsr_core.render.content import FORMAT as CONTENT_FORMAT
+from lfsr_core.render.staging import staging_folder
 from lfsr_lab.experiments.chart import cells as chart_cells
 from lfsr_lab.experiments.chart.settings import Settings, default_methods
 from lfsr_lab.experiments.engine import accuracy, timing
@@ -167,13 +169,35 @@ def test_the_run_of_one_scene_leaves_the_others_on_the_page(tmp_path, no_start, 
     assert [scene["scene"] for scene in after["scenes"]] == ["vase", "head"]
     assert after["scenes"][1] == before["scenes"][1] and after["scenes"][0] != before["scenes"][0]
     assert "head" in (folder / "chart.html").read_text()
-    assert "is replaced" not in capsys.readouterr().err
-    assert main(arguments(folder, "--methods", "nearest", "--ours", "nearest", scenes=("head.glb",))) == 0
+    words = arguments(folder, "--methods", "nearest", "--ours", "nearest", scenes=("head.glb",))
+    assert "chart.json was measured with other settings (methods" in main_fails(words, capsys)
+    assert measured(folder) == after
+    assert main([*words, "--replace"]) == 0
     assert [scene["scene"] for scene in measured(folder)["scenes"]] == ["head"], "other settings: another chart"
-    assert "chart.json has other settings and is replaced" in capsys.readouterr().err
     shutil.rmtree(folder / "head" / "reference")
-    assert main(arguments(folder, scenes=both)) == 0
+    assert main(arguments(folder, "--replace", scenes=both)) == 0
     assert [scene["scene"] for scene in measured(folder)["scenes"]] == ["vase"], "what cannot be measured is not shown"
+
+
+def test_a_chart_that_cannot_be_read_is_replaced_only_when_asked(tmp_path, no_start, capsys):
+    folder = experiment_folder(tmp_path)
+    (folder / "chart.json").write_text('{"format": 99}')
+    assert "chart.json has format 99" in main_fails(arguments(folder), capsys)
+    assert (folder / "chart.json").read_text() == '{"format": 99}'
+    assert main(arguments(folder, "--replace")) == 0 and measured(folder)["scenes"]
+
+
+def test_two_charts_at_once_and_a_scene_of_the_same_name_are_refused(tmp_path, no_start, capsys):
+    folder = experiment_folder(tmp_path)
+    with staging_folder(folder / "chart"):
+        assert "another process is writing" in main_fails(arguments(folder), capsys)
+    changed = {"scene": "vase.blend", "content": f"{CONTENT_FORMAT}-other"}
+    for samples, changes in ((1, {"scene": "vase.glb"}), (4, changed)):
+        write_render(folder / "vase" / "s2-spp4", samples=samples, **changes)
+        (tmp_path / "vase.blend").write_text("a scene")
+        said = main_fails(arguments(folder, scenes=(str(tmp_path / "vase.blend"),)), capsys)
+        assert "s2-spp4 was rendered " in said and ("of vase.glb" in said) == (samples == 1)
+    assert not (folder / "chart.json").exists()
 
 
 def test_renders_of_another_seed_lie_beside_the_others_and_other_subjects_are_refused(tmp_path, no_start, capsys):

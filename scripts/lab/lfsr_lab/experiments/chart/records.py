@@ -205,5 +205,5 @@ def read_chart(path: Path) -> Chart:
     data = read_json(path, "a chart")
     found = data.get("format") if isinstance(data, dict) else None
     if found != FORMAT:
-        raise LfsrError(f"{path} has format {found!r}, but this version reads {FORMAT}: measure the chart again")
+        raise LfsrError(f"{path} has format {found!r}, but this version reads {FORMAT}")
     return from_data(Chart, data, str(path))

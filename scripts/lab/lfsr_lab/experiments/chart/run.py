@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import FRAME_FILE, read_frame
+from lfsr_core.frames.identity import first_difference, is_changed
 from lfsr_core.frames.job import Job
 from lfsr_core.progress import ProgressBar
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import write_record
+from lfsr_core.render.content import scene_content
+from lfsr_core.render.staging import staging_folder
 from lfsr_lab.experiments.chart import cells, findings, panels
 from lfsr_lab.experiments.chart.analysis import METRICS, analyse
 from lfsr_lab.experiments.chart.records import (
@@ -39,18 +43,26 @@ def run(settings: Settings, scenes: Sequence[Path]) -> list[Path]:
     """Measure ``scenes`` as far as they are not, write the chart, and return the paths of its files.
 
     What is known is written as JSON after every scene. Other scenes that were measured with the same settings in this
-    folder stay in the chart. LfsrError where not one scene can be measured.
+    folder stay in the chart. LfsrError where not one scene can be measured, where the folder holds a chart of other
+    settings or renders of another scene, and where another process measures a chart in it.
     """
     names = [scene.stem for scene in scenes]
     for name in names:
         if names.count(name) > 1:
             raise LfsrError(f"two scenes are called {name!r}, but each has a folder of its name: rename one file")
+    with staging_folder(settings.folder / CHART):
+        for scene in scenes:
+            _check_renders(settings.folder / scene.stem, scene)
+        return _measured(settings, scenes, _earlier(settings) | dict.fromkeys(names))
+
+
+def _measured(settings: Settings, scenes: Sequence[Path], rows: dict[str, SceneRow | None]) -> list[Path]:
+    """Measure ``scenes``, whose rows are added to the known ``rows``, and write the chart; return its files' paths."""
     store = Store(settings.folder, settings.blender, not settings.only_measure)
     chart, measuring = None, _Run(settings, store, len(scenes) * settings.steps)
-    rows = _earlier(settings, measuring.bar.note) | dict.fromkeys(names)
     for scene in scenes:
         rows[scene.stem] = measuring.scene(scene)
-        if any(rows[name] for name in names):
+        if any(rows[scene.stem] for scene in scenes):
             chart = measuring.chart(rows.values())
             write_record(settings.folder / f"{CHART}.json", chart)
     if chart is None:
@@ -60,17 +72,32 @@ def run(settings: Settings, scenes: Sequence[Path]) -> list[Path]:
         ".html": panels.page(chart), ".svg": panels.image(chart), ".md": findings.markdown(chart)})
 
 
-def _earlier(settings: Settings, note: Callable[[str], object]) -> dict[str, SceneRow | None]:
-    """Return the scenes of an earlier run with the same settings; ``note`` is told of a chart that is replaced."""
+def _earlier(settings: Settings) -> dict[str, SceneRow | None]:
+    """Return the scenes of an earlier run with the same settings; LfsrError for a chart that may not be replaced."""
     path = settings.folder / f"{CHART}.json"
+    if not path.exists():
+        return {}
     try:
         before = read_chart(path)
-    except LfsrError:  # there is none, or one of another version
-        return {}
-    if before.settings == settings.figures:
-        return {scene.scene: scene for scene in before.scenes}
-    note(f"{path} has other settings and is replaced: stop now and give another --output to keep it")
-    return {}
+        if name := first_difference(vars(before.settings), vars(settings.figures)):
+            raise LfsrError(f"{path} was measured with other settings ({name} differs)")
+    except LfsrError as error:
+        if settings.replace:
+            return {}
+        raise LfsrError(f"{error}: give another --output to keep it, or --replace to replace it") from None
+    return {scene.scene: scene for scene in before.scenes}
+
+
+def _check_renders(folder: Path, scene: Path) -> None:
+    """LfsrError if a render in the ``folder`` of a scene is one of another file, or from before it was changed."""
+    content = scene_content(scene) if scene.is_file() else ""
+    for path in sorted(folder.glob(f"*/{FRAME_FILE}")):
+        found = read_frame(path.parent)
+        if found.scene and found.scene != scene.name:
+            raise LfsrError(f"{path.parent} was rendered of {found.scene}, but this chart is of {scene}: give another "
+                            "--output")
+        if is_changed(found.content, content):
+            raise LfsrError(f"{path.parent} was rendered before {scene} was changed: give another --output")
 
 
 @dataclasses.dataclass

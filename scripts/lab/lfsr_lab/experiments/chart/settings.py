@@ -21,6 +21,7 @@ class Settings(ChartSettings):
 
     folder: Path  # output folder, with a folder per scene
     only_measure: bool = False  # new renders are refused
+    replace: bool = False  # a chart of other settings may be replaced
     again: tuple[str, ...] = ()  # methods whose cells are measured afresh
     retime: tuple[str, ...] = ()  # methods that are only timed afresh
     retime_renders: bool = False  # renders are made again for their time, as often as ``render_repeats``
