@@ -18,6 +18,7 @@ from lfsr_core.frames.identity import PLACES, digest, job_facts
 from lfsr_core.frames.job import Job, read_job
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.render.content import scene_content, stamp
+from lfsr_core.render.parts import remove_others
 from lfsr_core.render.protocol import (
     EXIT_BAD_INPUT,
     EXIT_CANCELLED,
@@ -31,7 +32,7 @@ from lfsr_core.render.protocol import (
 
 from ..array.cameras import camera_notices, choose_camera
 from ..render.frame_folder import render_job, scale_of, settled_light
-from ..render.inputs import Opened
+from ..render.inputs import Opened, inputs_before_opening
 from ..render.overrides import overridden
 from ..scene.notices import notices
 from ..scene.open import choose_scene, open_scene
@@ -87,8 +88,12 @@ def _of_one_scale(scene: bpy.types.Scene, job: Job, choices: dict[str, ScaleChoi
 def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:
     """The job's scene, opened if the job names a file, and its camera chosen."""
     started = time.perf_counter()
+    before = stamp(Path(job.scene))
+    content = _content(job)
     emit(stage="open", fraction=0.0, message=job.scene or "the open scene")
-    scene, content = _open(job)
+    scene = open_scene(job.scene) if job.scene else bpy.context.scene
+    if stamp(Path(job.scene)) != before:
+        content = ""
     if job.scene_name is not None:
         scene = choose_scene(job.scene_name)
     if job.camera is not None:
@@ -106,15 +111,14 @@ def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:
     return scene, Opened(seconds, content, light, tuple(notes))
 
 
-def _open(job: Job) -> tuple[bpy.types.Scene, str]:
-    """The job's scene and the digest of its file; "" if nothing is to be cached or the file changed meanwhile."""
-    if not job.scene:
-        return bpy.context.scene, ""
-    file = Path(job.scene)
-    before = stamp(file)
-    scene = open_scene(job.scene)
-    content = scene_content(file) if job.parts else ""
-    return scene, content if stamp(file) == before else ""
+def _content(job: Job) -> str:
+    """Digest of the job's file, "" if nothing is to be cached. Cached parts that cannot be used are removed."""
+    if not job.parts or not Path(job.scene).is_file():
+        return ""
+    content = scene_content(job.scene)
+    if sentence := remove_others(Path(job.parts), inputs_before_opening(job, content)):
+        emit_warning(sentence)
+    return content
 
 
 def _stop() -> None:

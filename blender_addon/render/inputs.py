@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.frames.frame import Frame
-from lfsr_core.frames.identity import digest, job_facts
+from lfsr_core.frames.identity import PLACES, digest, job_facts
 from lfsr_core.frames.job import AUTO, Job
 from lfsr_core.records import to_data
 from lfsr_core.render.content import file_content, stamp
@@ -17,6 +17,8 @@ from lfsr_core.version import __version__
 from ..scene.notices import image_files
 
 HERE = Path(__file__).resolve().parent
+# Fields of a job that the scene or this machine may settle. The panel renders copies of its file: not their path counts.
+SETTLED = ("scene", "device", "light", "scale", "scales", "scale_frames", "scale_reason", "spp", "rays")
 SOURCES = ("array", "render", "scene")  # packages whose modules decide pixels
 
 
@@ -30,14 +32,22 @@ class Opened:
     notes: tuple[str, ...] = ()  # what the user was told of it
 
 
-def inputs(scene: bpy.types.Scene, job: Job, frame: Frame, content: str) -> dict[str, str]:
-    """Return a digest of each kind of input, by a name for messages; ``content``: digest of the scene's file."""
-    settings = job_facts(job) | to_data(dataclasses.replace(frame, seconds={}))
-    # The panel renders copies of its file: their content counts, not their path.
-    settings |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail}
-    files = {*map(Path, bpy.utils.blend_paths(absolute=True, packed=False, local=False)), *image_files()}
+def inputs_before_opening(job: Job, content: str) -> dict[str, str]:
+    """Return those of the ``inputs`` that do not need the scene."""
+    settings = job_facts(job, (*PLACES, *SETTLED))
     program = [__version__, *(file_content(path) for name in SOURCES
                               for path in sorted(HERE.with_name(name).iterdir()) if path.is_file())]
-    return {"settings": digest(settings), "scene file": digest(content),
-            "images or linked files": digest([[str(path), stamp(path)] for path in sorted(files)]),
-            "Blender": digest([bpy.app.version_string, str(bpy.app.build_hash)]), "version of LFSR": digest(program)}
+    chosen = {} if job.scales else {"samples or scale": digest([job.scale, job.spp])}
+    return chosen | {
+        "settings": digest(settings), "scene file": digest(content),
+        "Blender": digest([bpy.app.version_string, str(bpy.app.build_hash)]), "version of LFSR": digest(program)}
+
+
+def inputs(scene: bpy.types.Scene, job: Job, frame: Frame, content: str) -> dict[str, str]:
+    """Return a digest of each kind of input, by a name for messages; ``content``: digest of the scene's file."""
+    resolved = to_data(dataclasses.replace(frame, seconds={}))
+    resolved |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail, "light": job.light}
+    files = {*map(Path, bpy.utils.blend_paths(absolute=True, packed=False, local=False)), *image_files()}
+    return inputs_before_opening(job, content) | {
+        "samples or scale": digest([frame.scale, frame.samples]), "device, light or camera": digest(resolved),
+        "images or linked files": digest([[str(path), stamp(path)] for path in sorted(files)])}

@@ -73,8 +73,11 @@ class Structs:
         if number == RAW:
             return None
         name = self._names[number]
-        pointers, noise, texts = [], [], []
+        pointers: list[int] = []
+        noise: list[int] = []
+        texts, end = [], 0
         for member, start, size, owner in self._flat(name, 0):
+            end = start + size
             if NOISE.fullmatch(member.name) or member.name in NOISE_OF.get(owner, ()):
                 noise += range(start, start + size)
             elif member.is_pointer:
@@ -82,6 +85,8 @@ class Structs:
             elif member.kind == "char" and member.counts and member.counts[-1] >= SHORTEST_TEXT:
                 longest = member.counts[-1]
                 texts += [slice(at, at + longest) for at in range(start, start + size, longest)]
+        if end != self._sizes[name]:
+            raise ValueError(f"the members of {name} have {end} bytes, but it has {self._sizes[name]}")
         return Layout(name, self._sizes[name], np.array(pointers, int), np.array(noise, int), tuple(texts))
 
     def _flat(self, name: str, start: int) -> Iterator[tuple[_Member, int, int, str]]:

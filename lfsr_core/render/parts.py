@@ -78,18 +78,21 @@ class ImageParts:
 
 
 def remove_others(folder: Path, inputs: Mapping[str, str]) -> str:
-    """Remove the parts in ``folder`` unless they have the same ``inputs``; return a sentence if any were removed."""
+    """Remove the parts in ``folder`` unless they have the same ``inputs``; return a sentence if any were removed.
+
+    ``inputs``: all of them, or those that are known already.
+    """
     if not folder.is_dir():
         return ""
     try:
         known = read_json(folder / INPUTS_FILE, "the inputs of a render's parts")
     except LfsrError:
         known = None
-    if known == dict(inputs):
+    name = first_difference(known if isinstance(known, dict) else {}, inputs)
+    if not name:
         return ""
     removed = has_parts(folder)
     shutil.rmtree(folder, ignore_errors=True)
-    name = first_difference(known if isinstance(known, dict) else {}, inputs)
     return (f"the parts of an earlier render were made with other {name}: they are removed, and the render starts from "
             "the beginning") if removed else ""
 

@@ -19,6 +19,7 @@ from lfsr_core.cli import main
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame, write_frame
 from lfsr_core.frames.report import read_report
+from lfsr_core.render.content import FORMAT
 from lfsr_core.sequence.animation import SecondStage, kept_scale
 from lfsr_core.sequence.engine import FAILED, KEPT, MADE, Tools, render_animation
 from tests.support.animations import animation, images, played_tools, states
@@ -126,7 +127,7 @@ def test_frames_of_another_render_are_refused(made):
 
 def test_frames_of_a_scene_that_has_changed_are_refused(made):
     folder = made / "film" / "0002"
-    write_frame(folder, dataclasses.replace(read_frame(folder), content="of yesterday"))
+    write_frame(folder, dataclasses.replace(read_frame(folder), content=f"{FORMAT}-of yesterday"))
     with pytest.raises(LfsrError, match="0002 was rendered before .* was changed: give --overwrite"):
         render_animation(animation(made, FRAMES), NO_BLENDER)
 

@@ -70,6 +70,18 @@ def test_what_is_left_out_is_said_before_the_render_and_kept_in_the_frame(scene,
     assert note == emitted[said[0]]["message"] and "sequencer" in note
 
 
+def test_that_parts_cannot_be_used_is_said_before_the_scene_is_opened(blend, tmp_path):
+    parts = tmp_path / "parts"
+    parts.mkdir()
+    (parts / "lr_eia-digest-000000-000002-100.exr").write_bytes(b"")
+    write_json(parts / "inputs.json", {"scene file": "another"})
+    emitted = records(start(tmp_path, scene=str(blend), parts=str(parts)).communicate()[0].splitlines())
+    said = [number for number, record in enumerate(emitted) if record.get("warning")]
+    assert len(said) == 1 and said[0] < [record["stage"] for record in emitted].index("open")
+    assert "were made with other settings: they are removed" in emitted[said[0]]["message"]
+    assert not parts.exists()
+
+
 def test_a_camera_that_sees_something_else_is_said_before_the_render(scene, tmp_path):
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), emission((1, 0.5, 0.2)))
     wall = add_box(scene, (0, -2, 0), (3, 0.1, 3), emission((0.5, 0.5, 0.5)))

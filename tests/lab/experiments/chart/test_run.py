@@ -169,6 +169,7 @@ def test_the_run_of_one_scene_leaves_the_others_on_the_page(tmp_path, no_start, 
     assert [scene["scene"] for scene in after["scenes"]] == ["vase", "head"]
     assert after["scenes"][1] == before["scenes"][1] and after["scenes"][0] != before["scenes"][0]
     assert "head" in (folder / "chart.html").read_text()
+    capsys.readouterr()
     words = arguments(folder, "--methods", "nearest", "--ours", "nearest", scenes=("head.glb",))
     assert "chart.json was measured with other settings (methods" in main_fails(words, capsys)
     assert measured(folder) == after
@@ -211,8 +212,9 @@ def test_renders_of_another_seed_lie_beside_the_others_and_other_subjects_are_re
     assert {path.name for path in (folder / "vase" / "cells").iterdir()} == {
         f"s2-spp{samples}-seed7-{name}.json" for samples in (1, 4) for name in ("bicubic", "nearest")}
     assert "was rendered with no subject, but subject Vase" in main_fails(
-        arguments(folder, "--subject", "Vase"), capsys)
-    assert "but visible world was asked for" in main_fails(arguments(folder, "--world-visible"), capsys)
+        arguments(folder, "--replace", "--subject", "Vase"), capsys)
+    assert "but visible world was asked for" in main_fails(
+        arguments(folder, "--replace", "--world-visible"), capsys)
 
 
 @pytest.mark.parametrize(("more", "said"), [

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, read_frame
-from lfsr_core.frames.identity import first_difference, is_changed
+from lfsr_core.frames.identity import is_changed
 from lfsr_core.frames.job import Job
 from lfsr_core.progress import ProgressBar
 from lfsr_core.reconstruct.method_name import MethodName
@@ -37,6 +37,7 @@ from lfsr_lab.experiments.engine.report import write_report
 from lfsr_lab.experiments.engine.timing import render_seconds
 
 CHART = "chart"  # stem of the files' names
+REPEATS = {"repeats", "render_repeats"}  # settings that decide how often the same is measured
 
 
 def run(settings: Settings, scenes: Sequence[Path]) -> list[Path]:
@@ -53,7 +54,7 @@ def run(settings: Settings, scenes: Sequence[Path]) -> list[Path]:
     with staging_folder(settings.folder / CHART):
         for scene in scenes:
             _check_renders(settings.folder / scene.stem, scene)
-        return _measured(settings, scenes, _earlier(settings) | dict.fromkeys(names))
+        return _measured(settings, scenes, _earlier(settings, names) | dict.fromkeys(names))
 
 
 def _measured(settings: Settings, scenes: Sequence[Path], rows: dict[str, SceneRow | None]) -> list[Path]:
@@ -72,20 +73,27 @@ def _measured(settings: Settings, scenes: Sequence[Path], rows: dict[str, SceneR
         ".html": panels.page(chart), ".svg": panels.image(chart), ".md": findings.markdown(chart)})
 
 
-def _earlier(settings: Settings) -> dict[str, SceneRow | None]:
-    """Return the scenes of an earlier run with the same settings; LfsrError for a chart that may not be replaced."""
+def _earlier(settings: Settings, names: Sequence[str]) -> dict[str, SceneRow | None]:
+    """Return the scenes of an earlier run with the same settings.
+
+    LfsrError for a chart that may not be replaced; one that is only timed more often loses nothing where all of its
+    scenes are among ``names``.
+    """
     path = settings.folder / f"{CHART}.json"
     if not path.exists():
         return {}
     try:
         before = read_chart(path)
-        if name := first_difference(vars(before.settings), vars(settings.figures)):
-            raise LfsrError(f"{path} was measured with other settings ({name} differs)")
+        changed = [name for name, value in vars(settings.figures).items() if vars(before.settings)[name] != value]
+        if not changed:
+            return {scene.scene: scene for scene in before.scenes}
+        if not (set(changed) <= REPEATS and {scene.scene for scene in before.scenes} <= {*names}):
+            raise LfsrError(f"{path} was measured with other settings ({', '.join(changed)})")
     except LfsrError as error:
         if settings.replace:
             return {}
         raise LfsrError(f"{error}: give another --output to keep it, or --replace to replace it") from None
-    return {scene.scene: scene for scene in before.scenes}
+    return {}
 
 
 def _check_renders(folder: Path, scene: Path) -> None:
