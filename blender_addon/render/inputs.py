@@ -17,7 +17,7 @@ from lfsr_core.version import __version__
 from ..scene.notices import image_files
 
 HERE = Path(__file__).resolve().parent
-# Fields of a job that the scene or this machine may settle. The panel renders copies of its file: not their path counts.
+# Fields of a job that the scene or this machine may settle. The panel renders copies of its file, whatever their path.
 SETTLED = ("scene", "device", "light", "scale", "scales", "scale_frames", "scale_reason", "spp", "rays")
 SOURCES = ("array", "render", "scene")  # packages whose modules decide pixels
 
@@ -38,9 +38,8 @@ def inputs_before_opening(job: Job, content: str) -> dict[str, str]:
     program = [__version__, *(file_content(path) for name in SOURCES
                               for path in sorted(HERE.with_name(name).iterdir()) if path.is_file())]
     chosen = {} if job.scales else {"samples or scale": digest([job.scale, job.spp])}
-    return chosen | {
-        "settings": digest(settings), "scene file": digest(content),
-        "Blender": digest([bpy.app.version_string, str(bpy.app.build_hash)]), "version of LFSR": digest(program)}
+    return {"settings": digest(settings), **chosen, "scene file": digest(content),
+            "Blender": digest([bpy.app.version_string, str(bpy.app.build_hash)]), "version of LFSR": digest(program)}
 
 
 def inputs(scene: bpy.types.Scene, job: Job, frame: Frame, content: str) -> dict[str, str]:
