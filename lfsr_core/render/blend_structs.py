@@ -23,6 +23,7 @@ NOISE = re.compile(r"_pad\w*|runtime|session_uid|changed_timestamp")
 NOISE_OF = {"Scene": ("customdata_mask", "customdata_mask_modal"), "Mesh": ("face_sets_color_seed",),
             "Object": ("mode",)}
 TOOLS = ("ToolSettings", "PreviewImage")  # structs of no scene, as is what only they point at
+MOST_BYTES, DEEPEST = 65535, 30  # of a struct, and structs one inside the other
 RAW = 0  # number of the struct of blocks that hold plain numbers
 
 
@@ -89,17 +90,21 @@ class Structs:
             raise ValueError(f"the members of {name} have {end} bytes, but it has {self._sizes[name]}")
         return Layout(name, self._sizes[name], np.array(pointers, int), np.array(noise, int), tuple(texts))
 
-    def _flat(self, name: str, start: int) -> Iterator[tuple[_Member, int, int, str]]:
+    def _flat(self, name: str, start: int, depth: int = 0) -> Iterator[tuple[_Member, int, int, str]]:
         """Yield members with their offset, size and struct; those of a struct inside a struct instead of it."""
+        if depth > DEEPEST or not self._sizes[name]:
+            raise ValueError(f"the struct {name} is empty or inside itself")
         for member in self._members[name]:
             size = POINTER_SIZE if member.is_pointer else self._sizes[member.kind]
             count = math.prod(member.counts)
+            if start + size * count > MOST_BYTES or count > MOST_BYTES:
+                raise ValueError(f"the struct {name} is too large")
             if member.is_pointer or member.kind not in self._members or NOISE.fullmatch(member.name) or (
                     member.name in NOISE_OF.get(name, ())):
                 yield member, start, size * count, name
             else:
                 for index in range(count):
-                    yield from self._flat(member.kind, start + index * size)
+                    yield from self._flat(member.kind, start + index * size, depth + 1)
             start += size * count
 
 

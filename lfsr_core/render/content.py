@@ -121,7 +121,7 @@ def _of_scene(blocks: Iterable[_Block]) -> list[list[_Block]]:
 
 def _without_tools(data: Array, group: list[_Block], layouts: Mapping[int, Layout | None]) -> list[_Block]:
     """Return the blocks of a data-block but those of TOOLS, and the DATA blocks that these point at."""
-    waiting = [block for block in group if (layout := layouts[block.kind]) and layout.name in TOOLS]
+    waiting = [block for block in group[1:] if (layout := layouts[block.kind]) and layout.name in TOOLS]
     by_address = {block.address: block for block in group[1:]} if waiting else {}
     tools = set()
     while waiting:
