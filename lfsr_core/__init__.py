@@ -6,7 +6,7 @@ each name is loaded from its module when it is first used, and neither Blender n
     from lfsr_core import Job, find_blender, load_display, run_job, upscale_frame
 
     run_job(Job("frame", load_display("fhd"), scene="scene.blend"), find_blender())
-    report = upscale_frame("frame", "oidn+bicubic")
+    report = upscale_frame("frame", "denoise+bicubic")
 """
 
 from __future__ import annotations

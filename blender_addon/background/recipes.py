@@ -11,7 +11,6 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, SUBPIXELS, frame_folder
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.depth_scale import ScaleChoice
-from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.records import to_data
 from lfsr_core.render.process import DERIVED_FILES
 from lfsr_core.render.staging import parts_folder, publish, staging_folder
@@ -73,7 +72,6 @@ def render_animation(recipe: Recipe) -> Steps:
     """Render and finish the frames that are missing; the result is the last one's folder and a sentence."""
     output = recipe.folder.parent
     with file_copy() as copy:
-        yield from _check_method(recipe.method, copy.parent)
         job = dataclasses.replace(recipe.job, scene=str(copy), output=str(output))
         second = {"method": recipe.method, "linear_exr": recipe.linear_exr, "share_frames": recipe.temporal_averaging}
         done = yield rendering_step("Rendering animation", 0.98, copy.parent, "animation", job=to_data(job),
@@ -90,7 +88,6 @@ def render_animation(recipe: Recipe) -> Steps:
 def render_frame(recipe: Recipe) -> Steps:
     """Render and finish one frame; the result is its folder."""
     with file_copy() as copy:
-        yield from _check_method(recipe.method, copy.parent)
         with staging_folder(recipe.folder) as folder:
             staged = folder / "frame"
             staged.mkdir()
@@ -103,12 +100,6 @@ def render_frame(recipe: Recipe) -> Steps:
                 views=None if recipe.is_direct else str(views_file(recipe.folder)))
             publish(staged, recipe.folder, DERIVED_FILES)
     return recipe.folder
-
-
-def _check_method(method: str, work: Path) -> Steps:
-    """A network that cannot run should be an error before the render, not after it."""
-    if MethodName.parse(method).networks:
-        yield second_stage_step("Checking method", 0.0, work, "check", method=method)
 
 
 def reference_recipe(scene: bpy.types.Scene) -> tuple[Recipe, Job]:

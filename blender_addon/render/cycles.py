@@ -92,8 +92,7 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
     with encoded_camera(scene, shot), ending as ended, cycles_settings(scene, settings, shot.layout.size):
         height = shot.layout.size[1]
         rows = shot.rows or Part(0, height)
-        # A denoiser would see the edges of bands.
-        if parts is not None and "denoised" not in settings.layers:
+        if parts is not None:
             seconds = render_in_bands(scene, rows, Path(path), progress, parts)
         else:
             with overridden(scene.render, border(rows, height) if rows.size < height else {}):
@@ -184,16 +183,4 @@ def _cycles_values(settings: RenderSettings) -> dict[str, object]:
             "use_layer_samples": "IGNORE", "use_camera_cull": False,
             "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0,
             "sample_clamp_indirect": clamp, "film_transparent_glass": settings.transparent_glass,
-            **_denoiser(settings), **compat.whole_sample_range()}
-
-
-def _denoiser(settings: RenderSettings) -> dict[str, object]:
-    """Settings of Cycles' own denoiser for the layer "denoised": colour alone, as the method "oidn"."""
-    if "denoised" not in settings.layers:
-        return {"use_denoising": False}
-    if not devices.has_denoiser():
-        raise LfsrError("the layer denoised needs Open Image Denoise, which this Blender was built without: "
-                        "choose the method 'oidn', or another Blender")
-    return {"use_denoising": True, "denoiser": "OPENIMAGEDENOISE", "denoising_input_passes": "RGB",
-            "denoising_prefilter": "NONE", "denoising_quality": "HIGH",
-            "denoising_use_gpu": settings.device != "CPU"}
+            "use_denoising": False, **compat.whole_sample_range()}

@@ -34,11 +34,10 @@ def _names(owner: bpy.types.bpy_struct) -> list[str]:
 
 
 def _cycles_switches(view_layer: bpy.types.ViewLayer, layers: Sequence[str]) -> dict[str, bool]:
-    """Switches of Cycles' own passes; OIDN needs its denoising albedo and normal, which see through glass."""
+    """Switches of Cycles' own passes; its denoising albedo and normal see through glass."""
     own = [name for name in _names(view_layer.cycles) if name.startswith(("use_pass_", "pass_"))]
     features = "albedo" in layers or "normal" in layers
-    denoised = "denoised" in layers
-    return dict.fromkeys(own, False) | {"use_denoising": denoised, "denoising_store_passes": features or denoised}
+    return dict.fromkeys(own, False) | {"use_denoising": False, "denoising_store_passes": features}
 
 
 @contextmanager

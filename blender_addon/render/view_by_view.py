@@ -44,9 +44,6 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
     Parameters and result as of ``cycles.render_encoded``.
     """
     started, layout = time.perf_counter(), shot.light_field
-    if "denoised" in settings.layers:
-        raise LfsrError("the layer denoised would be denoised view by view, which loses detail: choose another layout, "
-                        "or the method 'oidn'")
     # A pixel has the proportions of a lens.
     ratio = (layout.array.half_height / layout.lenses[1]) / (layout.array.half_width / layout.lenses[0])
     views = _Views(layout.views[0] * layout.views[1], Path(path).with_name("views.exr"), parts)

@@ -124,5 +124,5 @@ def reals(text: str) -> tuple[float, ...]:
 
 
 def names(text: str) -> tuple[str, ...]:
-    """Names such as oidn,light, for argparse: each once, empty ones left out."""
+    """Names such as oidn,bilinear, for argparse: each once, empty ones left out."""
     return tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))

@@ -45,12 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Plan; print the table and the command that renders the choice."""
-    from lfsr_core.plan.candidates import default_methods
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import make_plan
     from lfsr_core.plan.report import plan_report, table
     from lfsr_core.plan.work import work_folder
-    from lfsr_core.reconstruct.method_name import layers_of
     from lfsr_core.records import write_record
     from lfsr_core.render.blender import find_blender
     from lfsr_core.render.process import run_job
@@ -59,8 +57,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise LfsrError("--rays and --spps were both given: leave out one of them")
     given = {name: value for name in OPTIONS if (value := getattr(arguments, name)) is not None}
     options = PlanOptions(**given)
-    layers = layers_of(options.methods or default_methods())
-    job = make_job(arguments, output=".", spp=1, layers=layers, scale=1)
+    job = make_job(arguments, output=".", spp=1, scale=1)
     blender = find_blender(arguments.blender)
     with closing(ProgressBar()) as bar, work_folder(arguments.work, job, options, bar.note) as folder:
         planned = make_plan(job, options, lambda job, progress: run_job(job, blender, progress, bar.note), folder, bar)

@@ -49,9 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scale-frames", metavar="A-B|A-BxN|A,B,C",
                         help="with --scale auto, frames whose depth decides one scale for all of them; default: those "
                              "of --frames, else the frame that is rendered")
-    parser.add_argument("--layers", type=_layers, metavar="NAME,NAME",
-                        help=f"auxiliary layers from the same render, of {', '.join(LAYERS)}, "
-                             "or `none`; default: those that the method needs")
+    parser.add_argument("--layers", type=_layers, default=(), metavar="NAME,NAME",
+                        help=f"auxiliary layers from the same render, of {', '.join(LAYERS)}")
     common.add_rows_argument(parser)
     parser.add_argument("--frames", metavar="A-B|A-BxN|A,B,C",
                         help="an animation: frames A to B, every Nth, or a list, each in a folder of DIR such as 0001; "
@@ -75,10 +74,9 @@ def run(arguments: argparse.Namespace) -> None:
     display = load_display(arguments.display)
     scales = _scales(arguments, display)
     method = (upscale.panel_method(arguments) if arguments.layout == SUBPIXELS
-              else upscale.chosen_method(arguments.method, scales[0], display))
-    layers = method.layers if arguments.layers is None else arguments.layers
+              else upscale.chosen_method(arguments.method, scales[0]))
     scales = method.scales_of(scales) if arguments.scale == AUTO_SCALE else scales
-    job = common.make_job(arguments, layers=layers, **_sampling(arguments, display, scales))
+    job = common.make_job(arguments, layers=arguments.layers, **_sampling(arguments, display, scales))
     if arguments.frames is not None:
         _render_frames(arguments, job, method)
         return

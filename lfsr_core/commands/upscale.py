@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from lfsr_core.commands.renamed import add_old_option
 from lfsr_core.frames.averaging import check_averaging
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, frame_folder, read_rendered
-from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.progress import Progress, ProgressBar, silent
 
 if TYPE_CHECKING:  # slow to import, and `lfsr --help` has to be quick
@@ -20,7 +19,6 @@ if TYPE_CHECKING:  # slow to import, and `lfsr --help` has to be quick
 
 NAME = "upscale"
 HELP = "repeat the second stage of a rendered frame folder"
-METHOD_WITHOUT_DENOISER, METHOD_AT_FULL_RESOLUTION = "light", "oidn"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,11 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_method_arguments(parser: argparse.ArgumentParser) -> None:
     """Method and options of the second stage."""
     parser.add_argument("--method", metavar="NAME",
-                        help="steps joined by +, as in oidn+bicubic; default: the most accurate")
+                        help="steps joined by +, as in denoise+bicubic; default: the most accurate")
     parser.add_argument("--dilate", type=int, default=0, metavar="N",
                         help="grow the foreground mask by N lenses, for details too thin for sparse views")
-    parser.add_argument("--weights", type=Path, metavar="FILE", help="weights of `lfsr fit` or `lfsr train` "
-                                                                    "for the method's network")
+    parser.add_argument("--weights", type=Path, metavar="FILE", help="weights for the method's denoiser or network")
     parser.add_argument("--step", type=int, metavar="N", help="elemental images per call of the method")
     parser.add_argument("--linear-exr", action=argparse.BooleanOptionalAction, default=False,
                         help="also write the scene-linear eia.exr")
@@ -54,7 +51,7 @@ def run(arguments: argparse.Namespace) -> None:
     check_averaging(arguments.temporal_averaging)
     frame = read_rendered(folder)
     method = (panel_method(arguments) if frame.panel_rays
-              else chosen_method(arguments.method, frame.scale, frame.display))
+              else chosen_method(arguments.method, frame.scale))
     upscale(folder, method, arguments)
 
 
@@ -70,16 +67,14 @@ def panel_method(arguments: argparse.Namespace) -> MethodName:
     return method
 
 
-def chosen_method(name: str | None, scale: int, display: DisplayProfile) -> MethodName:
+def chosen_method(name: str | None, scale: int) -> MethodName:
     """What the method ``name``, or the default for None, does at ``scale``; LfsrError if it is unknown or cannot."""
-    from lfsr_core.reconstruct.method_name import PLAIN_METHOD, default_method
+    from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_METHOD
     from lfsr_core.reconstruct.methods import denoise
     from lfsr_core.reconstruct.registry import method as load_method
 
     if name is None:
-        without = METHOD_WITHOUT_DENOISER if all(display.parallax) else PLAIN_METHOD
-        name = default_method(display.parallax) if denoise.is_available() else without
-        name = name if scale > 1 else METHOD_AT_FULL_RESOLUTION
+        name = DEFAULT_METHOD if denoise.is_available() else PLAIN_METHOD
     chosen = load_method(name).name
     chosen.check_scale(scale)
     return chosen.at_scale(scale)

@@ -18,7 +18,7 @@ from lfsr_core.images.png import write_png
 SENSOR_MM = 35.0  # arbitrary: the focal length follows from it
 DISPARITY_FILE, PARAMETERS_FILE = "gt_disp_lowres.pfm", "parameters.cfg"
 NO_POSITION = ("disparity was not written, because the frame has no position layer: render it with "
-               "--layers albedo,normal,position")
+               "--layers position")
 
 
 def write(field: LightField, folder: Path, options: ExportOptions) -> list[str]:

@@ -23,7 +23,7 @@ OWN, EVEN = "own", "even"
 WORLD_IMAGES = ("city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset")
 LIGHTS = (AUTO, OWN, EVEN, *WORLD_IMAGES)
 LIGHT_SUFFIXES = (".hdr", ".exr")  # of a world image of the user's
-LAYERS = ("albedo", "normal", "position", "index", "denoised")
+LAYERS = ("albedo", "normal", "position", "index")
 # Blender's own limits: it would silently clip larger numbers.
 MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**31 - 1, 1_048_574, 10**8
 MOST_DIGITS = 30
@@ -77,7 +77,7 @@ class Job:
             self.samples_at(scale)
         if self.rows is not None:
             check_rows(self.rows, self.display.lenses[1])
-            whole = {"a list of lenses": self.lens_list is not None, "the layer denoised": "denoised" in self.layers,
+            whole = {"a list of lenses": self.lens_list is not None,
                      "the layout view-by-view": self.layout == "view-by-view"}
             for name in (name for name, asked in whole.items() if asked):
                 raise LfsrError(f"rows {rows_text(self.rows)} were asked for, but {name} is not rendered by rows: "

@@ -1,4 +1,4 @@
-"""The low-resolution EIA of a frame as methods see it: opaque, by elemental images, with its auxiliary layers."""
+"""The low-resolution EIA of a frame as methods see it: opaque, by elemental images."""
 
 from __future__ import annotations
 
@@ -16,13 +16,12 @@ from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.rays import RayLayout
 from lfsr_core.optics.world_view import WorldImage, WorldView
 
-RENDERED_LAYERS = ("albedo", "normal", "position")
-LAYERS = (*RENDERED_LAYERS, "denoised", "noisy", "guided")
+ARRAYS = ("color", "alpha", "position", "noisy", "opacity", "places")
 
 
 @dataclasses.dataclass(frozen=True)
 class LowResEIA:
-    """Low-resolution EIA and its layers; (sy, sx, h, w, C) float32 arrays.
+    """Low-resolution EIA; (sy, sx, h, w, C) float32 arrays.
 
     Low view k' covers high views s·k' … s·k' + s - 1.
     """
@@ -31,24 +30,14 @@ class LowResEIA:
     alpha: Array  # coverage in [0, 1], C = 1
     samples: int  # per pixel, the noise level
     scale: int  # s, high-resolution views per low-resolution view along each axis with parallax
-    # albedo, normal, position: where rendered, C = 3
-    albedo: Array | None = None
-    normal: Array | None = None
-    position: Array | None = None
-    denoised: Array | None = None  # colour as Cycles denoised it right after the render
+    position: Array | None = None  # where rendered
     noisy: Array | None = None  # colour as rendered, where a denoiser has changed ``color``
-    guided: Array | None = None  # colour denoised with albedo and normal, where ``color`` was denoised without
     parallax: tuple[bool, bool] = (True, True)  # axes, (horizontal, vertical), along which the display's views differ
     # For a world that is put behind the finished elemental images: how much of it is covered (C = 3, in [0, 1]), the
     # row and column of each lens on the display (sy, sx, 2), and what the lenses see of the world.
     opacity: Array | None = None
     places: Array | None = None
     world: WorldView | None = None
-
-    @property
-    def layers(self) -> dict[str, Array]:
-        """Auxiliary layers by their names in LAYERS."""
-        return self._present(LAYERS)
 
     @property
     def factors(self) -> tuple[int, int]:
@@ -68,12 +57,8 @@ class LowResEIA:
 
     def each(self, change: Callable[[Array], Array]) -> LowResEIA:
         """Return a copy with ``change`` applied to every array, for example to pick lenses."""
-        changed: dict[str, Any] = {name: change(array) for name, array in self._present(
-            ("color", "alpha", *LAYERS, "opacity", "places")).items()}
+        changed: dict[str, Any] = {name: change(array) for name in ARRAYS if (array := getattr(self, name)) is not None}
         return dataclasses.replace(self, **changed)
-
-    def _present(self, names: tuple[str, ...]) -> dict[str, Array]:
-        return {name: array for name in names if (array := getattr(self, name)) is not None}
 
 
 def over_background(layers: Mapping[str, Array], frame: Frame) -> Array:
@@ -106,16 +91,11 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
     if shape[:2] != (height, width):
         raise LfsrError(f"{LOW_RES_FILE} has {shape[1]}×{shape[0]} pixels, but frame.json says {width}×{height}: "
                         "render the frame again")
-
-    alpha = layers["color"][..., 3:]
-    images = {name: layers[name] for name in RENDERED_LAYERS if name in layers}
-    images |= {"color": over_background(layers, frame), "alpha": np.clip(alpha, 0, 1)}
-    if "denoised" in layers:
-        images["denoised"] = over_background({**layers, "color": np.concatenate([layers["denoised"], alpha], 2)}, frame)
+    images = {"color": over_background(layers, frame), "alpha": np.clip(layers["color"][..., 3:], 0, 1)}
+    if "position" in layers:
+        images["position"] = layers["position"]
     if frame.world_apart:
         images["opacity"] = 1 - np.clip(layers["environment"], 0, 1)
-        if "albedo" in images:  # Cycles adds the light of the world, which is white here
-            images["albedo"] = np.maximum(images["albedo"] - layers["environment"], 0)
     tiles: dict[str, Any] = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
     return LowResEIA(**tiles, samples=frame.samples, scale=frame.scale, parallax=frame.display.parallax, world=world,
                      places=frame.rays.shown_lenses if frame.world_apart else None)

@@ -21,11 +21,11 @@ PASS_LAYERS = {
     "position": "position",
     "indexob": "index", "object index": "index", "index": "index",
     "env": "environment", "environment": "environment",
-    "noisy image": "noisy", "denoised": "denoised",
+    "noisy image": "noisy",
 }
 LAYER_CHANNELS = {"color": "RGBA", "albedo": "RGB", "normal": "XYZ", "position": "XYZ", "index": "X",
-                  "environment": "RGB", "denoised": "RGB", "noisy": "RGBA"}
-COLORS = ("color", "noisy", "denoised")  # other layers' components may be called X, Y, Z or R, G, B
+                  "environment": "RGB", "noisy": "RGBA"}
+COLORS = ("color", "noisy")  # other layers' components may be called X, Y, Z or R, G, B
 FLOATS = ("half", "float")
 HALF_MAX = 65504.0
 MAGIC = b"\x76\x2f\x31\x01"
@@ -42,8 +42,7 @@ def read_layers(path: str | Path) -> Layers:
 
     Always "color" (RGBA, premultiplied, scene-linear; alpha 1 if the file has
     none). If the file has them: "albedo" (3), "normal" (3, camera-array space, zero where
-    nothing was hit), "position" (3, world space, scene units), "index" (1), "environment" (3)
-    and "denoised" (3), the colour after Cycles' own denoiser.
+    nothing was hit), "position" (3, world space, scene units), "index" (1) and "environment" (3).
     Reads Blender's files (4.5: one part, 5.x: one part per pass) and those of
     ``write_layers``; ignores other passes.
     LfsrError if the file is missing, truncated, has no colour or lacks a channel of a layer.
@@ -65,9 +64,8 @@ def read_layers(path: str | Path) -> Layers:
         height, width, channels = pixels.shape
         if (height, width) != layers["color"].shape[:2] or channels not in (len(LAYER_CHANNELS[layer]), 3):
             raise _unreadable(path, f"its layer {layer} has {width}×{height} pixels of {channels} channels")
-    if "noisy" in layers:  # then the combined pass is Cycles' denoised image
+    if "noisy" in layers:  # then Cycles has denoised the combined pass
         combined = layers["color"]
-        layers["denoised"] = np.ascontiguousarray(combined[..., :3])
         layers["color"] = np.concatenate([layers.pop("noisy")[..., :3], combined[..., 3:]], axis=2)
     if layers["color"].shape[2] == 3:
         layers["color"] = np.concatenate([layers["color"], np.ones_like(layers["color"][..., :1])], axis=2)

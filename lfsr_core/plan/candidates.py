@@ -15,9 +15,8 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.estimate import Estimate
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_CHAINS, PLAIN_METHOD, MethodName
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_METHOD, RECOVERY, MethodName
 from lfsr_core.reconstruct.methods import denoise
-from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.registry import method
 
 METRICS = ("ssim_lens_fg", "ssim_lens")
@@ -38,7 +37,7 @@ class Candidate:
 
     @property
     def name(self) -> str:
-        """Short name, as in "s4-spp16 oidn+bilinear"."""
+        """Short name, as in "s4-spp16 denoise+bilinear"."""
         return f"s{self.scale}-spp{self.spp} {self.method}"
 
     def options(self, display: DisplayProfile) -> tuple[str, ...]:
@@ -118,11 +117,8 @@ def candidates(display: DisplayProfile, scales: Sequence[int] | None = None, spp
 
 
 def default_methods() -> tuple[str, ...]:
-    """Simple upscaling and our networks, without a denoiser and, where it is installed, with one."""
-    ours = [name for name, entry in catalogue.NETWORKS.items() if entry.light_field and not entry.after]
-    names = [PLAIN_METHOD, *ours, *PLAIN_CHAINS, DEFAULT_METHOD]
-    usable = [name for name in names if denoise.is_available() or not MethodName.parse(name).prefilters]
-    return tuple(dict.fromkeys(usable))
+    """Simple upscaling, and where Open Image Denoise is installed the default, also with recovered detail."""
+    return PLAIN_METHOD, *((DEFAULT_METHOD, f"{DEFAULT_METHOD}+{RECOVERY}") if denoise.is_available() else ())
 
 
 def between(spps: Sequence[int], steps: int) -> list[tuple[int, int, int, float]]:

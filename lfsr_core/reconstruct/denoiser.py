@@ -1,4 +1,4 @@
-"""The network that Open Image Denoise runs, and weights of ours for it.
+"""The network that Open Image Denoise runs, and weights for elemental images.
 
 A U-Net of 3×3 convolutions with bias: ReLU after all but the last, 2×2 max-pooling after enc_conv1 to 4, nearest
 upsampling and a skip before dec_conv4a to 1a, zeros around the image up to a multiple of 16. Widths come from the

@@ -10,7 +10,7 @@ from pathlib import Path
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Cleaner, Upscaler
-from lfsr_core.reconstruct.method_name import BOTH, OURS, RECOVERY, MethodName
+from lfsr_core.reconstruct.method_name import DENOISE, RECOVERY, MethodName
 from lfsr_core.reconstruct.methods import denoise
 from lfsr_core.reconstruct.methods.epipolar import Recovering
 from lfsr_core.reconstruct.methods.interpolation import Interpolation, NoUpscaling
@@ -25,13 +25,8 @@ CLASSICAL: dict[str, Upscaler] = {
     "none": NoUpscaling("nearest"),
 }
 PREFILTERS: dict[str, Callable[[LowResEIA], LowResEIA]] = {
+    DENOISE: denoise.denoise_elemental_images,
     "oidn": denoise.denoise_low_resolution,
-    "oidn-fast": functools.partial(denoise.denoise_low_resolution, fast=True),
-    "oidn-guided": functools.partial(denoise.denoise_low_resolution, guided=True),
-    "oidn-half": denoise.denoise_at_half,
-    BOTH: denoise.denoise_both_ways,
-    OURS: denoise.denoise_with_ours,
-    "oidn-render": denoise.as_rendered,
 }
 
 
@@ -53,19 +48,17 @@ class Method:
 
 def method(name: str | MethodName, weights: str | Path | None = None, *, upscaler: Upscaler | None = None,
            block: int | None = None) -> Method:
-    """Load the method of a name such as "oidn+bicubic", see ``MethodName.parse``.
+    """Load the method of a name such as "denoise+bicubic", see ``MethodName.parse``.
 
-    ``weights``: file for its network, or for the prefilter "ours", instead of the shipped one. ``upscaler``: instead
+    ``weights``: file for its network, or for the prefilter "denoise", instead of the shipped one. ``upscaler``: instead
     of the one in the name. ``block``: see ``epipolar.Recovering``. LfsrError for a wrong name, weights without a
     network, or "epi" after an upscaler that does more than interpolate.
     """
     name = MethodName.parse(name)
     prefilters = tuple(PREFILTERS[part] for part in name.prefilters)
-    if weights and OURS in name.prefilters:
-        own = functools.partial(denoise.denoise_with_ours, weights=weights)
-        prefilters, weights = tuple(own if part == OURS else PREFILTERS[part] for part in name.prefilters), None
-    if BOTH in name.prefilters and not name.mixes(BOTH):
-        prefilters += (denoise.mean_of_both,)
+    if weights and DENOISE in name.prefilters:
+        own = functools.partial(denoise.denoise_elemental_images, weights=weights)
+        prefilters, weights = tuple(own if part == DENOISE else PREFILTERS[part] for part in name.prefilters), None
     upscaler = upscaler or _load(name, weights)
     if not name.recovers:
         return Method(name, prefilters, upscaler)
@@ -80,6 +73,6 @@ def _load(name: MethodName, weights: str | Path | None) -> Upscaler:
     if name.network:
         return catalogue.upscaler(name.upscaler, **({"weights": weights} if weights else {}))
     if weights:
-        raise LfsrError(f"weights {weights} were given, but {name.upscaler!r} is no network: choose one of "
-                        f"{', '.join(catalogue.NETWORKS)}, or leave the weights out")
+        raise LfsrError(f"weights {weights} were given, but method {name.text!r} has none: choose one with "
+                        f"{DENOISE!r}, or leave the weights out")
     return CLASSICAL[name.upscaler]

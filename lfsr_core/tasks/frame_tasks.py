@@ -56,13 +56,6 @@ def choose(folder: str, count: int, seed: int = 0) -> dict[str, Any]:
     return {"lens_list": None if every else [list(lens) for lens in choose_lenses(mask, count, seed)]}
 
 
-def check(method: str) -> dict[str, Any]:
-    """Check before a render that ``method`` exists and runs in this Python; LfsrError if not."""
-    from lfsr_core.reconstruct.registry import method as load
-
-    return {"method": load(method).name.text}
-
-
 def compare(folder: str, reference: str) -> dict[str, Any]:
     """Compare a finished folder with a reference folder; return the "metrics" of its report."""
     from lfsr_core.frames.report import read_report

@@ -24,8 +24,8 @@ from lfsr_core.tasks import blender_tasks, frame_tasks
 Task = Callable[..., dict[str, Any]]
 STARTING: dict[str, Task] = {"plan": blender_tasks.plan, "animation": blender_tasks.animation}  # start processes
 TASKS: dict[str, Task] = STARTING | {task.__name__: task for task in (
-    frame_tasks.upscale, frame_tasks.decode, frame_tasks.check, frame_tasks.choose, frame_tasks.compare,
-    frame_tasks.view, frame_tasks.export)}
+    frame_tasks.upscale, frame_tasks.decode, frame_tasks.choose, frame_tasks.compare, frame_tasks.view,
+    frame_tasks.export)}
 
 
 def main(arguments: list[str]) -> int:

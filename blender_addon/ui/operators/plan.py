@@ -12,7 +12,6 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.plan import candidates
 from lfsr_core.plan.options import PlanOptions
-from lfsr_core.reconstruct.method_name import layers_of
 from lfsr_core.records import from_data, to_data
 from lfsr_core.tasks.blender_tasks import Found
 
@@ -34,7 +33,7 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
         scene = context.scene
         scene_settings.resolve(scene).check_light_field("a plan")
         options = wanted(scene)
-        job = dataclasses.replace(recipes.frame_recipe(scene).job, layers=layers_of(options.methods or ()))
+        job = recipes.frame_recipe(scene).job
         state = context.window_manager.lfsr
         state.plan_scene = state.plan_text = state.plan_method = ""  # the last result must not seem to be this one's
         return find(job, options), functools.partial(show, scene.name)

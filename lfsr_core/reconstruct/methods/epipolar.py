@@ -22,8 +22,8 @@ from lfsr_core.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Cleaner
 from lfsr_core.reconstruct.encoding import decode, encode
+from lfsr_core.reconstruct.methods.denoise import Box
 from lfsr_core.reconstruct.methods.interpolation import EIS_IN_CACHE, averaged, finish_in_steps, interpolated
-from lfsr_core.reconstruct.methods.rectangles import Box
 from lfsr_core.reconstruct.methods.shear import sheared
 
 # (lenses, views) per step along a line: three usable depths on each side of the display plane. On the plane itself

@@ -17,15 +17,14 @@ from lfsr_core.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.encoding import encode
 
-AVERAGED = ("color", "alpha", "opacity", "albedo", "normal")
-TESTED = ("opacity", "albedo", "normal")  # besides colour
+AVERAGED = ("color", "alpha", "opacity")
 NEAR, WIDE = 30.0, 100.0  # weights of a change of neighbouring pixels, and of one of whole elemental images
 SIGMAS = 2.5  # standard deviations by which a change must exceed noise
 NEAR_SPREAD, WIDE_SPREAD = 1.25, 2**0.5  # of the change that white noise seems to be, over √pixels and over pixels
 REACH = 1  # pixels or lenses to each side that are looked at together
 CERTAIN = 0.75  # certainty of the least certain pixel above which an elemental image is averaged
 TINY = 1e-12
-VERSION = 2  # of the result: figures measured with another version are out of date
+VERSION = 3  # of the result: figures measured with another version are out of date
 
 
 def average_frames(low: LowResEIA, others: Iterable[LowResEIA]) -> tuple[LowResEIA, float]:
@@ -53,10 +52,8 @@ def similarity(low: LowResEIA, other: LowResEIA) -> Array:
     It is 0 where a pixel has probably changed, and where one frame shows something and the other nothing.
     """
     result = unchanged(encode(low.color) - encode(other.color))
-    for name in TESTED:
-        ours, theirs = getattr(low, name), getattr(other, name)
-        if ours is not None and theirs is not None:
-            result = np.minimum(result, unchanged(ours - theirs))
+    if low.opacity is not None and other.opacity is not None:
+        result = np.minimum(result, unchanged(low.opacity - other.opacity))
     certainty = np.maximum(result.min((2, 3)) - CERTAIN, 0) / (1 - CERTAIN)
     return np.asarray(np.where(_shows(low) == _shows(other), certainty, 0), np.float32)
 
