@@ -87,18 +87,17 @@ def render_animation(recipe: Recipe) -> Steps:
 
 def render_frame(recipe: Recipe) -> Steps:
     """Render and finish one frame; the result is its folder."""
-    with file_copy() as copy:
-        with staging_folder(recipe.folder) as folder:
-            staged = folder / "frame"
-            staged.mkdir()
-            job = dataclasses.replace(recipe.job, scene=str(copy), output=str(staged),
-                                      parts=str(parts_folder(recipe.folder)))
-            yield render_step(job, folder, RENDER_FRACTION, "Rendering")
-            yield second_stage_step(
-                "Denoising" if recipe.is_direct else "Upscaling", 1 - RENDER_FRACTION, folder, "upscale",
-                folder=str(staged), method=recipe.method, linear_exr=recipe.linear_exr,
-                views=None if recipe.is_direct else str(views_file(recipe.folder)))
-            publish(staged, recipe.folder, DERIVED_FILES)
+    with file_copy() as copy, staging_folder(recipe.folder) as folder:
+        staged = folder / "frame"
+        staged.mkdir()
+        job = dataclasses.replace(recipe.job, scene=str(copy), output=str(staged),
+                                  parts=str(parts_folder(recipe.folder)))
+        yield render_step(job, folder, RENDER_FRACTION, "Rendering")
+        yield second_stage_step(
+            "Denoising" if recipe.is_direct else "Upscaling", 1 - RENDER_FRACTION, folder, "upscale",
+            folder=str(staged), method=recipe.method, linear_exr=recipe.linear_exr,
+            views=None if recipe.is_direct else str(views_file(recipe.folder)))
+        publish(staged, recipe.folder, DERIVED_FILES)
     return recipe.folder
 
 

@@ -18,7 +18,6 @@ import mathutils
 import numpy as np
 
 from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
 from lfsr_core.images import exr
 from lfsr_core.optics import eia
 from lfsr_core.optics.rays import RayLayout, view_offset

@@ -18,12 +18,12 @@ from bpy.props import (
 )
 
 from lfsr_core.frames.averaging import MOST_AVERAGED
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, GONE_SINCE
 
 from ..array import rig
 from ..results import preview, show_image
 from .lights import AUTO_LIGHT, light_items
-from .methods import DIRECT, method_items
+from .methods import DIRECT, METHODS, method_items
 from .scene_settings import AUTO_SCALE, SCALES, profile_items, qualities
 
 LIVE_SCALES = (1, 2, 4, 8)  # pixel sizes of Blender's viewport
@@ -57,6 +57,17 @@ def _is_custom(settings: SceneSettings, _context: bpy.types.Context) -> None:
         chosen = settings.rays, settings.samples, settings.method
         settings.quality = next((name for name, values in qualities(settings.id_data).items() if values == chosen),
                                 "CUSTOM")
+
+
+@bpy.app.handlers.persistent
+def replace_gone_methods(*_: object) -> None:
+    """Set the default where an opened file has a method of an older version, and say so in the panel."""
+    for scene in bpy.data.scenes:
+        if not scene.lfsr.method and scene.is_editable:
+            scene.lfsr.method = DEFAULT_METHOD
+            bpy.context.window_manager.lfsr.message = (
+                f"The method saved in scene {scene.name!r} is gone since version {GONE_SINCE}: "
+                f"{METHODS[DEFAULT_METHOD][0]} replaced it")
 
 
 def _look(settings: SceneSettings, _context: bpy.types.Context) -> None:
@@ -241,9 +252,11 @@ def register() -> None:
         name="Light Field", description="Light-field settings of this scene", type=SceneSettings)
     bpy.types.WindowManager.lfsr = PointerProperty(
         name="Light Field", description="State of the light-field panel", type=SessionState)
+    bpy.app.handlers.load_post.append(replace_gone_methods)
 
 
 def unregister() -> None:
     """Remove them again; saved files keep their values."""
+    bpy.app.handlers.load_post.remove(replace_gone_methods)
     del bpy.types.WindowManager.lfsr
     del bpy.types.Scene.lfsr

@@ -15,7 +15,7 @@ from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
-from lfsr_core.reconstruct.method_name import PANEL_METHODS, MethodName, default_method
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PANEL_METHODS, MethodName
 
 from ..array import rig
 from ..render import devices
@@ -23,7 +23,7 @@ from ..render.color import color_settings
 from ..scene.subject import find_subject
 from .folders import absolute
 from .lights import check_chosen, light_of
-from .methods import DIRECT, check_scale
+from .methods import DIRECT
 
 PROFILE_FILE = "FILE"
 FIRST_PROFILES = ("bupt-32in-8k", "dense-8k", "fhd", "mini", "small")
@@ -41,7 +41,6 @@ class Resolved:
     device: str  # "CPU" or a GPU type such as "OPTIX"
     layout: str  # as of ``Job``
     method: MethodName
-    layers: tuple[str, ...]  # auxiliary layers that the method needs
     scale: int  # of Auto the largest
     scales: tuple[int, ...]  # that Auto chooses from, the largest first; else none
     samples: int  # per pixel, at that scale
@@ -65,10 +64,7 @@ class Resolved:
                 raise LfsrError(f"{reason}: choose one, or switch it off under Display")
             return
         self.display.low_views(self.scale)
-        if not self.method.works_with(self.display.parallax):
-            raise LfsrError(f"display {self.display.name!r} has views in one direction, but this method's network "
-                            "needs two: choose a method without Refine or a network, as Denoise + Bilinear + Recover")
-        check_scale(self.method, self.scale)
+        self.method.check_scale(self.scale)
 
     def check_light_field(self, what: str) -> None:
         """LfsrError if ``what``, as in "a plan", has no light field to work on."""
@@ -78,20 +74,20 @@ class Resolved:
     def job(self, output: Path, frame: int) -> Job:
         """The render job of one frame, into the folder ``output``; of Auto, Blender chooses the scale."""
         return Job(output=str(output), display=self.display, scale=self.scale, scales=self.scales, spp=self.samples,
-                   rays=self.rays if self.scales else None, scene_name=self.scene_name, layers=self.layers,
-                   layout=self.layout, seed=self.seed, frame=frame, device=self.device, light=self.light)
+                   rays=self.rays if self.scales else None, scene_name=self.scene_name, layout=self.layout,
+                   seed=self.seed, frame=frame, device=self.device, light=self.light)
 
 
 def resolve(scene: bpy.types.Scene) -> Resolved:
     """Resolve the settings; LfsrError where the display's profile cannot be read."""
     settings, display, device = scene.lfsr, display_of(scene), device_of(scene)
     is_direct = settings.straight and display.is_woven
-    method = MethodName.parse(PANEL_METHODS[0] if is_direct else settings.method)
+    method = MethodName.parse(PANEL_METHODS[0] if is_direct else settings.method or DEFAULT_METHOD)
     scales = method.scales_of(scales_up_to(display)) if settings.scale == AUTO_SCALE and not is_direct else ()
     scale = 1 if is_direct else scales[0] if scales else int(settings.scale)
     rays = None if settings.samples else settings.rays
     return Resolved(scene.name, display, device, SUBPIXELS if is_direct else devices.way_of(device), method,
-                    method.layers, scale, scales, settings.samples or samples_at(display, scale, settings.rays), rays,
+                    scale, scales, settings.samples or samples_at(display, scale, settings.rays), rays,
                     settings.seed, light_of(scene), linear_exr=settings.linear_exr and not is_direct,
                     temporal_averaging=0 if is_direct else settings.share_frames)
 
@@ -176,7 +172,7 @@ def qualities(scene: bpy.types.Scene) -> dict[str, tuple[float, int, str]]:
     except LfsrError:  # the panel shows what is wrong with it
         display = load_display(FIRST_PROFILES[0])
     is_direct = scene.lfsr.straight and display.is_woven
-    return {name: (float(samples) if is_direct else usual_rays(display, samples), 0, default_method(display.parallax))
+    return {name: (float(samples) if is_direct else usual_rays(display, samples), 0, DEFAULT_METHOD)
             for name, samples in QUALITY_SAMPLES.items()}
 
 

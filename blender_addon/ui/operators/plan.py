@@ -10,7 +10,6 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
-from lfsr_core.plan import candidates
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.records import from_data, to_data
 from lfsr_core.tasks.blender_tasks import Found
@@ -18,7 +17,6 @@ from lfsr_core.tasks.blender_tasks import Found
 from ...background import recipes, session, steps
 from ...background.steps import Steps
 from ...settings import scene_settings
-from ...settings.methods import method_items
 from .base import UNDO, Prepared, Result, TaskOperator, reports_errors
 
 
@@ -59,10 +57,8 @@ class LFSR_OT_plan_use(bpy.types.Operator):
 
 
 def wanted(scene: bpy.types.Scene) -> PlanOptions:
-    """Options of a plan: the scene's target, and the methods that the panel can be set to."""
-    listed = {item[0] for item in method_items()}
-    return PlanOptions(target=round(scene.lfsr.plan_target, 4),
-                       methods=tuple(name for name in candidates.default_methods() if name in listed))
+    """Options of a plan: the scene's target, which floats of single precision do not hold exactly."""
+    return PlanOptions(target=round(scene.lfsr.plan_target, 4))
 
 
 def find(job: Job, options: PlanOptions) -> Steps:

@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from lfsr_core.reconstruct.methods.guides import guides_of
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
@@ -16,7 +17,6 @@ from lfsr_core.reconstruct.methods.denoise import (
     mean_of_both,
     shown_part,
 )
-from lfsr_core.reconstruct.methods.guides import guides_of
 from tests.support.prerequisites import needs_bpy
 
 RANDOM = np.random.default_rng(0)

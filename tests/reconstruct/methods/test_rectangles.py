@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
 from lfsr_core.reconstruct.methods.rectangles import rectangles, span
 
 VIEWS = (16, 16)  # two lenses of context

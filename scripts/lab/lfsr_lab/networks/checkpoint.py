@@ -7,19 +7,25 @@ Nothing is ever unpickled.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import load as from_bytes
 from safetensors.numpy import save as to_bytes
 from torch import nn
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path, write_json
-from lfsr_core.reconstruct.networks.weights_file import FORMAT, MAX_BYTES, VERSION, check_finite, digest, read
+from lfsr_core.files import atomic_path, read_bytes, write_json
+
+FORMAT, VERSION = "lfsr-weights", 1
+MAX_BYTES = 1_000_000
 
 
 def save(path: str | Path, network: nn.Module, scale: int, provenance: Mapping[str, Any],
@@ -41,6 +47,28 @@ def save(path: str | Path, network: nn.Module, scale: int, provenance: Mapping[s
     write_json(path.with_suffix(".json"), {**facts, **provenance})
 
 
+def read(path: str | Path) -> tuple[dict[str, str], dict[str, Array]]:
+    """Header and tensors of a file; LfsrError where it is damaged, of another format or version, or not finite."""
+    path = Path(path)
+    content = read_bytes(path, "weights, as 'lfsr train' makes", 2 * MAX_BYTES)
+    try:
+        tensors = from_bytes(content)
+        with safe_open(path, "np") as file:
+            header = file.metadata() or {}
+    except SafetensorError as error:
+        raise LfsrError(f"{path} cannot be read as safetensors weights ({error}): "
+                        "get it again or train it again") from None
+    if header.get("format") != FORMAT:
+        raise LfsrError(f"{path} is a safetensors file but not LFSR weights: choose a file written by 'lfsr train'")
+    if header.get("version") != str(VERSION):
+        raise LfsrError(f"{path} has weights format version {header.get('version')!r}, expected {VERSION}: "
+                        "train it again or use the matching LFSR")
+    if digest(tensors) != header.get("sha256"):
+        raise LfsrError(f"{path} does not match the SHA-256 in its header: it was changed or damaged, get it again")
+    check_finite(path, tensors)
+    return header, tensors
+
+
 def load_into(network: nn.Module, path: str | Path, scale: int) -> nn.Module:
     """Load the tensors of ``path`` into ``network`` and return it.
 
@@ -56,6 +84,24 @@ def load_into(network: nn.Module, path: str | Path, scale: int) -> nn.Module:
     _check_shapes(path, tensors, network)
     network.load_state_dict({name: torch.from_numpy(value) for name, value in tensors.items()})
     return network
+
+
+def check_finite(path: str | Path, tensors: Mapping[str, Array]) -> None:
+    """LfsrError if one of the ``tensors`` for the file ``path`` has NaN or infinite values."""
+    for name, value in tensors.items():
+        if not np.isfinite(value).all():
+            raise LfsrError(f"weights {name!r} of {path} are not finite: the training diverged, train it again at a "
+                            "lower rate")
+
+
+def digest(tensors: Mapping[str, Array]) -> str:
+    """SHA-256 of the names, types, shapes and bytes of tensors, sorted by name."""
+    state = hashlib.sha256()
+    for name in sorted(tensors):
+        value = np.ascontiguousarray(tensors[name])
+        state.update(f"{name} {value.dtype.str} {value.shape}\n".encode())
+        state.update(value.tobytes())
+    return state.hexdigest()
 
 
 def _check_before_saving(path: Path, tensors: Mapping[str, Array]) -> None:

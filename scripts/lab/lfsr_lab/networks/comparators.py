@@ -2,30 +2,59 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from lfsr_core.reconstruct.networks.spec import NetworkSpec
+from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.reconstruct.networks.catalogue import Network
 
 FOLDER = Path(__file__).parent / "weights"
+SCALES = (2, 3, 4, 8)  # that every architecture has
 PER_IMAGE = "lfsr_lab.networks.upscalers:PhotographUpscaler"
 WHOLE_EIA = "lfsr_lab.networks.upscalers:WholeEIAUpscaler"
 
 
-def _comparator(description: str, architecture: str, convolutions: int | None = None, *, upscaler: str = PER_IMAGE,
-                weights: str | None = None) -> NetworkSpec:
+@dataclasses.dataclass(frozen=True)
+class Comparator(Network):
+    """A network trained on photographs, with how to build it."""
+
+    architecture: str  # its class, a name of ``networks.ARCHITECTURES``
+    options: Mapping[str, Any]  # arguments of that class besides the scale
+    stem: str  # of its weights' files
+
+
+def spec(name: str) -> Comparator:
+    """Network of NETWORKS by name; LfsrError with the nearest name for another."""
+    if name not in NETWORKS:
+        raise LfsrError(f"there is no network {name!r}: {did_you_mean(name, NETWORKS, cutoff=0).rstrip()}")
+    return NETWORKS[name]
+
+
+def weights_path(name: str, scale: int, folder: str | Path = FOLDER) -> Path:
+    """Path of a network's weights at a scale in ``folder``, whether the file exists or not."""
+    return Path(folder) / f"{spec(name).stem}-x{scale}.safetensors"
+
+
+def _comparator(stem: str, description: str, architecture: str, convolutions: int | None = None, *,
+                upscaler: str = PER_IMAGE) -> Comparator:
+    files = {scale: path for scale in SCALES if (path := FOLDER / f"{stem}-x{scale}.safetensors").exists()}
     options = {"convolutions": convolutions} if convolutions else {}
-    return NetworkSpec(description, architecture, options, upscaler=upscaler, weights=weights, folder=FOLDER)
+    return Comparator(description, upscaler, files, architecture, options, stem)
 
 
-NETWORKS: dict[str, NetworkSpec] = {
-    "paper": _comparator("the paper's generator per EI, trained with MSE only", "PaperGenerator", 2),
-    "paper-gan": _comparator("the paper's generator per EI, trained with its discriminator", "PaperGenerator", 2),
-    **{f"paper-{n}": _comparator(f"the paper's generator with {n} convolutions, MSE only", "PaperGenerator", n)
+NETWORKS: dict[str, Comparator] = {
+    "paper": _comparator("paper", "the paper's generator per EI, trained with MSE only", "PaperGenerator", 2),
+    "paper-gan": _comparator("paper-gan", "the paper's generator per EI, trained with its discriminator",
+                             "PaperGenerator", 2),
+    **{f"paper-{n}": _comparator(f"paper-{n}", f"the paper's generator with {n} convolutions, MSE only",
+                                 "PaperGenerator", n)
        for n in (3, 4, 5, 6)},
-    "espcn": _comparator("ESPCN per EI", "ESPCN"),
-    "fsrcnn": _comparator("FSRCNN(56, 12, 4) per EI", "FSRCNN"),
-    "fsrcnn-eia": _comparator("FSRCNN over the whole EIA: crosstalk between EIs", "FSRCNN", upscaler=WHOLE_EIA,
-                              weights="fsrcnn"),
-    "paper-eia": _comparator("the paper's generator over the whole EIA: crosstalk between EIs", "PaperGenerator", 2,
-                             upscaler=WHOLE_EIA, weights="paper"),
+    "espcn": _comparator("espcn", "ESPCN per EI", "ESPCN"),
+    "fsrcnn": _comparator("fsrcnn", "FSRCNN(56, 12, 4) per EI", "FSRCNN"),
+    "fsrcnn-eia": _comparator("fsrcnn", "FSRCNN over the whole EIA: crosstalk between EIs", "FSRCNN",
+                              upscaler=WHOLE_EIA),
+    "paper-eia": _comparator("paper", "the paper's generator over the whole EIA: crosstalk between EIs",
+                             "PaperGenerator", 2, upscaler=WHOLE_EIA),
 }

@@ -1,4 +1,4 @@
-"""Networks of the catalogue as PyTorch modules: untrained, or with their weights."""
+"""Comparators as PyTorch modules: untrained, or with their weights."""
 
 from __future__ import annotations
 
@@ -8,20 +8,19 @@ from pathlib import Path
 from torch import nn
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.reconstruct.networks import catalogue
-from lfsr_lab.networks import lightfield
+from lfsr_lab.networks import comparators
 from lfsr_lab.networks.checkpoint import load_into
 from lfsr_lab.networks.photograph_networks import ESPCN, FSRCNN, PaperGenerator
 
 ARCHITECTURES: dict[str, Callable[..., nn.Module]] = {
-    "LightFieldNet": lightfield.build, "PaperGenerator": PaperGenerator, "ESPCN": ESPCN, "FSRCNN": FSRCNN}
+    "PaperGenerator": PaperGenerator, "ESPCN": ESPCN, "FSRCNN": FSRCNN}
 
 
 def build(name: str, scale: int) -> nn.Module:
     """Return an untrained network; LfsrError if it does not exist at that scale."""
-    entry = catalogue.spec(name)
-    if scale not in entry.scales:
-        scales = ", ".join(map(str, entry.scales))
+    entry = comparators.spec(name)
+    if scale not in comparators.SCALES:
+        scales = ", ".join(map(str, comparators.SCALES))
         raise LfsrError(f"network {name!r} has no scale {scale}: choose one of {scales} or another method")
     return ARCHITECTURES[entry.architecture](scale=scale, **entry.options)
 
@@ -29,9 +28,10 @@ def build(name: str, scale: int) -> nn.Module:
 def load(name: str, scale: int, weights: str | Path | None = None) -> nn.Module:
     """Return a network with its weights, in evaluation mode, on the CPU; LfsrError if they do not fit."""
     network = build(name, scale)
-    path = Path(weights) if weights else catalogue.weights_path(name, scale)
-    if weights is None and not path.exists():
-        scales = ", ".join(map(str, catalogue.trained_scales(name))) or "no scale"
+    shipped = comparators.spec(name).weights
+    path = Path(weights) if weights else shipped.get(scale)
+    if path is None:
+        scales = ", ".join(map(str, shipped)) or "no scale"
         raise LfsrError(f"network {name!r} has no weights for scale {scale} (there are some for {scales}): "
                         f"choose another scale or method, or train them with 'lfsr train'")
-    return load_into(network, path, catalogue.spec(name).trained_at or scale).eval()
+    return load_into(network, path, scale).eval()

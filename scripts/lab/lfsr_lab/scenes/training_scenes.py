@@ -1,16 +1,12 @@
 """Training scenes: many small, varied, seeded scenes and their renders, one file each.
 
     python scripts/lab/lfsr_lab/scenes/training_scenes.py --prepare-textures PHOTOS SMALL
-    python scripts/lab/lfsr_lab/scenes/training_scenes.py --output DIR --count 100 --textures SMALL
     python scripts/lab/lfsr_lab/scenes/training_scenes.py --prepare-models /usr/share/sweethome3d/furniture MODELS
-    python scripts/lab/lfsr_lab/scenes/training_scenes.py --low-only --output DIR --count 400 --textures SMALL \\
-        --models MODELS
+    python scripts/lab/lfsr_lab/scenes/training_scenes.py --output DIR --count 400 --textures SMALL --models MODELS
 
-Needs bpy, numpy, pyoidn and OpenImageIO. Scene I of seed S does not depend on which other scenes are made. A second
+Needs bpy, numpy and OpenImageIO. Scene I of seed S does not depend on which other scenes are made. A second
 run makes only the missing scenes. Several processes can fill one folder: give each its own --first and --count. The
-file format is described in training/produce.py.
---low-only: many displays, scales, lights and layouts; the low-resolution EIA several times with few samples and once
-clean. Without it: the low-resolution EIA, denoised images, and two halves of the full-resolution reference.
+file format is described in training/produce.py: the low-resolution EIA several times with few samples and once clean.
 MODELS holds OBJ and glTF models with a licenses.json. --prepare-models makes it from Debian's sweethome3d-furniture.
 """
 
@@ -46,12 +42,11 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--count", type=int, default=1, help="how many scenes")
     parser.add_argument("--seed", type=int, default=0, help="seed of the whole set")
     parser.add_argument("--display", default="train", help="train (varies), a built-in display or a .toml file")
-    parser.add_argument("--scale", type=int, default=4, help="scale factor of the low-resolution renders")
-    parser.add_argument("--low-only", action="store_true", help="low-resolution renders and their clean target only")
-    parser.add_argument("--spps", help="samples per pixel of the low-resolution renders (1,4,16,64; 1,4,16 low only)")
-    parser.add_argument("--reference-spp", type=int,
-                        help="samples of both reference halves together (512), or of the clean target (256)")
-    parser.add_argument("--models", type=Path, help="folder of OBJ and glTF models, for --low-only")
+    parser.add_argument("--scale", type=int, default=4, help="scale of the renders for a display that does not vary")
+    parser.add_argument("--low-only", action="store_true", help=argparse.SUPPRESS)  # of earlier versions, now always
+    parser.add_argument("--spps", default="1,4,16", help="samples per pixel of the renders (%(default)s)")
+    parser.add_argument("--reference-spp", type=int, default=256, help="samples of the clean target (%(default)s)")
+    parser.add_argument("--models", type=Path, help="folder of OBJ and glTF models")
     parser.add_argument("--textures", type=Path, help="folder of small photographs")
     parser.add_argument("--threads", type=int, help="CPU threads")
     parser.add_argument("--prepare-textures", nargs=2, metavar=("PHOTOS", "SMALL"), help="only shrink photographs")
@@ -64,17 +59,12 @@ def recipe_of(options: argparse.Namespace) -> Recipe:
     """Return the checked recipe of the command line."""
     if options.output is None:
         raise LfsrError("--output is missing: name the folder of the scene files")
-    reference = options.reference_spp or (256 if options.low_only else 512)
-    if reference < 2 or reference % 2:
-        raise LfsrError(f"--reference-spp is {reference}, but two equal halves need an even number")
-    if options.models and not options.low_only:
-        raise LfsrError("--models needs --low-only: the scenes of full-resolution pairs have no models")
+    if options.reference_spp < 1:
+        raise LfsrError(f"--reference-spp is {options.reference_spp}, but the clean target needs at least 1")
     if options.display != TRAIN:
         load_display(options.display).low_views(options.scale)
-    samples = _samples(options.spps or ("1,4,16" if options.low_only else "1,4,16,64"))
-    return Recipe(options.output, options.seed, options.display, options.scale, samples, reference,
-                  find_textures(options.textures), options.threads, options.low_only,
-                  find_models(options.models))
+    return Recipe(options.output, options.seed, options.display, options.scale, _samples(options.spps),
+                  options.reference_spp, find_textures(options.textures), options.threads, find_models(options.models))
 
 
 def _samples(text: str) -> tuple[int, ...]:

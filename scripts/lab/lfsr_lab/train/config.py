@@ -6,14 +6,10 @@ import dataclasses
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import Any, get_type_hints
 
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.files import read_bytes
-from lfsr_core.reconstruct.networks import catalogue
-
-if TYPE_CHECKING:
-    from lfsr_lab.networks.lightfield import LightFieldConfig
 
 CONFIG_FOLDER = Path(__file__).parent / "configs"
 MAX_BYTES = 100_000  # of a config's file
@@ -57,46 +53,7 @@ class TrainConfig:
                 raise LfsrError(f"training: {what}: {advice}")
 
 
-@dataclasses.dataclass(frozen=True)
-class LightFieldTrainConfig:
-    """Training of one of our networks on rendered scenes."""
-
-    network: str
-    scenes: str  # folder of *.npz of training_scenes.py
-    scale: int = 4  # of those scenes
-    seed: int = 0
-    epochs: int = 20
-    steps_per_epoch: int = 250
-    batch: int = 1  # whole scenes, at one sample count
-    rate: float = 2e-3
-    clean_inputs: bool = False  # the ablation that trains on downsampled references instead of renders
-    without: str = ""  # inputs to leave out, separated by commas
-    # Changes of the registered architecture; 0 (blocks: -1) keeps it.
-    width: int = 0
-    body_width: int = 0
-    blocks: int = -1
-    validate_every: int = 2
-    checkpoint_every: int = 1
-
-    @property
-    def architecture(self) -> LightFieldConfig:
-        """Size and inputs of the network to train."""
-        from lfsr_lab.networks.lightfield import LightFieldConfig
-
-        return LightFieldConfig(**self.options())
-
-    def options(self) -> dict[str, Any]:
-        """Size and inputs as plain values, for the header of the weights."""
-        options = dict(catalogue.spec(self.network).options)
-        options["inputs"] = tuple(name for name in options["inputs"] if name not in self.without.split(","))
-        if options.get("second_base") not in options["inputs"]:
-            options.pop("second_base", None)
-        own = {"width": self.width or None, "body_width": self.body_width or None,
-               "blocks": None if self.blocks < 0 else self.blocks}
-        return options | {name: value for name, value in own.items() if value is not None}
-
-
-def load_config(name: str, settings: Sequence[str] = ()) -> TrainConfig | LightFieldTrainConfig:
+def load_config(name: str, settings: Sequence[str] = ()) -> TrainConfig:
     """Read the config of a TOML file or of a built-in name such as "paper"; ``settings`` are "key=value".
 
     LfsrError for a missing file, an unknown key (with the nearest) or a wrong type.
@@ -110,11 +67,9 @@ def load_config(name: str, settings: Sequence[str] = ()) -> TrainConfig | LightF
     return from_values(values, name)
 
 
-def from_values(values: dict[str, Any], origin: str) -> TrainConfig | LightFieldTrainConfig:
-    """Return the config of plain values that the network needs; LfsrError for an unknown, missing or mistyped key."""
-    known = catalogue.NETWORKS.get(values.get("network", ""))
-    kind = LightFieldTrainConfig if known and known.light_field else TrainConfig
-    hints = get_type_hints(kind)
+def from_values(values: dict[str, Any], origin: str) -> TrainConfig:
+    """Return the config of plain values; LfsrError for an unknown, missing or mistyped key."""
+    hints = get_type_hints(TrainConfig)
     for key, value in values.items():
         if key not in hints:
             raise LfsrError(f"{origin} has the unknown key {key!r}: {did_you_mean(key, hints, cutoff=0).rstrip()}")
@@ -122,10 +77,10 @@ def from_values(values: dict[str, Any], origin: str) -> TrainConfig | LightField
             values[key] = float(value)
         elif type(value) is not hints[key]:
             raise LfsrError(f"{origin} has {key} = {value!r}, expected a value of type {hints[key].__name__}")
-    for field in dataclasses.fields(kind):
+    for field in dataclasses.fields(TrainConfig):
         if field.default is dataclasses.MISSING and field.name not in values:
             raise LfsrError(f"{origin} has no {field.name!r}: add it or pass --set {field.name}=…")
-    return kind(**values)
+    return TrainConfig(**values)
 
 
 def builtin_configs() -> list[str]:

@@ -13,13 +13,10 @@ import numpy as np
 import torch
 
 from lfsr_core import __version__
-from lfsr_core.reconstruct.networks import catalogue
-from lfsr_lab.networks import checkpoint
+from lfsr_lab.networks import checkpoint, comparators
 from lfsr_lab.networks.cost import multiply_adds, parameters
 from lfsr_lab.networks.engine import choose_device
-from lfsr_lab.train.config import LightFieldTrainConfig, TrainConfig
-from lfsr_lab.train.lightfields.data import load_scenes
-from lfsr_lab.train.lightfields.task import LightFieldTask
+from lfsr_lab.train.config import TrainConfig
 from lfsr_lab.train.loop import Outcome, RunOptions, Schedule, run
 from lfsr_lab.train.photographs.data import load_photographs
 from lfsr_lab.train.photographs.task import ComparatorTask
@@ -28,31 +25,24 @@ LONG_SIDE = 1600
 COUNTED_EI = 20
 
 
-def train(config: TrainConfig | LightFieldTrainConfig, output: str | Path, device: str = "auto",
-          options: RunOptions | None = None) -> Outcome:
+def train(config: TrainConfig, output: str | Path, device: str = "auto", options: RunOptions | None = None) -> Outcome:
     """Train the network of ``config``; write weights, log, curves and checkpoint to the folder ``output``.
 
     ``device``: "cpu", "cuda" or "auto". LfsrError if data, device or a checkpoint do not fit.
     """
-    task = _task(config, choose_device(device))
+    photographs = load_photographs(config.photographs, LONG_SIDE)
+    validation = load_photographs(config.validation) if config.validation else None
+    task = ComparatorTask(config, photographs, validation, choose_device(device))
     torch.backends.cudnn.benchmark = True
     outcome = run(task, Schedule(config.epochs, config.validate_every, config.checkpoint_every), output, options)
     if outcome.stopped:
         return outcome
-    path = catalogue.weights_path(config.network, config.scale, output)
+    path = comparators.weights_path(config.network, config.scale, output)
     checkpoint.save(path, task.finished, config.scale, _provenance(task, outcome), task.options)
     return dataclasses.replace(outcome, weights=path)
 
 
-def _task(config: TrainConfig | LightFieldTrainConfig, device: torch.device) -> LightFieldTask | ComparatorTask:
-    if isinstance(config, LightFieldTrainConfig):
-        return LightFieldTask(config, load_scenes(config.scenes), device)
-    photographs = load_photographs(config.photographs, LONG_SIDE)
-    return ComparatorTask(config, photographs, load_photographs(config.validation) if config.validation else None,
-                          device)
-
-
-def _provenance(task: ComparatorTask | LightFieldTask, outcome: Outcome) -> dict[str, Any]:
+def _provenance(task: ComparatorTask, outcome: Outcome) -> dict[str, Any]:
     """How the weights were made, for the JSON file beside them."""
     return {
         "network": task.config.network,

@@ -80,12 +80,11 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _settings(arguments: argparse.Namespace) -> Settings:
-    from lfsr_core.optics.display import load_display
-    from lfsr_core.reconstruct.method_name import default_method
+    from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
     from lfsr_core.reconstruct.registry import method
     from lfsr_lab.experiments.chart.settings import DIRECT_METHODS, Settings, default_methods
 
-    ours = arguments.ours or default_method(load_display(arguments.display).parallax)
+    ours = arguments.ours or DEFAULT_METHOD
     methods = tuple(dict.fromkeys([ours, *(arguments.methods or default_methods())]))
     every = (*methods, *DIRECT_METHODS)
     chosen = {name: every if given == EVERY else given

@@ -19,7 +19,7 @@ from lfsr_core.reconstruct.registry import method
 from lfsr_lab.experiments.animations.accuracy import Figures, Truth, measure
 from lfsr_lab.experiments.engine.cells import Cell
 from lfsr_lab.experiments.engine.records import method_facts
-from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, SCENE_FILE, Store, reference_of
+from lfsr_lab.experiments.engine.renders import REFERENCE, SCENE_FILE, Store, reference_of
 
 METHOD = "oidn+bilinear"  # whose figures stay when a network is trained again
 DISPLAY_FILE = Path(__file__).parent / "animations.toml"
@@ -111,7 +111,7 @@ class Animation:
     def _job(self, folder: Path, number: int, seed: int, spp: int) -> Job:
         settings = self.settings
         return Job(str(frame_folder(folder, number)), settings.display, str((self.folder / SCENE_FILE).resolve()),
-                   scale=settings.scale, spp=spp, layers=LAYERS, frame=number, seed=settings.seed * SEED_STEP + seed)
+                   scale=settings.scale, spp=spp, frame=number, seed=settings.seed * SEED_STEP + seed)
 
     @functools.cached_property
     def truth(self) -> Truth:

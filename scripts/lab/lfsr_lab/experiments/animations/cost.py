@@ -30,8 +30,7 @@ def main(folder: Path, scene: Path, frames: str) -> None:
     job = Job(str(folder.resolve() / "film"), load_display(DISPLAY), str(scene.resolve()), scale=SCALE, spp=SAMPLES)
     write_record(folder / "job.json", job)
     film = [sys.executable, "-m", "lfsr_core.cli", "render", job.scene, "-o", job.output, "--display", DISPLAY,
-            "--scale", str(SCALE), "--spp", str(SAMPLES), "--method", "bicubic", "--layers", "none",
-            "--device", "CPU", "--frames"]
+            "--scale", str(SCALE), "--spp", str(SAMPLES), "--method", "bicubic", "--device", "CPU", "--frames"]
     ways = {OWN: [sys.executable, __file__, OWN, str(folder / "job.json")], "lfsr render --frames": film}
     numbers = parse_frames(frames)
     first, *rounds = [{name: [_seconds([*way, part], job) for part in (str(numbers[0]), frames)]

@@ -20,7 +20,7 @@ from lfsr_lab.experiments.chart.records import CEILING, DIRECT, LOW, Cell, Metho
 from lfsr_lab.experiments.chart.settings import Settings
 from lfsr_lab.experiments.engine.accuracy import Accuracy, Target
 from lfsr_lab.experiments.engine.records import Records, method_facts
-from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, digest, foreground, frame_digest
+from lfsr_lab.experiments.engine.renders import REFERENCE, digest, foreground, frame_digest
 from lfsr_lab.experiments.engine.timing import scratch_copy, second_stage_times
 
 CELL_FORMAT = 5
@@ -41,7 +41,7 @@ def low_job(settings: Settings, scene: Path, scale: int, samples: int) -> Job:
     """Return one render of a scene; renders of other seeds lie beside each other."""
     name = f"s{scale}-spp{samples}" + (f"-seed{settings.seed}" if settings.seed else "")
     return Job(output=str(settings.folder / scene.stem / name), display=settings.profile, scene=str(scene.resolve()),
-               scale=scale, spp=samples, layers=LAYERS, device=settings.device, seed=settings.seed,
+               scale=scale, spp=samples, device=settings.device, seed=settings.seed,
                subject=settings.subject, world_visible=settings.world_visible)
 
 
@@ -90,19 +90,19 @@ def method_cost(settings: Settings, name: str, folder: Path) -> MethodCost:
 
 
 def network_cost(name: str, scale: int, low_views: tuple[int, int]) -> tuple[int | None, float | None]:
-    """Return parameters of a method's networks, and multiply-adds per low-resolution pixel, None without a network.
+    """Return parameters of a method's network, and multiply-adds per low-resolution pixel, None without a network.
 
     ``low_views`` (w, h): pixels of a low-resolution elemental image. Open Image Denoise, whose size is not known, is
     not counted.
     """
-    parts = MethodName.parse(name).networks
-    if not parts:
+    parsed = MethodName.parse(name)
+    if not parsed.network:
         return None, None
     from lfsr_lab.networks.cost import multiply_adds, parameters
     from lfsr_lab.networks.networks import build
 
-    networks = [build(part, scale).eval() for part in parts]
-    return sum(map(parameters, networks)), float(sum(multiply_adds(each, *low_views[::-1]) for each in networks))
+    network = build(parsed.upscaler, scale).eval()
+    return parameters(network), multiply_adds(network, *low_views[::-1])
 
 
 def upscale_seconds(folder: Path, name: str) -> float:

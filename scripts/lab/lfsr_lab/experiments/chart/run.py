@@ -175,12 +175,11 @@ class _Run:
         for name in settings.direct_methods if role == DIRECT else settings.methods:
             self._begin(f"{scene.stem}: {name} at scale {job.scale}, {job.spp} samples")
             parsed = MethodName.parse(name)
-            missing = parsed.untrained(job.scale)
             if not parsed.works_with(job.display.parallax):
                 self._skip(f"{name}: it needs views in two directions")
                 continue
-            if missing:
-                self._skip(f"{name} at scale {job.scale}: {', '.join(missing)} has no weights for it")
+            if parsed.network and job.scale not in parsed.network.weights:
+                self._skip(f"{name} at scale {job.scale}: {parsed.upscaler} has no weights for it")
                 continue
             try:
                 yield cells.measured(Path(job.output), role, name, target, settings, seconds)

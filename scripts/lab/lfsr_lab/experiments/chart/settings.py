@@ -7,12 +7,11 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_CHAINS, PLAIN_METHOD, UPSCALERS
-from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.method_name import COMPARED, DEFAULT_METHOD, DENOISE, UPSCALERS
 from lfsr_lab.experiments.chart.records import ChartSettings
 
-DENOISER, AS_RENDERED = "oidn", "none"
-DIRECT_METHODS = (AS_RENDERED, DENOISER)
+AS_RENDERED = "none"
+DIRECT_METHODS = (AS_RENDERED, "oidn")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -64,12 +63,6 @@ def _check_samples(name: str, samples: tuple[int, ...]) -> None:
 
 
 def default_methods() -> tuple[str, ...]:
-    """Return every upscaler alone and after the denoiser, as far as it is meant to be; the default method first."""
-    found = [DEFAULT_METHOD]
-    for name in UPSCALERS:
-        network = catalogue.NETWORKS.get(name)
-        if network and network.light_field:  # ours, trained for one chain only
-            found.append(network.chain(name))
-        elif name != AS_RENDERED:
-            found += [name, *(PLAIN_CHAINS if name == PLAIN_METHOD else [f"{DENOISER}+{name}"])]
-    return tuple(dict.fromkeys(found))
+    """Return the default, what it is compared with, and every upscaler alone and after the denoiser."""
+    found = [name for upscaler in UPSCALERS if upscaler != AS_RENDERED for name in (upscaler, f"{DENOISE}+{upscaler}")]
+    return tuple(dict.fromkeys([DEFAULT_METHOD, *COMPARED, *found]))

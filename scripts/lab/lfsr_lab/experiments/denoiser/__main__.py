@@ -16,6 +16,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from lfsr_core.frames.frame import read_frame
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.render.store import is_complete
 from lfsr_lab.experiments.denoiser.measure import Candidate, Figures, Truth, measure
 from lfsr_lab.experiments.denoiser.page import Key, Page
@@ -24,7 +25,7 @@ from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store
 from lfsr_lab.experiments.engine.report import exit_code, write_text
 
-BASELINES = ("oidn+bilinear+epi", "oidn-both+bilinear+epi", "oidn-both+refine+epi")
+BASELINES = ("oidn+bilinear", "oidn+bilinear+epi", DEFAULT_METHOD)
 CELLS = "cells"
 
 

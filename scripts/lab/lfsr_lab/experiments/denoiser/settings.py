@@ -15,7 +15,7 @@ from lfsr_core.frames.job import Job, check_scene
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.records import from_data
 from lfsr_lab.experiments.displays.kinds import FULL_WIDTH, kind
-from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, Store, foreground, reference_of, sampled
+from lfsr_lab.experiments.engine.renders import REFERENCE, Store, foreground, reference_of, sampled
 
 SETTINGS = Path(__file__).parent / "denoiser.toml"
 REFERENCE_SEED = 1000  # other noise than that of any render
@@ -98,7 +98,7 @@ class Place:
     def job(self, render: Render) -> Job:
         """Return the job of a render."""
         return Job(str(self.folder / render.folder), self.scene.profile, check_scene(self.file), scale=render.scale,
-                   spp=render.samples, layers=LAYERS, seed=render.seed)
+                   spp=render.samples, seed=render.seed)
 
     def reference(self, samples: int) -> Job:
         """Return the job of the reference; what decides its lenses is rendered now."""

@@ -20,9 +20,9 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.render.store import is_complete
-from lfsr_lab.experiments.displays.ways import EVERY_VIEW, SUBPIXEL, USUAL, Way, measured_at
+from lfsr_lab.experiments.displays.ways import EVERY_VIEW, GUIDES, SUBPIXEL, USUAL, Way, measured_at
 from lfsr_lab.experiments.engine.records import Fingerprint, Records
-from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, Store, check_render, reference_of
+from lfsr_lab.experiments.engine.renders import REFERENCE, Store, check_render, reference_of
 from lfsr_lab.experiments.engine.timing import children_cpu_seconds
 
 CPU_FOLDER = "cpu"
@@ -120,7 +120,7 @@ class Renders:
         return Job(output=str(self.folder / f"few-views-spp{samples}" if one_by_one else self.path(way, samples)),
                    display=with_few_views(self.display) if one_by_one else self.display,
                    scene=str(self.scene.resolve()), scale=max(scales, default=1), scales=scales, spp=samples,
-                   layers=() if way in (USUAL, SUBPIXEL) else LAYERS, layout=way.layout)
+                   layers=GUIDES if way == EVERY_VIEW else (), layout=way.layout)
 
 
 def with_few_views(profile: DisplayProfile) -> DisplayProfile:

@@ -10,19 +10,19 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS, Frame, read_frame, read_rendered
-from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.images.exr import read_finite
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.depth_scale import scales_up_to
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.eia import flip_order, from_views
+from lfsr_core.optics.eia import flip_order, from_views, to_elemental_images
 from lfsr_core.optics.panel.gather import gather_map
 from lfsr_core.optics.panel.weave import weave
-from lfsr_core.reconstruct.method_name import MethodName, default_method
-from lfsr_core.reconstruct.methods.denoise import denoise_eia
-from lfsr_core.reconstruct.methods.guides import GUIDES, from_unit, in_unit
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PANEL_METHODS, MethodName
+from lfsr_core.reconstruct.methods import oidn
 from lfsr_core.reconstruct.panel_stage import linear_panel_image
 from lfsr_core.reconstruct.second_stage import finished_linear
+
+GUIDES = ("albedo", "normal")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Way:
         """Return the scales that the scene's depth chooses from, as `lfsr render` does, largest first; empty: 1."""
         if self != OURS:
             return ()
-        method = MethodName.parse(default_method(profile.parallax))
+        method = MethodName.parse(DEFAULT_METHOD)
         return method.scales_of(scales_up_to(profile))
 
 
@@ -60,11 +60,11 @@ def measured_at(profile: DisplayProfile) -> list[tuple[Way, int]]:
 def panel_image(folder: Path, way: Way) -> Array:
     """Return what the panel shows, (H, W, 3) uint8 sRGB, from the rendered frame in ``folder``."""
     if way == SUBPIXEL:
-        return traced(folder, LOW_RES_FILE, "oidn")
+        return traced(folder, LOW_RES_FILE, PANEL_METHODS[0])
     frame = read_frame(folder)
     if way == USUAL:
         return shown(_view_by_view(folder, frame), frame.display, "nearest")
-    method = MethodName.parse(default_method(frame.display.parallax))
+    method = MethodName.parse(DEFAULT_METHOD)
     return shown(finished_linear(folder, method.at_scale(frame.scale)), frame.display)
 
 
@@ -91,17 +91,22 @@ def _encoded(linear: Array) -> Array:
 
 def _view_by_view(folder: Path, frame: Frame) -> Array:
     """Return the light field with every view denoised as Blender does: on its own, by its albedo and normal."""
-    low = low_resolution(read_finite(folder / LOW_RES_FILE)[0], frame)
-    py, px = low.color.shape[2:4]
-    views = np.array([[_denoised(low, row, column) for column in range(px)] for row in range(py)])
-    return from_views(views)
+    layers = read_finite(folder / LOW_RES_FILE)[0]
+    images = {name: to_elemental_images(layers[name][..., :3], frame.rays.tiles)
+              for name in ("color", *GUIDES) if name in layers}
+    py, px = images["color"].shape[2:4]
+    return from_views(np.array([[_denoised({name: image[:, :, row, column] for name, image in images.items()})
+                                 for column in range(px)] for row in range(py)]))
 
 
-def _denoised(low: LowResEIA, row: int, column: int) -> Array:
-    guides = clean_guides({name: low.layers[name][:, :, row, column] for name in GUIDES if name in low.layers})
-    return denoise_eia(low.color[:, :, row, column], guides.get("albedo"), guides.get("normal"))
+def _denoised(view: Mapping[str, Array]) -> Array:
+    guides = clean_guides({name: view[name] for name in GUIDES if name in view})
+    return oidn.denoise(view["color"], guides.get("albedo"), guides.get("normal"), hdr=True, clean_aux=bool(guides),
+                        quality="balanced")
 
 
 def clean_guides(guides: Mapping[str, Array]) -> dict[str, Array]:
     """Return noisy "albedo" and "normal" of one view (H, W, 3) without their noise, as Blender does it."""
-    return {name: from_unit(name, denoise_eia(in_unit(name, guide), fast=True)) for name, guide in guides.items()}
+    places = {"albedo": (0.0, 1.0), "normal": (1.0, 0.5)}  # from values to those in [0, 1]: (value + first) · second
+    return {name: oidn.denoise(np.clip((guide + places[name][0]) * places[name][1], 0, 1), hdr=True, quality="fast")
+            / places[name][1] - places[name][0] for name, guide in guides.items()}

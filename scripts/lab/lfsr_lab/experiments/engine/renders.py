@@ -27,7 +27,6 @@ from lfsr_lab.scenes import scene_script
 from lfsr_lab.scenes.running import run_script
 
 SETTINGS_FILE, SCENE_FILE, REFERENCE = "settings.json", "scene.blend", "reference"
-LAYERS = ("albedo", "normal")
 
 
 @dataclasses.dataclass(frozen=True)

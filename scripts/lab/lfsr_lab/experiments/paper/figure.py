@@ -103,7 +103,7 @@ class Figure:
 
 def _unequal(schedules: Iterable[str]) -> str:
     """Return a caution where the networks were not trained alike; seconds and device do not count."""
-    recipes = {text.rpartition(", ")[0] for text in schedules if not text.startswith((weights.NONE, weights.RENDERED))}
+    recipes = {text.rpartition(", ")[0] for text in schedules if text != weights.NONE}
     unequal = len(recipes) > 1 or "" in recipes
     return " The networks were not trained alike, or it is not recorded how." if unequal else ""
 

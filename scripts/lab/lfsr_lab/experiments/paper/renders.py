@@ -12,7 +12,7 @@ from lfsr_core.files import write_json
 from lfsr_core.frames.job import Job, check_scene
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.render.blender import find_blender
-from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, Store, reference_of
+from lfsr_lab.experiments.engine.renders import REFERENCE, Store, reference_of
 from lfsr_lab.experiments.paper.settings import SCALE, Settings
 from lfsr_lab.scenes import scene_script
 from lfsr_lab.scenes.running import run_script
@@ -52,7 +52,7 @@ def _job(settings: Settings, view: View) -> Job:
     variant = "" if view.layout == "one-pass" else f"-{view.layout}"
     folder = bench / view.scene.stem / f"s{view.scale}-spp{view.spp}{variant}"
     return Job(output=str(folder), display=display, scene=check_scene(view.scene), scale=view.scale, spp=view.spp,
-               layers=LAYERS, layout=view.layout, device=settings.render_device)
+               layout=view.layout, device=settings.render_device)
 
 
 def moved(settings: Settings, scene: Path, fraction: float) -> Path:

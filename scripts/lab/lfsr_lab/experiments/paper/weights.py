@@ -14,33 +14,32 @@ from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_lab.experiments.engine.cells import to_stderr
 from lfsr_lab.experiments.paper.settings import SCALE, Settings
+from lfsr_lab.networks import comparators
 from lfsr_lab.train.config import load_config
 
 if TYPE_CHECKING:
     from torch import nn
 SHORT_CONFIG, ADVERSARIAL = "paper-short", 1e-3
-NONE, RENDERED = "no weights", "on rendered light fields"
+NONE = "no weights"
 
 
 def weights(settings: Settings, name: str) -> Path | None:
     """Return the weights of a network, None if there are none.
 
-    Those given, else those trained in this output folder (now, if epochs were granted), else those that ship. Our
-    light-field networks are not trained here: photographs do not train them.
+    Those given, else those trained in this output folder (now, if epochs were granted), else those that ship.
     """
     for folder in filter(None, (settings.weights, trained_folder(settings, name))):
-        path = catalogue.weights_path(name, SCALE, folder)
+        path = comparators.weights_path(name, SCALE, folder)
         if path.with_suffix(".json").exists():  # written last
             return path
-    if settings.train_epochs > 0 and not catalogue.spec(name).light_field:
-        return train(settings, catalogue.spec(name).weights or name)
-    path = catalogue.weights_path(name, SCALE)
-    return path if path.exists() else None
+    if settings.train_epochs > 0:
+        return train(settings, comparators.spec(name).stem)
+    return comparators.spec(name).weights.get(SCALE)
 
 
 def trained_folder(settings: Settings, name: str) -> Path:
     """Return the folder where a network is trained; another number of epochs is another schedule."""
-    return settings.output / f"weights-{settings.train_epochs}epochs" / (catalogue.spec(name).weights or name)
+    return settings.output / f"weights-{settings.train_epochs}epochs" / comparators.spec(name).stem
 
 
 def schedule(path: Path | None) -> str:
@@ -49,8 +48,6 @@ def schedule(path: Path | None) -> str:
         return NONE
     facts = _provenance(path)
     config, took = facts.get("config", {}), f"{facts.get('seconds', 0.0):.0f} s on {facts.get('device')}"
-    if "steps_per_epoch" in config:
-        return f"{RENDERED}: {config['epochs']} epochs of {config['steps_per_epoch']} batches, {took}"
     if not {"epochs", "crop", "rate", "schedule"} <= config.keys():
         return "schedule not recorded"
     start = ", begun from the trained generator" if config.get("start") else ""
@@ -63,14 +60,16 @@ def _provenance(path: Path) -> dict[str, Any]:
 
 
 def fingerprints(settings: Settings, name: str) -> dict[str, str | None]:
-    """Return the hash of the weights of each network of a method, None where there are none."""
-    found = {network: weights(settings, network) for network in MethodName.parse(name).networks}
-    return {network: _provenance(path).get("sha256") if path else None for network, path in found.items()}
+    """Return the hash of the weights of a method's network, None where there are none; empty without a network."""
+    parsed = MethodName.parse(name)
+    path = weights(settings, parsed.upscaler) if parsed.network else None
+    return {parsed.upscaler: _provenance(path).get("sha256") if path else None} if parsed.network else {}
 
 
 def schedules(settings: Settings, names: Iterable[str]) -> dict[str, str]:
     """Return how the network of each method was trained; methods without one are left out."""
-    return {name: schedule(weights(settings, part)) for name in names for part in MethodName.parse(name).networks}
+    parsed = {name: MethodName.parse(name) for name in names}
+    return {name: schedule(weights(settings, each.upscaler)) for name, each in parsed.items() if each.network}
 
 
 def method(settings: Settings, name: str) -> registry.Method | None:
@@ -81,8 +80,7 @@ def method(settings: Settings, name: str) -> registry.Method | None:
     path = weights(settings, parsed.upscaler)
     if path is None:
         return None
-    device = {} if parsed.network.light_field else {"device": settings.device}
-    return registry.method(parsed, upscaler=catalogue.upscaler(parsed.upscaler, weights=path, **device))
+    return registry.method(parsed, upscaler=catalogue.upscaler(parsed.upscaler, weights=path, device=settings.device))
 
 
 def untrained(name: str, scale: int) -> nn.Module:
@@ -97,13 +95,13 @@ def untrained(name: str, scale: int) -> nn.Module:
 
 def untrained_method(settings: Settings, name: str, scale: int) -> registry.Method:
     """Return the method for timing at any scale, its network with random weights."""
-    if not MethodName.parse(name).networks:
+    if not MethodName.parse(name).network:
         return registry.method(name)
     from lfsr_lab.networks import checkpoint as files
 
-    path = catalogue.weights_path(name, scale, settings.output / "untrained")
+    path = comparators.weights_path(name, scale, settings.output / "untrained")
     if not path.exists():
-        files.save(path, untrained(name, scale), scale, {"untrained": True}, catalogue.spec(name).options)
+        files.save(path, untrained(name, scale), scale, {"untrained": True}, comparators.spec(name).options)
     return registry.method(name, upscaler=catalogue.upscaler(name, weights=path, device=settings.device))
 
 

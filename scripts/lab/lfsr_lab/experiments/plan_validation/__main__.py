@@ -65,7 +65,7 @@ def validate(scene: Path, scene_file: str, plans: PlanOptions, options: argparse
         print(f"{scene.name}, seed {seed}", file=sys.stderr, flush=True)
         with tempfile.TemporaryDirectory(prefix="lfsr-replay-") as replayed:
             work = replayed if options.replay else folder / f"seed-{seed}"
-            job = Job(output=str(work), display=display, scene=scene_file, layers=("albedo", "normal"), seed=seed)
+            job = Job(output=str(work), display=display, scene=scene_file, seed=seed)
             for target in options.targets:
                 planned = make_plan(job, dataclasses.replace(plans, target=target), lambda job, _: render(job), work)
                 yield judge(planned, known, display, scene.name, seed, target)

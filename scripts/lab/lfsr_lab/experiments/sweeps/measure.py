@@ -10,13 +10,13 @@ from pathlib import Path
 
 from lfsr_core.frames.job import Job
 from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_CHAINS, MethodName
+from lfsr_core.reconstruct.method_name import COMPARED, DEFAULT_METHOD, MethodName
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_lab.experiments.engine import cells
 from lfsr_lab.experiments.engine.accuracy import Figures, Target, finite
 from lfsr_lab.experiments.engine.records import Records, method_facts
-from lfsr_lab.experiments.engine.renders import LAYERS, REFERENCE, SCENE_FILE, Store, foreground, reference_of
+from lfsr_lab.experiments.engine.renders import REFERENCE, SCENE_FILE, Store, foreground, reference_of
 from lfsr_lab.experiments.sweeps import metrics
 from lfsr_lab.experiments.sweeps.records import Cell, Settings
 from lfsr_lab.experiments.sweeps.sweeps import EYE, MOTION, Sweep
@@ -27,12 +27,11 @@ BASELINE, CELLS = "bicubic", "cells"
 
 
 def default_methods(scale: int, parallax: tuple[bool, bool] = (True, True)) -> list[str]:
-    """Return bicubic, plain chains, the default, and every network with weights: those that the display can have."""
-    names = [BASELINE, *PLAIN_CHAINS, DEFAULT_METHOD]
-    torch = importlib.util.find_spec("torch") is not None
-    names += [entry.chain(name) for name, entry in catalogue.NETWORKS.items()
-              if scale in catalogue.trained_scales(name) and (torch or entry.light_field)]
-    return [name for name in dict.fromkeys(names) if MethodName.parse(name).works_with(parallax)]
+    """Return bicubic, what the default is compared with, the default, and the networks that the display can have."""
+    names = [BASELINE, *COMPARED, DEFAULT_METHOD]
+    if importlib.util.find_spec("torch"):
+        names += [name for name, network in catalogue.NETWORKS.items() if scale in network.weights]
+    return [name for name in names if MethodName.parse(name).works_with(parallax)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,7 +73,7 @@ class Scene:
         samples = self.sweep.samples(self.value)
         suffix = "" if (frame, seed) == (1, 0) else f"-frame{frame}-seed{seed}"
         return Job(output=str(folder / f"s{settings.scale}-spp{samples}{suffix}"), display=settings.display,
-                   scene=str((folder / SCENE_FILE).resolve()), scale=settings.scale, spp=samples, layers=LAYERS,
+                   scene=str((folder / SCENE_FILE).resolve()), scale=settings.scale, spp=samples,
                    seed=seed, frame=frame, device=settings.device)
 
     @functools.cached_property

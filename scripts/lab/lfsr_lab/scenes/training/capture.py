@@ -17,8 +17,7 @@ from lfsr_core.optics.rays import RayLayout
 from lfsr_lab.scenes.training.stage import Stage
 
 EXPOSURE_SAMPLES = 4
-BRIGHTNESS = (0.06, 0.5)  # scene-linear, of the median foreground lens
-VARIED_BRIGHTNESS = (0.05, 1.0)
+BRIGHTNESS = (0.05, 1.0)  # scene-linear, of the median foreground lens
 OF_BRIGHT_LENS = 3.0  # times brighter, where another lens than the median counts
 LEAST_COVERED = 0.02  # of a foreground lens
 PANEL_TILE = (12, 6)  # pixels that count as a lens in an image of subpixels
@@ -47,7 +46,7 @@ def expose(stage: Stage, seed: int) -> tuple[float, float]:
 
     Return the factor and the fraction of lenses that see anything.
     """
-    wanted = stage.log_uniform(*(VARIED_BRIGHTNESS if stage.is_varied else BRIGHTNESS))
+    wanted = stage.log_uniform(*BRIGHTNESS)
     wanted *= OF_BRIGHT_LENS if stage.bright_lens > 0.5 else 1.0
     lenses = lens_means(stage, render_low(stage, EXPOSURE_SAMPLES, seed)["color"])
     seen = lenses[lenses[..., 3] > LEAST_COVERED]

@@ -14,7 +14,7 @@ OWN_BACKGROUND = ("wall", "street", "window")
 
 def compose(stage: Stage) -> None:
     """Fill the stage with one random layout and its light; the first note is the layout's."""
-    choices = layouts.LAYOUTS | (hard_layouts.LAYOUTS if stage.is_varied else {})
+    choices = layouts.LAYOUTS | hard_layouts.LAYOUTS
     name = stage.pick({name: weight for name, (weight, _) in choices.items()})
     stage.note("layout", name=name, front=stage.front, behind=stage.behind)
     choices[name][1](stage)
@@ -25,5 +25,5 @@ def compose(stage: Stage) -> None:
         elif name in FROM_ABOVE and stage.chance(0.6):
             stage.pitch = stage.rng.uniform(0, math.radians(35))
             stage.note("pitch", angle=stage.pitch)
-    if stage.is_varied and stage.chance(0.07):
+    if stage.chance(0.07):
         hard_layouts.fog(stage)

@@ -8,28 +8,15 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.sheet import Lattice, Lenslet, Lenticular, Subpixels
 
 TRAIN = "train"
-# lenses, views, lens pitch and distance in mm, weight: like `small`, `bupt-32in-8k`, `dense-8k`.
-SORTS = (((16, 12), (40, 40), 14.76, 500.0, 0.6), ((12, 8), (80, 80), 7.38, 1000.0, 0.15),
-         ((24, 18), (40, 40), 3.69, 1000.0, 0.1), ((16, 12), (40, 40), 7.38, 1000.0, 0.15))
-
-RENDERED_VIEWS = (5, 6, 8, 10, 10, 10, 12, 16, 20)  # per lens and axis, of low-resolution sets
+RENDERED_VIEWS = (5, 6, 8, 10, 10, 10, 12, 16, 20)  # per lens and axis
 RENDERED_PIXELS = (32_000, 46_000)
 MORE_PIXELS, MANY_VIEWS = 1.35, 12  # factor from so many views on
 WIDTH_MM, PANEL_PIXELS = 300.0, (132, 96)  # of the display, of a panel of subpixels
 KINDS = {"both": 0.76, "horizontal": 0.14, "subpixels": 0.1}  # parallax, or a panel with a lens sheet
 
 
-def training_display(rng: np.random.Generator) -> DisplayProfile:
-    """Return one of SORTS; half of them with a random viewing angle."""
-    weights = np.array([sort[-1] for sort in SORTS])
-    angle = 40.0 if rng.random() < 0.5 else round(float(rng.uniform(25, 50)), 1)
-    lenses, views, pitch, distance, _ = SORTS[rng.choice(len(SORTS), p=weights / weights.sum())]
-    return DisplayProfile(TRAIN, (lenses[0] * views[0], lenses[1] * views[1]),
-                          (lenses[0] * pitch, lenses[1] * pitch), lenses, views, distance, angle)
-
-
-def low_display(rng: np.random.Generator) -> tuple[DisplayProfile, int]:
-    """Return a display of a low-resolution set, and its scale: 2 to 5, or 1 where subpixels are rendered."""
+def training_display(rng: np.random.Generator) -> tuple[DisplayProfile, int]:
+    """Return a display, and its scale: 2 to 5, or 1 where subpixels are rendered."""
     kind = rng.choice(list(KINDS), p=list(KINDS.values()))
     distance, angle = WIDTH_MM * float(np.exp(rng.uniform(*np.log([1.2, 10])))), round(float(rng.uniform(25, 50)), 1)
     if kind == "subpixels":

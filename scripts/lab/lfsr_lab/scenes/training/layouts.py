@@ -184,7 +184,7 @@ def room(stage: Stage) -> None:
     """A box seen from its open side or from inside, with furniture; every lens sees something."""
     width, height = (1.02 * side for side in stage.window(0.0))
     behind = max(stage.behind, 0.5)
-    is_closed = stage.chance(0.4) and not (stage.is_varied and stage.camera_reach > min(width, height))
+    is_closed = stage.chance(0.4) and stage.camera_reach <= min(width, height)
     front = stage.array.distance + 0.3 if is_closed else stage.rng.uniform(0, 0.3)
     half = np.array([width * stage.rng.uniform(1, 1.3), (behind + front) / 2, height * stage.rng.uniform(1, 1.3)])
     middle = np.array([0, (behind - front) / 2, 0])

@@ -17,12 +17,12 @@ from lfsr_lab.scenes.shared.objects import add_object, add_surface, settle
 from lfsr_lab.scenes.training.materials import random_color
 from lfsr_lab.scenes.training.stage import Stage
 
-SETUPS = {"picture": 40, "picture+lamps": 16, "lamps": 16, "sun": 14, "sparks": 7, "sky": 7}
+SETUPS = {"picture": 40, "picture+lamps": 16, "lamps": 16, "sun": 14, "sparks": 7, "sky": 7, "dark": 22}
 
 
 def light_open_scene(stage: Stage) -> None:
     """Light for a scene without walls."""
-    setup = stage.pick(SETUPS | ({"dark": 22} if stage.is_varied else {}))
+    setup = stage.pick(SETUPS)
     stage.note("light", setup=setup)
     if setup == "dark":
         light_dark(stage, int(stage.rng.integers(1, 3)))

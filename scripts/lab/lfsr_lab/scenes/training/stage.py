@@ -34,8 +34,7 @@ class Stage:
     front: float
     behind: float
     textures: tuple[Path, ...]
-    models: dict[Path, dict[str, str]] = dataclasses.field(default_factory=dict)
-    is_varied: bool = False  # with the layouts and lights of low-resolution sets
+    models: dict[Path, dict[str, str]]
     bright_lens: float = 0.5  # quantile of the foreground lenses' brightness that the exposure makes sensible
     pitch: float = 0.0  # radians by which the camera array is raised about the display's middle
     notes: list[dict[str, Any]] = dataclasses.field(default_factory=list)
@@ -44,14 +43,14 @@ class Stage:
 
     @classmethod
     def for_display(cls, rng: np.random.Generator, profile: DisplayProfile, scale: int,
-                    textures: tuple[Path, ...], **options: Any) -> Stage:
+                    textures: tuple[Path, ...], models: dict[Path, dict[str, str]]) -> Stage:
         """Return a stage whose depth is random, up to 1.5 times the low-resolution array's usable range."""
         array = CameraArray.for_display(profile, 2.0)
         unit = 2.0 / profile.panel_mm[0]
         front, behind = (unit * depth for depth in profile.depth_range_mm(scale))
         fraction = DEPTH_EXCESS * rng.uniform(0.25, 1)
         return cls(rng, profile, scale, array, min(front * fraction, NEAREST * array.distance),
-                   min(behind * fraction, DEEPEST), textures, **options)
+                   min(behind * fraction, DEEPEST), textures, models)
 
     @property
     def is_direct(self) -> bool:

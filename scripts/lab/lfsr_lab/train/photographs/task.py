@@ -5,16 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.networks.weights_file import read as read_tensors
-from lfsr_lab.networks import checkpoint
+from lfsr_lab.networks import checkpoint, comparators
 from lfsr_lab.networks.networks import build
 from lfsr_lab.train.config import TrainConfig
 from lfsr_lab.train.photographs.data import CropSampler, Photographs, downsample
@@ -25,7 +22,7 @@ BETAS = (0.9, 0.999)
 
 
 class ComparatorTask:
-    """Trains one network of ``lfsr_core.reconstruct.networks.catalogue`` as a TrainConfig says; see ``loop.Task``."""
+    """Trains one network of ``comparators.NETWORKS`` as a TrainConfig says; see ``loop.Task``."""
 
     def __init__(self, config: TrainConfig, photographs: Photographs, validation: Photographs | None,
                  device: torch.device) -> None:
@@ -43,7 +40,7 @@ class ComparatorTask:
         self.network = build(config.network, config.scale).to(device)
         if config.start:
             checkpoint.load_into(self.network, config.start, config.scale)
-            self._origin["start"] = read_tensors(Path(config.start))[0]["sha256"]
+            self._origin["start"] = checkpoint.read(config.start)[0]["sha256"]
         self._optimizer = self._adam(self.network)
         self.discriminator: Discriminator | None = None
         if config.adversarial:
@@ -59,7 +56,7 @@ class ComparatorTask:
     @property
     def options(self) -> Mapping[str, Any]:
         """Hyper-parameters for the header of the weights."""
-        return catalogue.spec(self.config.network).options
+        return comparators.spec(self.config.network).options
 
     @property
     def _layout(self) -> torch.memory_format:

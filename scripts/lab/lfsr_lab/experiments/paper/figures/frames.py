@@ -9,7 +9,6 @@ from pathlib import Path
 
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
-from lfsr_core.reconstruct.networks import catalogue
 from lfsr_core.reconstruct.options import UpscaleOptions
 from lfsr_core.reconstruct.second_stage import panel_image
 from lfsr_lab.experiments.engine import plots, timing
@@ -21,6 +20,7 @@ from lfsr_lab.experiments.paper.measuring import FRAME_COLUMNS, RENDER, TOTAL
 from lfsr_lab.experiments.paper.renders import View
 from lfsr_lab.experiments.paper.settings import SCALE, Settings
 from lfsr_lab.experiments.paper.verdict import SINGLE_RUN, Difference, overall, paired, sentence, single_runs
+from lfsr_lab.networks import comparators
 
 NETWORK, DIRECT = "paper", "direct"
 WITH, WITHOUT = "with selection", "without selection"
@@ -102,7 +102,7 @@ def scale_cells(settings: Settings) -> Iterator[Cell[Rows]]:
     for divisor in settings.resolutions:
         display = renders.resolution(settings.timing_display, divisor)
         for scale in (1, *display.scales()) if display else ():
-            if scale == 1 or scale in catalogue.spec(NETWORK).scales:
+            if scale == 1 or scale in comparators.SCALES:
                 yield _scale(settings, View(settings.scenes[0], settings.spp, scale, display))
 
 

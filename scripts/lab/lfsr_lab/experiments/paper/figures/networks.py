@@ -7,7 +7,6 @@ import statistics
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from lfsr_core.reconstruct.networks import catalogue
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.cells import Cell
 from lfsr_lab.experiments.paper import weights
@@ -124,16 +123,16 @@ def cost_cells(settings: Settings) -> Iterator[Cell[Rows]]:
         from lfsr_lab.networks.cost import multiply_adds, parameters
 
         rows = []
-        for name, entry in catalogue.NETWORKS.items():
+        for name, entry in comparators.NETWORKS.items():
             # Only what works on an elemental image of its own; the adversary leaves the generator's size as it is.
-            if entry.upscaler == comparators.PER_IMAGE and name != "paper-gan" and SCALE in entry.scales:
+            if entry.upscaler == comparators.PER_IMAGE and name != "paper-gan":
                 network = weights.untrained(name, SCALE)
                 per_pixel = multiply_adds(network, *display.low_views(SCALE)[::-1])
                 rows.append(Row(method=name, values={"parameters": parameters(network), PER_PIXEL: per_pixel,
                                                      PER_FRAME: per_pixel * width * height / SCALE**2 / 1e9}))
         return Rows(tuple(rows))
 
-    yield Cell("costs", {"display": display.to_dict(), "networks": sorted(catalogue.NETWORKS)}, count)
+    yield Cell("costs", {"display": display.to_dict(), "networks": sorted(comparators.NETWORKS)}, count)
 
 
 def rule_cost(rows: Sequence[Row]) -> str:
