@@ -5,11 +5,22 @@ Low view k' covers high views s·k' … s·k' + s - 1, so pixels are sampled at 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from lfsr_core.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
+
+
+@dataclasses.dataclass(frozen=True)
+class Network:
+    """A network that can be named as a method's upscaler."""
+
+    description: str  # one line for menus
+    upscaler: str  # "module:class" of a ``Upscaler``, called as (name, **settings)
+    weights: Mapping[int, Path]  # files, by the scale that each was trained for
 
 
 class Upscaler(Protocol):

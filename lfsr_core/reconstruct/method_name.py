@@ -13,9 +13,9 @@ from pathlib import Path
 
 from lfsr_core.errors import LfsrError, did_you_mean
 from lfsr_core.reconstruct import denoiser
+from lfsr_core.reconstruct.contract import Network
 from lfsr_core.reconstruct.methods import denoise, epipolar
 from lfsr_core.reconstruct.networks import catalogue
-from lfsr_core.reconstruct.networks.catalogue import Network
 
 CLASSICAL = {
     "nearest": "each view repeated",

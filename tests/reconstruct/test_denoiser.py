@@ -12,7 +12,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images
 from lfsr_core.reconstruct import denoiser
-from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_with_ours, mirrored
+from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_elemental_images, mirrored
 from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.tza import write_tza
 from tests.support.prerequisites import needs_bpy
@@ -72,20 +72,20 @@ def test_single_floats_are_refused_before_the_library_sees_them(tmp_path):
 
 def test_missing_weights_are_one_sentence(tmp_path):
     with pytest.raises(LfsrError, match="none.tza does not exist, expected TZA weights"):
-        method("ours+bilinear", weights=tmp_path / "none.tza").prepare(low_resolution())
+        method("denoise+bilinear", weights=tmp_path / "none.tza").prepare(low_resolution())
 
 
 @pytest.mark.parametrize("parallax", [(True, True), (True, False)])
 def test_colour_is_denoised_as_one_image_by_our_weights(weights, parallax):
     low = low_resolution(parallax, (6, 8, 5, 5, 3) if all(parallax) else (12, 8, 1, 5, 3))
-    found = method("ours+bilinear", weights=weights).prepare(low)
+    found = method("denoise+bilinear", weights=weights).prepare(low)
     rows, columns = low.color.shape[0] * low.color.shape[2], low.color.shape[1] * 5
     image = mirrored(low.color).swapaxes(1, 2).reshape(rows, columns, 3)
     expected = denoise_eia(image, weights=denoiser.load(weights))
     np.testing.assert_array_equal(mirrored(found.color).swapaxes(1, 2).reshape(rows, columns, 3), expected)
     assert found.noisy is low.color
     write_tza(weights, tensors(seed=1))
-    assert not np.array_equal(denoise_with_ours(low, weights).color, found.color)
+    assert not np.array_equal(denoise_elemental_images(low, weights).color, found.color)
 
 
 @given(st.integers(1, 4), st.integers(1, 4), st.integers(1, 5), st.integers(1, 5))

@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 
+from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct import method_name, registry
 from lfsr_core.reconstruct.method_name import MethodName
@@ -21,14 +22,12 @@ def test_a_name_is_made_of_prefilters_and_one_upscaler():
     assert method("oidn").upscaler is method("none").upscaler
 
 
-@pytest.mark.parametrize(("name", "images"), [("oidn-both+refine", 2), ("oidn-both+bilinear", 1), ("oidn-both", 1)])
-def test_both_images_are_one_but_for_a_network_that_mixes_them(name, images):
-    one = np.ones((2, 2, 2, 2, 3), np.float32)
-    low = LowResEIA(one, one[..., :1], 16, 4, noisy=one, guided=3 * one)
-    for prefilter in method(name).prefilters[1:]:
-        low = prefilter(low)
-    assert (low.guided is not None) == (images == 2)
-    np.testing.assert_array_equal(low.color, 1 if images == 2 else 2)
+def test_weights_are_for_the_denoiser_or_the_network():
+    low = LowResEIA(np.ones((1, 1, 2, 2, 3), np.float32), np.ones((1, 1, 2, 2, 1), np.float32), 16, 4)
+    with pytest.raises(LfsrError, match="no.tza does not exist"):
+        method("denoise+bilinear", "no.tza").prepare(low)
+    with pytest.raises(LfsrError, match=r"weights no.tza were given, but method 'oidn\+bilinear' has none"):
+        method("oidn+bilinear", "no.tza")
 
 
 def test_every_name_has_what_runs():

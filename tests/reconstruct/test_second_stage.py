@@ -51,8 +51,8 @@ def test_upscaling_comes_near_the_true_light_field(tmp_path, display, shape):
 
 def test_a_network_says_that_it_wants_views_along_both_axes(tmp_path):
     write_render(tmp_path, display=FLAT)
-    with pytest.raises(LfsrError, match="'light' needs views in two directions.*'oidn\\+bilinear\\+epi'"):
-        second_stage.upscale_frame(tmp_path, "light")
+    with pytest.raises(LfsrError, match="'paper' needs views in two directions.*'denoise\\+bilinear'"):
+        second_stage.upscale_frame(tmp_path, "paper")
     assert not (tmp_path / "eia.png").exists()
 
 
@@ -287,11 +287,9 @@ def test_single_lenses_are_finished_as_in_the_whole_frame(tmp_path):
     np.testing.assert_allclose(images, expected, atol=1e-6)
 
 
-def test_missing_guides_are_told(tmp_path):
+def test_a_plain_frame_has_no_notes(tmp_path):
     write_render(tmp_path)
-    notes = second_stage.upscale_frame(tmp_path, "oidn-guided+bilinear").notes
-    assert len(notes) == 1 and "albedo, normal" in notes[0] and "--layers albedo,normal" in notes[0]
-    assert second_stage.upscale_frame(tmp_path, "oidn+bilinear").notes == ()
+    assert second_stage.upscale_frame(tmp_path, "denoise+bilinear").notes == ()
 
 
 @pytest.mark.parametrize(("exposure", "tone"), [(-12, "black"), (0, ""), (12, "white")])

@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
 import importlib.metadata
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.reconstruct.contract import Upscaler
+from lfsr_core.reconstruct.contract import Network, Upscaler
 
 GROUP = "lfsr.networks"  # of entry points, each a dict of networks by name; importing one imports no PyTorch
-
-
-@dataclasses.dataclass(frozen=True)
-class Network:
-    """A network that can be named as a method's upscaler."""
-
-    description: str  # one line for menus
-    upscaler: str  # "module:class" of a ``contract.Upscaler``, called as (name, **settings)
-    weights: Mapping[int, Path]  # files, by the scale that each was trained for
 
 
 NETWORKS: dict[str, Network] = {name: network for point in importlib.metadata.entry_points(group=GROUP)

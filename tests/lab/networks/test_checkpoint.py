@@ -12,8 +12,7 @@ from safetensors.numpy import save_file
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json
-from lfsr_core.reconstruct.networks import catalogue
-from lfsr_lab.networks import checkpoint
+from lfsr_lab.networks import checkpoint, comparators
 from lfsr_lab.networks.networks import load
 from lfsr_lab.networks.photograph_networks import PaperGenerator
 
@@ -116,12 +115,10 @@ def test_a_pickle_is_never_run(saved, tmp_path):
     assert not (tmp_path / "proof").exists()
 
 
-def test_missing_file_and_missing_scale(tmp_path, monkeypatch):
+def test_missing_file_and_missing_scale(tmp_path):
     with pytest.raises(LfsrError, match="does not exist"):
         load("paper", 4, tmp_path / "none.safetensors")
-    monkeypatch.setattr(catalogue, "trained_scales", lambda name: [2, 4])
-    monkeypatch.setattr(catalogue, "weights_path", lambda name, scale: tmp_path / "none.safetensors")
-    with pytest.raises(LfsrError, match=r"no weights for scale 3 \(there are some for 2, 4\)"):
+    with pytest.raises(LfsrError, match=r"no weights for scale 3 \(there are some for 4\)"):
         load("paper", 3)
 
 
@@ -137,12 +134,12 @@ def test_too_large_and_diverged_weights_are_refused(tmp_path):
 
 
 def shipped():
-    return [(name, scale) for name in catalogue.NETWORKS for scale in catalogue.trained_scales(name)]
+    return [(name, scale) for name, network in comparators.NETWORKS.items() for scale in network.weights]
 
 
 @pytest.mark.parametrize(("name", "scale"), shipped())
 def test_shipped_weights_fit_and_carry_their_provenance(name, scale):
-    path = catalogue.weights_path(name, scale)
+    path = comparators.weights_path(name, scale)
     header, tensors = checkpoint.read(path)
     facts = json.loads(path.with_suffix(".json").read_text())
     assert path.stat().st_size < checkpoint.MAX_BYTES

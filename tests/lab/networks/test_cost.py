@@ -6,7 +6,6 @@ import pytest
 from torch import nn
 
 from lfsr_lab.networks.cost import multiply_adds, parameters
-from lfsr_lab.networks.lightfield import LightFieldConfig, LightFieldNet
 from lfsr_lab.networks.photograph_networks import ESPCN, FSRCNN, PaperGenerator
 
 
@@ -19,14 +18,6 @@ from lfsr_lab.networks.photograph_networks import ESPCN, FSRCNN, PaperGenerator
 ])
 def test_multiply_adds_are_those_of_the_formula(network, expected):
     assert multiply_adds(network, 10, 6) == expected
-
-
-@pytest.mark.parametrize("config", [LightFieldConfig(), LightFieldConfig(width=4, body_width=8, blocks=1)])
-def test_multiply_adds_of_our_network_are_those_of_the_formula(config):
-    width, body = config.width, config.body_width
-    full = 9 * config.input_channels * width + 9 * width * config.outputs
-    half = 4 * width * body + 2 * config.blocks * 9 * body * body + body * width * 4
-    assert multiply_adds(LightFieldNet(config), 10, 6) == full + half / 4
 
 
 def test_parameters_of_espcn():

@@ -1,4 +1,4 @@
-"""Networks of the catalogue, built."""
+"""Comparators, built."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ import torch
 from torch import nn
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.reconstruct.networks import catalogue
 from lfsr_lab.networks import comparators
 from lfsr_lab.networks.networks import build
 from lfsr_lab.networks.photograph_networks import PaperGenerator
 
-PHOTOGRAPH_NETWORKS = [name for name, entry in catalogue.NETWORKS.items()
+PHOTOGRAPH_NETWORKS = [name for name, entry in comparators.NETWORKS.items()
                        if entry.upscaler == comparators.PER_IMAGE]
 
 
@@ -21,6 +20,11 @@ PHOTOGRAPH_NETWORKS = [name for name, entry in catalogue.NETWORKS.items()
 def test_every_network_upscales_by_its_scale(name, scale):
     high = build(name, scale)(torch.rand(2, 3, 7, 10))
     assert high.shape == (2, 3, 7 * scale, 10 * scale)
+
+
+def test_unknown_network_names_the_nearest():
+    with pytest.raises(LfsrError, match="did you mean 'fsrcnn'"):
+        comparators.spec("fsrcn")
 
 
 def test_scale_that_does_not_fit():

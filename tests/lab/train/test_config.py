@@ -7,14 +7,14 @@ import dataclasses
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.reconstruct.networks import catalogue
-from lfsr_lab.train.config import builtin_configs, from_values, load_config
+from lfsr_lab.networks import comparators
+from lfsr_lab.train.config import builtin_configs, load_config
 
 
 def test_every_builtin_config_is_valid_and_states_the_papers_recipe():
     assert {"paper", "paper-gan", "paper-short", "espcn", "fsrcnn", "paper-6"} <= set(builtin_configs())
     for name in builtin_configs():
-        catalogue.spec(load_config(name, ["scenes=here"] if name in ("light", "refine") else []).network)
+        comparators.spec(load_config(name).network)
     recipe = load_config("paper-gan")
     assert (recipe.crop, recipe.batch, recipe.epochs, recipe.rate, recipe.adversarial) == (256, 8, 100, 1e-4, 1e-3)
     assert load_config("paper") == dataclasses.replace(recipe, network="paper", adversarial=0.0)
@@ -49,18 +49,3 @@ def test_missing_and_broken_config(tmp_path):
     (tmp_path / "b.toml").write_text('network = "paper"')
     with pytest.raises(LfsrError, match="has no 'photographs'"):
         load_config(str(tmp_path / "b.toml"))
-
-
-def test_bad_settings_of_light_fields():
-    with pytest.raises(LfsrError, match="did you mean 'steps_per_epoch'"):
-        from_values({"network": "light", "scenes": "x", "steps_epoch": 3}, "test")
-
-
-def test_ablations_change_the_architecture():
-    config = from_values({"network": "refine", "scenes": "x", "without": "albedo,normal", "blocks": 2}, "test")
-    assert config.architecture.inputs == ("oidn", "guided", "color", "alpha") and config.architecture.blocks == 2
-    alone = from_values({"network": "refine", "scenes": "x", "without": "guided"}, "test").architecture
-    assert alone.inputs == ("oidn", "color", "alpha", "albedo", "normal") and not alone.second_base
-    shipped = from_values({"network": "refine", "scenes": "x"}, "test").architecture
-    assert shipped.inputs == ("oidn", "guided", "color", "alpha", "albedo", "normal") and shipped.blocks == 1
-    assert shipped.second_base == "guided"

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.errors import LfsrError, did_you_mean
-from lfsr_core.reconstruct.networks.catalogue import Network
+from lfsr_core.reconstruct.contract import Network
 
 FOLDER = Path(__file__).parent / "weights"
 SCALES = (2, 3, 4, 8)  # that every architecture has

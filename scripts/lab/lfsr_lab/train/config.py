@@ -64,22 +64,22 @@ def load_config(name: str, settings: Sequence[str] = ()) -> TrainConfig:
         if not separator:
             raise LfsrError(f"setting {setting!r} is not of the form key=value: write for example epochs=10")
         values[key.strip()] = _parse(text.strip())
-    return from_values(values, name)
+    return _checked(values, name)
 
 
-def from_values(values: dict[str, Any], origin: str) -> TrainConfig:
+def _checked(values: dict[str, Any], name: str) -> TrainConfig:
     """Return the config of plain values; LfsrError for an unknown, missing or mistyped key."""
     hints = get_type_hints(TrainConfig)
     for key, value in values.items():
         if key not in hints:
-            raise LfsrError(f"{origin} has the unknown key {key!r}: {did_you_mean(key, hints, cutoff=0).rstrip()}")
+            raise LfsrError(f"{name} has the unknown key {key!r}: {did_you_mean(key, hints, cutoff=0).rstrip()}")
         if hints[key] is float and type(value) is int:
             values[key] = float(value)
         elif type(value) is not hints[key]:
-            raise LfsrError(f"{origin} has {key} = {value!r}, expected a value of type {hints[key].__name__}")
+            raise LfsrError(f"{name} has {key} = {value!r}, expected a value of type {hints[key].__name__}")
     for field in dataclasses.fields(TrainConfig):
         if field.default is dataclasses.MISSING and field.name not in values:
-            raise LfsrError(f"{origin} has no {field.name!r}: add it or pass --set {field.name}=…")
+            raise LfsrError(f"{name} has no {field.name!r}: add it or pass --set {field.name}=…")
     return TrainConfig(**values)
 
 
