@@ -142,7 +142,7 @@ def test_a_light_that_there_is_not_is_refused_at_once(scene, blender, tmp_path, 
 def test_render_defaults(scene, blender, tmp_path):
     assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender]) == 0
     (job,) = jobs(blender)
-    assert (job["scale"], job["spp"], job["layers"], job["frame"]) == (2, 4, ["albedo", "normal"], None)
+    assert (job["scale"], job["spp"], job["layers"], job["frame"]) == (2, 4, [], None)
     assert (job["scales"], job["rays"], job["scale_frames"]) == ([2, 1], 1, []), "Blender sees the depth and chooses"
     assert json.loads((tmp_path / "frame" / "report.json").read_text())["method"] == DEFAULT_METHOD
 
@@ -152,7 +152,7 @@ def test_a_scene_too_deep_for_any_scale_is_denoised_alone(scene, blender, tmp_pa
     Path(blender).write_text(text)
     assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender]) == 0
     report = json.loads((tmp_path / "frame" / "report.json").read_text())
-    assert (report["scale"], report["method"]) == (1, "oidn")
+    assert (report["scale"], report["method"]) == (1, "denoise")
 
 
 def test_a_scale_that_is_asked_for_is_the_only_one(scene, blender, tmp_path, capsys):

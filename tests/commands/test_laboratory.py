@@ -18,7 +18,7 @@ def missing(monkeypatch):
 
 
 @pytest.mark.parametrize("words", [["chart"], ["chart", "a.blend", "-o", "out"], ["stress", "-o", "out"],
-                                   ["train", "--help"], ["fit", "frame", "reference", "--seed=1"]])
+                                   ["train", "--help"], ["train", "paper", "--set", "seed=1"]])
 def test_without_the_laboratory_its_verbs_say_how_to_install_it(missing, capsys, words):
     told = fails(words, capsys)
     assert told.startswith(f"lfsr {words[0]}: the verb {words[0]!r} belongs to the laboratory")

@@ -67,7 +67,7 @@ USER = """import lfsr_core
 from lfsr_core import Frame, Metrics, Report, UpscaleOptions, compare_folders, read_frame, read_views, upscale_frame
 
 frame: Frame = read_frame("frame")
-report: Report = upscale_frame("frame", "light", UpscaleOptions(dilate=1))
+report: Report = upscale_frame("frame", "denoise+bilinear", UpscaleOptions(dilate=1))
 metrics: Metrics = compare_folders("frame", "reference")
 brightest: int = int(read_views("frame").max())
 print(report.seconds["render"], metrics.notes, brightest, frame.display.lenses[0] + 1, lfsr_core.__version__)

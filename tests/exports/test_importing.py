@@ -14,7 +14,6 @@ from lfsr_core.exports.importing import ImportGeometry, import_views
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.report import read_report
 from lfsr_core.reconstruct.second_stage import upscale_frame
 from tests.support.finished import MINI, finished
 
@@ -74,12 +73,6 @@ def test_the_second_stage_makes_the_views_between(images, field, tmp_path):
     # Low view k covers high views 2k and 2k + 1, a quarter of a step to its sides.
     mixed = 0.75 * field.resampled((3, 3))[1, 1] + 0.25 * field.resampled((3, 3))[1, 2]
     assert np.abs(made.view_at(3, 2.5).astype(float) - mixed).mean() < 6
-
-
-def test_methods_that_need_layers_say_so(images, tmp_path):
-    import_views(images, tmp_path / "frame", scale=4)
-    upscale_frame(tmp_path / "frame", "oidn-both+refine")
-    assert "needs the layers albedo, normal, which this frame lacks" in read_report(tmp_path / "frame").notes[0]
 
 
 def test_stanford_cameras_are_ordered_by_place(field, tmp_path):

@@ -35,7 +35,7 @@ def numbered(listed: list[tuple[int, int]]) -> LowResEIA:
     """A render of ``listed`` lenses as one row of tiles, each filled with its lens's number."""
     numbers = np.array([row * GRID[0] + column for row, column in listed], np.float32)
     color = np.broadcast_to(numbers[None, :, None, None, None], (1, len(listed), 2, 2, 3))
-    return LowResEIA(color, color[..., :1] / 100, 4, 2, albedo=color)
+    return LowResEIA(color, color[..., :1] / 100, 4, 2, position=color)
 
 
 @given(lens_lists, st.integers(0, 2))
@@ -44,7 +44,7 @@ def test_mosaic_shows_each_sampled_lens_amid_its_neighbours(lenses, reach_):
     assert len(listed) == len(set(listed))
     mosaic = Mosaic.of(blocks)
     low = mosaic.of_render(numbered(listed))
-    assert low.color.shape[:2] == mosaic.index.shape and low.albedo.shape == low.color.shape
+    assert low.color.shape[:2] == mosaic.index.shape and low.position.shape == low.color.shape
     for (row, column), (y, x) in zip(lenses, mosaic.centres, strict=True):
         for down in range(-reach_, reach_ + 1):
             for right in range(-reach_, reach_ + 1):

@@ -86,7 +86,7 @@ def test_a_frame_that_lacks_its_picture_is_not_rendered_again(made, damage):
 
 
 def test_another_method_finishes_the_same_renders(made):
-    assert states(render_animation(animation(made, FRAMES, SecondStage("light")), NO_BLENDER)) == [MADE] * 3
+    assert states(render_animation(animation(made, FRAMES, SecondStage("nearest")), NO_BLENDER)) == [MADE] * 3
 
 
 def test_one_scale_for_all_frames_is_chosen_by_the_depth_of_a_few(tmp_path):

@@ -46,7 +46,7 @@ def render(folder: Path) -> dict[str, object]:
     bpy.ops.wm.save_as_mainfile(filepath=job.scene, copy=True)
     importlib.import_module("lfsr_core.records").write_record(folder / "job.json", job)
     commands = (runtime.render_command(folder / "job.json"),
-                [*runtime.second_stage_command(), "upscale", job.output, "--method", "oidn+bicubic"])
+                [*runtime.second_stage_command(), "upscale", job.output, "--method", "denoise+bilinear"])
     for command in commands:
         done = subprocess.run(command, env=runtime.environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                               text=True, check=False)
@@ -58,7 +58,7 @@ def render(folder: Path) -> dict[str, object]:
 def press(folder: Path) -> dict[str, object]:
     """In a new session: render the default cube and its reference from the panel's operators."""
     settings = bpy.context.scene.lfsr
-    settings.display, settings.samples, settings.method = "mini", 2, "oidn+bicubic"
+    settings.display, settings.samples, settings.method = "mini", 2, "denoise+bilinear"
     settings.output = str(folder / "images")
     bpy.ops.lfsr.array_add()
     settings.reference_samples = 2

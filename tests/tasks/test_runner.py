@@ -17,6 +17,7 @@ from lfsr_core.records import to_data
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED
 from lfsr_core.tasks import runner
 from tests.support.played_blender import ROOT, played_blender
+from tests.support.synthetic import write_render
 
 
 @pytest.fixture
@@ -87,8 +88,8 @@ def test_task_takes_its_render_along_when_it_ends(tmp_path, how, written):
     ("bicubik", EXIT_BAD_INPUT, {"stage": "error"})])
 def test_a_task_that_starts_nothing_runs_too(tmp_path, method, code, record):
     path = tmp_path / "task.json"
-    path.write_text(json.dumps({"task": "check", "method": method}))
+    path.write_text(json.dumps({"task": "upscale", "folder": str(write_render(tmp_path / "frame")), "method": method}))
     with run_task(path) as process:
-        found = json.loads(process.stdout.read().removeprefix("LFSR "))
+        found = json.loads(process.stdout.read().splitlines()[-1].removeprefix("LFSR "))
     assert process.returncode == code and found.items() >= record.items()
     assert code == 0 or "did you mean 'bicubic'" in found["message"]

@@ -55,10 +55,9 @@ def assert_same(images, others):
                                      {"layout": "view-by-view", "scale": 4},
                                      {"layout": "view-by-view", "scale": 4, "lens_list": LENSES}])
 def test_parts_are_the_whole_image(noisy, tmp_path, monkeypatch, options):
-    layers = tuple(name for name in LAYERS if name != "denoised")
-    options |= {"layers": layers, "world_visible": True}
+    options |= {"layers": LAYERS, "world_visible": True}
     whole, _ = rendered(noisy, tmp_path / "whole", **options)
-    assert set(whole["lr_eia.exr"]) == {"color", *layers, "environment"}
+    assert set(whole["lr_eia.exr"]) == {"color", *LAYERS, "environment"}
     # So short that bands also run out of time and are given up. Each view is stored, however fast it is.
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", "0.01")
     monkeypatch.setattr(view_by_view, "seconds_per_part", lambda: 0.0)
@@ -167,7 +166,7 @@ def test_rows_of_lenses_are_the_whole_image(noisy, tmp_path, monkeypatch, option
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", short := options.get("short", "60"))
     options = {name: value for name, value in options.items() if name != "short"}
     if options.get("kind") != "reference":
-        options |= {"layers": tuple(name for name in LAYERS if name != "denoised"), "world_visible": True}
+        options |= {"layers": LAYERS, "world_visible": True}
     whole, _ = rendered(noisy, tmp_path / "whole", **options)
     rows = [(1, 3), (4, 4), (5, 12)]
     for number, part in enumerate(rows):

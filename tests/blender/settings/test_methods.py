@@ -5,18 +5,23 @@ from __future__ import annotations
 import zlib
 
 from blender_addon.settings import methods
-from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.plan.candidates import default_methods
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, MethodName
 
 
-def test_methods_name_their_layers_and_have_lasting_numbers():
+def test_the_default_is_first_and_numbers_last():
     items = methods.method_items()
     assert len({item[4] for item in items}) == len(items)
     # The number stored in artists' files: a new method must not shift it.
-    assert {item[0]: item[4] for item in items}["oidn+bicubic"] == zlib.crc32(b"oidn+bicubic") & 0x7FFFFFFF
-    assert MethodName.parse("oidn-guided+bicubic").layers == MethodName.parse("light").layers == ("albedo", "normal")
-    assert MethodName.parse("oidn+bicubic").layers == MethodName.parse("bicubic").layers == ()
+    assert {item[0]: item[4] for item in items}["oidn+bilinear"] == zlib.crc32(b"oidn+bilinear") & 0x7FFFFFFF
+    assert items[0][:2] == (DEFAULT_METHOD, "Default")
 
 
 def test_every_method_of_the_menu_is_one_of_the_second_stage():
     for name, *_ in methods.method_items():
-        assert MethodName.parse(name).text == name
+        assert not name or MethodName.parse(name).text == name
+
+
+def test_every_method_that_a_plan_finds_is_in_the_menu():
+    listed = {name for name, *_ in methods.method_items()}
+    assert {MethodName.parse(name).at_scale(scale).text for name in default_methods() for scale in (1, 4)} <= listed

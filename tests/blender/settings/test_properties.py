@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import zlib
+
 import bpy
 import pytest
 
 from blender_addon.settings import scene_settings
-from lfsr_core.errors import LfsrError
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, HORIZONTAL_METHOD
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from tests.support import panel
 
 
@@ -71,18 +72,20 @@ def test_a_preset_costs_the_same_on_every_display(scene):
     assert (scene.lfsr.rays, scene_settings.resolve(scene).samples) == (16, 16)
 
 
-def test_a_preset_takes_the_method_for_the_displays_views(scene):
-    scene.lfsr.quality = "BALANCED"
-    scene.lfsr.display = "looking-glass-go"
-    assert (scene.lfsr.quality, scene.lfsr.method) == ("BALANCED", HORIZONTAL_METHOD)
-    scene.lfsr.scale = "3"
-    scene_settings.resolve(scene).check()
-    scene.lfsr.method = DEFAULT_METHOD
-    assert scene.lfsr.quality == "CUSTOM"
-    with pytest.raises(LfsrError, match="'looking-glass-go' has views in one direction"):
-        scene_settings.resolve(scene).check()
-    scene.lfsr.display, scene.lfsr.quality = "mini", "BALANCED"
-    assert scene.lfsr.method == DEFAULT_METHOD
+def test_a_saved_method_that_is_gone_becomes_the_default_and_that_is_said(tmp_path):
+    with panel.registered():
+        scene = panel.artist_scene(None)
+        # A file that version 0.1 saved with its method "light": Blender keeps the number.
+        saved = zlib.crc32(b"light") & 0x7FFFFFFF
+        getattr(scene, "bl_system_properties_get", lambda: scene)()["lfsr"]["method"] = saved
+        assert scene.lfsr.method == ""
+        assert scene_settings.resolve(scene).method.text == DEFAULT_METHOD, "where the file was open before"
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+        bpy.ops.wm.read_homefile(use_empty=True)
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+        assert bpy.context.scene.lfsr.method == DEFAULT_METHOD
+        assert bpy.context.window_manager.lfsr.message == (
+            "The method saved in scene 'Scene' is gone since version 0.2: Default replaced it")
 
 
 def test_saved_scenes_keep_their_displays():

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import bpy
 import pytest
 
 from blender_addon.background import recipes, session
 from blender_addon.scene.open import choose_scene
-from blender_addon.settings import methods, scene_settings
+from blender_addon.settings import scene_settings
 from blender_addon.ui.operators import check
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.optics.display import PROFILE_FOLDER
-from lfsr_core.reconstruct.method_name import MethodName
-from lfsr_core.reconstruct.networks import catalogue
 from tests.support import panel
 
 
@@ -181,19 +177,11 @@ def test_scale_that_does_not_divide_the_views(scene):
     refuse(scene, "Scale is 5, .* choose a scale that divides both")
 
 
-def test_network_that_was_not_trained_for_the_scale(scene, monkeypatch):
-    monkeypatch.setattr(catalogue, "trained_scales", lambda name: [4, 8])
-    method = MethodName.parse("oidn+fsrcnn")
-    methods.check_scale(method, 4)
-    with pytest.raises(LfsrError, match="'fsrcnn' was not trained for scale 2× but for 4×, 8×"):
-        methods.check_scale(method, 2)
-
-
-def test_second_stage_that_cannot_run_the_method_is_an_error_before_the_render(scene, monkeypatch):
-    monkeypatch.setattr(recipes, "render_step", lambda *_: pytest.fail("it renders"))
-    recipe = dataclasses.replace(recipes.frame_recipe(scene), method="oidn+fsrcnn+epi")
-    with pytest.raises(LfsrError, match="'epi' cannot follow 'fsrcnn'"):
-        session.run("Render EIA", recipes.render_frame(recipe))
+def test_method_that_upscales_nothing_is_an_error_before_the_render(scene):
+    scene.lfsr.method = "denoise"
+    refuse(scene, "Method 'denoise' upscales nothing, but scale 2")
+    scene.lfsr.scale = "AUTO"
+    assert recipes.frame_recipe(scene).job.scale == 1
 
 
 def test_colours_that_the_image_could_not_show_are_an_error_before_the_render(scene, monkeypatch):

@@ -34,7 +34,7 @@ bpy.context.object.data.energy = 600
 for item in scene.objects:
     item.select_set(item.name == "Suzanne")
 scene.render.engine = "CYCLES"
-scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method = "mini", "2", 2, "light"
+scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method = "mini", "2", 2, "bilinear"
 scene.render.resolution_x, scene.cycles.samples, scene.cycles.pixel_filter_type = 321, 77, "GAUSSIAN"
 bpy.ops.wm.save_as_mainfile(filepath=FILE)
 """

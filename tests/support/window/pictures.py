@@ -73,7 +73,7 @@ def take(window: Window, folder: Path) -> None:
     window.run("bpy.ops.lfsr.check_fix('INVOKE_DEFAULT', True, code='background', target='Floor')")
     window.run("bpy.context.window_manager.lfsr.checked_scene = ''" + IMAGE_EDITOR)
     window.run("lfsr = bpy.context.scene.lfsr; lfsr.display, lfsr.scale, lfsr.rays = 'fhd', '4', 1")
-    window.run("lfsr.method = 'light'")   # this Blender has no Open Image Denoise
+    window.run("lfsr.method = 'bilinear'")   # this Blender has no Open Image Denoise
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
     window.until("addon.background.session.current().fraction > 0.3", SECONDS_TO_RENDER)
     keep(window, folder, "panel-rendering")

@@ -186,7 +186,7 @@ def test_default_methods_are_bicubic_the_default_and_what_has_weights():
     (["--sweeps", "wires"], "did you mean 'wire'"), (["--methods", "bicubix"], "did you mean 'bicubic'"),
     (["--scale", "3"], "scale is 3"), (["--scale", "1"], "scale is 1"), (["--frames", "1"], "need at least 2"),
     (["--display", "minni"], "did you mean 'mini'"),
-    (["--display", "looking-glass-go", "--scale", "2", "--methods", "light"], "'light' needs views in two directions")])
+    (["--display", "looking-glass-go", "--scale", "2", "--methods", "paper"], "'paper' needs views in two directions")])
 def test_bad_input_is_refused_before_anything_is_written(tmp_path, capsys, options, message):
     assert message in fails(["stress", "-o", str(tmp_path / "out"), "--display", "mini", *options], capsys)
     assert not (tmp_path / "out").exists()
