@@ -27,7 +27,6 @@ from lfsr_core.images.exr import read_finite, read_layers
 from lfsr_core.images.png import read_mask, read_png, write_mask
 from lfsr_core.optics.display import load_display
 from lfsr_core.reconstruct import denoiser, tza
-from lfsr_core.reconstruct.networks import catalogue, numpy_network
 from lfsr_core.records import to_data
 from tests.support.synthetic import MINI, frame_of, write_render
 
@@ -85,7 +84,7 @@ def damaged_bytes(draw: st.DrawFn, good: bytes) -> bytes:
 def render_files(folder: Path) -> dict[str, bytes]:
     """What a rendered and finished folder holds, by name."""
     write_render(folder)
-    write_report(folder, Report("light", "mini", 2, 16, {"render": 1.0}, None, 0.3, ("a",), {"ssim_eia": 0.5}))
+    write_report(folder, Report("bilinear", "mini", 2, 16, {"render": 1.0}, None, 0.3, ("a",), {"ssim_eia": 0.5}))
     write_mask(folder / "mask.png", read_layers(folder / "lr_eia.exr")["color"][..., 3] > 0)
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
@@ -100,10 +99,6 @@ def profile_text(data: bytes) -> bytes:
         return toml(json.loads(data))
     except (ValueError, RecursionError, AttributeError):
         return data
-
-
-def read_weights(path: Path) -> None:
-    numpy_network._load.__wrapped__(path, 0)
 
 
 def read_denoiser(path: Path) -> None:
@@ -136,7 +131,7 @@ def read_pictures(path: Path) -> None:
 KINDS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "frame": (FRAME_FILE, use_frame), "report": (REPORT_FILE, lambda path: read_report(path.parent)),
     "job": ("job.json", read_job), "profile": ("profile.toml", load_display), "exr": ("lr_eia.exr", use_picture),
-    "png": ("mask.png", read_pictures), "weights": ("weights.safetensors", read_weights),
+    "png": ("mask.png", read_pictures),
     "denoiser": ("denoiser.tza", read_denoiser)}
 
 
@@ -145,8 +140,7 @@ def good(tmp_path_factory) -> dict[str, bytes]:
     folder = tmp_path_factory.mktemp("good")
     files = render_files(folder) | {"denoiser.tza": denoiser_weights(folder / "denoiser.tza")}
     job = Job("out", MINI, "scene.blend", layers=("albedo",), lens_list=((0, 0), (1, 1)), scale=2)
-    return files | {"job.json": json.dumps(to_data(job)).encode(), "profile.toml": json.dumps(MINI.to_dict()).encode(),
-                    "weights.safetensors": catalogue.weights_path("light", 4).read_bytes()}
+    return files | {"job.json": json.dumps(to_data(job)).encode(), "profile.toml": json.dumps(MINI.to_dict()).encode()}
 
 
 @pytest.fixture
@@ -171,7 +165,7 @@ def attempt(folder: Path, kind: str, data: bytes) -> None:
 
 
 def fuzz(folder: Path, kind: str, content: bytes, cases: int) -> None:
-    binary = kind in ("exr", "png", "weights", "denoiser")
+    binary = kind in ("exr", "png", "denoiser")
     strategy = damaged_bytes(content) if binary else damaged_json(content.decode()) | damaged_bytes(content)
 
     @settings(max_examples=cases, deadline=None, database=None, suppress_health_check=list(HealthCheck))

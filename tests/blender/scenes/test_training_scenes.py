@@ -52,7 +52,8 @@ def run(inputs, models, output, *options):
     """The script in a process of its own: exit code and its messages."""
     command = [sys.executable, SCRIPTS / "training_scenes.py", "--output", output, "--display", inputs / "tiny.toml",
                "--textures", inputs / "photos", "--models", models, "--scale", SCALE,
-               "--spps", ",".join(map(str, SPPS)), "--reference-spp", REFERENCE_SPP, "--seed", SEED, "--threads", 2, *options]
+               "--spps", ",".join(map(str, SPPS)), "--reference-spp", REFERENCE_SPP, "--seed", SEED,
+               "--threads", 2, *options]
     result = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
     lines = [line.removeprefix("LFSR ") for line in result.stdout.splitlines() if line.startswith("LFSR ")]
     return result.returncode, [json.loads(line) for line in lines]

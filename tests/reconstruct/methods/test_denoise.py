@@ -9,7 +9,13 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.denoiser import WEIGHTS, load
 from lfsr_core.reconstruct.methods import denoise, oidn
-from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_low_resolution, shown_part, span
+from lfsr_core.reconstruct.methods.denoise import (
+    denoise_eia,
+    denoise_elemental_images,
+    denoise_low_resolution,
+    shown_part,
+    span,
+)
 from tests.support.prerequisites import needs_bpy
 
 RANDOM = np.random.default_rng(0)
@@ -64,8 +70,8 @@ def framed(row=9, column=13):
     return LowResEIA(images["color"], images["alpha"], 16, 4), part
 
 
-@pytest.mark.parametrize("weights", [None, WEIGHTS])
-def test_only_what_shows_something_is_denoised(monkeypatch, weights):
+@pytest.mark.parametrize("way", [denoise_low_resolution, denoise_elemental_images])
+def test_only_what_shows_something_is_denoised(monkeypatch, way):
     low, part = framed()
     sizes = []
 
@@ -74,13 +80,13 @@ def test_only_what_shows_something_is_denoised(monkeypatch, weights):
         return denoise_eia(color, *arguments, **options)
 
     monkeypatch.setattr(denoise, "denoise_eia", spy)
-    denoised = denoise_low_resolution(low, weights).color
+    denoised = way(low).color
     assert len(sizes) == 1 and sizes[0] < low.alpha.size / 3
     outside = denoised.copy()
     outside[part] = 0
     assert outside.max() < 0.3, "only what spills over a border"
-    monkeypatch.setattr(denoise, "shown_part", lambda color, parallax: (slice(None), slice(None)))
-    expected = denoise_low_resolution(low, weights).color
+    monkeypatch.setattr(denoise, "shown_part", lambda *_: (slice(None), slice(None)))
+    expected = way(low).color
     np.testing.assert_allclose(denoised[part], expected[part], rtol=0.1, atol=0.05)
 
 
@@ -100,7 +106,7 @@ def test_views_along_one_axis_are_denoised_as_whole_views():
 def test_nothing_to_denoise_stays_as_it_is():
     low, part = framed()
     empty = dataclasses.replace(low, color=np.full_like(low.color, 0.25))
-    np.testing.assert_array_equal(denoise_low_resolution(empty, WEIGHTS).color, empty.color)
+    np.testing.assert_array_equal(denoise_elemental_images(empty).color, empty.color)
 
 
 @pytest.mark.parametrize("corner", [(0, 0), (3, 9), (9, 13), (22, 28)])
