@@ -34,6 +34,7 @@ class Denoiser(nn.Module):
 
     def __init__(self, widths: Sequence[int] = SMALL, inputs: int = COLOR_INPUTS) -> None:
         super().__init__()
+        self.widths, self.inputs = tuple(widths), inputs
         shapes = network_shapes(widths, inputs)
         for layer in LAYERS:
             outputs, entering = shapes[f"{layer}.weight"][:2]
@@ -50,12 +51,13 @@ class Denoiser(nn.Module):
         for layer in LAYERS:
             if layer in SKIPS:
                 x = torch.cat((functional.interpolate(x, scale_factor=2, mode="nearest"), kept[SKIPS[layer]]), 1)
-            x = getattr(self, layer)(x)
-            if layer != LAYERS[-1]:
-                x = functional.relu(x)
+            if layer == LAYERS[-1]:
+                with torch.autocast(x.device.type, enabled=False):  # the image itself needs single precision
+                    return self.get_submodule(layer)(x.float())[:, :, :height, :width]
+            x = functional.relu(self.get_submodule(layer)(x))
             if layer in POOLED:
                 x = kept[layer] = functional.max_pool2d(x, 2)
-        return x[:, :, :height, :width]
+        raise AssertionError("the last layer returns")
 
     def tensors(self) -> dict[str, Array]:
         """Weights and biases as float32, for ``write_tza``; the library takes half floats alone."""

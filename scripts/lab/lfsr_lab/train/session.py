@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import platform
 import shlex
 import sys
@@ -13,10 +14,14 @@ import numpy as np
 import torch
 
 from lfsr_core import __version__
+from lfsr_core.files import write_json
+from lfsr_core.reconstruct.tza import write_tza
 from lfsr_lab.networks import checkpoint, comparators
 from lfsr_lab.networks.cost import multiply_adds, parameters
 from lfsr_lab.networks.engine import choose_device
-from lfsr_lab.train.config import TrainConfig
+from lfsr_lab.train.config import DENOISER, DenoiserConfig, TrainConfig
+from lfsr_lab.train.denoiser.data import load_scenes
+from lfsr_lab.train.denoiser.task import DenoiserTask
 from lfsr_lab.train.loop import Outcome, RunOptions, Schedule, run
 from lfsr_lab.train.photographs.data import load_photographs
 from lfsr_lab.train.photographs.task import ComparatorTask
@@ -25,38 +30,55 @@ LONG_SIDE = 1600
 COUNTED_EI = 20
 
 
-def train(config: TrainConfig, output: str | Path, device: str = "auto", options: RunOptions | None = None) -> Outcome:
+def train(config: TrainConfig | DenoiserConfig, output: str | Path, device: str = "auto",
+          options: RunOptions | None = None) -> Outcome:
     """Train the network of ``config``; write weights, log, curves and checkpoint to the folder ``output``.
 
-    ``device``: "cpu", "cuda" or "auto". LfsrError if data, device or a checkpoint do not fit.
+    ``device``: "cpu", "cuda" or "auto"; the denoiser trains on the CPU alone. LfsrError if data, device or a
+    checkpoint do not fit.
     """
+    schedule = Schedule(config.epochs, config.validate_every, config.checkpoint_every)
+    if isinstance(config, DenoiserConfig):
+        denoiser = DenoiserTask(config, load_scenes(config.scenes, config.count, guides=config.guides))
+        outcome = run(denoiser, schedule, output, options)
+        return outcome if outcome.stopped else _finish_denoiser(denoiser, outcome, Path(output))
     photographs = load_photographs(config.photographs, LONG_SIDE)
     validation = load_photographs(config.validation) if config.validation else None
     task = ComparatorTask(config, photographs, validation, choose_device(device))
     torch.backends.cudnn.benchmark = True
-    outcome = run(task, Schedule(config.epochs, config.validate_every, config.checkpoint_every), output, options)
+    outcome = run(task, schedule, output, options)
     if outcome.stopped:
         return outcome
     path = comparators.weights_path(config.network, config.scale, output)
-    checkpoint.save(path, task.finished, config.scale, _provenance(task, outcome), task.options)
+    facts: dict[str, Any] = {"multiply_adds_per_low_pixel": multiply_adds(task.network, COUNTED_EI, COUNTED_EI)}
+    facts |= _provenance(task, outcome, task.yardstick(), task.device)
+    checkpoint.save(path, task.finished, config.scale, facts, task.options)
     return dataclasses.replace(outcome, weights=path)
 
 
-def _provenance(task: ComparatorTask, outcome: Outcome) -> dict[str, Any]:
+def _finish_denoiser(task: DenoiserTask, outcome: Outcome, output: Path) -> Outcome:
+    """Write denoiser.tza and denoiser.json."""
+    path = output / f"{DENOISER}.tza"
+    write_tza(path, task.finished.tensors())
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    write_json(path.with_suffix(".json"), {"sha256": digest} | _provenance(task, outcome, {}, torch.device("cpu")))
+    return dataclasses.replace(outcome, weights=path)
+
+
+def _provenance(task: ComparatorTask | DenoiserTask, outcome: Outcome, yardstick: dict[str, float],
+                device: torch.device) -> dict[str, Any]:
     """How the weights were made, for the JSON file beside them."""
     return {
         "network": task.config.network,
         "config": dataclasses.asdict(task.config),
         "data": task.data(),
         "seconds": round(outcome.seconds, 1),
-        "validation": outcome.validation | task.yardstick(),
+        "validation": outcome.validation | yardstick,
         "command": _command(),
         "versions": {"lfsr": __version__, "python": platform.python_version(), "torch": torch.__version__,
                      "numpy": np.__version__},
-        "device": (torch.cuda.get_device_name(task.device) if task.device.type == "cuda"
-                   else f"CPU {platform.machine()}"),
-        "parameters": parameters(task.network),
-        "multiply_adds_per_low_pixel": multiply_adds(task.network, COUNTED_EI, COUNTED_EI)}
+        "device": torch.cuda.get_device_name(device) if device.type == "cuda" else f"CPU {platform.machine()}",
+        "parameters": parameters(task.network)}
 
 
 def _command() -> str:

@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> None:
         from lfsr_lab.train.loop import RunOptions
 
         config = load_config(arguments.config, arguments.set)
-        output = Path(arguments.output or f"out/train/{Path(arguments.config).stem}-x{config.scale}")
+        output = Path(arguments.output or f"out/train/{Path(arguments.config).stem}")
         trained = session.train(config, output, arguments.device, RunOptions(arguments.resume, progress))
     if trained.weights is None:
         print(f"stopped after {trained.epochs} epochs: go on with --resume --output {output}")

@@ -1,0 +1,167 @@
+"""Training scenes of ``training_scenes.py`` and random crops of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from lfsr_core.arrays import Array
+from lfsr_core.errors import LfsrError
+from lfsr_lab.networks.denoiser import hdr_encode, normal_encode
+
+CLEANEST = 32  # samples of the cleanest render; more are simulated
+AROUND = 12  # pixels that the network may see around a crop
+EXPOSURE, MOST_EXPOSURE = 1.2, 3.0  # stops, standard deviation and limit
+SHOWN_AROUND = 5  # pixels whose neighbours count as shown
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """Low-resolution renders of one scene."""
+
+    layers: dict[str, Array]  # as training/produce.py names them, (H, W, 4) and (H, W, 6) float16
+    ei: tuple[int, int]  # (h, w) of an elemental image in pixels, (1, 1) where there are none
+    scale: int
+    validates: bool
+
+    @property
+    def is_tiled(self) -> bool:
+        """Whether elemental images have views along both axes."""
+        return min(self.ei) > 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Crop:
+    """A part of a scene, aligned with its elemental images; tensors (1, C, H, W)."""
+
+    inputs: Tensor  # what the network sees, with pixels around
+    target: Tensor  # scene-linear >= 0
+    shown: Tensor  # 1 where anything shows
+    inside: tuple[slice, slice]  # of the inputs, where the target lies
+    ei: tuple[int, int]
+    scale: int
+    is_tiled: bool
+
+
+def load_scenes(folder: str | Path, count: int = 0, *, guides: bool = False) -> list[Scene]:
+    """Read every scene of a folder, or the first ``count`` and all that validate; LfsrError where there is none."""
+    scenes = [load_scene(path, guides=guides) for path in sorted(Path(folder).glob("scene_*.npz"))]
+    training = [scene for scene in scenes if not scene.validates]
+    if not training or len(training) == len(scenes):
+        raise LfsrError(f"{folder} holds {len(training)} training scenes and {len(scenes) - len(training)} that "
+                        "validate, but both are needed: make at least ten with training_scenes.py")
+    return training[:count or None] + [scene for scene in scenes if scene.validates]
+
+
+def load_scene(path: Path, *, guides: bool = False) -> Scene:
+    """Read one scene; LfsrError where the file is damaged or of another format."""
+    try:
+        with np.load(path) as file:
+            meta: dict[str, Any] = json.loads(str(file["meta"]))
+            layers = {name: file[name] for name in file.files
+                      if name.startswith("color") or (guides and name.startswith("guides"))}
+        scale, views = meta["scale"], meta["views"]
+        across, down = (1 if meta["is_direct"] or count == 1 else count // scale for count in views)
+        return Scene(layers, (down, across), scale, meta["validates"])
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise LfsrError(f"{path} is no scene of training_scenes.py ({error}): make it again") from None
+
+
+def noisy(scene: Scene, samples: int, rng: np.random.Generator) -> Array:
+    """Colour (H, W, 3) float32 of a random render with ``samples``: 1, 2, 4, 8, 16, 32, or more from the target."""
+    each = max(count for count in (1, 4, 16) if count <= samples)
+    names = [name for name in scene.layers if name.startswith(f"color_{each}_")]
+    chosen = rng.permutation(names)[:min(samples, CLEANEST) // each]
+    mean = np.mean([scene.layers[name][..., :3].astype(np.float32) for name in chosen], 0)
+    if samples > CLEANEST:
+        clean = scene.layers["color_target"][..., :3].astype(np.float32)
+        mean = clean + math.sqrt(CLEANEST / samples) * (mean - clean)
+    return np.asarray(mean)
+
+
+def crop(scene: Scene, samples: int, rng: np.random.Generator, side: int, *, mirror: bool,
+         augment: bool = True) -> Crop:
+    """Return about ``side``² pixels of a scene; with ``augment`` anywhere, in any light, colour and orientation.
+
+    ``mirror``: mirror every other elemental image, as the product does.
+    """
+    clean = scene.layers["color_target"].astype(np.float32)
+    images = [noisy(scene, samples, rng), clean[..., :3], clean[..., 3:]]
+    if guides := [name for name in scene.layers if name.startswith("guides") and name != "guides_target"]:
+        near = min(guides, key=lambda name: abs(int(name.split("_")[1]) - samples))
+        images.append(scene.layers[near].astype(np.float32))
+    if mirror:
+        images = [mirrored(image, scene.ei) for image in images]
+    images, margins = _cut(images, scene.ei, side, rng if augment else None)
+    ei = scene.ei
+    if augment:
+        images, margins, ei = _augmented(images, margins, ei, rng)
+    rendered, target, alpha, *rest = map(_tensor, images)
+    height, width = target.shape[2:]
+    inside = (slice(margins[0], height - margins[1]), slice(margins[2], width - margins[3]))
+    seen = [hdr_encode(rendered)]
+    if rest:
+        seen += [rest[0][:, :3].clamp(0, 1), normal_encode(rest[0][:, 3:])]
+    shown = functional.max_pool2d((alpha > 0).float(), SHOWN_AROUND, 1, SHOWN_AROUND // 2)
+    cut = (..., *inside)
+    return Crop(torch.cat(seen, 1), target.clamp(min=0)[cut], shown[cut], inside, ei, scene.scale, scene.is_tiled)
+
+
+def mirrored(image: Array, ei: tuple[int, int]) -> Array:
+    """Mirror every other elemental image of (H, W, C), as ``lfsr_core``'s denoiser does; its own inverse."""
+    (h, w), (height, width, channels) = ei, image.shape
+    result = image.reshape(height // h, h, width // w, w, channels).copy()
+    result[1::2] = result[1::2, ::-1]
+    result[:, :, 1::2] = result[:, :, 1::2, ::-1]
+    return result.reshape(image.shape)
+
+
+def _cut(images: Sequence[Array], ei: tuple[int, int], side: int,
+         rng: np.random.Generator | None) -> tuple[list[Array], list[int]]:
+    """Cut whole elemental images, and margins (above, below, left, right) around them."""
+    cuts, margins = [], list[int]()
+    size = images[0].shape[:2]
+    for length, other, pixels in zip(size, size[::-1], ei, strict=True):
+        wanted = min(length, max(side, side * side // other) if other < side else side)
+        count = max(wanted // pixels, 1)
+        free = length // pixels - count
+        start = pixels * (free // 2 if rng is None else int(rng.integers(free + 1)))
+        stop = start + count * pixels
+        before, after = (int(rng.integers(AROUND + 1)) if rng is not None else 0 for _ in range(2))
+        before, after = min(before, start), min(after, length - stop)
+        cuts.append(slice(start - before, stop + after))
+        margins += [before, after]
+    return [image[cuts[0], cuts[1]] for image in images], margins
+
+
+def _augmented(images: Sequence[Array], margins: list[int], ei: tuple[int, int],
+               rng: np.random.Generator) -> tuple[list[Array], list[int], tuple[int, int]]:
+    """Change exposure, order of colours and orientation; the last image may be albedo and normal."""
+    gain = np.float32(2 ** np.clip(rng.normal(0, EXPOSURE), -MOST_EXPOSURE, MOST_EXPOSURE))
+    order = rng.permutation(3)
+    rendered, target, alpha, *rest = images
+    result = [rendered[..., order] * gain, target[..., order] * gain, alpha,
+              *(np.concatenate([image[..., :3][..., order], image[..., 3:]], -1) for image in rest)]
+    above, below, left, right = margins
+    if rng.random() < 0.5:
+        result, above, below = [image[::-1] for image in result], below, above
+    if rng.random() < 0.5:
+        result, left, right = [image[:, ::-1] for image in result], right, left
+    if rng.random() < 0.5:
+        result, ei = [image.swapaxes(0, 1) for image in result], (ei[1], ei[0])
+        above, below, left, right = left, right, above, below
+    return result, [above, below, left, right], ei
+
+
+def _tensor(image: Array) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None]

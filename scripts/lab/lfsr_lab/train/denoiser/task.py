@@ -1,0 +1,167 @@
+"""Task of the training loop: the denoiser that Open Image Denoise runs, on low-resolution training scenes."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from lfsr_core.reconstruct.denoiser import BASE, SMALL
+from lfsr_core.reconstruct.tza import read_tza
+from lfsr_lab.networks.denoiser import Denoiser, hdr_decode
+from lfsr_lab.networks.stock import stock_weights
+from lfsr_lab.train.config import DenoiserConfig
+from lfsr_lab.train.denoiser.data import Crop, Scene, crop
+from lfsr_lab.train.denoiser.loss import displayed, losses
+
+WIDTHS = {"small": SMALL, "base": BASE}
+# How often each count of samples is trained on.
+SAMPLES = {1: 0.2, 2: 0.1, 4: 0.24, 8: 0.1, 16: 0.22, 32: 0.08, 64: 0.06}
+VALIDATED = (1, 4, 16)  # samples
+MOST_VALIDATING, VALIDATED_SIDE = 24, 224  # scenes, pixels
+BALANCE, REMEMBERED = 0.7, 0.98  # how far losses of few and many samples are made alike; of their running means
+WARM_UP, LEAST_RATE = 100, 0.02  # steps; fraction of the rate at the end
+AVERAGED = 0.9985  # of the running mean of weights, which is the result
+LARGEST_GRADIENT = 1.0
+
+
+class DenoiserTask:
+    """Training of one denoiser; ``scenes``: those of ``load_scenes``."""
+
+    def __init__(self, config: DenoiserConfig, scenes: list[Scene]) -> None:
+        torch.manual_seed(config.seed)
+        self.config = config
+        self.scenes = [scene for scene in scenes if not scene.validates]
+        self.validating = [scene for scene in scenes if scene.validates][:MOST_VALIDATING]
+        self.network = begin(config).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.average = {name: value.clone() for name, value in self.network.state_dict().items()}
+        self.optimiser = torch.optim.Adam(self.network.parameters(), config.rate)
+        self.levels: dict[int, float] = {}  # running mean of the loss by samples
+        self.critic = critic() if config.adversarial else None
+        self.critic_optimiser = torch.optim.Adam(self.critic.parameters(), 2e-4, (0.5, 0.99)) if self.critic else None
+        self.epoch = self.taken = 0  # the epoch, and steps since the start
+
+    def identity(self) -> dict[str, Any]:
+        """Settings and a digest of the data."""
+        return {"config": dataclasses.asdict(self.config), "data": self.data()}
+
+    def data(self) -> dict[str, Any]:
+        """Number of scenes and the digest of their targets."""
+        digest = hashlib.sha256()
+        for scene in (*self.scenes, *self.validating):
+            digest.update(scene.layers["color_target"].tobytes())
+        return {"scenes": len(self.scenes), "validating": len(self.validating), "sha256": digest.hexdigest()}
+
+    def begin(self, epoch: int) -> int:
+        """Prepare an epoch; return its number of steps."""
+        self.epoch = epoch
+        return self.config.steps_per_epoch
+
+    def step(self, index: int) -> dict[str, Tensor]:
+        """Train on one crop of one scene."""
+        rng = np.random.default_rng([self.config.seed, self.epoch, index])
+        scene = self.scenes[rng.integers(len(self.scenes))]
+        samples = int(rng.choice(list(SAMPLES), p=list(SAMPLES.values())))
+        part = crop(scene, samples, rng, self.config.side, mirror=self.config.mirror)
+        with torch.autocast("cpu", torch.bfloat16, enabled=self.config.half_precision):
+            output = self.network(part.inputs)
+        error, structure = losses(output.float(), part)
+        loss = self._balanced(self.config.error_weight * error + structure, samples)
+        if self.critic is not None:
+            loss = loss + self.config.adversarial * self._adversary(output.float(), part)
+        self._descend(loss)
+        return {"error": error.detach(), "structure": structure.detach()}
+
+    def _balanced(self, loss: Tensor, samples: int) -> Tensor:
+        """Weigh the loss so that all counts of samples matter nearly alike."""
+        before = self.levels.get(samples, loss.item())
+        self.levels[samples] = REMEMBERED * before + (1 - REMEMBERED) * loss.item()
+        return loss * (float(np.mean(list(self.levels.values()))) / self.levels[samples]) ** BALANCE
+
+    def _adversary(self, output: Tensor, part: Crop) -> Tensor:
+        """Train the critic on a crop; return the generator's loss (SRGAN, arXiv 1609.04802)."""
+        assert self.critic is not None and self.critic_optimiser is not None
+        made, true = displayed(hdr_decode(output[(..., *part.inside)])), displayed(part.target)
+        loss = functional.softplus(-self.critic(true)).mean() + functional.softplus(self.critic(made.detach())).mean()
+        self.critic_optimiser.zero_grad()
+        loss.backward()
+        self.critic_optimiser.step()
+        return functional.softplus(-self.critic(made)).mean()
+
+    def _descend(self, loss: Tensor) -> None:
+        self.optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(self.network.parameters(), LARGEST_GRADIENT)
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate(self.config, self.taken)
+        self.optimiser.step()
+        self.taken += 1
+        keep = min(AVERAGED, self.taken / (self.taken + 19))
+        with torch.no_grad():
+            for name, value in self.network.state_dict().items():
+                self.average[name].lerp_(value, 1 - keep)
+
+    @property
+    def finished(self) -> Denoiser:
+        """The network with the running mean of its weights."""
+        network = Denoiser(self.network.widths, self.network.inputs)
+        network.load_state_dict(self.average)
+        return network
+
+    @torch.no_grad()
+    def validate(self) -> dict[str, float]:
+        """Mean SSIM of fixed crops of scenes that nothing is trained on, by samples."""
+        network, result = self.finished, {}
+        for samples in VALIDATED:
+            parts = [crop(scene, samples, np.random.default_rng(1), VALIDATED_SIDE, mirror=self.config.mirror,
+                          augment=False) for scene in self.validating]
+            structure = [losses(network(part.inputs), part)[1].item() for part in parts]
+            result[f"validation.ssim_{samples}"] = 1 - float(np.mean(structure))
+        return result
+
+    def state(self) -> dict[str, Any]:
+        """Everything that training changes."""
+        critics = {"critic": self.critic.state_dict(), "critic_optimiser": self.critic_optimiser.state_dict()} \
+            if self.critic and self.critic_optimiser else {}
+        return {"network": self.network.state_dict(), "average": self.average, "levels": self.levels,
+                "optimiser": self.optimiser.state_dict(), "taken": self.taken, **critics}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Return to a ``state``."""
+        self.network.load_state_dict(state["network"])
+        self.optimiser.load_state_dict(state["optimiser"])
+        self.average, self.levels, self.taken = state["average"], state["levels"], state["taken"]
+        if self.critic and self.critic_optimiser:
+            self.critic.load_state_dict(state["critic"])
+            self.critic_optimiser.load_state_dict(state["critic_optimiser"])
+
+
+def begin(config: DenoiserConfig) -> Denoiser:
+    """Return the network to start from."""
+    if config.start == "stock":
+        tensors = stock_weights("hdr-guided" if config.guides else "hdr", config.size)
+        return Denoiser.from_tensors(tensors, config.inputs)
+    if config.start:
+        return Denoiser.from_tensors(read_tza(config.start), config.inputs)
+    return Denoiser(WIDTHS[config.size], config.inputs)
+
+
+def rate(config: DenoiserConfig, step: int) -> float:
+    """Adam's rate: a short warm-up, then a cosine."""
+    course = step / (config.epochs * config.steps_per_epoch)
+    cosine = LEAST_RATE + (1 - LEAST_RATE) * (1 + math.cos(math.pi * course)) / 2
+    return config.rate * min(1.0, (step + 1) / WARM_UP) * cosine
+
+
+def critic() -> nn.Module:
+    """Return a network that tells denoised patches (1, 3, H, W) of display values from clean ones."""
+    layers = list[nn.Module]()
+    for entering, leaving, stride in ((3, 32, 1), (32, 64, 2), (64, 64, 1), (64, 64, 2)):
+        layers += [nn.Conv2d(entering, leaving, 3, stride, 1), nn.LeakyReLU(0.2)]
+    return nn.Sequential(*layers, nn.Conv2d(64, 1, 3, 1, 1))

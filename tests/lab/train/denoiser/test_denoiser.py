@@ -1,0 +1,173 @@
+"""Crops, losses and training of the denoiser."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
+from lfsr_core.reconstruct import denoiser
+from lfsr_core.reconstruct.methods import denoise
+from lfsr_lab.networks.denoiser import hdr_encode
+from lfsr_lab.train.config import DenoiserConfig
+from lfsr_lab.train.denoiser.data import crop, load_scenes, mirrored, noisy
+from lfsr_lab.train.denoiser.loss import losses, window
+from lfsr_lab.train.denoiser.task import DenoiserTask, rate
+from lfsr_lab.train.loop import RunOptions, Schedule, Stop, run
+from lfsr_lab.train.session import train
+
+LENSES, EI = (8, 6), (5, 6)  # (sx, sy), (h, w)
+
+
+def write_scene(folder, index, ei=EI, **changes):
+    """A scene of smooth elemental images with noise, in the format of training_scenes.py."""
+    rng = np.random.default_rng(index)
+    height, width = LENSES[1] * ei[0], LENSES[0] * ei[1]
+    clean = np.ones((height, width, 4), np.float32)
+    clean[..., :3] = np.linspace(0.1, 0.9, width)[:, None] * rng.uniform(0.2, 1, 3)
+    layers = {"color_target": clean}
+    for samples, count in ((1, 4), (4, 3), (16, 2)):
+        for k in range(count):
+            noise = rng.gamma(samples, 1 / samples, clean.shape[:2])[..., None] ** (1, 1, 1, 0)
+            layers[f"color_{samples}_{k}"] = clean * noise
+            layers[f"guides_{samples}_{k}"] = np.concatenate([clean[..., :3], clean[..., :3] * 2 - 1], -1)
+    meta = {"views": [ei[1] * 4, ei[0] * 4 if ei[0] > 1 else 1], "scale": 4, "is_direct": False,
+            "validates": index % 10 == 9} | changes
+    layers = {name: layer.astype(np.float16) for name, layer in layers.items()}
+    np.savez(folder / f"scene_{index:06d}.npz", **layers, meta=np.array(json.dumps(meta)))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scenes")
+    for index in (0, 1, 9):
+        write_scene(folder, index)
+    write_scene(folder, 2, (1, 6))
+    return folder
+
+
+def config(folder, **changes):
+    return DenoiserConfig("denoiser", str(folder), **{
+        "size": "small", "start": "", "side": 24, "epochs": 2, "steps_per_epoch": 2, "validate_every": 1,
+        "checkpoint_every": 1} | changes)
+
+
+@given(st.integers(1, 5), st.integers(1, 5), st.integers(1, 4), st.integers(1, 4))
+def test_training_mirrors_as_the_product_does(sy, sx, h, w):
+    image = np.random.default_rng(0).random((sy * h, sx * w, 3))
+    expected = from_elemental_images(denoise.mirrored(to_elemental_images(image, (sx, sy))))
+    np.testing.assert_array_equal(mirrored(image, (h, w)), expected)
+
+
+@pytest.mark.parametrize("samples", [1, 2, 4, 8, 16, 32, 64, 256])
+def test_more_samples_are_less_noise(folder, samples):
+    scene = load_scenes(folder)[0]
+    clean = scene.layers["color_target"][..., :3].astype(np.float32)
+    noise = noisy(scene, samples, np.random.default_rng(0)) / clean - 1
+    assert noise.std() == pytest.approx(samples ** -0.5, rel=0.15)
+
+
+@given(st.integers(0, 10_000), st.sampled_from((8, 24, 100)), st.booleans())
+def test_crops_hold_whole_elemental_images_of_the_scene(folder_of_scenes, seed, side, mirror):
+    for scene in folder_of_scenes:
+        part = crop(scene, 4, np.random.default_rng(seed), side, mirror=mirror)
+        height, width = part.target.shape[2:]
+        assert height % part.ei[0] == width % part.ei[1] == 0
+        assert part.inputs[(..., *part.inside)].shape == part.target.shape
+        assert part.shown.min() == 1
+        # One of its colours at least is the noisy target: what the network sees there is near it.
+        seen, target = part.inputs[(..., *part.inside)], hdr_encode(part.target)
+        assert (seen - target).abs().mean() < 0.15
+
+
+@pytest.fixture(scope="module")
+def folder_of_scenes(folder):
+    return load_scenes(folder)
+
+
+def test_guides_are_six_more_channels(folder):
+    scene = load_scenes(folder, guides=True)[0]
+    assert crop(scene, 16, np.random.default_rng(0), 24, mirror=True).inputs.shape[1] == 9
+
+
+def test_the_target_itself_has_the_least_loss(folder_of_scenes):
+    for scene in folder_of_scenes:
+        part = crop(scene, 1, np.random.default_rng(0), 30, mirror=True)
+        perfect = hdr_encode(torch.zeros(1, 3, *part.inputs.shape[2:]))
+        perfect[(..., *part.inside)] = hdr_encode(part.target)
+        found, noise = losses(perfect, part), losses(part.inputs, part)
+        assert found[0] < 1e-3 and found[1] < 0.05
+        assert noise[0] > 10 * found[0] and noise[1] > 2 * found[1]
+
+
+@given(st.integers(1, 30), st.floats(0.2, 3))
+def test_windows_add_up_to_one(length, sigma):
+    torch.testing.assert_close(window(length, sigma).sum(0), torch.ones(length))
+
+
+def test_training_writes_weights_that_the_library_runs(folder, tmp_path):
+    outcome = train(config(folder), tmp_path)
+    content = denoiser.load(outcome.weights)
+    image = np.random.default_rng(0).gamma(4, 0.1, (32, 32, 3)).astype(np.float32)
+    assert np.isfinite(denoise.denoise_eia(image, weights=content)).all()
+    facts = json.loads(outcome.weights.with_suffix(".json").read_text())
+    assert facts["data"]["scenes"] == 3 and facts["data"]["validating"] == 1
+    assert 0 < facts["validation"]["validation.ssim_4"] < 1
+
+
+def test_a_resumed_training_ends_as_an_uninterrupted_one(folder, tmp_path):
+    def task():
+        return DenoiserTask(config(folder, half_precision=False, adversarial=0.1), load_scenes(folder))
+
+    whole = task()
+    run(whole, Schedule(2, 1, 1), tmp_path / "whole")
+    stop = Stop()
+    first = task()
+    step = first.step
+
+    def stopping(index):
+        stop.asked = first.epoch == 1
+        return step(index)
+
+    first.step = stopping
+    assert run(first, Schedule(2, 1, 1), tmp_path / "parts", RunOptions(stop=stop)).stopped
+    second = task()
+    run(second, Schedule(2, 1, 1), tmp_path / "parts", RunOptions(resume=True))
+    for name, value in whole.average.items():
+        torch.testing.assert_close(second.average[name], value)
+
+
+def test_training_lowers_the_loss(folder, tmp_path):
+    task = DenoiserTask(config(folder, epochs=1, steps_per_epoch=25, rate=2e-3), load_scenes(folder))
+    before = task.validate()
+    run(task, Schedule(1, 1, 1), tmp_path)
+    after = task.validate()
+    assert all(after[name] > value for name, value in before.items())
+
+
+def test_the_rate_rises_and_falls():
+    settings = dataclasses.replace(config("x"), epochs=10, steps_per_epoch=100)
+    course = [rate(settings, step) for step in range(1000)]
+    assert max(course) == pytest.approx(settings.rate, rel=0.05) and course[0] < settings.rate / 50
+    assert course[-1] == pytest.approx(settings.rate * 0.02, rel=0.05)
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"size": "large"}, "size 'large' is unknown"), ({"epochs": 0}, "epochs"), ({"rate": 0.0}, "rate 0"),
+    ({"rate": float("nan")}, "rate nan"), ({"count": -1}, "count")])
+def test_wrong_settings_are_one_sentence(changes, message):
+    with pytest.raises(LfsrError, match=message):
+        config("x", **changes)
+
+
+def test_damaged_and_missing_scenes_are_one_sentence(tmp_path):
+    with pytest.raises(LfsrError, match="holds 0 training scenes and 0 that validate"):
+        load_scenes(tmp_path)
+    (tmp_path / "scene_000000.npz").write_bytes(b"PK")
+    with pytest.raises(LfsrError, match="scene_000000.npz is no scene"):
+        load_scenes(tmp_path)
