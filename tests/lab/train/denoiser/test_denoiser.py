@@ -42,6 +42,15 @@ def write_scene(folder, index, ei=EI, **changes):
     np.savez(folder / f"scene_{index:06d}.npz", **layers, meta=np.array(json.dumps(meta)))
 
 
+@pytest.fixture(autouse=True, scope="module")
+def one_thread():
+    """Threads that share busy cores wait for one another: images this small are faster without."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scenes")
