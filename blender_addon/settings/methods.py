@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import zlib
 
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, FAST_METHOD
 
 DIRECT = "Direct Subpixel Rendering"
 # Titles must fit into a narrow sidebar; the tooltips say the rest.
 METHODS = {
-    DEFAULT_METHOD: ("Default", "Denoise the whole array, then make the missing views by linear interpolation"),
+    DEFAULT_METHOD: ("Default", "Denoise, interpolate; then detail lost as noise returns along epipolar lines"),
+    FAST_METHOD: ("Fast", "Denoise the whole array, then make the missing views by linear interpolation"),
     "denoise": ("Every View", "Render every view, at scale 1×, and denoise"),
 }
 MORE = {
-    "denoise+bilinear+epi": ("Recover Detail", "As Default; then detail that was taken for noise returns along "
-                             "epipolar lines: for subjects deep off the display plane"),
     "denoise+lanczos": ("Denoise + Lanczos", "Denoise, then the sharpest interpolation"),
     "oidn+bilinear": ("Stock + Bilinear", "Open Image Denoise with its own weights, then linear interpolation"),
     "oidn": ("Stock Only", "Open Image Denoise with its own weights, for scale 1×, where every view is rendered"),

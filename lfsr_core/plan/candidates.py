@@ -15,7 +15,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.estimate import Estimate
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_METHOD, RECOVERY, MethodName
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, FAST_METHOD, PLAIN_METHOD, MethodName
 from lfsr_core.reconstruct.methods import denoise
 from lfsr_core.reconstruct.registry import method
 
@@ -117,8 +117,8 @@ def candidates(display: DisplayProfile, scales: Sequence[int] | None = None, spp
 
 
 def default_methods() -> tuple[str, ...]:
-    """Simple upscaling, and where Open Image Denoise is installed the default, also with recovered detail."""
-    return PLAIN_METHOD, *((DEFAULT_METHOD, f"{DEFAULT_METHOD}+{RECOVERY}") if denoise.is_available() else ())
+    """Simple upscaling, and where Open Image Denoise is installed the fast method and the default."""
+    return PLAIN_METHOD, *((FAST_METHOD, DEFAULT_METHOD) if denoise.is_available() else ())
 
 
 def between(spps: Sequence[int], steps: int) -> list[tuple[int, int, int, float]]:

@@ -110,7 +110,7 @@ def quick_look(folder: Path) -> QuickLook:
     mask, wide = (foreground_mask(layers, frame.rays.tiles, reach) for reach in (0, 1))
     low = low_resolution(layers, frame, read_world(folder, frame))
     seconds = upscale_frame(folder, FILL_METHOD if frame.scale > 1 else "none").seconds
-    shown = low.alpha[shown_part(low.color, low.parallax)].size / low.alpha.size
+    shown = low.alpha[shown_part(low.color)].size / low.alpha.size
     return QuickLook(strata_masks(mask, wide), features(low), {name: seconds[name] for name in FINISHING}, shown,
                      _world_seconds(low, mask))
 

@@ -35,9 +35,10 @@ PANEL_METHODS = (*PREFILTERS, AS_RENDERED)  # for direct subpixel rendering, the
 UPSCALERS = {**CLASSICAL, **catalogue.NAMES}
 METHODS = {**UPSCALERS, **PREFILTERS, RECOVERY: "last: restores detail taken for noise, along epipolar lines"}
 PLAIN_METHOD = "bilinear"  # after a denoiser more accurate than bicubic, see docs/results/measurements.md
-DEFAULT_METHOD = f"{DENOISE}+{PLAIN_METHOD}"  # see docs/results/networks.md
+FAST_METHOD = f"{DENOISE}+{PLAIN_METHOD}"
+DEFAULT_METHOD = f"{FAST_METHOD}+{RECOVERY}"  # see docs/results/networks.md
 # What studies compare the default with.
-COMPARED = (f"oidn+{PLAIN_METHOD}", f"oidn+{PLAIN_METHOD}+{RECOVERY}", f"{DEFAULT_METHOD}+{RECOVERY}")
+COMPARED = (f"oidn+{PLAIN_METHOD}", f"oidn+{PLAIN_METHOD}+{RECOVERY}", FAST_METHOD)
 # Parts of names that are gone, with what replaced them.
 GONE = {**dict.fromkeys(("oidn-fast", "oidn-guided", "oidn-half", "oidn-both", "oidn-render"), DENOISE),
         **dict.fromkeys(("refine", "light"), DEFAULT_METHOD)}

@@ -83,17 +83,17 @@ def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: Method
     traced = over_background(layers, frame)
     if method.text != AS_RENDERED:
         weights = denoiser.load() if method.text == DENOISE else None
-        traced = _denoised(traced, np.asarray(frame.display.background, np.float32), weights)
+        traced = _denoised(traced, np.asarray(frame.display.background, np.float32), weights, frame.color.exposure)
     return panel_image(frame.panel_rays, traced)
 
 
-def _denoised(traced: Array, background: Array, weights: bytes | None) -> Array:
+def _denoised(traced: Array, background: Array, weights: bytes | None, exposure: float) -> Array:
     """Denoise the rectangle that shows more than the background."""
     seen = (traced != background).any(-1)
     part = span(seen.any(1), 1), span(seen.any(0), 1)
     if traced[part].size:
         traced = traced.copy()
-        traced[part] = denoise_eia(traced[part], weights=weights)
+        traced[part] = denoise_eia(traced[part], weights=weights, exposure=exposure)
     return traced
 
 

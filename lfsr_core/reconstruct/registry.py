@@ -25,8 +25,8 @@ CLASSICAL: dict[str, Upscaler] = {
     "none": NoUpscaling("nearest"),
 }
 PREFILTERS: dict[str, Callable[[LowResEIA], LowResEIA]] = {
-    DENOISE: denoise.denoise_elemental_images,
-    "oidn": denoise.denoise_low_resolution,
+    DENOISE: denoise.denoise_low_resolution,
+    "oidn": functools.partial(denoise.denoise_low_resolution, weights=None),
 }
 
 
@@ -57,7 +57,7 @@ def method(name: str | MethodName, weights: str | Path | None = None, *, upscale
     name = MethodName.parse(name)
     prefilters = tuple(PREFILTERS[part] for part in name.prefilters)
     if weights and DENOISE in name.prefilters:
-        own = functools.partial(denoise.denoise_elemental_images, weights=weights)
+        own = functools.partial(denoise.denoise_low_resolution, weights=weights)
         prefilters, weights = tuple(own if part == DENOISE else PREFILTERS[part] for part in name.prefilters), None
     upscaler = upscaler or _load(name, weights)
     if not name.recovers:

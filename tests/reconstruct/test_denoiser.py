@@ -12,7 +12,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images
 from lfsr_core.reconstruct import denoiser
-from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_elemental_images, mirrored
+from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_low_resolution, mirrored
 from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.tza import write_tza
 from tests.support.prerequisites import needs_bpy
@@ -85,7 +85,7 @@ def test_colour_is_denoised_as_one_image_by_our_weights(weights, parallax):
     np.testing.assert_array_equal(mirrored(found.color).swapaxes(1, 2).reshape(rows, columns, 3), expected)
     assert found.noisy is low.color
     write_tza(weights, tensors(seed=1))
-    assert not np.array_equal(denoise_elemental_images(low, weights).color, found.color)
+    assert not np.array_equal(denoise_low_resolution(low, weights).color, found.color)
 
 
 @given(st.integers(1, 4), st.integers(1, 4), st.integers(1, 5), st.integers(1, 5))

@@ -6,7 +6,7 @@ import zlib
 
 from blender_addon.settings import methods
 from lfsr_core.plan.candidates import default_methods
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, MethodName
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, FAST_METHOD, MethodName
 
 
 def test_the_default_is_first_and_numbers_last():
@@ -14,7 +14,8 @@ def test_the_default_is_first_and_numbers_last():
     assert len({item[4] for item in items}) == len(items)
     # The number stored in artists' files: a new method must not shift it.
     assert {item[0]: item[4] for item in items}["oidn+bilinear"] == zlib.crc32(b"oidn+bilinear") & 0x7FFFFFFF
-    assert items[0][:2] == (DEFAULT_METHOD, "Default")
+    assert [item[:2] for item in items[:3]] == [
+        (DEFAULT_METHOD, "Default"), (FAST_METHOD, "Fast"), ("denoise", "Every View")]
 
 
 def test_every_method_of_the_menu_is_one_of_the_second_stage():

@@ -11,8 +11,8 @@ from lfsr_core.reconstruct.denoiser import WEIGHTS, load
 from lfsr_core.reconstruct.methods import denoise, oidn
 from lfsr_core.reconstruct.methods.denoise import (
     denoise_eia,
-    denoise_elemental_images,
     denoise_low_resolution,
+    mirrored,
     shown_part,
     span,
 )
@@ -54,8 +54,9 @@ def whole(images):
 
 def test_low_resolution_eia_is_denoised_as_one_image():
     low = low_resolution()
-    denoised = denoise_low_resolution(low)
-    np.testing.assert_allclose(whole(denoised.color), denoise_eia(whole(low.color)), atol=1e-5)
+    denoised = denoise_low_resolution(low, None)
+    expected = denoise_eia(whole(mirrored(low.color)))
+    np.testing.assert_allclose(whole(mirrored(denoised.color)), expected, atol=1e-5)
     assert denoised.noisy is low.color and denoised.alpha is low.alpha and denoised.scale == 4
 
 
@@ -70,8 +71,8 @@ def framed(row=9, column=13):
     return LowResEIA(images["color"], images["alpha"], 16, 4), part
 
 
-@pytest.mark.parametrize("way", [denoise_low_resolution, denoise_elemental_images])
-def test_only_what_shows_something_is_denoised(monkeypatch, way):
+@pytest.mark.parametrize("weights", [None, WEIGHTS])
+def test_only_what_shows_something_is_denoised(monkeypatch, weights):
     low, part = framed()
     sizes = []
 
@@ -80,33 +81,30 @@ def test_only_what_shows_something_is_denoised(monkeypatch, way):
         return denoise_eia(color, *arguments, **options)
 
     monkeypatch.setattr(denoise, "denoise_eia", spy)
-    denoised = way(low).color
+    denoised = denoise_low_resolution(low, weights).color
     assert len(sizes) == 1 and sizes[0] < low.alpha.size / 3
     outside = denoised.copy()
     outside[part] = 0
     assert outside.max() < 0.3, "only what spills over a border"
-    monkeypatch.setattr(denoise, "shown_part", lambda *_: (slice(None), slice(None)))
-    expected = way(low).color
+    monkeypatch.setattr(denoise, "shown_part", lambda _: (slice(None), slice(None)))
+    expected = denoise_low_resolution(low, weights).color
     np.testing.assert_allclose(denoised[part], expected[part], rtol=0.1, atol=0.05)
 
 
-def test_views_along_one_axis_are_denoised_as_whole_views():
-    clean, noisy = noisy_card()
-    # Three views of 64×32 lenses, each a third of the card.
-    views = np.stack(np.split(noisy, 3, axis=1))
-    low = LowResEIA(np.ascontiguousarray(views.transpose(1, 2, 0, 3))[:, :, None],
-                    np.ones((64, 32, 1, 3, 1), np.float32), 16, 4, parallax=(True, False))
-    denoised = denoise_low_resolution(low)
-    expected = denoise_eia(np.concatenate(list(views)))
-    np.testing.assert_array_equal(denoised.color[:, :, 0].transpose(2, 0, 1, 3).reshape(-1, 32, 3), expected)
-    np.testing.assert_array_equal(denoised.noisy, low.color)
-    assert low.finished_views == (1, 12)
+def test_exposure_is_what_the_weights_see():
+    """A frame that is four times as dark, and exposed two stops more, is denoised alike."""
+    low = low_resolution()
+    dark = dataclasses.replace(low, color=low.color / 4, exposure=2.0)
+    expected = denoise_low_resolution(low).color
+    np.testing.assert_allclose(denoise_low_resolution(dark).color * 4, expected, rtol=1e-3, atol=1e-4)
+    unexposed = denoise_low_resolution(dataclasses.replace(dark, exposure=0.0)).color * 4
+    assert not np.allclose(unexposed, expected, rtol=1e-3, atol=1e-4)
 
 
 def test_nothing_to_denoise_stays_as_it_is():
     low, part = framed()
     empty = dataclasses.replace(low, color=np.full_like(low.color, 0.25))
-    np.testing.assert_array_equal(denoise_elemental_images(empty).color, empty.color)
+    np.testing.assert_array_equal(denoise_low_resolution(empty).color, empty.color)
 
 
 @pytest.mark.parametrize("corner", [(0, 0), (3, 9), (9, 13), (22, 28)])
@@ -127,18 +125,12 @@ def test_a_span_has_context_and_begins_where_the_library_pools(pixels):
     assert span(np.zeros(5, bool), pixels) == slice(0, 0)
 
 
-def test_fast_is_another_and_nearly_as_good_image():
-    clean, noisy = noisy_card()
-    fast, high = denoise_eia(noisy, fast=True), denoise_eia(noisy)
-    assert not np.array_equal(fast, high) and error(fast, clean) < 2 * error(high, clean)
-
-
 @needs_bpy
 def test_library_of_blender_gives_the_same_image(monkeypatch):
     _, noisy = noisy_card()
 
     def images():
-        return denoise_eia(noisy), denoise_eia(noisy, weights=load()), denoise_eia(noisy, fast=True)
+        return denoise_eia(noisy), denoise_eia(noisy, weights=load())
 
     expected = images()
     monkeypatch.setitem(sys.modules, "pyoidn", None)
