@@ -51,7 +51,7 @@ def test_upscaling_comes_near_the_true_light_field(tmp_path, display, shape):
 
 def test_a_network_says_that_it_wants_views_along_both_axes(tmp_path):
     write_render(tmp_path, display=FLAT)
-    with pytest.raises(LfsrError, match="'paper' needs views in two directions.*'denoise\\+bilinear'"):
+    with pytest.raises(LfsrError, match="'paper' needs views in two directions.*'denoise\\+bilinear\\+epi'"):
         second_stage.upscale_frame(tmp_path, "paper")
     assert not (tmp_path / "eia.png").exists()
 
