@@ -43,7 +43,8 @@ def test_names_that_others_use_are_names():
 
 @pytest.mark.parametrize(("text", "replaced"), [
     ("oidn-both+refine+epi", "denoise+bilinear+epi"), ("oidn-guided+bicubic", "denoise+bilinear+epi"),
-    ("light", "denoise+bilinear+epi"), ("oidn-both+refine", "denoise+bilinear+epi"), ("oidn-half+paper", "denoise+bilinear+epi"),
+    ("light", "denoise+bilinear+epi"), ("oidn-both+refine", "denoise+bilinear+epi"),
+    ("oidn-half+paper", "denoise+bilinear+epi"),
     ("oidn-fast", "denoise"), ("oidn-guided", "denoise")])
 def test_a_method_that_is_gone_names_what_replaced_it(text, replaced):
     with pytest.raises(LfsrError, match=f"^method '{re.escape(text)}' is gone since version .*: "
