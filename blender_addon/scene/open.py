@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,11 +12,11 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import check_scene
 
 MOST_REASON = 100  # characters
-# Compressions of glTF by what the importer says where it cannot read them, and the command that decodes them.
-COMPRESSIONS = {"EXT_meshopt_compression": ("EXT_meshopt_compression", "copy"),
-                "KHR_meshopt_compression": ("KHR_meshopt_compression", "copy"),
-                "extern_draco": ("KHR_draco_mesh_compression", "copy"),
-                "KHR_texture_basisu": ("KHR_texture_basisu", "ktxdecompress")}
+# Compressions of glTF by what the importer says where it cannot read them, and the command that decodes them. Blender
+# 5.2 reads Meshopt where it has the library.
+COMPRESSIONS = {r"meshopt_compression|Meshopt decoder": ("Meshopt", "copy"),
+                r"draco\w*\.(so|dll|dylib)": ("Draco", "copy"),
+                r"KHR_texture_basisu": ("KTX 2", "ktxdecompress")}
 
 
 def open_scene(path: str | Path) -> bpy.types.Scene:
@@ -24,9 +25,9 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
     try:
         READERS[Path(path).suffix.lower()](path)
     except (RuntimeError, ValueError, KeyError, OSError) as error:
-        for word, (extension, command) in COMPRESSIONS.items():
-            if word in str(error):
-                raise LfsrError(f"scene {path} is compressed with {extension}, which this Blender cannot read: decode "
+        for pattern, (name, command) in COMPRESSIONS.items():
+            if re.search(pattern, str(error)):
+                raise LfsrError(f"scene {path} is compressed with {name}, which this Blender cannot read: decode "
                                 f"it with `gltf-transform {command} {Path(path).name} NEW.glb`") from None
         reason = _reason(error)
         raise LfsrError(f"scene {path} cannot be read ({reason}): check that the file is complete") from None
