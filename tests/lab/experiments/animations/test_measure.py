@@ -89,4 +89,4 @@ def test_tables_and_chart_show_every_figure():
 def test_the_published_report_is_read_and_drawn():
     published = Path(__file__).parents[4] / "docs" / "results" / "measured" / "shots.json"
     found = read_record(published, Report, "a report").found
-    assert "the camera array moves" in svg(chart(found))
+    assert "a figure dances" in svg(chart(found))
