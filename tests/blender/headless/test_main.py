@@ -76,9 +76,10 @@ def test_that_parts_cannot_be_used_is_said_before_the_scene_is_opened(blend, tmp
     (parts / "lr_eia-digest-000000-000002-100.exr").write_bytes(b"")
     write_json(parts / "inputs.json", {"scene file": "another"})
     emitted = records(start(tmp_path, scene=str(blend), parts=str(parts)).communicate()[0].splitlines())
-    said = [number for number, record in enumerate(emitted) if record.get("warning")]
+    said = [number for number, record in enumerate(emitted)
+            if "were made with other settings: they are removed" in record.get("message", "")]
     assert len(said) == 1 and said[0] < [record["stage"] for record in emitted].index("open")
-    assert "were made with other settings: they are removed" in emitted[said[0]]["message"]
+    assert emitted[said[0]]["warning"]
     assert not parts.exists()
 
 
