@@ -244,7 +244,7 @@ def test_a_scene_that_is_not_there_is_refused_before_anything_is_written(tmp_pat
 def test_default_methods_are_all_known_and_begin_with_the_default():
     names = default_methods()
     assert names[0] == DEFAULT_METHOD and len(set(names)) == len(names) > 8
-    assert "none" not in names and {"bicubic", "oidn+bicubic", "paper"} <= set(names)
+    assert "none" not in names and {"bicubic", "oidn+bilinear", "denoise+bicubic", "paper"} <= set(names)
     for name in names:
         assert method(name).name.text == name
 

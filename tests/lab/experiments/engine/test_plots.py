@@ -78,6 +78,6 @@ def test_heights_rise_with_values(value, gain):
 
 
 @pytest.mark.parametrize(("name", "lines"), [("every view +OIDN", "every view\n+OIDN"), ("bicubic", "bicubic"),
-                                             ("denoise+bilinear+epi (ours)", "denoise\n+bilinear\n+epi (ours)")])
+                                             ("denoise+bilinear+epi (ours)", "denoise\n+bilinear+epi\n(ours)")])
 def test_long_names_break_where_a_part_begins(name, lines):
     assert plots.broken(name) == lines
