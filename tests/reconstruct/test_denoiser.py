@@ -1,5 +1,7 @@
 """Weights of ours: what is checked before the library sees them, and the prefilter that uses them."""
 
+import hashlib
+import json
 import os
 import sys
 
@@ -113,3 +115,11 @@ def test_library_of_blender_takes_our_weights(monkeypatch, weights):
     expected = denoise_eia(color, weights=content)
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     np.testing.assert_allclose(denoise_eia(color, weights=content), expected, rtol=1e-3, atol=1e-4)
+
+
+def test_shipped_weights_are_those_of_their_provenance():
+    facts = json.loads(denoiser.WEIGHTS.with_suffix(".json").read_text(encoding="utf-8"))
+    content = denoiser.load()
+    assert facts["sha256"] == hashlib.sha256(content).hexdigest() and len(content) < 2_000_000
+    assert facts["command"].startswith("lfsr train denoiser") and facts["data"]["scenes"] > 200
+    assert "Apache License" in (denoiser.WEIGHTS.parent / "NOTICE.txt").read_text(encoding="utf-8")

@@ -22,7 +22,7 @@ from lfsr_lab.train.denoiser.loss import displayed, losses
 
 WIDTHS = {"small": SMALL, "base": BASE}
 # How often each count of samples is trained on.
-SAMPLES = {1: 0.2, 2: 0.1, 4: 0.24, 8: 0.1, 16: 0.22, 32: 0.08, 64: 0.06}
+SAMPLES = {1: 0.28, 2: 0.1, 4: 0.24, 8: 0.08, 16: 0.2, 32: 0.06, 64: 0.04}
 VALIDATED = (1, 4, 16)  # samples
 MOST_VALIDATING, VALIDATED_SIDE = 24, 224  # scenes, pixels
 BALANCE, REMEMBERED = 0.7, 0.98  # how far losses of few and many samples are made alike; of their running means
