@@ -21,7 +21,7 @@ from lfsr_core.plan.candidates import Candidate, low_pixels, samples_of
 CONTEXT = 16  # low-resolution pixels around a sampled lens that a denoiser should see
 WIDE_ENOUGH = 32  # pixels across an elemental image that needs no neighbours: most of it is far from the border
 MOST_REACH = 2  # lenses on each side; more neighbours would cost more than the lens
-REACH_IN_A_VIEW = 4  # for displays with parallax along one axis: the denoiser sees whole views, one pixel per lens
+REACH_IN_A_VIEW = 4  # for displays with parallax along one axis, whose elemental images are one pixel high
 LEAST_LENSES, MOST_LENSES = 12, 192
 EDGE_PART = 6  # one in so many sampled lenses lies beside the foreground, where the quick render may have missed it
 LEAST_OF_STRATUM = 4
