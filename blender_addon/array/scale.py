@@ -8,6 +8,7 @@ from contextlib import suppress
 import bpy
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile
@@ -30,6 +31,11 @@ def scale_by_depth(scene: bpy.types.Scene, display: DisplayProfile, subject: set
     moves = [np.empty(0)]
     for _ in motion.visited(scene, frames):
         with suppress(LfsrError):  # no array where the subject is out of sight: its frame says so when it is rendered
-            placed = placement.place_array(scene, display, subject)
-            moves.append(disparities(display, placed[0], placement.seen_depths(scene, placed, subject)))
+            moves.append(moves_of(scene, display, subject))
     return choose_scale(display, np.concatenate(moves), scales, rays)
+
+
+def moves_of(scene: bpy.types.Scene, display: DisplayProfile, subject: set[bpy.types.Object]) -> Array:
+    """Disparities (n,), in lenses, of what the middle of the array sees of the ``subject`` in the current frame."""
+    placed = placement.place_array(scene, display, subject)
+    return disparities(display, placed[0], placement.seen_depths(scene, placed, subject))

@@ -22,7 +22,7 @@ MOST_SCALE = 5  # that is chosen
 MIN_VIEWS = 5  # along each axis that a scale above 2 must leave (docs/results/displays.md)
 USUAL_SCALE, USUAL_SAMPLES = 4, 16  # the rays of a render for which nothing was asked
 MOST_SAMPLES = 2**24  # Blender's own limit: it would silently clip larger numbers
-ALMOST = 0.999  # of a sample: quotients of samples and pixels are not exact
+LEAST_SAMPLES = 0.999  # per pixel at a scale that is chosen: quotients of samples and pixels are not exact
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,8 +45,8 @@ class LossModel:
         return lost + self.noise * math.pow(samples, -self.power)
 
 
-# By `python -m lfsr_lab.experiments.depth_scale`, see docs/notebook/stress.md.
-MODEL = LossModel(detail=0.4, lenses=3.0, noise=0.1, power=0.57)
+# Fitted by `python -m lfsr_lab.experiments.scales docs/results/measured/scales.json`, see docs/results/stress.md.
+MODEL = LossModel(detail=0.885, lenses=2.83, noise=0.158, power=0.65)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,7 +107,7 @@ def choose_scale(display: DisplayProfile, moves: Array, scales: Collection[int],
     """
     samples = {scale: rays * display.finished_pixels(scale) for scale in sorted(scales, reverse=True)}
     largest = next(iter(samples))
-    enough = [scale for scale, count in samples.items() if count >= ALMOST] or [largest]
+    enough = [scale for scale, count in samples.items() if count >= LEAST_SAMPLES] or [largest]
     scale = min(enough, key=lambda scale: model.loss(moves, scale, samples[scale]))
     if not len(moves):
         return ScaleChoice(scale, f"scale {scale}: the middle view sees nothing of the subject")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.depth_scale import (
-    ALMOST,
+    LEAST_SAMPLES,
     MIN_VIEWS,
     MODEL,
     MOST_SCALE,
@@ -69,7 +69,7 @@ def test_the_choice_loses_least_of_the_scales_that_get_a_sample(display, moves, 
     choice = choose_scale(display, moves, scales, rays)
     assert choice.scale in scales and choice.reason.startswith(f"scale {choice.scale} is predicted to lose least at ")
     assert (", at scale " in choice.reason) == (choice.scale < max(scales))
-    enough = [scale for scale in scales if rays * display.finished_pixels(scale) >= ALMOST] or [max(scales)]
+    enough = [scale for scale in scales if rays * display.finished_pixels(scale) >= LEAST_SAMPLES] or [max(scales)]
     losses = {scale: MODEL.loss(moves, scale, rays * display.finished_pixels(scale)) for scale in enough}
     assert losses[choice.scale] == min(losses.values())
 

@@ -1,0 +1,1 @@
+"""Which scale is best at equal rays, and the model of `--scale auto` fitted to it."""
