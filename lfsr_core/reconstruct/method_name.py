@@ -31,7 +31,8 @@ PREFILTERS = {
     "oidn": "Open Image Denoise with its own weights",
 }
 AS_RENDERED, RECOVERY = "none", "epi"
-PANEL_METHODS = (*PREFILTERS, AS_RENDERED)  # for direct subpixel rendering, the default first
+# For direct subpixel rendering, the default first: there the library's own weights are as good as ours.
+PANEL_METHODS = ("oidn", AS_RENDERED)
 UPSCALERS = {**CLASSICAL, **catalogue.NAMES}
 METHODS = {**UPSCALERS, **PREFILTERS, RECOVERY: "last: restores detail taken for noise, along epipolar lines"}
 PLAIN_METHOD = "bilinear"  # after a denoiser more accurate than bicubic, see docs/results/measurements.md

@@ -25,9 +25,8 @@ from lfsr_core.images.png import write_png
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.panel.panel_rays import panel_image
 from lfsr_core.progress import Progress, silent
-from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.clock import StageClock, peak_bytes
-from lfsr_core.reconstruct.method_name import AS_RENDERED, DENOISE, PANEL_METHODS, MethodName
+from lfsr_core.reconstruct.method_name import AS_RENDERED, PANEL_METHODS, MethodName
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, span
 from lfsr_core.reconstruct.options import UpscaleOptions
 
@@ -82,18 +81,17 @@ def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: Method
                         "render the frame again")
     traced = over_background(layers, frame)
     if method.text != AS_RENDERED:
-        weights = denoiser.load() if method.text == DENOISE else None
-        traced = _denoised(traced, np.asarray(frame.display.background, np.float32), weights, frame.color.exposure)
+        traced = _denoised(traced, np.asarray(frame.display.background, np.float32))
     return panel_image(frame.panel_rays, traced)
 
 
-def _denoised(traced: Array, background: Array, weights: bytes | None, exposure: float) -> Array:
+def _denoised(traced: Array, background: Array) -> Array:
     """Denoise the rectangle that shows more than the background."""
     seen = (traced != background).any(-1)
     part = span(seen.any(1), 1), span(seen.any(0), 1)
     if traced[part].size:
         traced = traced.copy()
-        traced[part] = denoise_eia(traced[part], weights=weights, exposure=exposure)
+        traced[part] = denoise_eia(traced[part])
     return traced
 
 

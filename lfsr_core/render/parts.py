@@ -15,7 +15,6 @@ from pathlib import Path
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_core.frames.identity import digest, first_difference
-from lfsr_core.images.exr import check_complete
 from lfsr_core.render.staging import RANGE, has_parts
 
 INPUTS_FILE = "inputs.json"
@@ -103,6 +102,8 @@ def _part_of(text: str) -> Part | None:
 
 
 def _is_complete(path: Path) -> bool:
+    from lfsr_core.images.exr import check_complete  # needs OpenImageIO, which Blender's panel does without
+
     try:
         check_complete(path)
     except LfsrError:

@@ -31,10 +31,10 @@ def command(tmp_path, monkeypatch):
 
 def test_a_scene_is_rendered_and_finished(command, capsys):
     assert main(command) == 0
-    assert f"frame/{PANEL_FILE}: the panel's image, traced for its subpixels; denoise" in capsys.readouterr().out
+    assert f"frame/{PANEL_FILE}: the panel's image, traced for its subpixels; oidn" in capsys.readouterr().out
     frame, report = read_rendered("frame"), json.loads(Path("frame/report.json").read_text())
     assert (frame.scale, frame.layers, frame.samples) == (1, (), 4)
-    assert (report["method"], report["layout"], report["scale"]) == ("denoise", "subpixels", 1)
+    assert (report["method"], report["layout"], report["scale"]) == ("oidn", "subpixels", 1)
     assert read_png(Path("frame", PANEL_FILE)).std() > 10 and not Path("frame", EIA_FILE).exists()
 
 

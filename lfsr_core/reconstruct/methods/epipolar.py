@@ -35,13 +35,14 @@ REACH = 2  # steps to each side of a pixel in its mean along a line, in rows and
 AVERAGED = 2 * REACH + 1
 NEIGHBOURS = 2  # lenses to each side whose covariances are added
 CERTAIN = 4.0  # standard deviations by which a covariance must exceed noise
+LEAST_SAMPLES = 2  # per pixel: the noise of one is no normal distribution, and is taken for detail
 LIMIT = 1.0  # of a residual, in encoded values: a firefly is no detail
 DARK = 1e-3  # scene-linear value below which √x is taken for a line
 STEEPEST = 1.0  # lenses per view up to which detail is interpolated inside an EI: on steeper lines a point skips lenses
 KERNEL = "lanczos"  # for detail, which has no edges to ring at: see docs/notebook/networks.md
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 STEP, MAX_WORKERS = 24, 8
-VERSION = 3  # of the result: figures measured with another version are out of date
+VERSION = 4  # of the result: figures measured with another version are out of date
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -71,7 +72,7 @@ class Recovering:
 
     def prepare(self, low: LowResEIA) -> RecoverableEIA:
         """Add the detail that the upscaler would lose to ``low``."""
-        covered = low.alpha.max((2, 3, 4)) > 0
+        covered = (low.alpha.max((2, 3, 4)) > 0) & (low.samples >= LEAST_SAMPLES)
         cleaned = self._clean_all(low, covered)
         lost, line = np.zeros_like(cleaned), np.zeros(covered.shape, int)
         for part in self._parts(covered):

@@ -50,6 +50,12 @@ def recovered(low, name="bilinear"):
     return encode(recovering(ready, np.argwhere(np.ones(low.color.shape[:2], bool)))), recovering, ready
 
 
+def test_one_sample_is_too_few():
+    low = light_field(NOISE * texture((1, 1)))
+    assert recovered(low)[2].lost.any() and recovered(dataclasses.replace(low, samples=2))[2].lost.any()
+    assert not recovered(dataclasses.replace(low, samples=1))[2].lost.any()
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_alone_is_no_detail(seed):
     fraction, _ = lost_fraction(noise(seed), EVERY)
