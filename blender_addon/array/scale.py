@@ -10,10 +10,18 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
+from lfsr_core.frames.job import Job
 from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile
 
+from ..scene.subject import find_subject
 from . import motion, placement
+
+
+def scale_of(scene: bpy.types.Scene, job: Job) -> ScaleChoice:
+    """Choose one of the job's scales by the depth of its frames."""
+    return scale_by_depth(scene, job.display, find_subject(scene, job.subject), job.scales, job.judged_rays,
+                          job.scale_frames)
 
 
 def scale_by_depth(scene: bpy.types.Scene, display: DisplayProfile, subject: set[bpy.types.Object],

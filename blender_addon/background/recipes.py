@@ -16,7 +16,7 @@ from lfsr_core.render.process import DERIVED_FILES
 from lfsr_core.render.staging import parts_folder, publish, staging_folder
 from lfsr_core.sequence.numbers import spread
 
-from ..render.frame_folder import scale_of
+from ..array.scale import scale_of
 from ..settings import folders, scene_settings
 from . import runtime
 from .steps import PANEL_TASKS, Steps, file_copy, render_step, rendering_step, second_stage_step

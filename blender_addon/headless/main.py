@@ -31,7 +31,8 @@ from lfsr_core.render.protocol import (
 )
 
 from ..array.cameras import camera_notices, choose_camera
-from ..render.frame_folder import render_job, scale_of, settled_light
+from ..array.scale import scale_of
+from ..render.frame_folder import render_job, settled_light
 from ..render.inputs import Opened, inputs_before_opening
 from ..render.overrides import overridden
 from ..scene.notices import notices

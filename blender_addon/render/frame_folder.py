@@ -15,13 +15,12 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, write_frame
 from lfsr_core.frames.job import AUTO, OWN, Job
 from lfsr_core.frames.low_res import finished_layout
-from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.lens_rows import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.render.parts import ImageParts, Part, remove_others
 
 from ..array import motion, placement
-from ..array.scale import scale_by_depth
+from ..array.scale import scale_of
 from ..scene.light import lit
 from ..scene.subject import find_subject, has_background_meshes
 from . import animation, devices, passes, world
@@ -73,12 +72,6 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
     write_frame(job.output, dataclasses.replace(frame, content=opened.content, seconds=seconds,
                                                 notes=tuple(notes)))
     return Path(job.output)
-
-
-def scale_of(scene: bpy.types.Scene, job: Job) -> ScaleChoice:
-    """Choose one of the job's scales by the depth of its frames."""
-    return scale_by_depth(scene, job.display, find_subject(scene, job.subject), job.scales, job.judged_rays,
-                          job.scale_frames)
 
 
 @contextmanager
