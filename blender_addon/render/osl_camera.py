@@ -12,10 +12,12 @@ from typing import Any
 import bpy
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.files import system_errors
 from lfsr_core.optics.rays import RayLayout
 
 from . import devices
 
+ROOM = 10  # times the size of the source that its bytecode has at most
 SOURCE = Path(__file__).with_name("ray_layout.osl")
 
 
@@ -75,9 +77,11 @@ def compile_osl(source: str) -> str:
     # In Blender's own temporary folder, which is removed even if Blender crashes.
     with tempfile.TemporaryDirectory(prefix="lfsr-osl-", dir=bpy.app.tempdir or None) as folder:
         text, code = Path(folder, "camera.osl"), Path(folder, "camera.oso")
-        text.write_text(source, encoding="utf-8")
-        if not _cycles.osl_compile(str(text), str(code)) or not code.is_file() or not code.stat().st_size:
-            raise _no_osl("Cycles rejected the ray-layout shader, see its message above")
+        with system_errors(text.parent):
+            text.write_text(source, encoding="utf-8")
+            if not _cycles.osl_compile(str(text), str(code)) or not code.is_file() or not code.stat().st_size:
+                code.write_bytes(bytes(ROOM * text.stat().st_size))  # fails where there was no room for the bytecode
+                raise _no_osl("Cycles rejected the ray-layout shader, see its message above")
         return code.read_text(encoding="utf-8")
 
 

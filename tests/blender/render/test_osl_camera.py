@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
+import sys
+
 import bpy
 import pytest
 
 from blender_addon.render import osl_camera
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.rays import RayLayout
-from tests.support.scenes import ARRAY, MINI, add_box, emission, encoded
+from tests.support.scenes import ARRAY, MINI, ROOT, add_box, emission, encoded
 
 GOOD = osl_camera.SOURCE.read_text()
 
@@ -28,6 +32,27 @@ def test_blender_without_osl_says_what_to_do(scene, monkeypatch):
     monkeypatch.setattr(_cycles, "with_osl", False)
     with pytest.raises(LfsrError, match="built without OSL.*lens-card"):
         osl_camera.compile_osl(GOOD)
+
+
+FULL = """
+import resource, signal, sys, bpy
+from blender_addon.render import osl_camera
+from lfsr_core.errors import LfsrError
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+source = osl_camera.SOURCE.read_text()
+resource.setrlimit(resource.RLIMIT_FSIZE, (len(source) + int(sys.argv[1]),) * 2)
+try:
+    osl_camera.compile_osl(source)
+except LfsrError as error:
+    print("said:", error)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX limit on file size")
+@pytest.mark.parametrize("room", [-1, 1, 9000])
+def test_a_full_temporary_folder_is_not_called_a_missing_camera(room):
+    told = subprocess.run([sys.executable, "-c", FULL, str(room)], stdout=subprocess.PIPE, text=True, cwd=ROOT).stdout
+    assert re.search(r"said: \S*lfsr-osl\S* cannot be written \(File too large\): free some space", told), told
 
 
 def test_every_parameter_of_the_shader_is_set_and_no_other(scene):

@@ -31,6 +31,16 @@ def test_the_image_has_a_panel_per_scene_and_one_of_the_mean(chart):
     assert "Mean" not in " ".join(texts(panels.image(example(1))))
 
 
+@pytest.mark.parametrize("name", ["$a_b$", "do$ll", "$\\frac$", "back\\slash", "a^b_c{d}", "%s"])
+def test_the_name_of_a_scene_is_no_formula(name):
+    chart = example(1)
+    chart = dataclasses.replace(chart, scenes=(dataclasses.replace(chart.scenes[0], scene=name),),
+                                settings=dataclasses.replace(chart.settings, display=f"{name}.toml"))
+    words = texts(panels.image(chart))
+    assert name in words and any(f"Display {name}.toml" in word for word in words)
+    assert panels.page(chart)
+
+
 def test_every_text_lies_inside_the_image(chart):
     image = ElementTree.fromstring(panels.image(chart))
     width, height = (float(size) for size in image.get("viewBox").split()[2:])

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -21,6 +24,7 @@ from tests.support.chart_folder import arguments, experiment_folder, main_fails,
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import fails, write_render
 
+ROOT = Path(__file__).parents[4]
 LENSES = tuple((row, column) for row in range(2, 8) for column in range(3, 11))
 
 
@@ -260,6 +264,24 @@ def test_our_method_must_be_measured(tmp_path):
 ])
 def test_cost_of_networks(name, parameters, multiply_adds):
     assert chart_cells.network_cost(name, 4, (10, 10)) == (parameters, multiply_adds)
+
+
+def test_without_pytorch_and_without_the_cost_of_a_method_there_is_a_chart(tmp_path):
+    words = arguments(experiment_folder(tmp_path), "--methods", "oidn-both+refine")
+    source = ("import sys; sys.modules['torch'] = None\n"
+              "from lfsr_core.cli import main; from lfsr_core.errors import LfsrError\n"
+              "from lfsr_lab.experiments.chart import cells\n"
+              "def fail(folder, name): raise LfsrError('no process can be started')\n"
+              "cells.upscale_seconds = fail if sys.argv[1] == 'fail' else lambda folder, name: 1.25\n"
+              "sys.exit(main(sys.argv[2:]))")
+    for failing in ("no", "fail"):
+        done = subprocess.run([sys.executable, "-c", source, failing, *words, "--again", "all"], text=True, cwd=ROOT,
+                              capture_output=True)
+        assert done.returncode == 0, done.stderr
+        chart = measured(tmp_path)
+        assert {cost["method"]: cost["parameters"] for cost in chart["methods"]} == (
+            {} if failing == "fail" else {"bicubic": None, "oidn-both+refine": None})
+    assert "cost was not measured (no process can be started)" in " ".join(chart["skipped"])
 
 
 @needs_bpy

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import re
 
 import pytest
 from jinja2 import DictLoader, UndefinedError
 
+from lfsr_core.errors import LfsrError
 from lfsr_lab.experiments.engine import report
 from lfsr_lab.experiments.engine.report import count, markdown_table, number
 
@@ -22,6 +25,23 @@ def templates(monkeypatch):
     environment = report._templates()
     both = ChoiceLoader([DictLoader({"test.html": TABLE}), environment.loader])
     monkeypatch.setattr(environment, "loader", both)
+
+
+@dataclasses.dataclass(frozen=True)
+class Results:
+    """What was measured."""
+
+    value: float
+
+
+def test_results_are_written_before_anything_is_drawn(tmp_path):
+    def draw():
+        raise ValueError("no such font\nin this place")
+
+    with pytest.raises(LfsrError, match=r"results.svg cannot be drawn \(no such font in this place\): .*results.json"):
+        report.write_report(tmp_path, "results", Results(0.5), {".md": lambda: "# Results\n", ".svg": draw})
+    assert json.loads((tmp_path / "results.json").read_text()) == {"value": 0.5}
+    assert (tmp_path / "results.md").read_text() == "# Results\n" and len(list(tmp_path.iterdir())) == 2
 
 
 def test_text_is_escaped_and_pictures_are_not(templates):

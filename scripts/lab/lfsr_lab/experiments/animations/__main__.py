@@ -46,10 +46,9 @@ def run(arguments: argparse.Namespace) -> None:
     build_scenes(store, settings)
     found = tuple(each for name in arguments.only for each in _measured(Animation(store, settings, name)))
     command = f"python -m lfsr_lab.experiments.animations -o OUT --seed {arguments.seed}"
-    text = markdown(found)
     write_report(arguments.output, STEM, Report(settings, environment(), command, found),
-                 {".md": text, ".svg": svg(chart(found))})
-    print(text)
+                 {".md": lambda: markdown(found), ".svg": lambda: svg(chart(found))})
+    print(markdown(found))
 
 
 def _measured(animation: Animation) -> Iterator[Found]:

@@ -70,7 +70,8 @@ def _measured(settings: Settings, scenes: Sequence[Path], rows: dict[str, SceneR
         raise LfsrError(f"no scene could be measured ({'; '.join(measuring.skipped)}): run it without --only-measure")
     measuring.bar.close()
     return write_report(settings.folder, CHART, None, {
-        ".html": panels.page(chart), ".svg": panels.image(chart), ".md": findings.markdown(chart)})
+        ".html": lambda: panels.page(chart), ".svg": lambda: panels.image(chart),
+        ".md": lambda: findings.markdown(chart)})
 
 
 def _earlier(settings: Settings, names: Sequence[str]) -> dict[str, SceneRow | None]:
@@ -148,7 +149,10 @@ class _Run:
         folder = Path(cells.low_job(self.settings, scene, self.settings.scale, found[0].samples).output)
         for name in self.settings.methods:
             if any(cell.method == name and cell.role != DIRECT for cell in found):
-                yield cells.method_cost(self.settings, name, folder)
+                try:
+                    yield cells.method_cost(self.settings, name, folder)
+                except LfsrError as error:
+                    self._skip(f"{name}: its cost was not measured ({error})")
 
     def _reference(self, scene: Path) -> Path | None:
         """Return the folder of the reference, the same for any seed; what is there may have any lenses and samples."""

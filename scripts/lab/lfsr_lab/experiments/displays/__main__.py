@@ -67,8 +67,8 @@ def compare(store: Store, width: int | None, reference_spp: int, scenes: Sequenc
 def write_pages(folder: Path, found: Comparison) -> list[Path]:
     """Write what people read beside the results, and return the paths of all files."""
     figures = {end: page.figure(found, reference) for reference, end in FIGURES.items()}
-    texts = {".md": page.markdown(found)} | {end: svg(drawn) for end, drawn in figures.items() if drawn}
-    return write_report(folder, STEM, None, texts)
+    texts = {end: functools.partial(svg, drawn) for end, drawn in figures.items() if drawn}
+    return write_report(folder, STEM, None, {".md": lambda: page.markdown(found)} | texts)
 
 
 def _points(renders: Renders) -> Iterator[Point]:

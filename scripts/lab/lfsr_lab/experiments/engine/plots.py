@@ -200,9 +200,11 @@ def broken(name: str) -> str:
 
 
 def _figure(width: float, tall: float, **options: Any) -> Figure:
+    from matplotlib import rcParams
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    rcParams["text.parse_math"] = False  # names of files may have a $
     figure = Figure(figsize=(width, tall), **options)
     FigureCanvasAgg(figure)  # which knows at once how large a text will be
     return figure

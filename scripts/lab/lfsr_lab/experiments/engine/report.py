@@ -24,19 +24,29 @@ UNKNOWN = "–"
 RULES = {"l": "---", "r": "---:"}  # below the header, by a column's letter
 
 
-def write_report(folder: Path, stem: str, results: Any, texts: Mapping[str, str]) -> list[Path]:
-    """Write ``results`` as STEM.json, then what people read, and return the paths.
+def write_report(folder: Path, stem: str, results: Any, texts: Mapping[str, Callable[[], str]]) -> list[Path]:
+    """Write ``results`` as STEM.json, then what people read, and return the paths; errors as of ``write_drawn``.
 
     Parameters
     ----------
     folder, stem : of the files
     results : a record; None where it is written already
-    texts : contents by the end of the file's name, such as ".md", ".html", ".svg"
+    texts : functions that return the content, by the end of the file's name, such as ".md", ".html", ".svg"
     """
     file = folder / f"{stem}.json"
     if results is not None:
         write_record(file, results)
-    return [file, *(write_text(folder / f"{stem}{end}", text) for end, text in texts.items())]
+    return [file, *(write_drawn(folder / f"{stem}{end}", make, file) for end, make in texts.items())]
+
+
+def write_drawn(path: Path, make: Callable[[], str], results: Path) -> Path:
+    """Write the text that ``make`` draws of the file ``results``, and return ``path``; LfsrError if that fails."""
+    try:
+        return write_text(path, make())
+    except LfsrError:
+        raise
+    except Exception as error:  # of a library
+        raise LfsrError(f"{path} cannot be drawn ({error}): what was measured is in {results}") from error
 
 
 def write_text(path: Path, text: str) -> Path:

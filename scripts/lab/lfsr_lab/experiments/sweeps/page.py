@@ -18,7 +18,7 @@ from lfsr_core.records import to_data
 from lfsr_lab.experiments.engine.environment import environment
 from lfsr_lab.experiments.engine.plots import COLORS, MARKERS, Curve, draw_curves, panel_sheet, svg
 from lfsr_lab.experiments.engine.renders import SCENE_FILE, Store
-from lfsr_lab.experiments.engine.report import inline_svg, markdown_table, number, page_html, write_report, write_text
+from lfsr_lab.experiments.engine.report import inline_svg, markdown_table, number, page_html, write_drawn, write_report
 from lfsr_lab.experiments.sweeps.measure import BASELINE, Scene
 from lfsr_lab.experiments.sweeps.records import FORMAT, Cell, Report, Settings, SweepReport
 from lfsr_lab.experiments.sweeps.sweeps import Sweep, breaking_point, choose_sweeps, label
@@ -57,9 +57,9 @@ def run(store: Store, settings: Settings, methods: Sequence[str], names: Sequenc
         cells = tuple(cell for scene in of_sweep for cell in scene.cells(methods))
         sweeps.append(report_of(sweep, [scene.value for scene in of_sweep], cells, methods))
     report = Report(FORMAT, settings, to_data(environment()), methods, tuple(sweeps))
-    paths = write_report(store.folder, STEM, report, {".md": markdown(report)})
-    write_text(store.folder / PAGE_FILE, html(store, report))
-    return paths[0]
+    file, _ = write_report(store.folder, STEM, report, {".md": lambda: markdown(report)})
+    write_drawn(store.folder / PAGE_FILE, lambda: html(store, report), file)
+    return file
 
 
 def report_of(sweep: Sweep, values: Sequence[float], cells: tuple[Cell, ...], methods: Sequence[str]) -> SweepReport:
