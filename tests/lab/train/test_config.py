@@ -33,8 +33,19 @@ def test_settings_override_with_their_types():
     (["epochs"], "form key=value"),
     (["crop=30"], "crop 30 is not a multiple of scale 4"),
     (["schedule=step"], "schedule 'step' is unknown"),
-    (["rate=-1"], "must be positive"),
-    (["batch=0"], "must be at least 1"),
+    (["rate=-1"], "rate is -1.0, but it must be"),
+    (["rate=nan"], "rate is nan, but it must be"),
+    (["rate=inf"], "rate is inf, but it must be"),
+    (["rate=1" + "0" * 400], "rate is inf, but it must be"),
+    (["adversarial=nan"], "adversarial is nan, but it must be"),
+    (["batch=0"], "batch is 0, but it must be"),
+    (["scale=0"], "scale is 0, but it must be"),
+    (["crop=0"], "crop is 0, but it must be"),
+    (["seed=-1"], "seed is -1, but it must be"),
+    (["epochs=0"], "epochs is 0, but it must be"),
+    (["validate_every=0"], "validate_every is 0, but it must be"),
+    (["checkpoint_every=0"], "checkpoint_every is 0, but it must be"),
+    (["network=[]"], r"network = \[\], expected a value of type str"),
 ])
 def test_bad_settings(settings, message):
     with pytest.raises(LfsrError, match=message):
@@ -50,3 +61,11 @@ def test_missing_and_broken_config(tmp_path):
     (tmp_path / "b.toml").write_text('network = "paper"')
     with pytest.raises(LfsrError, match="has no 'photographs'"):
         load_config(str(tmp_path / "b.toml"))
+
+
+@pytest.mark.parametrize("change", [
+    "steps_per_epoch=0", "epochs=0", "rate=nan", "rate=0", "seed=-1", "side=0", "count=-1", "validate_every=0",
+    "checkpoint_every=0", "error_weight=nan", "adversarial=inf", "error_weight=-1"])
+def test_numbers_that_no_denoiser_can_be_trained_with(change):
+    with pytest.raises(LfsrError, match=rf"{change.split('=')[0]} is \S+, but it must be between"):
+        load_config("denoiser", ["scenes=x", change])

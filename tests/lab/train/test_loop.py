@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 
 import cv2
@@ -129,8 +130,39 @@ def test_checkpoint_version_and_code_in_a_checkpoint(tmp_path):
     assert not (tmp_path / "proof").exists()
 
 
-def test_log_of_a_damaged_line(tmp_path):
-    (tmp_path / "log.jsonl").write_text("{")
+@pytest.mark.parametrize("change", [
+    {"position": {"epoch": 1, "steps": 3}}, {"position": {"epoch": -1}}, {"position": {"epoch": "1"}},
+    {"position": {"sums": [1]}}, {"position": 3}, {"state": {}}, {"state": 7}, {"run": None}, {"version": None}])
+def test_a_checkpoint_of_other_content_is_one_sentence(tmp_path, change):
+    loop.run(Counter(), loop.Schedule(1), tmp_path)
+    path = tmp_path / "checkpoint.pt"
+    torch.save(loop.load_checkpoint(path) | change, path)
+    with pytest.raises(LfsrError, match=r"checkpoint\.pt .*(remove it|another --output)"):
+        loop.run(Counter(), loop.Schedule(3), tmp_path, RESUME)
+
+
+def test_advice_of_pytorch_is_not_passed_on(tmp_path):
+    path = tmp_path / "checkpoint.pt"
+    torch.save({"version": 1, "run": "x", "position": {}, "state": torch.nn.Linear(1, 1)}, path)
+    with pytest.raises(LfsrError) as refused:
+        loop.load_checkpoint(path)
+    assert not {"weights_only", "arbitrary", "trusted"} & set(re.findall(r"\w+", str(refused.value)))
+
+
+def test_a_checkpoint_or_log_that_is_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "checkpoint.pt")
+    with pytest.raises(LfsrError, match="not a regular file"):
+        loop.load_checkpoint(tmp_path / "checkpoint.pt")
+    os.mkfifo(tmp_path / "log.jsonl")
+    with pytest.raises(LfsrError, match="not a regular file"):
+        TrainLog(tmp_path)
+
+
+@pytest.mark.parametrize("line", [
+    "{", "[]", "3", "{}", '{"epoch": "1"}', '{"epoch": true}', '{"epoch": 1, "loss": "x"}', '{"epoch": 1, "loss": []}',
+    "[" * 100_000, "\xff", '{"epoch": 1' + "0" * 5000 + "}"])
+def test_log_of_a_damaged_line(tmp_path, line):
+    (tmp_path / "log.jsonl").write_bytes(line.encode("latin-1"))
     with pytest.raises(LfsrError, match="training log"):
         TrainLog(tmp_path)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+import sys
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +17,12 @@ from lfsr_core.reconstruct.denoiser import COLOR_INPUTS, GUIDED_INPUTS
 CONFIG_FOLDER = Path(__file__).parent / "configs"
 DENOISER = "denoiser"
 MAX_BYTES = 100_000  # of a config's file
+MOST = 10**9
+RANGES: dict[str, tuple[float, float]] = {
+    "scale": (1, 16), "seed": (0, 2**32 - 1), "crop": (1, 8192), "crops_per_photograph": (1, MOST), "epochs": (1, MOST),
+    "steps_per_epoch": (1, MOST), "batch": (1, MOST), "rate": (1e-12, 10), "adversarial": (0, 1e6),
+    "validate_every": (1, MOST), "checkpoint_every": (1, MOST), "count": (0, MOST), "side": (1, 8192),
+    "error_weight": (0, 1e6)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,19 +48,11 @@ class TrainConfig:
     start: str = ""
 
     def __post_init__(self) -> None:
-        problems = (
-            (self.crop % self.scale or self.crop <= 0, f"crop {self.crop} is not a multiple of scale {self.scale}",
-             "choose one that is"),
-            (self.schedule not in ("constant", "cosine"), f"schedule {self.schedule!r} is unknown",
-             "choose constant or cosine"),
-            (min(self.epochs, self.batch, self.crops_per_photograph) < 1, "epochs, batch and crops_per_photograph",
-             "must be at least 1"),
-            (not self.rate > 0 or self.adversarial < 0, f"rate {self.rate} or adversarial {self.adversarial}",
-             "must be positive"),
-        )
-        for wrong, what, advice in problems:
-            if wrong:
-                raise LfsrError(f"training: {what}: {advice}")
+        _check_numbers(self)
+        if self.crop % self.scale:
+            raise LfsrError(f"training: crop {self.crop} is not a multiple of scale {self.scale}: choose one that is")
+        if self.schedule not in ("constant", "cosine"):
+            raise LfsrError(f"training: schedule {self.schedule!r} is unknown: choose constant or cosine")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,16 +80,20 @@ class DenoiserConfig:
     def __post_init__(self) -> None:
         if self.size not in ("base", "small"):
             raise LfsrError(f"training: size {self.size!r} is unknown: choose base or small")
-        if min(self.epochs, self.steps_per_epoch, self.side) < 1 or self.count < 0:
-            raise LfsrError("training: epochs, steps_per_epoch and side must be at least 1, and count at least 0")
-        if not (self.rate > 0 and self.adversarial >= 0 and self.error_weight >= 0):
-            raise LfsrError(f"training: rate {self.rate}, adversarial {self.adversarial} or error_weight "
-                            f"{self.error_weight}: must be positive")
+        _check_numbers(self)
 
     @property
     def inputs(self) -> int:
         """Channels that the network sees."""
         return GUIDED_INPUTS if self.guides else COLOR_INPUTS
+
+
+def _check_numbers(config: TrainConfig | DenoiserConfig) -> None:
+    """LfsrError for a number that nothing can be trained with."""
+    for name, (least, most) in RANGES.items():
+        value = getattr(config, name, least)
+        if not least <= value <= most:
+            raise LfsrError(f"training: {name} is {value!r}, but it must be between {least} and {most}")
 
 
 def load_config(name: str, settings: Sequence[str] = ()) -> TrainConfig | DenoiserConfig:
@@ -114,7 +118,7 @@ def _checked(values: dict[str, Any], name: str) -> TrainConfig | DenoiserConfig:
         if key not in hints:
             raise LfsrError(f"{name} has the unknown key {key!r}: {did_you_mean(key, hints, cutoff=0).rstrip()}")
         if hints[key] is float and type(value) is int:
-            values[key] = float(value)
+            values[key] = float(value) if abs(value) < sys.float_info.max else math.inf
         elif type(value) is not hints[key]:
             raise LfsrError(f"{name} has {key} = {value!r}, expected a value of type {hints[key].__name__}")
     for field in dataclasses.fields(kind):

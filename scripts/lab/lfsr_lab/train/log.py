@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, system_errors
+from lfsr_lab.train.reading import open_data
 
 LOG_NAME, IMAGE_NAME = "log.jsonl", "loss.png"
 NO_CURVE = {"epoch", "seconds"}
@@ -57,8 +57,10 @@ class TrainLog:
 
 
 def read_log(path: str | Path) -> list[dict[str, Any]]:
-    """Read the lines of a log; LfsrError if one is not JSON."""
-    try:
-        return [json.loads(line) for line in Path(path).read_text(encoding="utf-8").splitlines()]
-    except (OSError, json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise LfsrError(f"{path} cannot be read as a training log ({error}): choose another --output") from None
+    """Read the lines of a log; LfsrError if one is no JSON object of an epoch and of numbers."""
+    with open_data(path, "a training log", "choose another --output") as file:
+        lines = [json.loads(line) for line in file.read().decode("utf-8").splitlines()]
+        for line in lines:
+            if type(line["epoch"]) is not int or not all(type(value) in (int, float) for value in line.values()):
+                raise ValueError(f"a line with {line}")
+    return lines

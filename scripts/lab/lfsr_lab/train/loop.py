@@ -9,14 +9,13 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import pickle
 import signal
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import IO, Any, Protocol
 
 import torch
 from torch import Tensor
@@ -24,7 +23,9 @@ from torch import Tensor
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
 from lfsr_core.progress import Progress, silent
+from lfsr_core.records import from_data
 from lfsr_lab.train.log import TrainLog
+from lfsr_lab.train.reading import open_data
 
 CHECKPOINT, CHECKPOINT_VERSION = "checkpoint.pt", 1
 
@@ -173,12 +174,9 @@ def save_checkpoint(task: Task, output: Path, position: Position) -> None:
 
 def load_checkpoint(path: Path) -> dict[str, Any]:
     """Read a checkpoint without running code from it; LfsrError if it is damaged or of another version."""
-    try:
-        content = torch.load(path, map_location="cpu", weights_only=True)
+    with _open_checkpoint(path) as file:
+        content: dict[str, Any] = torch.load(file, map_location="cpu", weights_only=True)
         version = content["version"]
-    except (OSError, RuntimeError, EOFError, KeyError, TypeError, pickle.UnpicklingError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise LfsrError(f"{path} cannot be read as a checkpoint ({reason}): remove it and start again") from None
     if version != CHECKPOINT_VERSION:
         raise LfsrError(f"{path} has checkpoint version {version!r}, expected {CHECKPOINT_VERSION}: "
                         f"remove it and start again")
@@ -195,11 +193,19 @@ def _start(task: Task, output: Path, resume: bool) -> Position:
     if not resume:
         raise LfsrError(f"{output} already holds a training run: pass --resume to continue or choose another --output")
     content = load_checkpoint(path)
-    if content["run"] != _fingerprint(task):
+    if content.get("run") != _fingerprint(task):
         raise LfsrError(f"{path} was written by a run with other settings or data: resume with the same ones or "
                         f"choose another --output")
-    task.restore(content["state"])
-    return Position(**content["position"])
+    with _open_checkpoint(path):
+        position = from_data(Position, content["position"], "position")
+        if min(position.epoch, position.step) < 0:
+            raise ValueError(f"a run at epoch {position.epoch}, step {position.step}")
+        task.restore(content["state"])
+    return position
+
+
+def _open_checkpoint(path: Path) -> AbstractContextManager[IO[bytes]]:
+    return open_data(path, "a checkpoint", "remove it and start again")
 
 
 def _fingerprint(task: Task) -> str:

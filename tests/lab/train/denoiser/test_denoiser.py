@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.methods import denoise
 from lfsr_lab.networks.denoiser import hdr_encode
 from lfsr_lab.train.config import DenoiserConfig
-from lfsr_lab.train.denoiser.data import crop, load_scenes, mirrored, noisy
+from lfsr_lab.train.denoiser.data import crop, load_scene, load_scenes, mirrored, noisy
 from lfsr_lab.train.denoiser.loss import losses, window
 from lfsr_lab.train.denoiser.task import DenoiserTask, rate
 from lfsr_lab.train.loop import RunOptions, Schedule, Stop, run
@@ -167,8 +168,8 @@ def test_the_rate_rises_and_falls():
 
 
 @pytest.mark.parametrize(("changes", "message"), [
-    ({"size": "large"}, "size 'large' is unknown"), ({"epochs": 0}, "epochs"), ({"rate": 0.0}, "rate 0"),
-    ({"rate": float("nan")}, "rate nan"), ({"count": -1}, "count")])
+    ({"size": "large"}, "size 'large' is unknown"), ({"epochs": 0}, "epochs"), ({"rate": 0.0}, "rate is 0"),
+    ({"rate": float("nan")}, "rate is nan"), ({"count": -1}, "count")])
 def test_wrong_settings_are_one_sentence(changes, message):
     with pytest.raises(LfsrError, match=message):
         config("x", **changes)
@@ -178,5 +179,29 @@ def test_damaged_and_missing_scenes_are_one_sentence(tmp_path):
     with pytest.raises(LfsrError, match="holds 0 training scenes and 0 that validate"):
         load_scenes(tmp_path)
     (tmp_path / "scene_000000.npz").write_bytes(b"PK")
-    with pytest.raises(LfsrError, match="scene_000000.npz is no scene"):
+    with pytest.raises(LfsrError, match="scene_000000.npz cannot be read as a scene of training_scenes.py"):
         load_scenes(tmp_path)
+    (tmp_path / "scene_000000.npz").unlink()
+    os.mkfifo(tmp_path / "scene_000000.npz")
+    with pytest.raises(LfsrError, match="not a regular file"):
+        load_scenes(tmp_path)
+
+
+@pytest.mark.parametrize("change", [
+    {"meta": "[]"}, {"meta": '{"scale": 4}'}, {"scale": 0}, {"scale": 4.0}, {"views": [24]}, {"views": [24, "20"]},
+    {"views": [24, 2]}, {"views": [20, 20]}, {"is_direct": 1}, {"validates": "no"}, {"scale": 10**30},
+    {"meta": np.array([{}], object)}, {"color_target": None}, {"color_4": None},
+    {"color_1_0": np.zeros((30, 48, 3), np.float16)}, {"color_1_0": np.zeros((30, 47, 4), np.float16)},
+    {"color_1_0": np.array(3.0)}, {"color_target": np.zeros((30, 48, 4), "U3")},
+    {"color_16_1": np.full((30, 48, 4), np.nan, np.float16)}, {"guides_1_0": np.zeros((30, 48, 4), np.float16)}])
+def test_a_scene_of_other_content_is_one_sentence(tmp_path, change):
+    write_scene(tmp_path, 0, **{name: value for name, value in change.items() if name in ("scale", "views", "is_direct",
+                                                                                       "validates")})
+    with np.load(tmp_path / "scene_000000.npz") as file:
+        content = {name: array for name, array in file.items()
+                   if not any(name.startswith(gone) for gone, value in change.items() if value is None)}
+    content |= {name: value for name, value in change.items() if name == "meta" or isinstance(value, np.ndarray)}
+    np.savez(tmp_path / "scene_000000.npz", **content)
+    with pytest.raises(LfsrError, match=r"000.npz cannot be read as a scene .*: make it again") as told:
+        load_scene(tmp_path / "scene_000000.npz", guides=True)
+    assert "pickle" not in str(told.value)

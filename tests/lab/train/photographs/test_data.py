@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 import torch
@@ -41,7 +43,11 @@ def test_bad_photographs(tmp_path):
     with pytest.raises(LfsrError, match="holds no photographs"):
         load_photographs(tmp_path)
     (tmp_path / "a.jpg").write_bytes(b"not an image")
-    with pytest.raises(LfsrError, match="cannot be decoded"):
+    with pytest.raises(LfsrError, match="cannot be read as a photograph .*: remove it or get it again"):
+        load_photographs(tmp_path)
+    (tmp_path / "a.jpg").unlink()
+    os.mkfifo(tmp_path / "a.png")
+    with pytest.raises(LfsrError, match=r"a\.png .*not a regular file"):
         load_photographs(tmp_path)
     with pytest.raises(LfsrError, match="0.png is smaller than a crop of 64"):
         CropSampler(some_photographs(), 64, 2, 0, CPU)

@@ -5,10 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -17,8 +15,11 @@ from torch.nn import functional
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
+from lfsr_core.records import from_data
 from lfsr_lab.networks.denoiser import hdr_encode, normal_encode
+from lfsr_lab.train.reading import open_data
 
+SAMPLES = (1, 4, 16)  # of the renders in a file
 CLEANEST = 32  # samples of the cleanest render; more are simulated
 AROUND = 12  # pixels that the network may see around a crop
 EXPOSURE, MOST_EXPOSURE = 1.2, 3.0  # stops, standard deviation and limit
@@ -65,21 +66,49 @@ def load_scenes(folder: str | Path, count: int = 0, *, guides: bool = False) -> 
 
 def load_scene(path: Path, *, guides: bool = False) -> Scene:
     """Read one scene; LfsrError where the file is damaged or of another format."""
-    try:
-        with np.load(path) as file:
-            meta: dict[str, Any] = json.loads(str(file["meta"]))
-            layers = {name: file[name] for name in file.files
-                      if name.startswith("color") or (guides and name.startswith("guides"))}
-        scale, views = meta["scale"], meta["views"]
-        across, down = (1 if meta["is_direct"] or count == 1 else count // scale for count in views)
-        return Scene(layers, (down, across), scale, meta["validates"])
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise LfsrError(f"{path} is no scene of training_scenes.py ({error}): make it again") from None
+    with open_data(path, "a scene of training_scenes.py", "make it again") as content, np.load(content) as file:
+        known = json.loads(str(file["meta"])).items()
+        meta = from_data(_Meta, {name: value for name, value in known if name in _Meta.__dataclass_fields__}, "meta")
+        kinds = {"color": 4} | ({"guides": 6} if guides else {})
+        layers = {name: _checked(file[name], kinds[kind]) for name in file.files
+                  if (kind := name.partition("_")[0]) in kinds}
+        across, down = (1 if meta.is_direct or count == 1 else count // meta.scale for count in meta.views)
+        _check_layers(layers, (down, across))
+        return Scene(layers, (down, across), meta.scale, meta.validates)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Meta:
+    """What a file says of its scene, as far as training needs it."""
+
+    scale: int
+    views: tuple[int, int]
+    is_direct: bool
+    validates: bool
+
+    def __post_init__(self) -> None:
+        if min(self.scale, *self.views) < 1 or any(1 < count < self.scale for count in self.views):
+            raise LfsrError(f"the scale is {self.scale} and views are {self.views}")
+
+
+def _checked(layer: Array, channels: int) -> Array:
+    """The layer; ValueError unless it is an image of floats that are finite."""
+    if layer.ndim != 3 or layer.shape[2] != channels or layer.dtype.kind != "f" or not np.isfinite(layer).all():
+        raise ValueError(f"a layer of shape {layer.shape} and type {layer.dtype}")
+    return layer
+
+
+def _check_layers(layers: Mapping[str, Array], ei: tuple[int, int]) -> None:
+    """ValueError unless the renders of all SAMPLES and the target are there, of one size, in whole EIs."""
+    present = {name.rpartition("_")[0] for name in layers} | set(layers)
+    [(height, width)] = {layer.shape[:2] for layer in layers.values()}
+    if not present >= {"color_target", *(f"color_{samples}" for samples in SAMPLES)} or height % ei[0] or width % ei[1]:
+        raise ValueError(f"layers {', '.join(layers)} of {width}×{height} pixels")
 
 
 def noisy(scene: Scene, samples: int, rng: np.random.Generator) -> Array:
     """Colour (H, W, 3) float32 of a random render with ``samples``: 1, 2, 4, 8, 16, 32, or more from the target."""
-    each = max(count for count in (1, 4, 16) if count <= samples)
+    each = max(count for count in SAMPLES if count <= samples)
     names = [name for name in scene.layers if name.startswith(f"color_{each}_")]
     chosen = rng.permutation(names)[:min(samples, CLEANEST) // each]
     mean = np.mean([scene.layers[name][..., :3].astype(np.float32) for name in chosen], 0)

@@ -16,6 +16,7 @@ from torch import Tensor
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_lab.networks.srgb import srgb_decode, srgb_encode
+from lfsr_lab.train.reading import open_data
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff"}
 
@@ -54,10 +55,9 @@ def load_photographs(folder: str | Path, long_side: int | None = None) -> Photog
 
 
 def _decode(path: Path, long_side: int | None) -> Array:
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
-        raise LfsrError(f"{path} cannot be decoded as an image: remove it or get it again")
-    image = np.ascontiguousarray(image[..., ::-1])
+    with open_data(path, "a photograph", "remove it or get it again") as file:
+        found: Any = cv2.imdecode(np.frombuffer(file.read(), np.uint8), cv2.IMREAD_COLOR)
+        image = np.ascontiguousarray(found[..., ::-1])
     longest = max(image.shape[:2])
     if long_side is None or longest <= long_side:
         return image
