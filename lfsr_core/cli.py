@@ -29,7 +29,7 @@ from lfsr_core.commands import (
 )
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import check_name, system_errors
-from lfsr_core.progress import is_openjd, tell_openjd
+from lfsr_core.progress import accept_all_letters, is_openjd, tell_openjd
 from lfsr_core.version import __version__
 
 VERBS: tuple[laboratory.Verb, ...] = (
@@ -42,6 +42,7 @@ ENDINGS = ("SIGTERM", "SIGHUP", "SIGQUIT")  # signals that interrupt like Ctrl-C
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; return the exit code: 0, 2 after bad input, 130 after Ctrl-C."""
     sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115, to the end
+    accept_all_letters()
     arguments = build_parser().parse_args(argv)
     try:
         for name in ENDINGS:

@@ -5,6 +5,7 @@ Inside a task of Open Job Description, progress goes to standard output in the f
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import time
@@ -56,6 +57,13 @@ class ProgressBar:
         bar = "█" * filled + "░" * (BAR_WIDTH - filled)
         self._stream.write(f"{start}{stage:10} {bar} {fraction:4.0%}  {message[:60]}\x1b[K")
         self._stream.flush()
+
+
+def accept_all_letters() -> None:
+    """Print "?" for letters that standard output or error lacks, instead of failing."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def is_openjd() -> bool:

@@ -95,8 +95,8 @@ def _plain(value: Any, cls: type) -> Any:
         raise _value_error(value, rule)
     if cls is str and not (len(value) <= MOST_TEXT and _encodes(value)):
         raise _value_error(value, f"UTF-8 text of at most {MOST_TEXT} characters")
-    if cls is int and abs(value) >= MOST_WHOLE:
-        raise _value_error(value, "a whole number below 2⁶³")
+    if cls in (int, float) and isinstance(value, int) and abs(value) >= MOST_WHOLE:  # arrays do not hold it
+        raise _value_error(value, "a whole number below 2⁶³" if cls is int else "a number below 2⁶³, or with a point")
     return value
 
 

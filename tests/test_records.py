@@ -71,6 +71,8 @@ def test_a_file_holds_a_record(tmp_path) -> None:
     ({"share": "0.5"}, ("share is '0.5'", "a finite number")),
     ({"share": math.nan}, ("share is nan", "a finite number")),
     ({"share": 10**400}, ("share is 1000", "a finite number")),
+    ({"share": 2**64}, ("share is 18446744073709551616", "a number below 2⁶³, or with a point")),
+    ({"points": [{"place": [1, -2**64]}]}, ("points[0].place[1] is -18446744073709551616", "below 2⁶³, or with")),
     ({"flag": 1}, ("flag is 1", "true or false")),
     ({"name": None}, ("name is None", "text")),
     ({"points": "ab"}, ("points is 'ab'", "a list")),

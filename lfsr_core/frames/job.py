@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError, did_you_mean
@@ -71,6 +72,9 @@ class Job:
             _check_choice("layer", layer, LAYERS)
         if not is_light_file(self.light):
             _check_light_name(self.light)
+        if os.sep != "\\" and "\\" in self.output:
+            raise LfsrError(f"output {self.output} has a backslash, which Blender takes for a slash: choose another "
+                            "folder")
         _check_numbers(self)
         for scale in (self.scale, *self.scales):
             self.display.low_views(scale)

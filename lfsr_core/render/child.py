@@ -36,7 +36,8 @@ class Child:
         self._log = log
         self._tail: collections.deque[str] = collections.deque(maxlen=LINES_IN_MESSAGE)
         inherited = os.environ if environment is None else environment
-        self._process = _start(command, {**inherited, "PYTHONUNBUFFERED": "1", ENDS_WITH_INPUT: "1"})
+        self._process = _start(command, {**inherited, "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8",
+                                          ENDS_WITH_INPUT: "1"})
 
     def __enter__(self) -> Self:
         return self

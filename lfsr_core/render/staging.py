@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import glob
 import os
 import re
 import shutil
@@ -90,7 +91,7 @@ def parts_sentence(folder: Path) -> str:
 def remove_dead(target: Path) -> list[Path]:
     """Remove the staging folders that dead processes left for ``target``, and return those that are in use."""
     held = []
-    for lock_file in _place(target).glob(f"{_prefix(target)}*/*") if CAN_LOCK else ():
+    for lock_file in _place(target).glob(f"{glob.escape(_prefix(target))}*/*") if CAN_LOCK else ():
         if lock_file.name in (LOCK_FILE, RELEASED_FILE):
             with contextlib.suppress(OSError), lock_file.open("rb") as lock:
                 if locks(lock):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -263,6 +265,14 @@ def test_truncated_render_is_refused_and_keeps_the_old_image(tmp_path, capsys):
     assert main(["upscale", str(folder), "--method", "bicubic"]) == 2
     assert "lr_eia.exr cannot be read" in capsys.readouterr().err
     assert (folder / "eia.png").read_bytes() == picture
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
+@pytest.mark.parametrize("words", [["displays"], ["displays", "bupt-32in-8k"], ["stress", "--help"]])
+def test_an_output_that_lacks_letters_is_no_error(encoding, words):
+    done = subprocess.run([sys.executable, "-m", "lfsr_core.cli", *words], capture_output=True,
+                          env=os.environ | {"PYTHONIOENCODING": encoding}, cwd=ROOT)
+    assert done.returncode == 0 and done.stdout.decode(encoding), done.stderr
 
 
 def test_upscale_of_a_folder_without_a_frame_is_refused(tmp_path, capsys):

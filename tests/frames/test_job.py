@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 
 import pytest
 
@@ -19,6 +20,13 @@ JOB = Job("out", MINI, scene="s.blend", kind="reference", scale=2, spp=9, layers
           device="OPTIX", clamp_indirect=0.0, world_visible=True, scene_name="Set", parts="kept",
           camera="Camera", scales=(4, 2), scale_frames=(1, 9), rays=2.5, scale_reason="it is deep", world="world.exr",
           light="night")
+
+
+@pytest.mark.skipif(os.sep == "\\", reason="it separates folders there")
+@pytest.mark.parametrize("output", ["a\\b", "/tmp/back\\slash/frame"])
+def test_a_backslash_is_refused_because_blender_takes_it_for_a_slash(output):
+    with pytest.raises(LfsrError, match="output .* has a backslash, which Blender takes for a slash: choose another"):
+        Job(output, MINI)
 
 
 def test_json_round_trip_keeps_every_field(tmp_path):

@@ -40,6 +40,13 @@ def test_it_is_gone_after_the_block_also_after_an_error(tmp_path):
     assert names(tmp_path / "deep") == []
 
 
+@pytest.mark.parametrize("name", ["a[1]", "a*", "[!x]", "ü ?"])
+def test_names_that_look_like_patterns_are_locked_too(tmp_path, name):
+    with staging_folder(tmp_path / name), pytest.raises(LfsrError, match="another process is writing"), \
+            staging_folder(tmp_path / name):
+        pass
+
+
 def test_a_second_render_into_the_same_folder_is_refused(tmp_path, holder):
     with pytest.raises(LfsrError, match="another process is writing .*frame: wait for it"), \
             staging_folder(tmp_path / "frame"):

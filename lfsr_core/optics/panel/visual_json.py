@@ -24,6 +24,7 @@ from lfsr_core.optics.proposal import PanelShape, proposed_light_field
 from lfsr_core.optics.sheet import Lenticular, Subpixels
 
 INCH = 25.4
+MOST_NUMBER = 1e9
 # The rule for a pixel's cell, by a calibration's mode as older programs read it; other programs differ.
 RULES = {0: "0", 1: "(x+y)%2", 2: "x%2", 3: "(y+2(x%2))%4", 4: "y%2"}
 OFFSETS = tuple(f"{channel}Offset{axis}" for channel in "RGB" for axis in "XY")
@@ -130,7 +131,8 @@ def _number(path: str | Path, data: Mapping[str, Any], name: str, default: float
     value = value.get("value", default) if isinstance(value, dict) else value
     if value is None:
         raise LfsrError(f"{path}: field {name!r} is missing; every calibration needs it")
-    _check(path, name, value, isinstance(value, (int, float)) and not isinstance(value, bool), "a number")
+    _check(path, name, value, isinstance(value, (int, float)) and not isinstance(value, bool)
+           and abs(value) <= MOST_NUMBER, f"a number, at most {MOST_NUMBER:g}")
     return float(value)
 
 

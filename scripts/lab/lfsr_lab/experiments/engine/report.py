@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
+from lfsr_core.progress import accept_all_letters
 from lfsr_core.records import write_record
 
 if TYPE_CHECKING:
@@ -110,6 +111,7 @@ def _line(cells: Iterable[object]) -> str:
 
 def exit_code(name: str, action: Callable[[], object]) -> int:
     """Run a study: 0, 2 with a sentence after bad input, 130 after Ctrl-C."""
+    accept_all_letters()
     try:
         action()
     except LfsrError as error:
