@@ -267,7 +267,7 @@ def test_cost_of_networks(name, parameters, multiply_adds):
 
 
 def test_without_pytorch_and_without_the_cost_of_a_method_there_is_a_chart(tmp_path):
-    words = arguments(experiment_folder(tmp_path), "--methods", "oidn-both+refine")
+    words = arguments(experiment_folder(tmp_path), "--methods", "espcn")
     source = ("import sys; sys.modules['torch'] = None\n"
               "from lfsr_core.cli import main; from lfsr_core.errors import LfsrError\n"
               "from lfsr_lab.experiments.chart import cells\n"
@@ -280,7 +280,7 @@ def test_without_pytorch_and_without_the_cost_of_a_method_there_is_a_chart(tmp_p
         assert done.returncode == 0, done.stderr
         chart = measured(tmp_path)
         assert {cost["method"]: cost["parameters"] for cost in chart["methods"]} == (
-            {} if failing == "fail" else {"bicubic": None, "oidn-both+refine": None})
+            {} if failing == "fail" else {"bicubic": None, "espcn": None})
     assert "cost was not measured (no process can be started)" in " ".join(chart["skipped"])
 
 
