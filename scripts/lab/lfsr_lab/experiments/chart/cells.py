@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import subprocess
 import sys
 import time
@@ -91,13 +90,13 @@ def method_cost(settings: Settings, name: str, folder: Path) -> MethodCost:
 
 
 def network_cost(name: str, scale: int, low_views: tuple[int, int]) -> tuple[int | None, float | None]:
-    """Return parameters of a method's network, and multiply-adds per low-resolution pixel.
+    """Return parameters of a method's network, and multiply-adds per low-resolution pixel, None without a network.
 
-    Both are None without a network, and without PyTorch, which counts them. ``low_views`` (w, h): pixels of a
-    low-resolution elemental image. Open Image Denoise, whose size is not known, is not counted.
+    ``low_views`` (w, h): pixels of a low-resolution elemental image. Open Image Denoise, whose size is not known, is
+    not counted.
     """
     parsed = MethodName.parse(name)
-    if not parsed.network or importlib.util.find_spec("torch") is None:
+    if not parsed.network:
         return None, None
     from lfsr_lab.networks.cost import multiply_adds, parameters
     from lfsr_lab.networks.networks import build

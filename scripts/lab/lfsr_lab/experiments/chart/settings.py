@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.method_name import COMPARED, DEFAULT_METHOD, DENOISE, UPSCALERS
+from lfsr_core.reconstruct.networks import catalogue
 from lfsr_lab.experiments.chart.records import ChartSettings
 
 AS_RENDERED = "none"
@@ -63,6 +65,10 @@ def _check_samples(name: str, samples: tuple[int, ...]) -> None:
 
 
 def default_methods() -> tuple[str, ...]:
-    """Return the default, what it is compared with, and every upscaler alone and after the denoiser."""
-    found = [name for upscaler in UPSCALERS if upscaler != AS_RENDERED for name in (upscaler, f"{DENOISE}+{upscaler}")]
+    """Return the default, what it is compared with, and every upscaler alone and after the denoiser.
+
+    Networks are among them where PyTorch is installed.
+    """
+    missing = {AS_RENDERED, *(() if importlib.util.find_spec("torch") else catalogue.NETWORKS)}
+    found = [name for upscaler in UPSCALERS if upscaler not in missing for name in (upscaler, f"{DENOISE}+{upscaler}")]
     return tuple(dict.fromkeys([DEFAULT_METHOD, *COMPARED, *found]))
