@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from contextlib import suppress
 
 import bpy
@@ -19,28 +18,12 @@ from . import motion, placement
 
 
 def scale_of(scene: bpy.types.Scene, job: Job) -> ScaleChoice:
-    """Choose one of the job's scales by the depth of its frames."""
-    return scale_by_depth(scene, job.display, find_subject(scene, job.subject), job.scales, job.judged_rays,
-                          job.scale_frames)
-
-
-def scale_by_depth(scene: bpy.types.Scene, display: DisplayProfile, subject: set[bpy.types.Object],
-                   scales: Collection[int], rays: float, frames: Collection[int] = ()) -> ScaleChoice:
-    """Choose one of ``scales`` by the depth at which the middle of the array sees the ``subject``.
-
-    Parameters
-    ----------
-    scene : with an array, a camera or only a subject to place the array by
-    display : whose views are divided
-    subject : objects that count
-    scales, rays : as of ``choose_scale``
-    frames : whose depths decide together; the current one for none
-    """
-    moves = [np.empty(0)]
-    for _ in motion.visited(scene, frames):
+    """Choose one of the job's scales by the depth at which the middle of the array sees the subject in its frames."""
+    subject, moves = find_subject(scene, job.subject), [np.empty(0)]
+    for _ in motion.visited(scene, job.scale_frames):
         with suppress(LfsrError):  # no array where the subject is out of sight: its frame says so when it is rendered
-            moves.append(moves_of(scene, display, subject))
-    return choose_scale(display, np.concatenate(moves), scales, rays)
+            moves.append(moves_of(scene, job.display, subject))
+    return choose_scale(job.display, np.concatenate(moves), job.scales, job.judged_rays)
 
 
 def moves_of(scene: bpy.types.Scene, display: DisplayProfile, subject: set[bpy.types.Object]) -> Array:

@@ -113,6 +113,7 @@ def choose_scale(display: DisplayProfile, moves: Array, scales: Collection[int],
         return ScaleChoice(scale, f"scale {scale}: the middle view sees nothing of the subject")
     moved = float(np.median(moves))
     there = "" if scale == largest else f", at scale {largest} by {moved * largest:.2g}"
-    return ScaleChoice(scale, f"scale {scale} is predicted to lose least at {rays:.3g} rays per finished pixel: half "
-                              f"of the subject moves by at least {moved * scale:.2g} lenses between neighbouring "
+    number = f"{rays:.3g} ray{'' if rays == 1 else 's'}"
+    return ScaleChoice(scale, f"scale {scale} is predicted to lose least at {number} per finished pixel: half of the "
+                              f"subject moves by at least {moved * scale:.2g} lenses between neighbouring "
                               f"rendered views{there}")
