@@ -5,6 +5,7 @@ Inside a task of Open Job Description, progress goes to standard output in the f
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import sys
@@ -63,7 +64,8 @@ def accept_all_letters() -> None:
     """Print "?" for letters that standard output or error lacks, instead of failing."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
+            with contextlib.suppress(OSError):  # a file that became a pipe
+                stream.reconfigure(errors="replace")
 
 
 def is_openjd() -> bool:
