@@ -322,10 +322,10 @@ def test_an_aperture_is_drawn_with_fewer_samples_while_it_changes(browser, folde
     sharp, size = run(page, work), run(page, "() => canvas.width")
     # Until a frame comes soon enough after a change, which a busy machine may delay.
     run(page, """() => new Promise(done => {
-        const change = () => {
+        const area = () => canvas.width * canvas.height, change = () => {
           find('aperture').value = 0.5;
           find('aperture').dispatchEvent(new Event('input'));
-          requestAnimationFrame(() => quick ? done(window.hurried = canvas.width * canvas.height * pupilSamples()) : change());
+          requestAnimationFrame(() => quick ? done(window.hurried = area() * pupilSamples()) : change());
         };
         change();
       })""")
