@@ -19,7 +19,7 @@ from lfsr_core.records import write_record
 from lfsr_core.render.blender import Starts
 from lfsr_core.render.child import Child
 from lfsr_core.render.protocol import LAST_STAGES, RENDERED_STAGE
-from lfsr_core.render.staging import parts_folder, parts_sentence, publish, release, staging_folder
+from lfsr_core.render.staging import parts_folder, parts_sentence, publish, release, remove, staging_folder
 
 LOG_FILE = "blender.log"
 RENDERED_FILES = {"render": (frame.LOW_RES_FILE,), "reference": frame.REFERENCE_FILES}
@@ -129,5 +129,5 @@ def _publish(waiting: _Waiting, listener: Listener) -> None:
     publish(staging / "frame", Path(job.output), DERIVED_FILES)
     release(staging)  # whoever is told of the render may finish it
     if waiting:  # the last staging folder has the log
-        shutil.rmtree(staging)
+        remove(staging)
     listener.rendered(job)

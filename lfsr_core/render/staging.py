@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import glob
 import os
 import re
 import shutil
@@ -29,17 +28,28 @@ def staging_folder(target: Path) -> Iterator[Path]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         remove_dead(target)
-        name = tempfile.mkdtemp(prefix=_prefix(target), dir=_place(target))
+        folder = Path(tempfile.mkdtemp(prefix=_prefix(target), dir=_place(target)))
     except OSError as error:
         raise LfsrError(f"{target} cannot be made ({error.strerror}): choose another folder") from None
-    folder = Path(name)
     try:
+        folder.mkdir(exist_ok=True)  # another process removes empty folders
         with (folder / LOCK_FILE).open("wb") as lock:
             if not locks(lock) or any(found != folder for found in remove_dead(target)):
                 raise LfsrError(f"another process is writing {target}: wait for it, or choose another folder")
             yield folder
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        remove(folder)
+
+
+def remove(staging: Path) -> None:
+    """Remove a staging folder, its lock file last: a folder without one is known to be dead when it is empty."""
+    with contextlib.suppress(OSError):
+        for path in staging.iterdir():
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            elif path.name not in (LOCK_FILE, RELEASED_FILE):
+                path.unlink()
+    shutil.rmtree(staging, ignore_errors=True)
 
 
 def release(staging: Path) -> None:
@@ -90,15 +100,23 @@ def parts_sentence(folder: Path) -> str:
 
 def remove_dead(target: Path) -> list[Path]:
     """Remove the staging folders that dead processes left for ``target``, and return those that are in use."""
-    held = []
-    for lock_file in _place(target).glob(f"{glob.escape(_prefix(target))}*/*") if CAN_LOCK else ():
-        if lock_file.name in (LOCK_FILE, RELEASED_FILE):
-            with contextlib.suppress(OSError), lock_file.open("rb") as lock:
-                if locks(lock):
-                    shutil.rmtree(lock_file.parent, ignore_errors=True)
-                elif lock_file.name == LOCK_FILE:
-                    held.append(lock_file.parent)
-    return held
+    if not CAN_LOCK:
+        return []
+    # The end of a name that tempfile.mkdtemp gives.
+    ours = re.compile(re.escape(_prefix(target)) + r"[a-z0-9_]{8}")
+    return [path for path in _place(target).iterdir() if ours.fullmatch(path.name) and _is_held(path)]
+
+
+def _is_held(folder: Path) -> bool:
+    """True if a process works in a staging folder; the folder is removed if its process is dead."""
+    for name in (LOCK_FILE, RELEASED_FILE):
+        with contextlib.suppress(OSError), (folder / name).open("rb") as lock:
+            if not locks(lock):
+                return name == LOCK_FILE
+            remove(folder)
+    with contextlib.suppress(OSError):
+        folder.rmdir()  # killed before it had a lock file, or after
+    return False
 
 
 def _place(target: Path) -> Path:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.render.staging import release, replace_files, staging_folder
+from lfsr_core.render.staging import release, remove_dead, replace_files, staging_folder
 
 HOLDER = """
 import sys, time
@@ -103,6 +105,29 @@ def test_a_released_folder_locks_nobody_out_and_goes_with_its_process(tmp_path, 
     process.wait()
     with staging_folder(tmp_path / "frame") as folder:
         assert names(tmp_path) == [folder.name]
+
+
+@pytest.mark.parametrize("left", [[], ["in-use"], ["in-use", "finished/eia.png"], ["released"]])
+def test_a_folder_goes_at_whatever_moment_its_process_was_killed(tmp_path, left):
+    with staging_folder(tmp_path / "frame") as folder:
+        name = folder.name
+    for path in (tmp_path / name / part for part in left):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    (tmp_path / name).mkdir(exist_ok=True)
+    assert remove_dead(tmp_path / "frame") == [] and names(tmp_path) == []
+
+
+def test_the_lock_file_is_the_last_that_goes(tmp_path, monkeypatch):
+    seen = []
+    real = shutil.rmtree
+    monkeypatch.setattr(shutil, "rmtree", lambda path, **options: (seen.append(sorted(os.listdir(path))),
+                                                                   real(path, **options)))
+    with staging_folder(tmp_path / "frame") as folder:
+        (folder / "finished").mkdir()
+        (folder / "finished" / "eia.png").touch()
+        (folder / "log.txt").touch()
+    assert seen == [["eia.png"], ["in-use"]] and names(tmp_path) == []
 
 
 def test_strangers_of_a_similar_name_stay(tmp_path):
