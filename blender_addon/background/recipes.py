@@ -74,8 +74,9 @@ def render_animation(recipe: Recipe) -> Steps:
     with file_copy() as copy:
         job = dataclasses.replace(recipe.job, scene=str(copy), output=str(output))
         second = {"method": recipe.method, "linear_exr": recipe.linear_exr, "share_frames": recipe.temporal_averaging}
-        done = yield rendering_step("Rendering animation", 0.98, copy.parent, "animation", job=to_data(job),
-                                    frames=recipe.frames, second=second, overwrite=recipe.overwrite)
+        step = rendering_step("Rendering animation", 0.98, copy.parent, "animation", job=to_data(job),
+                              frames=recipe.frames, second=second, overwrite=recipe.overwrite)
+        done = yield dataclasses.replace(step, resumes=True)
     print(done["table"])
     if done["failed"]:
         raise LfsrError(f"{done['sentence']}; {done['failed']}; press Render Animation again to make what is missing")

@@ -13,11 +13,12 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
 
 from ..results import show_image
-from ..settings.words import capitalized
+from ..settings.words import capitalized, clock
 from .steps import Steps, Task
 
 SECONDS_BETWEEN_LOOKS = 0.1
 POPUP_COLUMNS = 90
+MOST_WARNINGS = 3  # that a panel shows
 
 _current: Task | None = None
 _finish: Callable[[Any], None] | None = None  # None where the task belongs to a file that is closed
@@ -41,7 +42,8 @@ def start(title: str, steps: Steps, finish: Callable[[Any], None]) -> Task:
     global _current, _finish
     check_idle()
     _current, _finish = Task(title, steps), finish
-    bpy.context.window_manager.lfsr.message = ""
+    state = bpy.context.window_manager.lfsr
+    state.message = state.outcome = state.outcome_folder = ""
     # Persistent: opening another file must not orphan the worker.
     bpy.app.timers.register(_look, first_interval=SECONDS_BETWEEN_LOOKS, persistent=True)
     return _current
@@ -82,8 +84,8 @@ def _look() -> float | None:
             redraw()
             return SECONDS_BETWEEN_LOOKS
         _current = None
-        for warning in task.warnings[-1:]:
-            notify(warning, "INFO")
+        say(". ".join(capitalized(warning) for warning in dict.fromkeys(task.warnings[-MOST_WARNINGS:])))
+        bpy.context.window_manager.lfsr.outcome = f"Done in {clock(task.seconds)}"
         if _finish is not None:
             _finish(task.result)
     except LfsrError as error:
@@ -98,8 +100,16 @@ def _look() -> float | None:
 
 def notify(message: str, icon: str) -> None:
     """Show a sentence in the panel and beside the pointer, where no operator can report it."""
-    bpy.context.window_manager.lfsr.message = capitalized(message)
+    say(message, is_error=icon == "ERROR")
     tell(message, icon)
+
+
+def say(message: str, is_error: bool = False) -> None:
+    """Show a sentence in the panel only; an empty one removes the last."""
+    state = bpy.context.window_manager.lfsr
+    state.message, state.message_is_error = capitalized(message), is_error
+    if message:
+        print(f"Light Field: {message}")
 
 
 def tell(message: str, icon: str) -> None:

@@ -21,12 +21,13 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.records import to_data
-from lfsr_core.render.staging import parts_sentence
+from lfsr_core.render.staging import has_parts
 
 from . import runtime
 from .worker import Worker
 
 PANEL_TASKS = "lfsr_core.tasks.runner"
+CONTINUE = "Render again to continue"
 LEAST_FRACTION = 0.02  # below it, time left is a guess
 
 
@@ -39,6 +40,7 @@ class Step:
     worker: str  # the process in error messages, as "The render"
     command: list[str]
     parts: Path | None = None  # folder in which it caches parts of a long render
+    resumes: bool = False  # whether the same step continues where it was stopped, also without parts
 
 
 Steps = Generator[Step, dict[str, Any], Any]
@@ -72,9 +74,20 @@ class Task:
         return (time.monotonic() - self._started) * (1 - self.fraction) / self.fraction
 
     @property
+    def seconds(self) -> float:
+        """Seconds since it was started."""
+        return time.monotonic() - self._started
+
+    @property
     def kept(self) -> str:
-        """A sentence on what is cached of a render that ended early; empty where nothing is."""
-        return parts_sentence(self._parts) if self._parts else ""
+        """What to do about a render that ended early; empty where nothing of it is cached."""
+        return CONTINUE if self._parts and has_parts(self._parts) else ""
+
+    @property
+    def cancelled(self) -> str:
+        """What to say once it is cancelled."""
+        resumes = self._step is not None and self._step.resumes
+        return f"Cancelled. {CONTINUE}" if resumes or self.kept else "Cancelled"
 
     def poll(self) -> bool:
         """Look at the worker and start the next when it is done; True when all are. LfsrError if one failed."""

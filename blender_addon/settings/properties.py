@@ -65,7 +65,8 @@ def replace_gone_methods(*_: object) -> None:
     for scene in bpy.data.scenes:
         if not scene.lfsr.method and scene.is_editable:
             scene.lfsr.method = DEFAULT_METHOD
-            bpy.context.window_manager.lfsr.message = (
+            state = bpy.context.window_manager.lfsr
+            state.message_is_error, state.message = False, (
                 f"The method saved in scene {scene.name!r} is gone since version {GONE_SINCE}: "
                 f"{METHODS[DEFAULT_METHOD][0]} replaced it")
 
@@ -235,7 +236,10 @@ class SessionState(bpy.types.PropertyGroup):
     problems: CollectionProperty(
         name="Problems", description="What the last scene check found", type=FoundProblem)
     checked_scene: StringProperty(name="Checked Scene", description="Scene that was checked last")
-    message: StringProperty(name="Message", description="Why the last render ended, if it failed")
+    message: StringProperty(name="Message", description="Why the last render ended, or what it left out")
+    message_is_error: BoolProperty(name="Message Is Error", description="The message says what went wrong")
+    outcome: StringProperty(name="Outcome", description="What the last task has done, and in which time")
+    outcome_folder: StringProperty(name="Outcome Folder", description="Folder that the last task has written to")
     plan_scene: StringProperty(name="Planned Scene", description="Scene that the last plan is for")
     plan_text: StringProperty(name="Plan", description="What the last plan found")
     plan_scale: IntProperty(name="Planned Scale", description="Scale that the last plan found")

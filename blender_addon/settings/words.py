@@ -11,3 +11,9 @@ def capitalized(text: str) -> str:
 def counted(count: int, noun: str) -> str:
     """Return a number with its noun, as in "1 problem" or "2 problems"."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def clock(seconds: float) -> str:
+    """Return a time as a clock shows it, as in "0:42" or "1:02:03"."""
+    minutes, whole = divmod(round(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02d}:{whole:02d}" if minutes >= 60 else f"{minutes}:{whole:02d}"

@@ -9,7 +9,7 @@ from lfsr_core.errors import LfsrError
 from ..array import rig
 from ..background import session
 from ..results import preview
-from ..settings import scene_settings
+from ..settings import folders, scene_settings
 from ..settings.lights import FILE_LIGHT
 from ..settings.scene_settings import Resolved
 from . import summary
@@ -153,6 +153,8 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         layout, task = self.layout, session.current()
         if task is not None:
             session.draw_progress(layout.row(align=True), task)
+        else:
+            _draw_outcome(layout, context)
         column = layout.column()
         column.enabled = task is None
         column.scale_y = 1.2
@@ -162,9 +164,9 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         # Without a column for labels, where this one would be cut off.
         row_if(not scene_settings.is_direct(context.scene), layout).prop(context.scene.lfsr, "share_frames")
         layout.prop(context.scene.lfsr, "use_overwrite")
-        message = context.window_manager.lfsr.message
-        if message:
-            sentence(layout, message, "ERROR", context)
+        state = context.window_manager.lfsr
+        if state.message:
+            sentence(layout, state.message, "ERROR" if state.message_is_error else "INFO", context)
 
 
 class LFSR_PT_reference(LightFieldPanel, bpy.types.Panel):
@@ -218,6 +220,27 @@ def _sample_facts(scene: bpy.types.Scene) -> summary.Facts:
         return summary.sample_facts(scene_settings.resolve(scene))
     except LfsrError:
         return []  # the panel Display says what is wrong
+
+
+def _draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """One quiet line on what was done, and what can be done with it."""
+    state = context.window_manager.lfsr
+    if state.outcome:
+        layout.label(text=state.outcome, icon="CHECKMARK")
+    if state.outcome_folder:
+        row = layout.row(align=True)
+        row.operator("wm.path_open", text="Open Folder").filepath = state.outcome_folder
+        if _is_light_field(context.scene, state.outcome_folder):
+            row.operator("lfsr.preview_view", text="View")
+            row.operator("lfsr.render_reference", text="Compare")
+
+
+def _is_light_field(scene: bpy.types.Scene, folder: str) -> bool:
+    """True if ``folder`` is that of the scene's current frame, and has views to look at."""
+    try:
+        return str(folders.frame_folder(scene)) == folder and not scene_settings.is_direct(scene)
+    except LfsrError:
+        return False
 
 
 def _draw_direct(layout: bpy.types.UILayout, settings: Resolved, context: bpy.types.Context) -> None:

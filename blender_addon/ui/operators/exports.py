@@ -8,7 +8,7 @@ import bpy
 
 from lfsr_core.exports.format_names import DESCRIPTIONS, TITLES
 
-from ...background import exports, session
+from ...background import exports
 from ...settings import folders
 from .base import Prepared, TaskOperator
 
@@ -43,7 +43,7 @@ class LFSR_OT_export(TaskOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Export, then show where the files are."""
         steps = exports.export(folders.finished_frame(context.scene, PURPOSE), self.format)
-        return steps, lambda target: session.tell(f"Exported to {target}", "INFO")
+        return steps, _say_where
 
 
 class LFSR_MT_export(bpy.types.Menu):
@@ -55,6 +55,11 @@ class LFSR_MT_export(bpy.types.Menu):
         """Draw one entry per format."""
         for name, title, _ in FORMAT_ITEMS:
             self.layout.operator("lfsr.export", text=title).format = name
+
+
+def _say_where(target: Path) -> None:
+    bpy.context.window_manager.lfsr.outcome_folder = str(target)
+    print(f"Light Field: exported to {target}")
 
 
 def _open(page: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Render one frame, then show its image."""
         scene = context.scene
-        return recipes.render_frame(recipes.frame_recipe(scene)), functools.partial(_show_image, scene.name)
+        return recipes.render_frame(recipes.frame_recipe(scene)), _show_image_of(scene)
 
 
 class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
@@ -80,8 +81,12 @@ class LFSR_OT_cancel(bpy.types.Operator):
         if task is None:
             self.report({"WARNING"}, "No light-field render is running")
             return {"CANCELLED"}
-        self.report({"INFO"}, ". ".join(filter(None, ("Light-field render cancelled", task.kept))))
+        session.say(task.cancelled)
         return {"FINISHED"}
+
+
+def _show_image_of(scene: bpy.types.Scene) -> Callable[[Path], None]:
+    return functools.partial(_show_image, scene.name)
 
 
 def _show_image(scene_name: str, folder: Path) -> None:
@@ -92,17 +97,18 @@ def _show_image(scene_name: str, folder: Path) -> None:
     elif scene is not None and views.is_file():
         preview.load(scene, views)
     show_image.open_file(panel if panel.is_file() else folder / EIA_FILE)
+    bpy.context.window_manager.lfsr.outcome_folder = str(folder)
 
 
 def _end_animation(scene_name: str, result: tuple[Path, str]) -> None:
     folder, sentence = result
     _show_image(scene_name, folder)
-    session.tell(sentence, "INFO")
+    session.say(sentence)
 
 
 def _print_ssim(metrics: dict[str, Any]) -> None:
     ssim = metrics.get("ssim_eia_fg", metrics.get("ssim_lens_fg"))
-    print(f"Light Field: SSIM of the foreground {ssim:.4f}" if ssim is not None else "Light Field: no SSIM")
+    session.say(f"SSIM of the foreground {ssim:.4f}" if ssim is not None else "No SSIM: no lens shows any foreground")
 
 
 def _show_view(scene_name: str, views: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import time
 from pathlib import Path
@@ -11,6 +12,7 @@ import bpy
 import pytest
 
 from blender_addon.background import recipes, session
+from blender_addon.ui.operators import render
 from tests.support import panel
 
 
@@ -18,6 +20,10 @@ from tests.support import panel
 def scene(tmp_path):
     with panel.registered():
         yield panel.artist_scene(tmp_path)
+
+
+def message_is_error() -> bool:
+    return bpy.context.window_manager.lfsr.message_is_error
 
 
 @pytest.mark.parametrize("stage", ["Rendering", "Upscaling"])
@@ -28,6 +34,7 @@ def test_cancel_is_quick_and_leaves_nothing(scene, tmp_path, stage):
     panel.wait_for(lambda: task.stage.startswith(stage))
     started = time.perf_counter()
     assert bpy.ops.lfsr.cancel() == {"FINISHED"}
+    assert (bpy.context.window_manager.lfsr.message, message_is_error()) == ("Cancelled", False)
     seconds = time.perf_counter() - started
     print(f"cancel while {stage}: {seconds:.2f} s")
     assert seconds < 2 and session.current() is None
@@ -42,9 +49,28 @@ def test_a_worker_that_dies_is_reported(scene, tmp_path):
     os.killpg(task.worker.pid, signal.SIGKILL)
     panel.wait_for(lambda: session.current() is None)
     message = bpy.context.window_manager.lfsr.message
-    assert "The render stopped with signal 9" in message and "try again" in message
+    assert "The render stopped with signal 9" in message and "try again" in message and message_is_error()
     assert panel.snapshot(scene) == before
     assert list((tmp_path / "lightfield" / "Scene").iterdir()) == []
+
+
+def test_a_render_that_worked_is_one_quiet_line(scene, tmp_path, monkeypatch):
+    popups = []
+    monkeypatch.setattr(session, "tell", lambda *said: popups.append(said))
+    state = bpy.context.window_manager.lfsr
+    state.message = "of the last render"
+    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), render._show_image_of(scene))
+    task.warnings += ["the sequencer's strips are not rendered"]
+    panel.wait_for(lambda: session.current() is None)
+    assert re.fullmatch(r"Done in \d:\d\d", state.outcome) and popups == []
+    assert state.outcome_folder == str(tmp_path / "lightfield" / "Scene" / "0001")
+    assert (state.message, message_is_error()) == ("The sequencer's strips are not rendered", False)
+
+
+def test_a_cancelled_animation_can_be_continued(scene):
+    task = session.start("Render Animation", recipes.render_animation(recipes.animation_recipe(scene)), print)
+    assert bpy.ops.lfsr.cancel() == {"FINISHED"}
+    assert bpy.context.window_manager.lfsr.message == task.cancelled == "Cancelled. Render again to continue"
 
 
 def test_progress_and_time_left(scene):

@@ -10,7 +10,7 @@ import pytest
 
 from blender_addon.background import session
 from blender_addon.render import devices
-from blender_addon.settings import scene_settings
+from blender_addon.settings import folders, scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.operators import check
 from lfsr_core.errors import LfsrError
@@ -185,6 +185,30 @@ def test_while_a_task_runs(scene, monkeypatch):
 def test_with_a_message(scene):
     bpy.context.window_manager.lfsr.message = "The render stopped with signal 9"
     assert "signal 9" in labels(draw_all()["Render"])
+
+
+def icons(drawn: list, text: str) -> set[str]:
+    """Icons of the labels that begin with ``text``."""
+    return {named["icon"] for name, named in drawn if name == "label" and named["text"].startswith(text)}
+
+
+def test_what_informs_is_not_drawn_as_an_error(scene):
+    for say, icon in ((session.say, "INFO"), (lambda text: session.notify(text, "ERROR"), "ERROR")):
+        say("a kept frame is older")
+        assert icons(draw_all()["Render"], "A kept frame") == {icon}
+    bpy.context.window_manager.lfsr.message = ""
+
+
+def test_what_was_done_is_one_line_with_its_buttons(scene):
+    state = bpy.context.window_manager.lfsr
+    state.outcome, state.outcome_folder = "Done in 0:42", str(folders.frame_folder(scene))
+    drawn = draw(panels.LFSR_PT_render)
+    assert icons(drawn, "Done in 0:42") == {"CHECKMARK"}
+    assert {"wm.path_open", "lfsr.preview_view", "lfsr.render_reference"} <= operators(drawn)
+    scene.frame_set(2)  # another frame than the one that was rendered
+    drawn = draw(panels.LFSR_PT_render)
+    assert "wm.path_open" in operators(drawn) and "lfsr.preview_view" not in operators(drawn)
+    state.outcome = state.outcome_folder = ""
 
 
 def test_with_cycles_disabled(scene):
