@@ -25,7 +25,7 @@ bl_info = {
 MODULES = ("ui.preferences", "settings.properties", "results.preview", "background.session", "live.session",
            "ui.operators.render", "ui.operators.array", "ui.operators.check", "ui.operators.plan",
            "ui.operators.exports", "ui.operators.farm", "ui.operators.live", "ui.presets",
-           "ui.panels", "ui.live_panel", "ui.menus", "ui.overlay")
+           "ui.panels", "ui.live_panel", "ui.menus", "ui.overlay", "ui.look")
 
 if importlib.util.find_spec("lfsr_core") is None:
     # As an extension Blender puts lfsr_core's wheel on the path; in a checkout it lies beside this package.

@@ -11,11 +11,13 @@ import numpy as np
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.rays import CameraArray
 
 from ..scene.subject import find_subject
 from . import placement, rig
 from .rig import Placement
-from .spaces import to_blender, upright
+from .spaces import from_blender, to_blender, upright
+from .view import View
 
 ARRAY_NAME, PLANE_NAME = "Light Field Array", "Display Plane"
 HANDLE_SIZE = 0.05  # as a fraction of the distance to the display plane
@@ -50,6 +52,29 @@ def fit(scene: bpy.types.Scene, profile: DisplayProfile, items: Collection[bpy.t
     return array
 
 
+def fit_to_camera(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.Object:
+    """Move the scene's array to its active camera; add one if there is none."""
+    camera = scene.camera
+    if camera is None or camera.type != "CAMERA":
+        raise LfsrError(f"scene {scene.name!r} has no active camera: add one, or fit to the view")
+    if rig.is_array(camera):
+        raise LfsrError(f"the active camera {camera.name!r} is the camera array itself: make another camera active, or "
+                        "fit to the view")
+    return _moved(scene, placement.array_of_camera(scene, profile, find_subject(scene)))
+
+
+def fit_to_view(scene: bpy.types.Scene, profile: DisplayProfile, view: View) -> bpy.types.Object:
+    """Move the scene's array so that the display shows what a 3D view shows; add one if there is none."""
+    if view.is_perspective:
+        placed = placement.array_of_view(scene, profile, _subject(scene), view)
+    else:
+        # A parallel view has no eye: the display stands at its centre, and viewers at their distance from it.
+        array = CameraArray.for_display(profile, 2 * view.half_width)
+        moved = mathutils.Matrix.Translation((0, 0, array.distance))
+        placed = array, from_blender(mathutils.Matrix(view.matrix) @ moved)
+    return _moved(scene, placed)
+
+
 def remove(scene: bpy.types.Scene) -> None:
     """Remove the scene's camera array with its data, and display planes whose array was deleted by hand."""
     array = rig.find(scene)
@@ -64,6 +89,24 @@ def remove(scene: bpy.types.Scene) -> None:
         bpy.data.cameras.remove(camera)
     for plane in [item for item in scene.objects if rig.PLANE in item and not rig.is_array(item.parent)]:
         bpy.data.objects.remove(plane)
+
+
+def _moved(scene: bpy.types.Scene, placed: Placement) -> bpy.types.Object:
+    """Array of the scene, added if there is none, at a placement."""
+    rig.check_editable(scene)
+    array = rig.find(scene)
+    if array is not None:
+        rig.check_editable(array)
+    array = array or _new_array(scene)
+    put(array, placed)
+    return array
+
+
+def _subject(scene: bpy.types.Scene) -> set[bpy.types.Object]:
+    try:
+        return find_subject(scene)
+    except LfsrError:
+        return set()
 
 
 def put(array: bpy.types.Object, placed: Placement) -> None:
@@ -83,6 +126,7 @@ def _new_array(scene: bpy.types.Scene) -> bpy.types.Object:
     """Array of the scene, which becomes the active camera if there is none."""
     data = bpy.data.cameras.new(ARRAY_NAME)
     data.sensor_fit = "HORIZONTAL"
+    data.show_passepartout = False  # its frame is the scene's, not the display's
     array = bpy.data.objects.new(ARRAY_NAME, data)
     array[rig.SPACING] = 1.0
     array.id_properties_ui(rig.SPACING).update(min=0.01, soft_max=1.0, default=1.0, description=SPACING_HELP)

@@ -21,6 +21,7 @@ from lfsr_core.optics.rays import CameraArray
 from . import motion, rig
 from .rig import Placement
 from .spaces import from_blender, to_blender, upright
+from .view import View
 
 FILL = 0.85           # fraction of the display that the subject may fill, seen from the centre
 LEAST_FILL = 0.5      # a deep subject is made smaller to fit the usable depth, but not below this
@@ -134,12 +135,34 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
     """
     camera = scene.camera
     half_width = _half_width(scene, camera.data)
-    half_height = half_width * profile.panel_mm[1] / profile.panel_mm[0]
-    sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), upright(camera), clip_of(scene))
-    distance = _focus(camera) or _balanced_depth(sight, (half_width, half_height), subject)
+    # The camera's scale does not apply to its clipping depths.
+    clip = camera.data.clip_start, camera.data.clip_end
+    sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), upright(camera), clip)
+    distance = _focus(camera) or _balanced_depth(sight, _half(half_width, profile), subject)
+    return _array_at(sight, profile, half_width, distance)
+
+
+def array_of_view(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object],
+                  view: View) -> Placement:
+    """Return an array where the eye of a perspective 3D view is.
+
+    The display plane is as of ``array_of_camera``; where the view sees nothing of the subject, at the view's centre.
+    """
+    sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), mathutils.Matrix(view.matrix), view.clip)
+    depths = _depths(sight, _half(view.half_width, profile), subject)
+    return _array_at(sight, profile, view.half_width, _middle(depths) if depths else view.pivot)
+
+
+def _array_at(sight: _Sight, profile: DisplayProfile, half_width: float, distance: float) -> Placement:
+    """Array at the start of a sight, whose display is ``2 * half_width`` wide at depth 1, and fits between walls."""
     array = CameraArray.for_display(profile, 2 * half_width * distance, distance)
     distance *= _free_fraction(sight, profile, array)
     return CameraArray.for_display(profile, 2 * half_width * distance, distance), from_blender(sight.matrix)
+
+
+def _half(half_width: float, profile: DisplayProfile) -> tuple[float, float]:
+    """Half the display's width and height, at the depth where it is ``2 * half_width`` wide."""
+    return half_width, half_width * profile.panel_mm[1] / profile.panel_mm[0]
 
 
 def bounds(subject: Iterable[bpy.types.Object]) -> tuple[Array, Array]:
@@ -239,6 +262,11 @@ def _balanced_depth(sight: _Sight, half: tuple[float, float], subject: set[bpy.t
         names = _seen_names(sight, half)
         raise LfsrError(f"the scene's camera does not see the subject{f' but {names}' if names else ''}: turn the "
                         f"camera, choose another camera (or {FIT!r}), or choose another subject")
+    return _middle(depths)
+
+
+def _middle(depths: Sequence[float]) -> float:
+    """Depth of equal parallax to the nearest and the farthest of ``depths``."""
     near, far = np.percentile(depths, (2, 98))
     return float(2 / (1 / near + 1 / far))
 

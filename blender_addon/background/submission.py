@@ -13,6 +13,7 @@ from lfsr_core.files import atomic_path, system_errors
 from lfsr_core.sequence.farms import FarmJob, Submission, write_job
 
 from ..settings import folders, scene_settings
+from ..settings.displays import PROFILE_FILE
 from .recipes import animation_recipe
 from .steps import save_copy
 
@@ -48,7 +49,7 @@ def chosen_folder(directory: str) -> Path:
 
 def _profile(scene: bpy.types.Scene, folder: Path) -> str:
     """Copy the display's profile where it is a file and return the copy's path, else an empty one."""
-    if scene.lfsr.display != scene_settings.PROFILE_FILE:
+    if scene.lfsr.display != PROFILE_FILE:
         return ""
     path = folders.absolute(scene.lfsr.profile_file, "the display profile")
     target = folder / path.name

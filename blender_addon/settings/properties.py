@@ -22,9 +22,10 @@ from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, GONE_SINCE
 
 from ..array import rig
 from ..results import preview, show_image
+from .displays import profile_items
 from .lights import AUTO_LIGHT, light_items
 from .methods import DIRECT, METHODS, method_items
-from .scene_settings import AUTO_SCALE, SCALES, profile_items, qualities
+from .scene_settings import AUTO_SCALE, SCALES, qualities
 
 LIVE_SCALES = (1, 2, 4, 8)  # pixel sizes of Blender's viewport
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-import zlib
 from pathlib import Path
 
 import bpy
@@ -14,19 +13,18 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
-from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
+from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PANEL_METHODS, MethodName
 
 from ..array import rig
 from ..render import devices
 from ..render.color import color_settings
 from ..scene.subject import find_subject
+from .displays import FIRST_PROFILES, PROFILE_FILE
 from .folders import absolute
 from .lights import check_chosen, light_of
 from .methods import DIRECT
 
-PROFILE_FILE = "FILE"
-FIRST_PROFILES = ("bupt-32in-8k", "dense-8k", "fhd", "mini", "small")
 SCALES = (1, 2, 3, 4, 5, 8)
 AUTO_SCALE = "AUTO"
 QUALITY_SAMPLES = {"DRAFT": 4, "BALANCED": 16, "FINAL": 64}  # at the usual scale
@@ -129,16 +127,6 @@ def device_of(scene: bpy.types.Scene) -> str:
         return "CPU"
     chosen: str = addon.preferences.compute_device_type
     return "CPU" if chosen == "NONE" else chosen
-
-
-def profile_items() -> list[tuple[str, str, str, str, int]]:
-    """Enum items of the built-in displays and of a profile in a file."""
-    items = []
-    for name in builtin_names():
-        # A saved scene keeps the number: those of the first profiles are their places.
-        number = FIRST_PROFILES.index(name) + 1 if name in FIRST_PROFILES else zlib.crc32(name.encode()) & 0x7FFFFFFF
-        items.append((name, name, load_display(name).description, "DESKTOP", number))
-    return [*items, (PROFILE_FILE, "From File…", "Display profile in a .toml file", "FILE", 0)]
 
 
 def display_of(scene: bpy.types.Scene) -> DisplayProfile:

@@ -21,7 +21,7 @@ class LFSR_MT_render(bpy.types.Menu):
         layout.separator()
         if rig.find(context.scene) is None:
             _draw_add(layout)
-        layout.operator("lfsr.array_fit")
+        layout.operator("lfsr.array_fit", text="Fit Camera Array to Selection")
         layout.operator("lfsr.check_scene")
         layout.separator()
         layout.operator("lfsr.preview_view")

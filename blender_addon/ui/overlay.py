@@ -17,6 +17,7 @@ from lfsr_core.optics.rays import CameraArray
 
 from ..array import rig
 from ..settings import scene_settings
+from . import look
 
 DISPLAY_COLOR, FRUSTUM_COLOR = (0.36, 0.78, 1.0), (0.75, 0.85, 0.95)
 USABLE_COLOR, SPARSE_COLOR = (1.0, 0.62, 0.25), (0.55, 1.0, 0.55)
@@ -65,7 +66,7 @@ def draw() -> None:
     """Draw handler of the 3D views, in world space."""
     context = bpy.context
     scene, space = context.scene, context.space_data
-    if not scene.lfsr.show_frustum or not space.overlay.show_overlays:
+    if not scene.lfsr.show_frustum or not space.overlay.show_overlays or look.is_looking(space, scene):
         return
     array = rig.find(scene)
     if array is None or not array.visible_get():

@@ -10,10 +10,12 @@ from ..array import rig
 from ..background import session
 from ..results import preview
 from ..settings import folders, scene_settings
+from ..settings.displays import PROFILE_FILE
 from ..settings.lights import FILE_LIGHT
 from ..settings.scene_settings import Resolved
-from . import summary
+from . import look, summary
 from .drawing import LightFieldPanel, columns, facts, row_if, sentence
+from .operators.array import FIT_ITEMS
 from .presets import LFSR_PT_presets
 
 SEVERITY_ICONS = {"ERROR": "ERROR", "WARNING": "ERROR", "INFO": "INFO"}
@@ -32,8 +34,8 @@ class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw profile, scale and resolutions."""
         lfsr, layout = context.scene.lfsr, columns(self.layout)
-        layout.prop(lfsr, "display", text="Profile")
-        if lfsr.display == scene_settings.PROFILE_FILE:
+        layout.prop(lfsr, "display", text="Display")
+        if lfsr.display == PROFILE_FILE:
             layout.prop(lfsr, "profile_file", text="File")
         try:
             settings = scene_settings.resolve(context.scene)
@@ -57,11 +59,12 @@ class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
         array = rig.find(scene)
         if array is None:
             layout.operator("lfsr.array_add", text="Add", icon="OUTLINER_OB_CAMERA")
-            layout.operator("lfsr.array_fit", text="Add and Fit to Selection", icon="FULLSCREEN_EXIT")
+            _draw_fits(layout, "Add at")
             return
         row = layout.row(align=True)
-        row.operator("lfsr.array_fit", text="Fit to Selection")
+        row.operator("lfsr.look_through", icon="VIEW_CAMERA", depress=look.is_looking(context.space_data, scene))
         row.operator("lfsr.array_remove", text="", icon="TRASH")
+        _draw_fits(layout, "Fit to")
         column = columns(layout).column()
         column.enabled = rig.why_not_editable(array) is None
         row = column.row(align=True)
@@ -213,6 +216,14 @@ class LFSR_PT_exports(LightFieldPanel, bpy.types.Panel):
         row = row_if(session.current() is None, self.layout)
         row.operator("lfsr.open_viewer", icon="URL")
         row.menu("LFSR_MT_export", icon="EXPORT")
+
+
+def _draw_fits(layout: bpy.types.UILayout, text: str) -> None:
+    split = layout.split(factor=0.2)
+    split.label(text=text)
+    row = split.row(align=True)
+    for name, title, _ in FIT_ITEMS:
+        row.operator("lfsr.array_fit", text=title).to = name
 
 
 def _sample_facts(scene: bpy.types.Scene) -> summary.Facts:

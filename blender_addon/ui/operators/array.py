@@ -5,10 +5,18 @@ from __future__ import annotations
 import bpy
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.optics.display import DisplayProfile
 
-from ...array import edit, rig
+from ...array import edit, rig, view
 from ...settings import scene_settings
+from .. import look
 from .base import UNDO, Result, activate, reports_errors
+
+FIT_ITEMS = [
+    ("SELECTION", "Selection", "Move the camera array in front of the selected objects, so that they fill the display "
+     "and its usable depth"),
+    ("VIEW", "View", "Move the camera array to the 3D view's eye, so that the display shows what you see now"),
+    ("CAMERA", "Camera", "Move the camera array to the active camera, with its direction and field of view")]
 
 
 class LFSR_OT_array_add(bpy.types.Operator):
@@ -20,25 +28,36 @@ class LFSR_OT_array_add(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Add it and make its display plane the active object."""
-        array = edit.add(context.scene, scene_settings.display_of(context.scene))
-        activate(context, rig.plane_of(array))
+        """Add it; the selection stays."""
+        edit.add(context.scene, scene_settings.display_of(context.scene))
         return {"FINISHED"}
 
 
 class LFSR_OT_array_fit(bpy.types.Operator):
-    """Move the camera array in front of the selected objects, so that they fill the display and its usable depth"""
+    """Move the camera array, so that the display shows what you see or select"""
 
     bl_idname = "lfsr.array_fit"
-    bl_label = "Fit Camera Array to Selection"
+    bl_label = "Fit Camera Array"
     bl_options = UNDO
+
+    to: bpy.props.EnumProperty(name="Fit To", description="What the display should show", items=FIT_ITEMS)
+
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        """Return the tooltip of each kind of fit."""
+        return dict((name, text) for name, _, text in FIT_ITEMS)[properties.to]
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
         """Fit it; the selection stays."""
-        scene = context.scene
-        items = [item for item in context.selected_objects if not rig.is_array(item) and rig.PLANE not in item]
-        edit.fit(scene, scene_settings.display_of(scene), items)
+        scene, display = context.scene, scene_settings.display_of(context.scene)
+        if self.to == "CAMERA":
+            edit.fit_to_camera(scene, display)
+        elif self.to == "VIEW":
+            edit.fit_to_view(scene, display, _view_of(context, display))
+        else:
+            items = [item for item in context.selected_objects if not rig.is_array(item) and rig.PLANE not in item]
+            edit.fit(scene, display, items)
         return {"FINISHED"}
 
 
@@ -74,4 +93,34 @@ class LFSR_OT_select_plane(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (LFSR_OT_array_add, LFSR_OT_array_fit, LFSR_OT_array_remove, LFSR_OT_select_plane)
+class LFSR_OT_look_through(bpy.types.Operator):
+    """See the scene from the viewing position in the display's frame; press again to return to your own view"""
+
+    bl_idname = "lfsr.look_through"
+    bl_label = "Look Through Array"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only in a 3D view."""
+        return context.area is not None and context.area.type == "VIEW_3D"
+
+    @reports_errors
+    def execute(self, context: bpy.types.Context) -> Result:
+        """Look through it, or return."""
+        if look.is_looking(context.space_data, context.scene):
+            look.leave(context.area)
+        else:
+            look.enter(context.area, context.scene)
+        return {"FINISHED"}
+
+
+def _view_of(context: bpy.types.Context, display: DisplayProfile) -> view.View:
+    """The 3D view in which the button was pressed; LfsrError without one, or if it looks through the array."""
+    if context.area is None or context.area.type != "VIEW_3D":
+        raise LfsrError("there is no 3D view here: press the button in the sidebar of a 3D view")
+    if rig.is_array(look.camera_of(context.space_data, context.scene)):
+        raise LfsrError("this view looks through the camera array already: leave it first")
+    return view.of_area(context.area, display)
+
+
+CLASSES = (LFSR_OT_array_add, LFSR_OT_array_fit, LFSR_OT_array_remove, LFSR_OT_select_plane, LFSR_OT_look_through)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from blender_addon.array import edit, placement, rig
+from blender_addon.array.view import View
 from blender_addon.scene import subject
 from lfsr_core.optics.display import load_display
 from tests.support import panel
@@ -85,3 +86,59 @@ def test_nothing_selected_is_reported(scene):
         item.select_set(False)
     with pytest.raises(RuntimeError, match="Nothing is selected"):
         bpy.ops.lfsr.array_fit()
+
+
+def test_add_keeps_the_selection(scene):
+    edit.remove(scene)
+    box = bpy.data.objects["Box"]
+    box.select_set(True)
+    bpy.context.view_layer.objects.active = box
+    assert bpy.ops.lfsr.array_add() == {"FINISHED"}
+    assert (bpy.context.selected_objects, bpy.context.active_object) == ([box], box)
+
+
+def test_fit_to_the_camera_is_where_a_new_array_would_stand(scene):
+    camera = add_camera(scene, (0.2, -4, 0.1))
+    camera.data.clip_start = 0.01
+    assert bpy.ops.lfsr.array_fit(to="CAMERA") == {"FINISHED"}
+    fitted = place(scene)
+    edit.remove(scene)
+    expected = placement.place_array(scene, MINI, subject.find_subject(scene))
+    assert np.allclose(fitted[1], expected[1], atol=1e-5)
+    assert fitted[0].distance == pytest.approx(expected[0].distance, rel=1e-5)
+
+
+def test_fit_to_the_array_itself_is_refused(scene):
+    assert rig.is_array(scene.camera)
+    with pytest.raises(RuntimeError, match="is the camera array itself: make another camera active"):
+        bpy.ops.lfsr.array_fit(to="CAMERA")
+
+
+def seen_at(scene, points):
+    """World points (n, 3) as fractions of the display's half width and height, and their depths."""
+    layout, matrix = place(scene)
+    inside = np.c_[points, np.ones(len(points))] @ np.linalg.inv(np.array(matrix)).T
+    half = np.array([layout.half_width, layout.half_height]) / layout.distance
+    return inside[:, :2] / inside[:, 2:3] / half, inside[:, 2]
+
+
+@pytest.mark.parametrize("aimed", [True, False])
+def test_fit_to_a_perspective_view_shows_what_it_shows(scene, aimed):
+    turn = mathutils.Euler((math.radians(75), 0, math.radians(0 if aimed else 180))).to_matrix().to_4x4()
+    eye = mathutils.Matrix.Translation((0, -4, 1)) @ turn
+    edit.fit_to_view(scene, MINI, View(eye, 0.3, 5.0, (0.01, 100), True))
+    corner = eye @ mathutils.Vector((0.3, 0.3 * 96 / 128, -1))
+    beside, depths = seen_at(scene, [tuple(corner)])
+    assert np.allclose(beside, 1, atol=1e-4) and depths == pytest.approx(1, rel=1e-4)
+    distance = place(scene)[0].distance
+    # The plane stands in the box, or at the view's centre where the view shows nothing.
+    assert distance == pytest.approx(5.0) if not aimed else 3.5 < distance < 4.5
+
+
+def test_fit_to_a_parallel_view_shows_what_it_shows_at_its_centre(scene):
+    centre = mathutils.Matrix.Translation((1, 2, 3)) @ mathutils.Euler((math.radians(90), 0, 0)).to_matrix().to_4x4()
+    edit.fit_to_view(scene, MINI, View(centre, 2.0, 7.0, (0.01, 100), False))
+    layout, matrix = place(scene)
+    assert layout.half_width == pytest.approx(2) and np.allclose(np.array(matrix)[:3, 3], (1, 2 - layout.distance, 3))
+    beside, depths = seen_at(scene, [(3, 2, 3), (1, 2, 3)])
+    assert np.allclose(beside, [(1, 0), (0, 0)], atol=1e-4) and np.allclose(depths, layout.distance)

@@ -7,7 +7,7 @@ import zlib
 import bpy
 import pytest
 
-from blender_addon.settings import scene_settings
+from blender_addon.settings import displays, scene_settings
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from tests.support import panel
 
@@ -89,7 +89,7 @@ def test_a_saved_method_that_is_gone_becomes_the_default_and_that_is_said(tmp_pa
 
 
 def test_saved_scenes_keep_their_displays():
-    numbers = {item[0]: item[4] for item in scene_settings.profile_items()}
+    numbers = {item[0]: item[4] for item in displays.profile_items()}
     assert [numbers[name] for name in ("FILE", "bupt-32in-8k", "dense-8k", "fhd", "mini", "small")] == list(range(6))
     assert len(set(numbers.values())) == len(numbers)
 

@@ -1,0 +1,90 @@
+"""An artist's first hour in a real window (see test_window.py): the array, the first render, the labels."""
+
+from __future__ import annotations
+
+import os
+import shutil
+
+import numpy as np
+import pytest
+
+from tests.support.window.desktop import VARIABLE, blender_window
+
+pytestmark = [pytest.mark.window, pytest.mark.skipif(
+    VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
+CORNERS = """
+from mathutils import Vector
+look, view, area = addon.ui.look, addon.array.view, bpy.context.area
+region = next(region for region in area.regions if region.type == "WINDOW")
+value = {"corners": [list(c) for c in look.frame_corners(bpy.context.scene, region, area.spaces.active.region_3d)],
+         "free": view.free_part(area), "is_looking": look.is_looking(area.spaces.active, bpy.context.scene)}
+"""
+OWN_VIEW = """
+space = bpy.context.space_data
+value = [space.use_local_camera, space.camera and space.camera.name, space.overlay.show_camera_guides,
+         space.region_3d.view_perspective, list(space.region_3d.view_location), space.region_3d.view_distance,
+         list(space.region_3d.view_rotation), space.region_3d.view_camera_zoom]
+"""
+LOOK = "bpy.ops.lfsr.look_through('INVOKE_DEFAULT', True)"
+
+
+@pytest.fixture(scope="module")
+def window(tmp_path_factory):
+    """One Blender with its new file, and the tab open."""
+    folder = tmp_path_factory.mktemp("first")
+    with blender_window(folder) as window:
+        window.open_tab()
+        yield window
+    kept = os.environ.get("LFSR_SCREENSHOTS")
+    for picture in folder.glob("*.png") if kept else ():
+        shutil.copy(picture, kept)
+
+
+@pytest.fixture
+def array(window):
+    """The scene has an array at its camera."""
+    window.run("addon.array.rig.find(bpy.context.scene) or bpy.ops.lfsr.array_add('INVOKE_DEFAULT', True)")
+    window.run("bpy.context.scene.lfsr.display = 'bupt-32in-8k'")
+
+
+@pytest.mark.parametrize("display", ["bupt-32in-8k", "looking-glass-go"])
+def test_the_view_through_the_array_has_the_displays_frame(window, array, display):
+    window.run(f"bpy.context.scene.lfsr.display = {display!r}")
+    before = window.run(OWN_VIEW)
+    window.run(LOOK)
+    seen = window.run(CORNERS)
+    window.screenshot(f"look-{display}")
+    (left, bottom), (right, top) = seen["corners"][0], seen["corners"][2]
+    assert seen["is_looking"]
+    free = seen["free"]
+    assert free[0] <= left < right <= free[2] and free[1] <= bottom < top <= free[3], "nothing covers the frame"
+    aspect = window.get("addon.settings.scene_settings.display_of(bpy.context.scene).panel_mm")
+    assert (right - left) / (top - bottom) == pytest.approx(aspect[0] / aspect[1], rel=0.01)
+    assert max((right - left) / (free[2] - free[0]), (top - bottom) / (free[3] - free[1])) > 0.85, "it fills the view"
+    window.run(LOOK)
+    after = window.run(OWN_VIEW)
+    assert after[:4] == before[:4]
+    assert np.allclose(*[[*own[4], own[5], *own[6], own[7]] for own in (before, after)], atol=1e-4)
+
+
+def test_a_view_that_turns_away_has_its_own_camera_again(window, array):
+    before = window.run(OWN_VIEW)[:3]
+    window.run(LOOK)
+    window.run("bpy.context.space_data.region_3d.view_perspective = 'PERSP'")
+    window.until("bpy.context.space_data.use_local_camera is False", 10)
+    assert window.run(OWN_VIEW)[:3] == before
+
+
+def test_fit_to_the_view_frames_what_is_seen(window, array):
+    window.run("bpy.ops.view3d.view_axis(type='FRONT'); bpy.ops.view3d.view_persportho()")
+    window.settle()
+    shown = "addon.array.view.of_area(bpy.context.area, addon.settings.scene_settings.display_of(bpy.context.scene))"
+    view = window.run(f"v = {shown}; value = [[list(row) for row in v.matrix], v.half_width, v.is_perspective]")
+    window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True, to='VIEW')")
+    array_at = window.get("[list(row) for row in bpy.data.objects['Light Field Array'].matrix_world]")
+    lens = window.get("bpy.data.cameras['Light Field Array'].sensor_width / 2 / "
+                      "bpy.data.cameras['Light Field Array'].lens")
+    assert view[2] and np.allclose(array_at, view[0], atol=1e-4) and lens == pytest.approx(view[1], rel=1e-3)
+    window.run(LOOK)
+    window.screenshot("fit-to-view")
+    window.run(LOOK)
