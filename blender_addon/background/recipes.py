@@ -53,14 +53,19 @@ def frame_recipe(scene: bpy.types.Scene, frames: tuple[int, ...] = ()) -> Recipe
     folder = folders.frame_folder(scene, frames[0])
     # A second stage that cannot start should be an error before the render, not after it.
     runtime.second_stage_command(PANEL_TASKS)
-    return Recipe(folder, settings.job(folder, frames[0]), str(settings.method), settings.linear_exr, frames,
+    job = dataclasses.replace(settings.job(folder, frames[0]), source=folders.source_of(scene))
+    return Recipe(folder, job, str(settings.method), settings.linear_exr, frames,
                   scene.lfsr.use_overwrite, settings.temporal_averaging)
+
+
+def timeline(scene: bpy.types.Scene) -> tuple[int, ...]:
+    """Numbers of the frames of the timeline's range."""
+    return tuple(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
 
 
 def animation_recipe(scene: bpy.types.Scene) -> Recipe:
     """Recipe of the frames of the timeline's range, all at one scale; LfsrError where they cannot be rendered."""
-    frames = tuple(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
-    recipe = frame_recipe(scene, frames)
+    recipe = frame_recipe(scene, frames := timeline(scene))
     if not recipe.job.scales:
         return recipe
     # Chosen here, so that frames of another scale are rendered again.

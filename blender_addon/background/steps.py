@@ -23,6 +23,7 @@ from lfsr_core.frames.job import Job
 from lfsr_core.records import to_data
 from lfsr_core.render.staging import has_parts
 
+from ..settings import folders
 from . import runtime
 from .worker import Worker
 
@@ -167,7 +168,7 @@ def rendering_step(stage: str, fraction: float, work: Path, task: str, /, **argu
 def file_copy() -> Iterator[Path]:
     """Save a temporary copy of the .blend as it is now, unsaved changes included; remove it after the block."""
     folder = Path(tempfile.mkdtemp(prefix="lfsr-", dir=bpy.app.tempdir or None))
-    path = folder / f"{Path(bpy.data.filepath).stem or 'untitled'}.blend"
+    path = folder / f"{folders.file_stem()}.blend"
     try:
         save_copy(path)
         yield path

@@ -10,6 +10,7 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, system_errors
+from lfsr_core.frames.identity import FARM_COPY
 from lfsr_core.sequence.farms import FarmJob, Submission, write_job
 
 from ..settings import folders, scene_settings
@@ -17,7 +18,7 @@ from ..settings.displays import PROFILE_FILE
 from .recipes import animation_recipe
 from .steps import save_copy
 
-COPY_SUFFIX = ".farm.blend"  # never the name of a file that somebody works on
+COPY_SUFFIX = f"{FARM_COPY}.blend"  # never the name of a file that somebody works on
 
 
 def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> Submission:
@@ -30,7 +31,7 @@ def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> Submi
     recipe = animation_recipe(scene)
     with system_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    copy = folder / f"{Path(bpy.data.filepath).stem or 'untitled'}{COPY_SUFFIX}"
+    copy = folder / f"{folders.file_stem()}{COPY_SUFFIX}"
     job = dataclasses.replace(recipe.job, output=str(recipe.folder.parent), scene=str(copy))
     wanted = FarmJob(job, recipe.frames, recipe.method, recipe.linear_exr, parts, _profile(scene, folder),
                      recipe.temporal_averaging)

@@ -117,8 +117,8 @@ def _frame(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object]) -> 
         convention=job.convention, view_aperture=job.view_aperture, lens_list=job.lens_list, rows=job.rows,
         layout=layout, layers=layers, clip=placement.clip_of(scene), world_visible=world_visible,
         color=color_settings(scene, world_visible), scene=os.path.basename(job.scene or bpy.data.filepath),
-        subject=job.subject or "", camera=job.camera or "", light=job.light,
-        blender=bpy.app.version_string, device=job.device)
+        scene_name=job.scene_name or scene.name_full, source=job.source, subject=job.subject or "",
+        camera=job.camera or "", light=job.light, blender=bpy.app.version_string, device=job.device)
 
 
 def _device(job: Job) -> str:

@@ -25,19 +25,19 @@ _views: dict[str, Array] = {}  # mapped views (py, px, sy, sx, 3) of each scene
 def load(scene: bpy.types.Scene, path: Path) -> None:
     """Preview the decoded views in ``path`` for ``scene``; LfsrError where they cannot be read."""
     try:
-        _views[scene.name] = np.load(path, mmap_mode="r")
+        _views[scene.name_full] = np.load(path, mmap_mode="r")
     except (OSError, ValueError) as error:
         raise LfsrError(f"decoded views {path} cannot be read ({error}): press Preview View again") from None
 
 
 def unload(scene: bpy.types.Scene) -> None:
     """Forget the views of ``scene``."""
-    _views.pop(scene.name, None)
+    _views.pop(scene.name_full, None)
 
 
 def is_loaded(scene: bpy.types.Scene) -> bool:
     """True if there are views of ``scene`` for its sliders to show."""
-    return scene.name in _views
+    return scene.name_full in _views
 
 
 @bpy.app.handlers.persistent
@@ -48,7 +48,7 @@ def forget(*_: object) -> None:
 
 def show(scene: bpy.types.Scene, eye: tuple[float, float]) -> bpy.types.Image | None:
     """Put the view from ``eye`` (right, up), in [-1, 1], into the preview image; None if no views are loaded."""
-    views = _views.get(scene.name)
+    views = _views.get(scene.name_full)
     if views is None:
         return None
     row, column = view_index(views.shape[:2], eye)

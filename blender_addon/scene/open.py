@@ -41,10 +41,11 @@ def _reason(error: Exception) -> str:
 
 
 def choose_scene(name: str) -> bpy.types.Scene:
-    """Make the scene ``name`` of the open file the current one; LfsrError if there is none."""
-    scene = bpy.data.scenes.get(name)
+    """Make the scene of the full name ``name`` in the open file the current one; LfsrError if there is none."""
+    scenes = {scene.name_full: scene for scene in bpy.data.scenes}
+    scene = scenes.get(name)
     if scene is None:
-        raise LfsrError(f"the file has no scene {name!r}: choose one of {', '.join(bpy.data.scenes.keys())}")
+        raise LfsrError(f"the file has no scene {name!r}: choose one of {', '.join(scenes)}")
     # Blender evaluates the window's scene, which may differ from the one that was open when the file was saved.
     bpy.context.window.scene = scene
     return scene

@@ -1,8 +1,12 @@
-"""Folders of a scene's images, and what they hold already."""
+"""Folders of a scene's images, what they hold already, and whose that is."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import os
+import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import bpy
@@ -10,13 +14,16 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import check_name
 from lfsr_core.frames.averaging import seed_in_turn
-from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, SUBPIXELS, read_rendered
-from lfsr_core.frames.identity import is_same
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, SUBPIXELS, Frame, read_part, read_rendered
+from lfsr_core.frames.identity import is_of, is_same
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
 from lfsr_core.reconstruct.method_name import MethodName
 
 from .methods import DIRECT
+from .words import counted
+
+UNSAVED = "untitled"
 
 
 def absolute(path: str, what: str) -> Path:
@@ -24,12 +31,17 @@ def absolute(path: str, what: str) -> Path:
     if path.startswith("//") and not bpy.data.filepath:
         raise LfsrError(f"{what} is {path!r}, beside the .blend file, but this file is not saved yet: "
                         "save it or choose another folder")
-    return Path(bpy.path.abspath(path))
+    return Path(bpy.path.abspath(path)).absolute()
+
+
+def file_stem() -> str:
+    """Name of the open file without its suffix."""
+    return Path(bpy.data.filepath).stem or UNSAVED
 
 
 def scene_folder(scene: bpy.types.Scene) -> Path:
-    """Folder of this scene's frames; each scene of a file has its own. LfsrError where it cannot exist."""
-    folder = absolute(scene.lfsr.output or "//", "the output folder") / bpy.path.clean_name(scene.name)
+    """Folder of this scene's frames; each scene of each file has its own. LfsrError where it cannot exist."""
+    folder = _output(scene) / _clean(file_stem()) / _clean(scene.name_full)
     check_name(folder)
     return folder
 
@@ -37,6 +49,30 @@ def scene_folder(scene: bpy.types.Scene) -> Path:
 def frame_folder(scene: bpy.types.Scene, number: int | None = None) -> Path:
     """Frame folder of frame ``number``, by default the current one."""
     return scene_folder(scene) / f"{scene.frame_current if number is None else number:04d}"
+
+
+def source_of(scene: bpy.types.Scene) -> str:
+    """The open file as frames of ``scene`` name it: as seen from their folders, so that both can move together.
+
+    A file that was never saved has a name that no other file and no later session has.
+    """
+    if not bpy.data.filepath:
+        return f"{UNSAVED} {Path(bpy.app.tempdir).name} {scene.session_uid}"
+    with contextlib.suppress(ValueError):  # on another drive
+        return Path(os.path.relpath(bpy.data.filepath, frame_folder(scene))).as_posix()
+    return bpy.data.filepath
+
+
+def is_own(scene: bpy.types.Scene, folder: Path) -> bool:
+    """False if the frame in ``folder`` is known to be of another file or scene."""
+    frame = _frame_in(folder)
+    return frame is None or is_of(frame, source_of(scene), scene.name_full)
+
+
+def first_foreign(scene: bpy.types.Scene, frames: Iterable[int]) -> str:
+    """Return a sentence on the first of ``frames`` whose folder has the image of another file or scene, else ""."""
+    taken = [folder for folder in (frame_folder(scene, number) for number in frames) if not is_own(scene, folder)]
+    return _foreign(taken[0]) if taken else ""
 
 
 def is_complete(folder: Path, job: Job, method: str) -> bool:
@@ -53,14 +89,72 @@ def is_complete(folder: Path, job: Job, method: str) -> bool:
 
 
 def finished_frame(scene: bpy.types.Scene, purpose: str) -> Path:
-    """Frame folder of the current frame; LfsrError where it has no image of a light field.
+    """Frame folder of the current frame; LfsrError where it has no image of a light field of this scene.
 
     ``purpose``: for the error, as in "to preview".
     """
     folder = frame_folder(scene)
+    if not is_own(scene, folder):
+        raise LfsrError(f"{_foreign(folder)}: render the EIA first, or choose another output folder")
     if (folder / EIA_FILE).is_file():
         return folder
     if (folder / PANEL_FILE).is_file():
         raise LfsrError(f"the image in {folder} was made by {DIRECT} and has no views {purpose}: switch that off under "
                         "Display and render the EIA again")
     raise LfsrError(f"there is no image in {folder} {purpose}: render the EIA first")
+
+
+def move_older(scene: bpy.types.Scene) -> str:
+    """Move this file's frames of version 0.1, whose folders had no file's name, to their new place, and say so.
+
+    Frames of other files stay. Nothing is moved where the scene has a folder of its own already.
+    """
+    folder = scene_folder(scene)
+    older = _output(scene) / bpy.path.clean_name(scene.name)
+    frames = [] if folder.exists() else _older_frames(scene, older)
+    if not frames:
+        return ""
+    count = counted(len(frames), "frame")
+    try:
+        folder.mkdir(parents=True)
+        for path in (path for name in frames for path in (older / name, older / f"{name}_reference") if path.exists()):
+            path.rename(folder / path.name)
+        with contextlib.suppress(OSError):  # other files' frames stay
+            older.rmdir()
+    except OSError as error:
+        return f"{older} holds {count} of this file that cannot be moved to {folder} ({error.strerror})"
+    return f"{count} of an older version moved from {older} to {folder}"
+
+
+def _older_frames(scene: bpy.types.Scene, older: Path) -> list[str]:
+    """Names of the frame folders in ``older`` that are of this file and do not know their source."""
+    if not bpy.data.filepath or scene.library is not None or not older.is_dir():
+        return []
+    found = {path.name: _frame_in(path) for path in sorted(older.iterdir()) if path.name.lstrip("-").isdigit()}
+    return [name for name, frame in found.items()
+            if frame and frame.scene and not frame.source and is_of(frame, source_of(scene), scene.name_full)]
+
+
+def _clean(name: str) -> str:
+    """Name of a folder: letters of any language stay, which `bpy.path.clean_name` replaces."""
+    return re.sub(r"[^\w.-]+", "_", name).rstrip(".") or "_"
+
+
+def _output(scene: bpy.types.Scene) -> Path:
+    return absolute(scene.lfsr.output or "//", "the output folder")
+
+
+def _frame_in(folder: Path) -> Frame | None:
+    with contextlib.suppress(LfsrError):
+        return read_part(folder)
+    return None
+
+
+def _foreign(folder: Path) -> str:
+    """A sentence on whose image ``folder`` holds."""
+    frame = read_part(folder)
+    file = frame.scene
+    if frame.source:
+        is_unsaved = frame.source.startswith(f"{UNSAVED} ")
+        file = "a file that was never saved" if is_unsaved else os.path.normpath(folder / frame.source)
+    return f"{folder} holds the image of scene {frame.scene_name or folder.parent.name!r} of {file}"

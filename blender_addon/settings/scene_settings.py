@@ -34,7 +34,7 @@ QUALITY_SAMPLES = {"DRAFT": 4, "BALANCED": 16, "FINAL": 64}  # at the usual scal
 class Resolved:
     """Settings of a scene, with what its display and its device decide."""
 
-    scene_name: str
+    scene_name: str  # with its library
     display: DisplayProfile
     device: str  # "CPU" or a GPU type such as "OPTIX"
     layout: str  # as of ``Job``
@@ -84,7 +84,7 @@ def resolve(scene: bpy.types.Scene) -> Resolved:
     scales = method.scales_of(scales_up_to(display)) if settings.scale == AUTO_SCALE and not is_direct else ()
     scale = 1 if is_direct else scales[0] if scales else int(settings.scale)
     rays = None if settings.samples else settings.rays
-    return Resolved(scene.name, display, device, SUBPIXELS if is_direct else devices.way_of(device), method,
+    return Resolved(scene.name_full, display, device, SUBPIXELS if is_direct else devices.way_of(device), method,
                     scale, scales, settings.samples or samples_at(display, scale, settings.rays), rays,
                     settings.seed, light_of(scene), linear_exr=settings.linear_exr and not is_direct,
                     temporal_averaging=0 if is_direct else settings.share_frames)

@@ -46,11 +46,13 @@ def facts(layout: bpy.types.UILayout, pairs: list[tuple[str, str]], factor: floa
         split.label(text=value)
 
 
-def sentence(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.types.Context) -> None:
-    """Draw a text, broken into lines that fit the sidebar."""
+def sentence(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.types.Context,
+             width: int | None = None) -> None:
+    """Draw a text, broken into lines that fit ``width`` units of the interface, by default the sidebar."""
     # Without a window the interface has no scale.
-    scale = (context.preferences.system.ui_scale or 1.0) * PIXELS_PER_LETTER
-    letters = max(20, int((context.region.width if context.region else 300) / scale) - 6)
+    scale = context.preferences.system.ui_scale or 1.0
+    pixels = width * scale if width else context.region.width if context.region else 300
+    letters = max(20, int(pixels / (scale * PIXELS_PER_LETTER)) - 6)
     column = layout.column(align=True)
     column.scale_y = 0.75
     for number, line in enumerate(textwrap.wrap(capitalized(text), letters)):

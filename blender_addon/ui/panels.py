@@ -88,7 +88,7 @@ class LFSR_PT_check(LightFieldPanel, bpy.types.Panel):
         """Draw the button and what it found last."""
         layout, state = self.layout, context.window_manager.lfsr
         layout.operator("lfsr.check_scene", text="Check Scene", icon="VIEWZOOM")
-        if state.checked_scene != context.scene.name:
+        if state.checked_scene != context.scene.name_full:
             return
         if not state.problems:
             layout.label(text="No problems found", icon="CHECKMARK")
@@ -138,7 +138,7 @@ class LFSR_PT_plan(LightFieldPanel, bpy.types.Panel):
         state = context.window_manager.lfsr
         columns(self.layout).prop(context.scene.lfsr, "plan_target")
         row_if(session.current() is None, self.layout).operator("lfsr.plan", text="Find", icon="VIEWZOOM")
-        if state.plan_scene != context.scene.name:
+        if state.plan_scene != context.scene.name_full:
             return
         sentence(self.layout, state.plan_text, "CHECKMARK" if state.plan_method else "INFO", context)
         if state.plan_method:

@@ -9,7 +9,8 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import REPORT_FILE
+from lfsr_core.frames.frame import REPORT_FILE, read_rendered
+from lfsr_core.frames.identity import is_of
 from lfsr_core.frames.report import read_report
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.panel.panel_rays import rendered_size
@@ -81,14 +82,16 @@ def metric_facts(scene: bpy.types.Scene) -> Facts:
     """Metrics in the report of the current frame; empty where there are none."""
     try:
         report = folders.frame_folder(scene) / REPORT_FILE
-        return list(_metrics(report.parent, report.stat().st_mtime_ns))
+        return list(_metrics(report.parent, report.stat().st_mtime_ns, folders.source_of(scene), scene.name_full))
     except (LfsrError, OSError):
         return []  # nothing rendered yet
 
 
 @functools.lru_cache(maxsize=4)
-def _metrics(folder: Path, _changed: int) -> tuple[tuple[str, str], ...]:
+def _metrics(folder: Path, _changed: int, source: str, scene_name: str) -> tuple[tuple[str, str], ...]:
     """Panels ask on every redraw; the file is read once per change."""
+    if not is_of(read_rendered(folder), source, scene_name):
+        return ()
     metrics = read_report(folder).metrics
     facts = [(title, f"{metrics[name]:.1f} dB" if name == "psnr_fg" else f"{metrics[name]:.4f}")
              for name, title in METRICS.items() if isinstance(metrics.get(name), (int, float))]

@@ -18,9 +18,10 @@ from lfsr_core.records import to_data
 Facts = Mapping[str, object]  # what decides pixels, by name
 # Facts of the rays and their number; a render's folder is compared by these unless more are asked for.
 RAYS = ("display", "convention", "layout", "lens_list", "rows", "scale", "samples")
-PLACES = ("output", "parts", "world")  # fields of a job that are paths, on which no pixel depends
+PLACES = ("output", "parts", "world", "source")  # fields of a job that are paths, on which no pixel depends
 PLURAL = ("samples", "lens_list", "rows", "layers")
 SAMPLES = " samples per pixel"
+FARM_COPY = ".farm"  # ends the name of the copy of a file that a farm renders
 LABELS = {"world_visible": "visible world", "world_apart": "world image", "matrix_world": "camera placement",
           "frame": "frame number"}
 DIGEST_SIZE, MOST_SHOWN = 12, 60  # bytes, characters
@@ -55,12 +56,26 @@ def wanted_facts(job: Job, found: Frame, content: str = "") -> Facts:
             "frame": found.frame if job.frame is None else job.frame,
             "seed": job.seed,
             "subject": job.subject or "",
+            "scene_name": job.scene_name if job.scene_name and found.scene_name else found.scene_name,
+            "source": found.source if is_of(found, job.source) else job.source,
             "camera": job.camera or "",
             "device": found.device if job.device == AUTO else job.device,
             "light": found.light if job.light == AUTO or not found.light else job.light,
             "world_visible": found.world_visible if job.world_visible is None else job.world_visible,
             "layers": found.layers if set(job.layers) <= set(found.layers) else job.layers,
             "content": content if is_changed(found.content, content) else found.content}
+
+
+def is_of(frame: Frame, source: str, scene_name: str = "") -> bool:
+    """True if ``frame`` may be a render of the file ``source``, as of ``Frame.source``, and of the scene in it.
+
+    A frame that does not know its source, such as that of a farm, is known by its file's name; "" is any.
+    """
+    if scene_name and frame.scene_name not in ("", scene_name):
+        return False
+    if frame.source or not (source and frame.scene):
+        return not source or frame.source in ("", source)
+    return Path(frame.scene).stem.removesuffix(FARM_COPY) == Path(source).stem
 
 
 def is_changed(before: str, now: str) -> bool:

@@ -60,7 +60,8 @@ class Job:
     clamp_indirect: float | None = None  # None for Cycles' default, 0 for none
     world_visible: bool | None = None  # None for the scene's own film setting
     camera: str | None = None  # name of the camera to use, FIT to stand before the subject, None for the scene's own
-    scene_name: str | None = None  # scene in the file, None for the one that is open in it
+    scene_name: str | None = None  # full name of the scene in the file, None for the one that is open in it
+    source: str = ""  # the file of which ``scene`` is a copy, as of ``Frame.source``; empty where it is not known
     world: str | None = None  # world.exr of another render from the same place, None to render the world where needed
     light: str = AUTO  # of LIGHTS, or the file of a world image; AUTO: the scene's own unless it is too dark
     parts: str | None = None  # folder for the finished parts of a long render, None to store none

@@ -25,7 +25,7 @@ FRAME = Frame(
     clip=(0.25, 30.0),
     layers=("albedo", "normal"), world_visible=True, world_apart=True, scale_reason="it is deep",
     color=ColorSettings("Rec.2020", "AgX", "AgX - Punchy", 0.5, 1.1, "config.ocio"),
-    scene="scene.blend", subject="Things", camera="Left", content="abc",
+    scene="scene.blend", scene_name="Set", source="../shot.blend", subject="Things", camera="Left", content="abc",
     blender="5.0.1", device="OPTIX", notes=("a note",), light="city", seconds={"render": 1.5})
 
 

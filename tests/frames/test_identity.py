@@ -8,7 +8,7 @@ import pytest
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import SUBPIXELS, write_frame
-from lfsr_core.frames.identity import check_same, digest, first_difference, is_same, job_facts, phrases
+from lfsr_core.frames.identity import check_same, digest, first_difference, is_of, is_same, job_facts, phrases
 from lfsr_core.frames.job import AUTO, Job
 from lfsr_core.optics.rays import CameraArray
 from tests.support.panels import cells, hexagonal, lenticular
@@ -111,3 +111,21 @@ def test_a_digest_knows_what_decides_pixels_and_no_path():
     moved = dataclasses.replace(JOB, output="elsewhere", parts="p", world="w")
     assert digest(job_facts(JOB)) == digest(job_facts(moved))
     assert digest(job_facts(JOB)) != digest(job_facts(dataclasses.replace(JOB, seed=1)))
+
+
+@pytest.mark.parametrize(("frame", "job", "own"), [
+    ({"source": "../shot.blend"}, {"source": "../shot.blend"}, True),
+    ({"source": "../shot.blend"}, {"source": "../other/shot.blend"}, False),
+    ({"source": "../shot.blend"}, {}, True),  # a command knows no source
+    ({"scene": "shot.blend"}, {"source": "../shot.blend"}, True),
+    ({"scene": "shot.farm.blend"}, {"source": "../shot.blend"}, True),
+    ({"scene": "shot.blend"}, {"source": "../other.blend"}, False),
+    ({}, {"source": "../shot.blend"}, True),
+    ({"scene_name": "Set"}, {"scene_name": "Set"}, True),
+    ({"scene_name": "Set"}, {"scene_name": "Other"}, False),
+    ({"scene_name": "Set"}, {}, True),
+    ({}, {"scene_name": "Set"}, True)])
+def test_frames_of_another_file_or_scene_are_other_renders(frame, job, own):
+    found, wanted = dataclasses.replace(FRAME, **frame), dataclasses.replace(JOB, **job)
+    assert is_same(found, wanted) is own
+    assert is_of(found, wanted.source, wanted.scene_name or "") is own

@@ -18,6 +18,7 @@ MINI = load_display("mini")
 JOB = Job("out", MINI, scene="s.blend", kind="reference", scale=2, spp=9, layers=("albedo",), layout="view-by-view",
           convention="paper", view_aperture=0.5, seed=5, frame=3, subject="Things", lens_list=((1, 2), (3, 4)),
           device="OPTIX", clamp_indirect=0.0, world_visible=True, scene_name="Set", parts="kept",
+          source="../shot.blend",
           camera="Camera", scales=(4, 2), scale_frames=(1, 9), rays=2.5, scale_reason="it is deep", world="world.exr",
           light="night")
 

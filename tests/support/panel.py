@@ -51,7 +51,7 @@ def artist_scene(folder: Path | None) -> bpy.types.Scene:
 
 def frame_one(file: Path) -> Path:
     """Frame folder of frame 1 of the saved ``artist_scene``."""
-    return file.parent / "lightfield" / "Scene" / "0001"
+    return file.parent / "lightfield" / file.stem / "Scene" / "0001"
 
 
 def snapshot(scene: bpy.types.Scene) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from typing import Any
@@ -13,9 +14,12 @@ from lfsr_core.files import system_errors
 
 from ...background import session
 from ...background.steps import Steps
+from ...settings import folders
 from ...settings.words import capitalized
+from ..drawing import sentence
 
 UNDO = {"REGISTER", "UNDO"}
+DIALOG_WIDTH = 420
 Result = set[str]
 # The steps of a task, and what to do with its result.
 Prepared = tuple[Steps, Callable[[Any], None]]
@@ -35,23 +39,53 @@ def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
     return wrapped
 
 
+@dataclasses.dataclass(frozen=True)
+class Question:
+    """What an artist is asked before a task starts; for a script it is an error."""
+
+    sentence: str  # what is the matter
+    button: str  # starts the task all the same
+    advice: str  # what a script can do about it
+    accept: Callable[[], None] = lambda: None  # what the button does before the task starts
+
+
 class TaskOperator:
     """An operator that starts the task that its ``prepare`` returns.
 
-    Pressed in a window it returns at once and a timer follows the task; called from a script or in background mode it
-    returns when the result is there.
+    Pressed in a window it asks its ``questions``, returns at once and a timer follows the task; called from a script or
+    in background mode it returns when the result is there.
     """
 
     bl_label: str
     report: Callable[[set[str], str], None]
+    asked: list[Question] | None = None  # in the dialog
+
+    def questions(self, _context: bpy.types.Context) -> list[Question]:
+        """Return what to ask before the task starts."""
+        return []
 
     def prepare(self, context: bpy.types.Context) -> Prepared | None:
         """Return steps and what to do with their result; None if there is nothing to do."""
         raise NotImplementedError
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
-        """Start and return at once; in background mode wait for the end."""
-        return self.execute(context) if bpy.app.background else self.start(context)
+        """Ask, start and return at once; in background mode wait for the end."""
+        return self.execute(context) if bpy.app.background else self.ask(context)
+
+    @reports_errors
+    def ask(self, context: bpy.types.Context) -> Result:
+        """Show a dialog with the questions; start where there are none."""
+        self.asked = self._questions(context)
+        if not self.asked:
+            return self.start(context)
+        answer: Result = context.window_manager.invoke_props_dialog(
+            self, width=DIALOG_WIDTH, title=self.bl_label, confirm_text=self.asked[0].button)
+        return answer
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the questions."""
+        for question in self.asked or ():
+            sentence(self.layout, f"{question.sentence}.", "QUESTION", context, DIALOG_WIDTH)
 
     @reports_errors
     def start(self, context: bpy.types.Context) -> Result:
@@ -64,8 +98,13 @@ class TaskOperator:
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Run the task to its end."""
-        session.check_idle()
+        """Run the task to its end; after the dialog, start it."""
+        if self.asked:
+            for question in self.asked:
+                question.accept()
+            return self.start(context)
+        for question in self._questions(context):
+            raise LfsrError(f"{question.sentence}: {question.advice}")
         prepared = self.prepare(context)
         if prepared is not None:
             steps, finish = prepared
@@ -74,6 +113,12 @@ class TaskOperator:
                 self.report({"WARNING"}, capitalized(warning))
             finish(task.result)
         return {"FINISHED"}
+
+    def _questions(self, context: bpy.types.Context) -> list[Question]:
+        session.check_idle()
+        if moved := folders.move_older(context.scene):
+            self.report({"INFO"}, capitalized(moved))
+        return self.questions(context)
 
 
 def activate(context: bpy.types.Context, item: bpy.types.Object) -> None:

@@ -75,7 +75,7 @@ class LFSR_OT_check_fix(bpy.types.Operator):
 def refresh(scene: bpy.types.Scene) -> list[Problem]:
     """Check ``scene`` and fill the panel's list."""
     state, problems = bpy.context.window_manager.lfsr, check_scene(scene)
-    state.checked_scene = scene.name
+    state.checked_scene = scene.name_full
     state.problems.clear()
     for problem in problems:
         line = state.problems.add()

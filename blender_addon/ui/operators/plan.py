@@ -34,7 +34,7 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
         job = recipes.frame_recipe(scene).job
         state = context.window_manager.lfsr
         state.plan_scene = state.plan_text = state.plan_method = ""  # the last result must not seem to be this one's
-        return find(job, options), functools.partial(show, scene.name)
+        return find(job, options), functools.partial(show, scene.name_full)
 
 
 class LFSR_OT_plan_use(bpy.types.Operator):
@@ -48,7 +48,7 @@ class LFSR_OT_plan_use(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> Result:
         """Set scale, rays and method."""
         scene, state = context.scene, context.window_manager.lfsr
-        if state.plan_scene != scene.name or not state.plan_method:
+        if state.plan_scene != scene.name_full or not state.plan_method:
             raise LfsrError(f"no settings were found for scene {scene.name!r}: press Find first")
         pixels = scene_settings.display_of(scene).finished_pixels(state.plan_scale)
         scene.lfsr.scale, scene.lfsr.method = str(state.plan_scale), state.plan_method

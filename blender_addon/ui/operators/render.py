@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
 from ...background import recipes, session
 from ...results import preview, show_image
 from ...settings import folders
-from .base import Prepared, Result, TaskOperator
+from .base import Prepared, Question, Result, TaskOperator
 
 
 class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
@@ -22,6 +22,10 @@ class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
 
     bl_idname = "lfsr.render_eia"
     bl_label = "Render EIA"
+
+    def questions(self, context: bpy.types.Context) -> list[Question]:
+        """Ask before another scene's image is overwritten."""
+        return _overwriting(context.scene, (context.scene.frame_current,))
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Render one frame, then show its image."""
@@ -35,10 +39,14 @@ class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
     bl_idname = "lfsr.render_animation"
     bl_label = "Render Animation"
 
+    def questions(self, context: bpy.types.Context) -> list[Question]:
+        """Ask before another scene's frames are overwritten."""
+        return _overwriting(context.scene, recipes.timeline(context.scene))
+
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Render the frames that are missing, then show the last image and a summary."""
-        scene = context.scene
-        return recipes.render_animation(recipes.animation_recipe(scene)), functools.partial(_end_animation, scene.name)
+        steps = recipes.render_animation(recipes.animation_recipe(context.scene))
+        return steps, functools.partial(_end_animation, context.scene.name_full)
 
 
 class LFSR_OT_render_reference(TaskOperator, bpy.types.Operator):
@@ -64,9 +72,9 @@ class LFSR_OT_preview_view(TaskOperator, bpy.types.Operator):
         scene = context.scene
         folder = folders.finished_frame(scene, "to preview")
         if recipes.is_decoded(folder):
-            _show_view(scene.name, recipes.views_file(folder))
+            _show_view(scene.name_full, recipes.views_file(folder))
             return None
-        return recipes.decode_views(folder), functools.partial(_show_view, scene.name)
+        return recipes.decode_views(folder), functools.partial(_show_view, scene.name_full)
 
 
 class LFSR_OT_cancel(bpy.types.Operator):
@@ -86,18 +94,28 @@ class LFSR_OT_cancel(bpy.types.Operator):
 
 
 def _show_image_of(scene: bpy.types.Scene) -> Callable[[Path], None]:
-    return functools.partial(_show_image, scene.name)
+    return functools.partial(_show_image, scene.name_full)
+
+
+def _overwriting(scene: bpy.types.Scene, frames: Iterable[int]) -> list[Question]:
+    taken = "" if scene.lfsr.use_overwrite else folders.first_foreign(scene, frames)
+    return [Question(taken, "Overwrite", "turn on Overwrite, or choose another output folder")] if taken else []
 
 
 def _show_image(scene_name: str, folder: Path) -> None:
     """Show the finished image in ``folder``, and preview its views where the scene is still open."""
-    scene, views, panel = bpy.data.scenes.get(scene_name), recipes.views_file(folder), folder / PANEL_FILE
+    scene, views, panel = _scene(scene_name), recipes.views_file(folder), folder / PANEL_FILE
     if scene is not None and not (folder / EIA_FILE).is_file():
         preview.unload(scene)  # the views of an earlier render do not belong to this image
     elif scene is not None and views.is_file():
         preview.load(scene, views)
     show_image.open_file(panel if panel.is_file() else folder / EIA_FILE)
     bpy.context.window_manager.lfsr.outcome_folder = str(folder)
+
+
+def _scene(name: str) -> bpy.types.Scene | None:
+    """The scene of a full name in the open file."""
+    return next((scene for scene in bpy.data.scenes if scene.name_full == name), None)
 
 
 def _end_animation(scene_name: str, result: tuple[Path, str]) -> None:
@@ -112,7 +130,7 @@ def _print_ssim(metrics: dict[str, Any]) -> None:
 
 
 def _show_view(scene_name: str, views: Path) -> None:
-    scene = bpy.data.scenes.get(scene_name)
+    scene = _scene(scene_name)
     if scene is not None:
         preview.load(scene, views)
         show_image.in_editor(preview.show(scene, (scene.lfsr.eye_right, scene.lfsr.eye_up)))

@@ -39,7 +39,7 @@ def test_cancel_is_quick_and_leaves_nothing(scene, tmp_path, stage):
     print(f"cancel while {stage}: {seconds:.2f} s")
     assert seconds < 2 and session.current() is None
     assert panel.snapshot(scene) == before
-    assert list((tmp_path / "lightfield" / "Scene").iterdir()) == []
+    assert list((tmp_path / "lightfield" / "scene" / "Scene").iterdir()) == []
     assert not list(Path(bpy.app.tempdir).glob("lfsr-*/*.blend"))
 
 
@@ -51,7 +51,7 @@ def test_a_worker_that_dies_is_reported(scene, tmp_path):
     message = bpy.context.window_manager.lfsr.message
     assert "The render stopped with signal 9" in message and "try again" in message and message_is_error()
     assert panel.snapshot(scene) == before
-    assert list((tmp_path / "lightfield" / "Scene").iterdir()) == []
+    assert list((tmp_path / "lightfield" / "scene" / "Scene").iterdir()) == []
 
 
 def test_a_render_that_worked_is_one_quiet_line(scene, tmp_path, monkeypatch):
@@ -63,7 +63,7 @@ def test_a_render_that_worked_is_one_quiet_line(scene, tmp_path, monkeypatch):
     task.warnings += ["the sequencer's strips are not rendered"]
     panel.wait_for(lambda: session.current() is None)
     assert re.fullmatch(r"Done in \d:\d\d", state.outcome) and popups == []
-    assert state.outcome_folder == str(tmp_path / "lightfield" / "Scene" / "0001")
+    assert state.outcome_folder == str(tmp_path / "lightfield" / "scene" / "Scene" / "0001")
     assert (state.message, message_is_error()) == ("The sequencer's strips are not rendered", False)
 
 

@@ -89,7 +89,7 @@ def test_linked_data_is_rendered(library, scene, tmp_path):
     before = panel.snapshot(scene)
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
     assert panel.snapshot(scene) == before
-    assert (tmp_path / "lightfield" / "Scene" / "0001" / "eia.png").is_file()
+    assert (tmp_path / "lightfield" / "scene" / "Scene" / "0001" / "eia.png").is_file()
 
 
 def test_unsaved_file(tmp_path):
@@ -204,9 +204,9 @@ def test_two_scenes_with_different_displays(scene, tmp_path):
     with bpy.context.temp_override(scene=other):
         assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
     assert bpy.context.window.scene == scene
-    frame = read_frame(tmp_path / "lightfield" / "Other" / "0001")
+    frame = read_frame(tmp_path / "lightfield" / "scene" / "Other" / "0001")
     assert (frame.display.name, frame.color.exposure) == ("small", 1.5)
-    assert not (tmp_path / "lightfield" / "Scene").exists()
+    assert not (tmp_path / "lightfield" / "scene" / "Scene").exists()
 
 
 def test_cycles_disabled(scene):

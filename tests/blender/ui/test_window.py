@@ -126,7 +126,7 @@ def test_render_keeps_the_window_alive_and_the_scene_as_it_was(window):
     assert window.get(message) == ""
     assert scene_value(window, UNTOUCHED) == before
     assert returned < SECONDS_TO_ANSWER and answered < SECONDS_TO_ANSWER
-    folder = window.folder / "lightfield" / "Scene" / "0001"
+    folder = window.folder / "lightfield" / "scene" / "Scene" / "0001"
     assert read_png(folder / "eia.png").shape == (96, 128, 3)
     window.settle()
     window.screenshot("8-rendered")
@@ -184,7 +184,7 @@ bpy.app.timers.register(cancel_then)
     print(f"cancel while {moment}: {seconds:.2f} s")
     assert seconds < 2 and not pid_alive
     assert scene_value(window, UNTOUCHED) == before
-    assert [path.name for path in (window.folder / "lightfield" / "Scene").iterdir()] == ["0001"]
+    assert [path.name for path in (window.folder / "lightfield" / "scene" / "Scene").iterdir()] == ["0001"]
 
 
 def test_blender_survives_a_killed_worker(window):

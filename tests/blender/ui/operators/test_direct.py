@@ -34,7 +34,7 @@ def rendered(add_on, tmp_path_factory) -> Path:
     lfsr.display, lfsr.profile_file, lfsr.straight = "FILE", "//own.toml", True
     lfsr.linear_exr, lfsr.share_frames, lfsr.samples = True, 2, 4  # the first two do not count
     bpy.ops.wm.save_mainfile()
-    views = recipes.views_file(folder / "lightfield" / "Scene" / "0001")
+    views = recipes.views_file(folder / "lightfield" / "scene" / "Scene" / "0001")
     np.save(views, np.zeros((8, 8, 12, 16, 3), np.uint8))
     preview.load(scene, views)
     before = panel.snapshot(scene)

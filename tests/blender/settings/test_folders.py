@@ -1,0 +1,176 @@
+"""Whose images a folder holds: of this file and this scene, or of others."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from pathlib import Path
+
+import bpy
+import pytest
+
+from blender_addon.background import recipes
+from blender_addon.settings import folders
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json, write_json
+from lfsr_core.frames.frame import read_frame, write_frame
+from lfsr_core.images.png import read_png
+from tests.support import panel
+from tests.support.scenes import add_box
+
+
+@pytest.fixture(scope="module", autouse=True)
+def add_on():
+    with panel.registered():
+        yield
+
+
+def save(path: Path) -> None:
+    path.parent.mkdir(exist_ok=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+
+
+def render() -> Path:
+    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
+    return folders.frame_folder(bpy.context.scene)
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory) -> Path:
+    """A file ``shot.blend`` whose frame 1 is rendered."""
+    folder = tmp_path_factory.mktemp("shots")
+    panel.artist_scene(None)
+    save(folder / "shot.blend")
+    render()
+    return folder / "shot.blend"
+
+
+@pytest.fixture
+def project(rendered, tmp_path) -> Path:
+    """A copy of ``rendered`` with its results, opened."""
+    shutil.copytree(rendered.parent, tmp_path / "project")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "project" / "shot.blend"))
+    return tmp_path / "project"
+
+
+def is_mine() -> bool:
+    try:
+        return folders.finished_frame(bpy.context.scene, "to preview").is_dir()
+    except LfsrError:
+        return False
+
+
+def test_a_project_that_was_moved_keeps_its_results(project):
+    assert is_mine()
+
+
+def test_two_files_in_one_folder_have_their_own_results(project):
+    first = read_png(folders.frame_folder(bpy.context.scene) / "eia.png")
+    add_box(bpy.context.scene, (0.3, 0.0, 0.0), (0.4, 0.4, 0.4))
+    save(project / "other.blend")
+    assert not is_mine()
+    with pytest.raises(RuntimeError, match="There is no image in .*other/Scene/0001 to preview: render the EIA first"):
+        bpy.ops.lfsr.preview_view()
+    bpy.context.scene.frame_end = 1
+    assert bpy.ops.lfsr.render_animation() == {"FINISHED"}
+    other = project / "lightfield" / "other" / "Scene" / "0001"
+    assert (read_png(other / "eia.png") != first).any()
+    assert (read_png(project / "lightfield" / "shot" / "Scene" / "0001" / "eia.png") == first).all()
+
+
+def test_a_file_of_one_name_elsewhere_does_not_take_results(project, tmp_path):
+    scene = bpy.context.scene
+    scene.lfsr.output = str(tmp_path / "renders")
+    scene.frame_end = 1
+    save(project / "shot.blend")
+    mine = read_png(render() / "eia.png")
+    add_box(scene, (0.3, 0.0, 0.0), (0.4, 0.4, 0.4))
+    save(tmp_path / "elsewhere" / "shot.blend")
+    assert not is_mine() and not recipes.frame_recipe(scene).is_complete
+    taken = rf"holds the image of scene 'Scene' of {project / 'shot.blend'}: "
+    for operator in (bpy.ops.lfsr.render_eia, bpy.ops.lfsr.render_animation):
+        with pytest.raises(RuntimeError, match=f"{taken}turn on Overwrite, or choose another output folder"):
+            operator()
+    for operator in (bpy.ops.lfsr.preview_view, bpy.ops.lfsr.open_viewer, bpy.ops.lfsr.render_reference):
+        with pytest.raises(RuntimeError, match=f"{taken}render the EIA first, or choose another output folder"):
+            operator()
+    assert (read_png(folders.frame_folder(scene) / "eia.png") == mine).all()
+    scene.lfsr.use_overwrite = True
+    assert bpy.ops.lfsr.render_animation() == {"FINISHED"}
+    assert is_mine() and (read_png(folders.frame_folder(scene) / "eia.png") != mine).any()
+
+
+def test_a_renamed_file_does_not_take_the_results_of_the_one_that_has_its_name_now(project):
+    (project / "shot.blend").rename(project / "hero.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(project / "hero.blend"))
+    assert not is_mine()
+    (project / "lightfield" / "shot").rename(project / "lightfield" / "hero")
+    assert not is_mine()  # whether it is the same file cannot be known
+
+
+def test_scenes_whose_names_are_cleaned_to_one_are_told_apart(project):
+    scene = bpy.context.scene
+    scene.name = "Set A"
+    folder = render()
+    assert folder.parent.name == "Set_A" and is_mine()
+    scene.name = "Set_A"
+    assert not is_mine()
+
+
+def test_names_in_any_script_have_folders_of_their_own(project):
+    bpy.context.scene.name = "场景"
+    save(project / "镜头.blend")
+    assert folders.frame_folder(bpy.context.scene).parts[-3:] == ("镜头", "场景", "0001")
+
+
+def test_a_file_that_was_never_saved_knows_its_results(tmp_path):
+    scene = panel.artist_scene(None)
+    scene.lfsr.output = str(tmp_path)
+    assert render() == tmp_path / "untitled" / "Scene" / "0001" and is_mine()
+    scene = panel.artist_scene(None)
+    scene.lfsr.output = str(tmp_path)
+    assert not is_mine()
+    with pytest.raises(RuntimeError, match="image of scene 'Scene' of a file that was never saved: turn on Overwrite"):
+        bpy.ops.lfsr.render_eia()
+
+
+@pytest.mark.parametrize("output", ["//lightfield/", "//", "//../images", ""])
+def test_relative_output_folders(project, output):
+    bpy.context.scene.lfsr.output = output
+    folder = render()
+    assert is_mine() and folder.is_absolute()
+    assert (project / "x" / ".." / bpy.path.abspath(output or "//")).resolve() / "shot/Scene/0001" == folder.resolve()
+
+
+def older(project: Path, file: str, number: int) -> Path:
+    """A frame as version 0.1 wrote it."""
+    images = project / "lightfield"
+    made, folder = images / "shot" / "Scene" / "0001", images / "Scene" / f"{number:04d}"
+    shutil.copytree(made, folder)
+    write_frame(folder, dataclasses.replace(read_frame(made), scene=file, scene_name="", source="", frame=number))
+    data = read_json(folder / "frame.json", "a frame")
+    write_json(folder / "frame.json", {name: value for name, value in data.items()
+                                       if name not in ("scene_name", "source")})
+    return folder
+
+
+def test_results_of_an_older_version_move_once_and_those_of_other_files_stay(project, capfd):
+    scene = bpy.context.scene
+    mine, theirs = older(project, "shot.blend", 1), older(project, "other.blend", 2)
+    (mine.with_name("0001_reference")).mkdir()
+    shutil.rmtree(project / "lightfield" / "shot")
+    assert bpy.ops.lfsr.preview_view() == {"FINISHED"}
+    moved = project / "lightfield" / "shot" / "Scene"
+    assert f"1 frame of an older version moved from {mine.parent} to {moved}" in capfd.readouterr().out
+    assert sorted(path.name for path in moved.iterdir()) == ["0001", "0001_reference"]
+    assert is_mine() and recipes.frame_recipe(scene).is_complete
+    assert [path.name for path in mine.parent.iterdir()] == [theirs.name]
+    older(project, "shot.blend", 3)
+    assert folders.move_older(scene) == ""
+
+
+def test_results_that_cannot_be_moved_are_said(project):
+    older(project, "shot.blend", 1)
+    shutil.rmtree(project / "lightfield" / "shot")
+    (project / "lightfield" / "shot").write_text("in the way")
+    assert "holds 1 frame of this file that cannot be moved to" in folders.move_older(bpy.context.scene)
