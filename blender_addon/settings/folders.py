@@ -65,8 +65,13 @@ def source_of(scene: bpy.types.Scene) -> str:
 
 def is_own(scene: bpy.types.Scene, folder: Path) -> bool:
     """False if the frame in ``folder`` is known to be of another file or scene."""
+    return holds(folder, source_of(scene), scene.name_full)
+
+
+def holds(folder: Path, source: str, scene_name: str) -> bool:
+    """False if the frame in ``folder`` is known to be of another file than ``source``, or of another scene."""
     frame = _frame_in(folder)
-    return frame is None or is_of(frame, source_of(scene), scene.name_full)
+    return frame is None or is_of(frame, source, scene_name)
 
 
 def first_foreign(scene: bpy.types.Scene, frames: Iterable[int]) -> str:

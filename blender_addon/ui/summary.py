@@ -9,8 +9,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import REPORT_FILE, read_rendered
-from lfsr_core.frames.identity import is_of
+from lfsr_core.frames.frame import REPORT_FILE
 from lfsr_core.frames.report import read_report
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.panel.panel_rays import rendered_size
@@ -90,7 +89,7 @@ def metric_facts(scene: bpy.types.Scene) -> Facts:
 @functools.lru_cache(maxsize=4)
 def _metrics(folder: Path, _changed: int, source: str, scene_name: str) -> tuple[tuple[str, str], ...]:
     """Panels ask on every redraw; the file is read once per change."""
-    if not is_of(read_rendered(folder), source, scene_name):
+    if not folders.holds(folder, source, scene_name):
         return ()
     metrics = read_report(folder).metrics
     facts = [(title, f"{metrics[name]:.1f} dB" if name == "psnr_fg" else f"{metrics[name]:.4f}")

@@ -58,6 +58,7 @@ class TaskOperator:
 
     bl_label: str
     report: Callable[[set[str], str], None]
+    layout: bpy.types.UILayout
     asked: list[Question] | None = None  # in the dialog
 
     def questions(self, _context: bpy.types.Context) -> list[Question]:

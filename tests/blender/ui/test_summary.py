@@ -8,6 +8,7 @@ from blender_addon.settings import folders
 from blender_addon.ui import summary
 from lfsr_core.frames.report import Report, write_report
 from tests.support import panel
+from tests.support.synthetic import write_render
 
 
 @pytest.fixture
@@ -23,6 +24,14 @@ def test_metrics_of_the_frame_are_shown(scene, flip, shown):
     metrics = {"ssim_eia_fg": 0.91234, "psnr_fg": 31.26, "flip": flip}
     write_report(folder, Report("bicubic", "mini", 4, 16, {"render": 1.0}, None, 0.5, metrics=metrics))
     assert summary.metric_facts(scene) == [("SSIM Foreground", "0.9123"), ("PSNR", "31.3 dB"), ("FLIP", shown)]
+
+
+def test_metrics_of_another_files_frame_are_not_shown(scene):
+    folders.frame_folder(scene).mkdir(parents=True)
+    folder = folders.frame_folder(scene)
+    write_render(folder, source="../other.blend")
+    write_report(folder, Report("bicubic", "mini", 4, 16, {"render": 1.0}, None, 0.5, metrics={"psnr_fg": 31.26}))
+    assert summary.metric_facts(scene) == []
 
 
 def test_without_a_frame_there_are_no_metrics(scene):

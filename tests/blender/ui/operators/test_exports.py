@@ -26,7 +26,7 @@ def add_on():
 def frame(add_on, tmp_path):
     """The frame folder of a new scene, finished."""
     scene = panel.artist_scene(tmp_path)
-    return finished(folders.frame_folder(scene))
+    return finished(folders.frame_folder(scene), source=folders.source_of(scene))
 
 
 def test_the_viewer_is_written_beside_the_image(frame):
