@@ -15,6 +15,7 @@ from pathlib import Path
 
 import bpy
 
+from lfsr_core.cores import CORES
 from lfsr_core.errors import LfsrError
 
 PACKAGE = __package__.rpartition(".")[0]  # the add-on, under the name that Blender gave it
@@ -63,7 +64,13 @@ def _covers(entry: bpy.types.PathCompare, file: str) -> bool:
 def environment() -> dict[str, str]:
     """Environment for those processes: this one's, without the variables that change where Python finds modules."""
     kept = {name: value for name, value in os.environ.items() if name not in PYTHON_VARIABLES}
-    return kept | {"PYTHONUNBUFFERED": "1", "PYTHONUTF8": "1"}
+    return _few_cores() | kept | {"PYTHONUNBUFFERED": "1", "PYTHONUTF8": "1"}
+
+
+def _few_cores() -> dict[str, str]:
+    """Variables that leave the preferred number of cores to this Blender and other programs."""
+    cores = str(max(1, (os.cpu_count() or 1) - getattr(_preferences(), "free_cores", 1)))
+    return {CORES: cores, "OIDN_NUM_THREADS": cores}
 
 
 def temporary(kind: str, folder: Path) -> Path:
@@ -74,13 +81,18 @@ def temporary(kind: str, folder: Path) -> Path:
 
 def chosen_python() -> str | None:
     """The user's own Python: the preference, else $LFSR_PYTHON; None means Blender's."""
-    addon = bpy.context.preferences.addons.get(PACKAGE)
-    preferred = getattr(addon and addon.preferences, "python_path", "").strip()
+    preferred = getattr(_preferences(), "python_path", "").strip()
     chosen: str = bpy.path.abspath(preferred) if preferred else os.environ.get(PYTHON_VARIABLE, "")
     if chosen and not Path(chosen).is_file():
         raise LfsrError(f"Python {chosen!r} does not exist: choose another in the add-on's preferences, or clear it "
                         "to use Blender's own")
     return chosen or None
+
+
+def _preferences() -> bpy.types.AddonPreferences | None:
+    """The add-on's preferences; None where it was not enabled in them."""
+    addon = bpy.context.preferences.addons.get(PACKAGE)
+    return addon.preferences if addon else None
 
 
 def site_packages() -> list[Path]:

@@ -29,7 +29,7 @@ class Worker:
         self.name = name
         self._records: collections.deque[dict[str, Any]] = collections.deque()
         try:
-            self._child = Child(command, runtime.environment())
+            self._child = Child(command, runtime.environment(), low_priority=True)
         except OSError as error:
             raise LfsrError(f"{name} cannot start {command[0]!r} ({error.strerror}): check the add-on's "
                             "preferences") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
@@ -11,6 +12,7 @@ import bpy
 import numpy as np
 
 from lfsr_core.arrays import Array
+from lfsr_core.cores import CORES, usable_cores
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import Clip
 from lfsr_core.frames.job import CLAMP_INDIRECT
@@ -153,7 +155,7 @@ def cycles_settings(scene: bpy.types.Scene, settings: RenderSettings, size: tupl
                         "each way: render more lenses or with a smaller scale")
     with ExitStack() as stack:
         stack.enter_context(devices.enabled(settings.device))
-        stack.enter_context(overridden(scene.render, _render_values(size)))
+        stack.enter_context(overridden(scene.render, _render_values(size) | _thread_values(scene)))
         stack.enter_context(overridden(scene.render.image_settings, compat.multilayer_exr(settings.half)))
         stack.enter_context(overridden(scene.cycles, _cycles_values(settings)))
         stack.enter_context(passes.enabled(scene, settings.layers, settings.world_visible))
@@ -173,6 +175,13 @@ def _render_values(size: tuple[int, int]) -> dict[str, object]:
             "use_file_extension": False, "use_overwrite": True, "use_placeholder": False,
             # Consecutive views and halves have the same geometry.
             "use_persistent_data": True} | compat.whole_textures()
+
+
+def _thread_values(scene: bpy.types.Scene) -> dict[str, object]:
+    """Render on the cores that this process may use, but on no more than the scene asks for."""
+    if CORES not in os.environ:
+        return {}
+    return {"threads_mode": "FIXED", "threads": min(usable_cores(), scene.render.threads)}
 
 
 def _cycles_values(settings: RenderSettings) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""The add-on's preferences: the Python that runs the second stage, and a test of it."""
+"""The add-on's preferences: the cores that stay free, the Python that runs the second stage, and a test of it."""
 
 from __future__ import annotations
 
@@ -23,8 +23,13 @@ class LfsrPreferences(bpy.types.AddonPreferences):
         description="Python executable that denoises and upscales; empty for Blender's own Python with the packages "
                     "of this add-on")
 
+    free_cores: bpy.props.IntProperty(
+        name="Free Cores", default=1, min=0, soft_max=8,
+        description="Processor cores that renders and the second stage leave to Blender and other programs")
+
     def draw(self, _context: bpy.types.Context) -> None:
-        """Draw the path with its button."""
+        """Draw the cores, and the path with its button."""
+        self.layout.prop(self, "free_cores")
         row = self.layout.row(align=True)
         row.prop(self, "python_path")
         row.operator(LFSR_OT_test_python.bl_idname, text="Test", icon="CHECKMARK")

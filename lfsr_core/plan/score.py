@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.arrays import Array
+from lfsr_core.cores import usable_cores
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world
@@ -194,7 +194,7 @@ def _sampled(folder: Path, mosaic: Mosaic) -> tuple[LowResEIA, Array]:
 
 
 def _threads() -> int:
-    return min(os.cpu_count() or 1, MAX_WORKERS)
+    return min(usable_cores(), MAX_WORKERS)
 
 
 def _mean_ssim(images: Array, half_a: Array, half_b: Array) -> Array:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +16,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from lfsr_core.arrays import Array
+from lfsr_core.cores import usable_cores
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import to_elemental_images
@@ -69,7 +69,7 @@ def upscale_all(assembly: Assembly, step: int | None, finish: Finish, clock: Sta
     with lenses (n, 2) and their elemental images (n, py, px, 3), scene-linear.
     """
     parts = assembly.parts(step)
-    workers = max(1, min(os.cpu_count() or 1, MAX_WORKERS, len(parts)))
+    workers = max(1, min(usable_cores(), MAX_WORKERS, len(parts)))
     one_at_a_time = threading.Lock()
 
     def work(part: tuple[Upscaler, Array]) -> None:

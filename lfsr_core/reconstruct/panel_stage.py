@@ -6,7 +6,6 @@ it has one: three times the pixels, but 1.6 to 3.2 dB more accurate (docs/notebo
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.arrays import Array
+from lfsr_core.cores import usable_cores
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.foreground import foreground_pixels, unseen_notes
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS, Frame
@@ -102,6 +102,6 @@ def _shown(show: ViewTransform, image: Array) -> Array:
         rows = slice(start, start + ROWS_AT_ONCE)
         result[rows] = show.to_uint8(image[rows])
 
-    with ThreadPoolExecutor(min(os.cpu_count() or 1, MOST_WORKERS)) as pool:
+    with ThreadPoolExecutor(min(usable_cores(), MOST_WORKERS)) as pool:
         list(pool.map(work, range(0, len(image), ROWS_AT_ONCE)))
     return result

@@ -16,6 +16,7 @@ from lfsr_core.render.protocol import ENDS_WITH_INPUT, EXIT_BAD_INPUT, parse_pro
 
 SECONDS_TO_STOP = 5.0
 LINES_IN_MESSAGE, MOST_LAST_WORDS = 3, 120
+NICE = 10  # by which low priority is lower on POSIX
 
 
 class CrashError(LfsrError):
@@ -30,14 +31,17 @@ class Child:
     """
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None,
-                 log: Callable[[str], object] = lambda line: None) -> None:
-        """Start ``command``; OSError where that fails. ``environment`` replaces our own; ``log`` gets each line."""
+                 log: Callable[[str], object] = lambda line: None, low_priority: bool = False) -> None:
+        """Start ``command``; OSError where that fails. ``environment`` replaces our own; ``log`` gets each line.
+
+        ``low_priority``: the child and its own children leave the processor to other programs.
+        """
         self.last: dict[str, Any] = {}  # record that it wrote last
         self._log = log
         self._tail: collections.deque[str] = collections.deque(maxlen=LINES_IN_MESSAGE)
         inherited = os.environ if environment is None else environment
         self._process = _start(command, {**inherited, "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8",
-                                          ENDS_WITH_INPUT: "1"})
+                                          ENDS_WITH_INPUT: "1"}, low_priority)
 
     def __enter__(self) -> Self:
         return self
@@ -116,15 +120,21 @@ def output_of(command: Sequence[str], environment: Mapping[str, str] | None = No
     return child._process.returncode, output
 
 
-def _start(command: Sequence[str], environment: dict[str, str]) -> subprocess.Popen[str]:
+def _start(command: Sequence[str], environment: dict[str, str], low_priority: bool) -> subprocess.Popen[str]:
     # A process group of its own: Ctrl-C in the terminal reaches this process only, which then stops the child.
     if sys.platform == "win32":
         flags, new_session = subprocess.CREATE_NEW_PROCESS_GROUP | subprocess.CREATE_NO_WINDOW, False
+        if low_priority:
+            flags |= subprocess.BELOW_NORMAL_PRIORITY_CLASS
     else:
         flags, new_session = 0, True
-    return subprocess.Popen(list(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                            env=environment, text=True, encoding="utf-8", errors="replace",
-                            creationflags=flags, start_new_session=new_session)
+    process = subprocess.Popen(list(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                               env=environment, text=True, encoding="utf-8", errors="replace",
+                               creationflags=flags, start_new_session=new_session)
+    if low_priority and sys.platform != "win32":
+        with contextlib.suppress(ProcessLookupError):  # it has ended already
+            os.setpriority(os.PRIO_PGRP, process.pid, os.getpriority(os.PRIO_PROCESS, 0) + NICE)
+    return process
 
 
 if sys.platform == "win32":

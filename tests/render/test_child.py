@@ -75,3 +75,13 @@ def test_the_output_of_a_command():
         output_of([sys.executable, "-c", "import time; time.sleep(60)"], seconds=0.1)
     with pytest.raises(OSError, match="No such file"):
         output_of(["/no/such/program"])
+
+
+def test_a_child_of_low_priority_is_nicer_with_its_own_children():
+    script = """import json, os, subprocess, sys, time
+time.sleep(0.2)
+child = subprocess.run([sys.executable, "-c", "import os; print(os.nice(0))"], capture_output=True, text=True)
+print("LFSR " + json.dumps({"stage": "done", "nice": [os.nice(0), int(child.stdout)]}))"""
+    for low_priority in (False, True):
+        with Child([sys.executable, "-c", script], low_priority=low_priority) as child:
+            assert list(child.records())[-1]["nice"] == [min(19, os.nice(0) + low_priority * 10)] * 2

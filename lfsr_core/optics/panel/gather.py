@@ -6,12 +6,12 @@ Per subpixel one four-byte index of its first sample, and one weight per interpo
 from __future__ import annotations
 
 import dataclasses
-import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from lfsr_core.arrays import Array
+from lfsr_core.cores import usable_cores
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
@@ -62,7 +62,7 @@ def gather_map(profile: DisplayProfile, sampling: str) -> GatherMap:
             for weight, fraction in zip(weights, fractions, strict=True):
                 weight[part, :, channel] = np.rint(fraction * ONE)
 
-    with ThreadPoolExecutor(min(os.cpu_count() or 1, MAX_WORKERS)) as pool:
+    with ThreadPoolExecutor(min(usable_cores(), MAX_WORKERS)) as pool:
         list(pool.map(work, range(0, size[0], ROWS_AT_ONCE)))
     axes = (Axis(stride, weight) for stride, weight in zip(strides, weights, strict=True))
     return GatherMap((columns, rows), first, tuple(axis for axis in axes if axis.weights.any()))

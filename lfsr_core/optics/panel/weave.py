@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from lfsr_core.arrays import Array
+from lfsr_core.cores import usable_cores
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.panel.gather import MAX_WORKERS, ONE, GatherMap
 
@@ -36,7 +36,7 @@ def weave(eia: Array, mapped: GatherMap) -> Array:
         index, mixed = first[part].astype(np.intp), [(stride, weights[part]) for stride, weights in axes]
         shown[part] = _mixed(source, index, mixed)
 
-    with ThreadPoolExecutor(min(os.cpu_count() or 1, MAX_WORKERS)) as pool:
+    with ThreadPoolExecutor(min(usable_cores(), MAX_WORKERS)) as pool:
         list(pool.map(work, range(0, first.size, AT_ONCE)))
     return result
 

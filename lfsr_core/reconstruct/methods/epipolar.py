@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -19,6 +18,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from lfsr_core.arrays import Array
+from lfsr_core.cores import usable_cores
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Cleaner
 from lfsr_core.reconstruct.encoding import decode, encode
@@ -115,7 +115,7 @@ class Recovering:
         def work(part: Array) -> None:
             cleaned[part[:, 0], part[:, 1]] = self._upscaler.clean(low, part)
 
-        workers = max(1, min(os.cpu_count() or 1, MAX_WORKERS)) if self.thread_safe else 1
+        workers = min(usable_cores(), MAX_WORKERS) if self.thread_safe else 1
         with threadpool_limits(1, "blas"), ThreadPoolExecutor(workers) as pool:
             list(pool.map(work, [lenses[start:start + STEP] for start in range(0, len(lenses), STEP)]))
         return cleaned

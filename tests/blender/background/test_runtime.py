@@ -11,6 +11,7 @@ import pytest
 from blender_addon.background import runtime
 from blender_addon.ui import preferences
 from lfsr_core import __version__
+from lfsr_core.cores import CORES
 from lfsr_core.errors import LfsrError
 
 
@@ -45,6 +46,15 @@ def test_library_that_is_not_installed_is_reported(addon, monkeypatch):
     monkeypatch.setattr(runtime.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(LfsrError, match="install the add-on from its zip again"):
         runtime.second_stage_command()
+
+
+def test_cores_stay_free_as_the_preference_says(addon, monkeypatch):
+    monkeypatch.setattr(runtime.os, "cpu_count", lambda: 8)
+    for free, used in ((1, "7"), (0, "8"), (3, "5"), (9, "1")):
+        addon.free_cores = free
+        assert {runtime.environment()[name] for name in (CORES, "OIDN_NUM_THREADS")} == {used}
+    monkeypatch.setenv(CORES, "2")
+    assert runtime.environment()[CORES] == "2", "the user's own choice"
 
 
 @pytest.fixture

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
+
 import bpy
 import OpenImageIO as oiio
 import pytest
 
 from blender_addon.render import frame_folder, view_by_view
+from blender_addon.render.cycles import RenderSettings, cycles_settings
 from blender_addon.render.overrides import overridden
+from lfsr_core.cores import CORES
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.images import exr
@@ -162,3 +166,16 @@ def test_progress_grows_to_one(worn, tmp_path):
     assert any(message.startswith("4/4: Sample") for message in said)
     assert any("Updating Scene BVH: Building" in message for message in said), "also while Cycles gets ready"
     assert not any("Mem:" in message for message in said)
+
+
+@pytest.mark.parametrize(("own", "allowed", "used"), [(None, None, os.cpu_count()), (None, 1, 1), (1, 9, 1)])
+def test_renders_use_the_cores_that_they_may(scene, monkeypatch, own, allowed, used):
+    monkeypatch.delenv(CORES, raising=False)
+    if allowed:
+        monkeypatch.setenv(CORES, str(allowed))
+    if own:
+        scene.render.threads_mode, scene.render.threads = "FIXED", own
+    before = scene.render.threads_mode, scene.render.threads
+    with cycles_settings(scene, RenderSettings(), (32, 24)):
+        assert scene.render.threads == used
+    assert (scene.render.threads_mode, scene.render.threads) == before
