@@ -18,7 +18,7 @@ from lfsr_core.sequence.numbers import spread
 
 from ..array.scale import scale_of
 from ..settings import folders, scene_settings
-from . import runtime
+from . import estimate, runtime
 from .steps import PANEL_TASKS, Steps, file_copy, render_step, rendering_step, second_stage_step
 
 RENDER_FRACTION = 0.85  # of a frame's time
@@ -79,7 +79,7 @@ def render_animation(recipe: Recipe) -> Steps:
     with file_copy() as copy:
         job = dataclasses.replace(recipe.job, scene=str(copy), output=str(output))
         second = {"method": recipe.method, "linear_exr": recipe.linear_exr, "share_frames": recipe.temporal_averaging}
-        step = rendering_step("Rendering animation", 0.98, copy.parent, "animation", job=to_data(job),
+        step = rendering_step("Rendering", 0.98, copy.parent, "animation", job=to_data(job),
                               frames=recipe.frames, second=second, overwrite=recipe.overwrite)
         done = yield dataclasses.replace(step, resumes=True)
     print(done["table"])
@@ -98,11 +98,14 @@ def render_frame(recipe: Recipe) -> Steps:
         staged.mkdir()
         job = dataclasses.replace(recipe.job, scene=str(copy), output=str(staged),
                                   parts=str(parts_folder(recipe.folder)))
-        yield render_step(job, folder, RENDER_FRACTION, "Rendering")
-        yield second_stage_step(
-            "Denoising" if recipe.is_direct else "Upscaling", 1 - RENDER_FRACTION, folder, "upscale",
+        stage = "Denoising" if recipe.is_direct else "Upscaling"
+        seconds = estimate.second_stage(job.display, job.scale, recipe.method)
+        yield render_step(job, folder, RENDER_FRACTION, "Rendering", estimate.expected(stage, seconds))
+        finish = second_stage_step(
+            stage, 1 - RENDER_FRACTION, folder, "upscale",
             folder=str(staged), method=recipe.method, linear_exr=recipe.linear_exr,
             views=None if recipe.is_direct else str(views_file(recipe.folder)))
+        yield dataclasses.replace(finish, seconds=seconds)
         publish(staged, recipe.folder, DERIVED_FILES)
     return recipe.folder
 

@@ -14,10 +14,11 @@ from lfsr_core.files import system_errors
 
 from ..results import show_image
 from ..settings.words import capitalized, clock
-from .steps import Steps, Task
+from .steps import OPENING, Steps, Task
 
 SECONDS_BETWEEN_LOOKS = 0.1
 POPUP_COLUMNS = 90
+STATUS_WIDTH = 12  # of the progress in the status bar, in Blender's units
 MOST_WARNINGS = 3  # that a panel shows
 
 _current: Task | None = None
@@ -142,21 +143,24 @@ def redraw() -> None:
 def draw_status(header: bpy.types.Header, _context: bpy.types.Context) -> None:
     """Left end of the status bar while a task runs."""
     if _current is not None:
-        draw_progress(header.layout.row(align=True), _current)
+        row = header.layout.row(align=True)
+        row.ui_units_x = STATUS_WIDTH  # else Blender cuts the text
+        draw_progress(row, _current)
 
 
 def draw_progress(row: bpy.types.UILayout, task: Task) -> None:
-    """Draw the stage, the time left, what is being done, and the cancel button."""
-    row.progress(factor=task.fraction, text=f"{task.stage} {progress_text(task)}")
+    """Draw the stage and the time left, and the cancel button."""
+    row.progress(factor=task.fraction, text=progress_text(task))
     row.operator("lfsr.cancel", text="", icon="X")
 
 
 def progress_text(task: Task) -> str:
-    """Percentage, time left and what is done, as in "42%, 0:31 left, Sample 7/16"."""
+    """Stage, percentage and time left, as in "Rendering 42%, 0:31 left"; first that the scene is opened."""
     seconds = task.seconds_left
-    left = "" if seconds is None else f", {int(seconds) // 60}:{int(seconds) % 60:02d} left"
-    doing = f", {task.message}" if task.message else ""
-    return f"{task.fraction:.0%}{left}{doing}"
+    if seconds is None and task.message == OPENING:
+        return OPENING
+    left = "" if seconds is None else f", {clock(seconds)} left"
+    return f"{task.stage} {task.fraction:.0%}{left}"
 
 
 @bpy.app.handlers.persistent

@@ -24,12 +24,12 @@ from lfsr_core.records import to_data
 from lfsr_core.render.staging import has_parts
 
 from ..settings import folders
-from . import runtime
+from . import estimate, runtime
 from .worker import Worker
 
 PANEL_TASKS = "lfsr_core.tasks.runner"
 CONTINUE = "Render again to continue"
-LEAST_FRACTION = 0.02  # below it, time left is a guess
+OPENING = "Opening the scene"  # instead of its temporary path
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,6 +41,9 @@ class Step:
     worker: str  # the process in error messages, as "The render"
     command: list[str]
     parts: Path | None = None  # folder in which it caches parts of a long render
+    seconds: float | None = None  # that it takes on a usual machine, None where only its progress tells
+    after: float = 0.0  # seconds of the steps after it
+    message: str = ""  # what is shown until it reports
     resumes: bool = False  # whether the same step continues where it was stopped, also without parts
 
 
@@ -57,22 +60,24 @@ class Task:
         self.result: Any = None
         self.worker: Worker | None = None
         self._steps, self._started = steps, time.monotonic()
-        self._before = self._within = 0.0
+        self._before = self._shown = 0.0
+        self._clock = estimate.StepClock(self._started)
         self._step: Step | None = None
         self._parts: Path | None = None  # of the last render
         self._advance(None)
 
     @property
     def fraction(self) -> float:
-        """Fraction of the whole task that is done, 0 to 1."""
-        return min(1.0, self._before + (self._step.fraction * self._within if self._step else 0.0))
+        """Fraction of the whole task that is done, 0 to 1; it never falls."""
+        share = self._step.fraction * self._clock.share(time.monotonic()) if self._step else 0.0
+        self._shown = min(1.0, max(self._shown, self._before + share))
+        return self._shown
 
     @property
     def seconds_left(self) -> float | None:
-        """Estimate from the time that has passed; None while it would be a guess."""
-        if self.fraction < LEAST_FRACTION:
-            return None
-        return (time.monotonic() - self._started) * (1 - self.fraction) / self.fraction
+        """Seconds left of the whole task; None while they cannot be told."""
+        left = self._clock.left(time.monotonic())
+        return None if left is None or self._step is None else left + self._step.after
 
     @property
     def seconds(self) -> float:
@@ -128,26 +133,35 @@ class Task:
         if record.get("warning"):
             self.warnings.append(str(record.get("message", "")))
         elif "fraction" in record:
-            self._within = max(self._within, min(1.0, float(record["fraction"])))
-            self.message = str(record.get("message", ""))
+            is_open = record.get("stage") == "open"
+            self.message = OPENING if is_open else str(record.get("message", ""))
+            if not is_open and not record.get("repeated"):
+                self._clock.take(time.monotonic(), min(1.0, float(record["fraction"])))
 
     def _advance(self, record: dict[str, Any] | None) -> None:
         if self._step is not None:
             self._before += self._step.fraction
+            if self._step.seconds is not None:
+                took = time.monotonic() - self._clock.started
+                estimate.learn(self._step.stage, self._clock.expected or 0.0, took)
         try:
             self._step = next(self._steps) if record is None else self._steps.send(record)
         except StopIteration as end:
             self._step, self.worker, self.result = None, None, end.value
             return
-        self._within, self.message, self.stage = 0.0, "", self._step.stage
+        self.message, self.stage = self._step.message, self._step.stage
+        seconds = self._step.seconds
+        self._clock = estimate.StepClock(
+            time.monotonic(), seconds if seconds is None else estimate.expected(self.stage, seconds))
         self._parts = self._step.parts or self._parts
         self.worker = Worker(self._step.worker, self._step.command)
 
 
-def render_step(job: Job, folder: Path, fraction: float, stage: str) -> Step:
+def render_step(job: Job, folder: Path, fraction: float, stage: str, after: float = 0.0) -> Step:
     """Render ``job`` in a background Blender; the job file goes into ``folder``. Else as of ``Step``."""
     path = _write(folder / "job.json", to_data(job))
-    return Step(stage, fraction, "The render", _render_command(path), Path(job.parts) if job.parts else None)
+    return Step(stage, fraction, "The render", _render_command(path), Path(job.parts) if job.parts else None,
+                after=after, message=OPENING)
 
 
 def second_stage_step(stage: str, fraction: float, work: Path, task: str, /, **arguments: Any) -> Step:
@@ -161,7 +175,8 @@ def second_stage_step(stage: str, fraction: float, work: Path, task: str, /, **a
 
 def rendering_step(stage: str, fraction: float, work: Path, task: str, /, **arguments: Any) -> Step:
     """Run a task that starts renders itself: a ``second_stage_step`` with the ``command`` for renders."""
-    return second_stage_step(stage, fraction, work, task, **arguments, command=_render_command(Path())[:-1])
+    step = second_stage_step(stage, fraction, work, task, **arguments, command=_render_command(Path())[:-1])
+    return dataclasses.replace(step, message=OPENING)
 
 
 @contextmanager

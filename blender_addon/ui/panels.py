@@ -8,6 +8,7 @@ from lfsr_core.errors import LfsrError
 
 from ..array import rig
 from ..background import session
+from ..background.steps import OPENING
 from ..results import preview
 from ..settings import folders, scene_settings
 from ..settings.displays import PROFILE_FILE
@@ -156,6 +157,8 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         layout, task = self.layout, session.current()
         if task is not None:
             session.draw_progress(layout.row(align=True), task)
+            if task.message and task.message != OPENING:
+                sentence(layout, task.message, "NONE", context)
         else:
             _draw_outcome(layout, context)
         column = layout.column()

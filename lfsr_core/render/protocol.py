@@ -97,4 +97,4 @@ def _repeat(ended: threading.Event, silence: float) -> None:
         if last and seconds >= silence:
             message = f"{last[0].get('message', '')}, for {seconds:.0f} s".removeprefix(", ")
             with _speaking:
-                _write(last[0] | {"message": message})
+                _write(last[0] | {"message": message, "repeated": True})

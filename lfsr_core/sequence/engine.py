@@ -49,6 +49,7 @@ class Tools:
     warn: Warn = lambda sentence: None
     chunk: int = CHUNK
     overwrite: bool = False  # whether to render finished frames again
+    tells_left: bool = True  # whether its progress says how much time is left
 
 
 class _CancelledError(Exception):
@@ -149,7 +150,7 @@ class _Run:
         if self.waiting and stage == "render":
             rendered = self.count - len(self.waiting)
             told, done = f"frame {self.waiting[0].frame}, {rendered + 1} of {self.count}", rendered + fraction
-            if done >= 0.05:
+            if done >= 0.05 and self.tools.tells_left:
                 seconds = (time.monotonic() - self.since) / done * (self.count - done)
                 told += f", {duration(seconds)} left"
             self.tell(told, fraction)

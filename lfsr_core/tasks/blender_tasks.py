@@ -75,7 +75,9 @@ def animation(job: dict[str, Any], frames: list[int], second: dict[str, Any], co
     animation = animation_of(from_data(Job, job, "job of the animation"), frames,
                              from_data(SecondStage, second, "second stage of the animation"), lenient=True)
     blender = RenderCommand(tuple(command))
-    results = render_animation(animation, Tools(blender, emit_progress, emit_warning, overwrite=overwrite))
+    # The panel says itself how much time is left.
+    tools = Tools(blender, emit_progress, emit_warning, overwrite=overwrite, tells_left=False)
+    results = render_animation(animation, tools)
     _warn_of_older(animation, results)
     failed = [f"frame {result.frame}: {result.error}" for result in results if result.state == FAILED]
     return {"table": table(results), "sentence": counts(results, time.monotonic() - started),

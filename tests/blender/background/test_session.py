@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.background import recipes, session
+from blender_addon.background import recipes, session, steps
 from blender_addon.ui.operators import render
 from tests.support import panel
 
@@ -73,16 +73,24 @@ def test_a_cancelled_animation_can_be_continued(scene):
     assert bpy.context.window_manager.lfsr.message == task.cancelled == "Cancelled. Render again to continue"
 
 
-def test_progress_and_time_left(scene):
+def test_progress_and_time_left(scene, monkeypatch):
     task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
-    task._take({"stage": "render", "fraction": 0.5})
-    task._started -= 10
-    assert task.fraction == pytest.approx(0.5 * recipes.RENDER_FRACTION)
-    assert task.seconds_left == pytest.approx(10 * (1 - task.fraction) / task.fraction, abs=1)
-    assert session.progress_text(task).startswith("42%, 0:13 left")
-    assert task.stage == "Rendering"
-    task._take({"stage": "render", "fraction": 0.0, "message": "Updating Scene BVH: Building, for 7 s"})
-    assert session.progress_text(task).startswith("42%, 0:13 left, Updating Scene BVH: Building, for 7 s")
+    assert session.progress_text(task) == "Opening the scene"
+    task._take({"stage": "open", "fraction": 0.0, "message": "/tmp/copy.blend, for 3 s"})
+    assert task.message == session.progress_text(task) == "Opening the scene", "no temporary path"
+    now = time.monotonic()
+    monkeypatch.setattr(steps.time, "monotonic", lambda: now)
+    task._take({"stage": "render", "fraction": 0.0, "message": "Sample 0/4"})
+    assert task.seconds_left is None and session.progress_text(task) == "Rendering 0%"
+    now += 10
+    task._take({"stage": "render", "fraction": 0.5, "message": "Sample 2/4"})
+    finish = task._step.after
+    assert task.seconds_left == pytest.approx(10 + finish) and finish > 1
+    assert session.progress_text(task) == f"Rendering 42%, 0:{10 + finish:02.0f} left"
+    now += 4
+    task._take({"stage": "render", "fraction": 0.5, "message": "Sample 2/4, for 4 s", "repeated": True})
+    assert task.seconds_left == pytest.approx(6 + finish), "no news is not slower"
+    assert task.fraction == pytest.approx(0.7 * recipes.RENDER_FRACTION) and task.message == "Sample 2/4, for 4 s"
     session.cancel()
 
 

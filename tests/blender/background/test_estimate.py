@@ -1,0 +1,61 @@
+"""How long a step will take: exact where its speed is even, and never a surprise where it is not."""
+
+from __future__ import annotations
+
+import pytest
+
+from blender_addon.background import estimate
+from blender_addon.background.estimate import StepClock
+from lfsr_core.optics.display import load_display
+
+OPENING = 30.0  # seconds before the work begins
+
+
+@pytest.fixture(autouse=True)
+def nothing_learned(monkeypatch):
+    monkeypatch.setattr(estimate, "_slower", {})
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.4])
+def test_even_work_is_told_exactly_whatever_came_before_it(kept):
+    """``kept``: fraction that an earlier run has left."""
+    clock = StepClock(0.0)
+    for second in range(int(OPENING)):
+        assert clock.left(second) is None and clock.share(second) == 0
+    clock.take(OPENING - 5, kept)
+    clock.take(OPENING, kept)
+    for second in range(1, 20):
+        done = kept + (1 - kept) * second / 20
+        clock.take(OPENING + second, done)
+        assert clock.left(OPENING + second) == pytest.approx(20 - second)
+        assert clock.left(OPENING + second + 0.5) == pytest.approx(19.5 - second), "it counts down between reports"
+        assert done <= clock.share(OPENING + second + 0.5) < 1
+
+
+def test_silence_never_ends_at_nothing_left():
+    clock = StepClock(0.0)
+    clock.take(0.0, 0.0)
+    clock.take(1.0, 0.5)
+    left = [clock.left(second) for second in range(1, 60)]
+    assert min(left) > 0 and left[0] == pytest.approx(1.0) and left[-1] > 20
+    shares = [clock.share(second) for second in range(1, 60)]
+    assert min(shares) >= 0.5 and max(shares) < 1
+
+
+def test_what_is_expected_counts_until_it_is_learned():
+    clock = StepClock(100.0, 8.0)
+    clock.take(101.0, 0.9)  # a second stage's steps are not even
+    assert clock.left(102.0) == pytest.approx(6.0) and clock.share(104.0) == pytest.approx(0.9)
+    assert clock.share(99.9) == 0.9
+    assert estimate.expected("Upscaling", 4.0) == 4.0
+    estimate.learn("Upscaling", 4.0, 12.0)
+    assert estimate.expected("Upscaling", 2.0) == pytest.approx(6.0)
+    estimate.learn("Upscaling", 6.0, 6.0)
+    assert estimate.expected("Upscaling", 2.0) == pytest.approx(6.0) and estimate.expected("Denoising", 2.0) == 2.0
+
+
+def test_a_larger_image_and_a_denoiser_take_longer():
+    small, large = load_display("mini"), load_display("bupt-32in-8k")
+    seconds = [estimate.second_stage(small, 2, "bilinear"), estimate.second_stage(large, 4, "bilinear"),
+               estimate.second_stage(large, 4, "denoise+bilinear+epi"), estimate.second_stage(large, 1, "denoise")]
+    assert seconds == sorted(seconds) and seconds[-1] > 2 * seconds[-2]
