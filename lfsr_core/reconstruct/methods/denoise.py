@@ -33,9 +33,9 @@ def denoise_eia(color: Array, *, weights: bytes | None = None, exposure: float =
     ``weights``: of ``denoiser.load``, which see display white as 1; None for the library's own, which expose by
     themselves. ``exposure``: of the view transform in stops, for the first.
     """
-    if not is_available():
-        raise LfsrError("Open Image Denoise is not available (neither pyoidn nor Blender's libOpenImageDenoise was "
-                        "found): install the package pyoidn, or choose a method without a denoiser, such as 'bilinear'")
+    if reason := oidn.why_missing():
+        raise LfsrError(f"Open Image Denoise is not available ({reason}): install the package pyoidn, or choose a "
+                        "method without a denoiser, such as 'bilinear'")
     try:
         denoised = oidn.denoise(np.asarray(color, np.float32), hdr=True, quality="high", weights=weights,
                                 input_scale=None if weights is None else 2.0 ** exposure)
@@ -94,5 +94,5 @@ def span(wanted: Array, pixels: int) -> slice:
 
 
 def is_available() -> bool:
-    """Whether this Python has pyoidn or finds Blender's library."""
-    return any(oidn.find_libraries())
+    """Whether this Python finds a library that loads."""
+    return not oidn.why_missing()

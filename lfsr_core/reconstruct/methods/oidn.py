@@ -1,7 +1,7 @@
-"""Open Image Denoise through its C library: that of the package pyoidn, else Blender's own.
+"""Open Image Denoise through its C library: the user's choice, that of the package pyoidn, Blender's, or the system's.
 
-Blender ships the library beside its Python, so the extension need not bring another 50 to 90 MB. The package is not
-imported: it offers no weights of ours and loads PyTorch. Only the functions that ``denoise.py`` needs are bound
+Blender ships the library beside its Python, so the extension need not bring another 50 to 90 MB; distributions build
+Blender without it, and some have a package of it. pyoidn is not imported: it offers no weights of ours and loads PyTorch. Only the functions that ``denoise.py`` needs are bound
 (OpenImageDenoise/oidn.h, version 2).
 """
 
@@ -11,6 +11,7 @@ import ctypes
 import dataclasses
 import functools
 import importlib.util
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,6 +23,10 @@ from lfsr_core.arrays import Array
 # Relative to pyoidn's folder or one above Blender's Python: Linux, macOS, Windows (pyoidn, Blender, the bpy wheel).
 PLACES = ("lib/libOpenImageDenoise.so.2", "lib/libOpenImageDenoise.dylib", "bin/OpenImageDenoise.dll",
           "blender.shared/OpenImageDenoise.dll", "OpenImageDenoise.dll")
+# Of a distribution, where the loader finds it, and of Homebrew.
+SYSTEM_LIBRARIES = {"linux": ("libOpenImageDenoise.so.2",), "darwin": (
+    "/opt/homebrew/lib/libOpenImageDenoise.dylib", "/usr/local/lib/libOpenImageDenoise.dylib")}
+LIBRARY_VARIABLE = "LFSR_OIDN"  # environment variable: the library to use
 CPU_MODULE = "OpenImageDenoise_device_cpu.dll"  # Windows finds what it needs only if it is loaded by its path
 CPU_DEVICE, FLOAT3 = 1, 3  # OIDNDeviceType, OIDNFormat
 QUALITIES = {"fast": 4, "balanced": 5, "high": 6}  # OIDNQuality; "fast" exists since library 2.3
@@ -82,8 +87,23 @@ class Settings:
 
 
 def find_libraries() -> Iterator[Path]:
-    """Paths of the libraries, the best first: pyoidn's, then Blender's; neither package is imported."""
-    return (path for folder in _folders() for path in map(folder.joinpath, PLACES) if path.is_file())
+    """Paths of the libraries, the best first: $LFSR_OIDN, pyoidn's, Blender's; no package is imported.
+
+    The system's comes last and need not exist where it has no folder: its loader looks for it.
+    """
+    if chosen := os.environ.get(LIBRARY_VARIABLE):
+        yield Path(chosen)
+    yield from (path for folder in _folders() for path in map(folder.joinpath, PLACES) if path.is_file())
+    yield from map(Path, SYSTEM_LIBRARIES.get(sys.platform, ()))
+
+
+def why_missing() -> str:
+    """Return why no library loads, "" where one does."""
+    try:
+        _load(tuple(find_libraries()))
+    except ImportError as error:
+        return str(error)
+    return ""
 
 
 def _folders() -> Iterator[Path]:
@@ -103,13 +123,14 @@ def _package(name: str) -> Iterator[Path]:
 @functools.lru_cache(maxsize=4)
 def _load(paths: tuple[Path, ...]) -> ctypes.CDLL:
     """The first library that loads."""
-    problem = "neither pyoidn nor Blender's libOpenImageDenoise was found"
+    problems = []
     for path in paths:
         try:
             return _bound(path)
         except (OSError, AttributeError) as error:
-            problem = f"{path} cannot be loaded: {error}"
-    raise ImportError(problem)
+            problems += [f"{path} cannot be loaded: {error}"] if path.is_file() else []
+    raise ImportError(problems[0] if problems else "neither pyoidn nor a libOpenImageDenoise of Blender or the system "
+                      "was found")
 
 
 def _bound(path: Path) -> ctypes.CDLL:

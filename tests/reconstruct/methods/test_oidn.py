@@ -1,5 +1,7 @@
 """The C library: the same image as through the package pyoidn."""
 
+import os
+import subprocess
 import sys
 
 import numpy as np
@@ -38,6 +40,29 @@ def test_a_library_that_does_not_load_gives_way_to_the_next(tmp_path, monkeypatc
     monkeypatch.setattr(oidn, "find_libraries", lambda: iter((broken,)))
     with pytest.raises(ImportError, match="cannot be loaded"):
         oidn.denoise(COLOR, hdr=True)
+
+
+def test_the_library_that_the_user_names_comes_first(tmp_path, monkeypatch):
+    works = next(oidn.find_libraries())
+    monkeypatch.setenv(oidn.LIBRARY_VARIABLE, str(works))
+    assert next(oidn.find_libraries()) == works and oidn.why_missing() == ""
+    monkeypatch.setenv(oidn.LIBRARY_VARIABLE, str(tmp_path / "gone.so"))
+    assert next(oidn.find_libraries()) == tmp_path / "gone.so" and oidn.why_missing() == ""  # the next one loads
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the loader's search is that of Linux")
+def test_the_systems_library_is_found_by_its_name(tmp_path):
+    library = next(path for path in oidn.find_libraries() if "pyoidn" not in str(path))
+    (tmp_path / "system").symlink_to(library.parent)
+    program = ("from lfsr_core.reconstruct.methods import oidn; import sys; oidn._folders = lambda: iter(())\n"
+               "import numpy as np; sys.stdout.write(oidn.why_missing() or str(oidn.denoise(np.ones((9, 9, 3))).max()))")
+
+    def said(**environment):
+        return subprocess.run([sys.executable, "-c", program], env=os.environ | environment, text=True, check=True,
+                              capture_output=True).stdout
+
+    assert said().startswith("neither pyoidn nor a libOpenImageDenoise of Blender or the system was found")
+    assert float(said(LD_LIBRARY_PATH=str(tmp_path / "system"))) == pytest.approx(1, abs=0.1)
 
 
 def test_input_scale_multiplies_what_the_network_sees():
