@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import EIA_FILE, SUBPIXELS, frame_folder
+from lfsr_core.frames.frame import EIA_FILE, SUBPIXELS, frame_folder, read_rendered
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.records import to_data
@@ -105,9 +105,22 @@ def render_frame(recipe: Recipe) -> Steps:
             stage, 1 - RENDER_FRACTION, folder, "upscale",
             folder=str(staged), method=recipe.method, linear_exr=recipe.linear_exr,
             views=None if recipe.is_direct else str(views_file(recipe.folder)))
-        yield dataclasses.replace(finish, seconds=seconds)
+        try:
+            yield dataclasses.replace(finish, seconds=seconds)
+        except LfsrError as error:
+            publish(staged, recipe.folder, DERIVED_FILES)
+            raise LfsrError(f"{error}. The render is kept: finish it with another method") from None
         publish(staged, recipe.folder, DERIVED_FILES)
     return recipe.folder
+
+
+def finish_frame(folder: Path, method: str, linear_exr: bool) -> Steps:
+    """Finish the rendered frame in ``folder``; the result is the folder."""
+    views = None if read_rendered(folder).panel_rays else str(views_file(folder))
+    with staging_folder(runtime.temporary("finish", folder)) as work:
+        yield second_stage_step("Upscaling" if views else "Denoising", 1.0, work, "upscale", folder=str(folder),
+                                method=method, linear_exr=linear_exr, views=views)
+    return folder
 
 
 def reference_recipe(scene: bpy.types.Scene) -> tuple[Recipe, Job]:

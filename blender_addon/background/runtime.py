@@ -17,6 +17,7 @@ import bpy
 
 from lfsr_core.cores import CORES
 from lfsr_core.errors import LfsrError
+from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
 
 PACKAGE = __package__.rpartition(".")[0]  # the add-on, under the name that Blender gave it
 PYTHON_VARIABLE = "LFSR_PYTHON"
@@ -64,7 +65,9 @@ def _covers(entry: bpy.types.PathCompare, file: str) -> bool:
 def environment() -> dict[str, str]:
     """Environment for those processes: this one's, without the variables that change where Python finds modules."""
     kept = {name: value for name, value in os.environ.items() if name not in PYTHON_VARIABLES}
-    return _few_cores() | kept | {"PYTHONUNBUFFERED": "1", "PYTHONUTF8": "1"}
+    library = chosen_library()
+    chosen = {LIBRARY_VARIABLE: library} if library else {}
+    return _few_cores() | kept | chosen | {"PYTHONUNBUFFERED": "1", "PYTHONUTF8": "1"}
 
 
 def _few_cores() -> dict[str, str]:
@@ -87,6 +90,16 @@ def chosen_python() -> str | None:
         raise LfsrError(f"Python {chosen!r} does not exist: choose another in the add-on's preferences, or clear it "
                         "to use Blender's own")
     return chosen or None
+
+
+def chosen_library() -> str:
+    """The user's own library of Open Image Denoise: the preference, else $LFSR_OIDN; "" means one that is found."""
+    preferred = getattr(_preferences(), "oidn_path", "").strip()
+    chosen: str = bpy.path.abspath(preferred) if preferred else os.environ.get(LIBRARY_VARIABLE, "")
+    if chosen and not Path(chosen).is_file():
+        raise LfsrError(f"the library {chosen!r} of Open Image Denoise does not exist: choose another in the add-on's "
+                        "preferences, or clear it")
+    return chosen
 
 
 def _preferences() -> bpy.types.AddonPreferences | None:

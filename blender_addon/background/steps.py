@@ -105,11 +105,19 @@ class Task:
         if running:
             return False
         try:
-            self._advance(self.worker.check())
+            self._advance(self._result(self.worker))
         except BaseException:
             self.cancel()
             raise
         return self.worker is None
+
+    def _result(self, worker: Worker) -> dict[str, Any]:
+        """What ``worker`` returned; an error goes through the steps, which may keep what is done."""
+        try:
+            return worker.check()
+        except LfsrError as error:
+            self._steps.throw(error)
+            raise
 
     def cancel(self) -> None:
         """Stop the worker and tidy up after all steps."""

@@ -10,6 +10,7 @@ from lfsr_core.errors import LfsrError
 
 from ..array.edit import add
 from ..array.rig import check_editable
+from ..background import denoiser
 from ..scene.light import add_light
 from ..scene.subject import BACKGROUND_COLLECTION
 from ..settings import scene_settings
@@ -71,6 +72,7 @@ FIXES: dict[str, Fix] = {
     "dim": _add_light,
     "engine": _setting("render", engine="CYCLES"),
     "script": _setting("cycles", device="CPU", shading_system=True), "dirty": _pack, "background": _to_background,
+    "denoise": lambda scene, _target: denoiser.use_replacement(scene, scene_settings.resolve(scene)),
     "filter": _setting("cycles", pixel_filter_type="BOX"), "denoiser": _setting("cycles", use_denoising=False),
     "motion": _setting("render", use_motion_blur=False), "focus": _no_focus}
 OUTSIDE_SCENE = ("cycles", "dirty", "focus")  # fixes that change more than the scene

@@ -10,6 +10,7 @@ from lfsr_core.errors import LfsrError
 
 from ..array import rig
 from ..array.cameras import mirror_notices
+from ..background import denoiser
 from ..render import devices
 from ..results import preview
 from ..scene.light import has_light, is_dim
@@ -17,6 +18,7 @@ from ..scene.notices import left_out, missing_images
 from ..scene.subject import find_subject
 from ..settings import folders, scene_settings
 from ..settings.lights import AUTO_LIGHT, SCENE_LIGHTS
+from ..settings.methods import title
 from ..settings.words import capitalized
 from . import geometry
 from .problem import ERROR, INFO, SEVERITIES, Problem
@@ -24,7 +26,8 @@ from .problem import ERROR, INFO, SEVERITIES, Problem
 
 def check_scene(scene: bpy.types.Scene) -> list[Problem]:
     """Return everything found, worst first."""
-    checks = (_renderer, _settings, _array, _light, _scripts, _images, _geometry, _filters, _blur, _ignored)
+    checks = (_renderer, _settings, _array, _light, _scripts, _images, _geometry, _denoiser, _filters, _blur,
+              _ignored)
     found = [problem for check in checks for problem in check(scene)]
     return sorted(found, key=lambda problem: SEVERITIES.index(problem.severity))
 
@@ -107,6 +110,17 @@ def _geometry(scene: bpy.types.Scene) -> Iterator[Problem]:
     # Where nothing is reconstructed, marking the background saves no time.
     ignored = {"background"} if scene_settings.is_direct(scene) else set()
     yield from (problem for problem in found if problem.code not in ignored)
+
+
+def _denoiser(scene: bpy.types.Scene) -> Iterator[Problem]:
+    try:
+        settings = scene_settings.resolve(scene)
+        lacking = denoiser.lacking(settings)
+    except LfsrError:
+        return  # said by _settings, or by the render
+    if lacking:
+        yield Problem("denoise", "Open Image Denoise", f"{lacking}. {denoiser.where_to_get()}.",
+                      f"Use {title(denoiser.replacement(settings).text)}", ERROR)
 
 
 def _filters(scene: bpy.types.Scene) -> Iterator[Problem]:

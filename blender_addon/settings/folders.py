@@ -14,7 +14,16 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import check_name
 from lfsr_core.frames.averaging import seed_in_turn
-from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, SUBPIXELS, Frame, read_part, read_rendered
+from lfsr_core.frames.frame import (
+    EIA_FILE,
+    FRAME_FILE,
+    LOW_RES_FILE,
+    PANEL_FILE,
+    SUBPIXELS,
+    Frame,
+    read_part,
+    read_rendered,
+)
 from lfsr_core.frames.identity import is_of, is_same
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
@@ -78,6 +87,14 @@ def first_foreign(scene: bpy.types.Scene, frames: Iterable[int]) -> str:
     """Return a sentence on the first of ``frames`` whose folder has the image of another file or scene, else ""."""
     taken = [folder for folder in (frame_folder(scene, number) for number in frames) if not is_own(scene, folder)]
     return _foreign(taken[0]) if taken else ""
+
+
+def is_unfinished(folder: Path) -> bool:
+    """True if ``folder`` holds a render of which the second stage made no image."""
+    def has(name: str) -> bool:
+        return (folder / name).is_file()
+
+    return has(FRAME_FILE) and has(LOW_RES_FILE) and not has(EIA_FILE) and not has(PANEL_FILE)
 
 
 def is_complete(folder: Path, job: Job, method: str) -> bool:

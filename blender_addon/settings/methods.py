@@ -25,6 +25,11 @@ MORE = {
 }
 
 
+def title(name: str) -> str:
+    """Title of a method in the menu; of one that is not in it, its name."""
+    return (METHODS | MORE).get(name, (name, ""))[0]
+
+
 def method_items() -> list[tuple[str, str, str, str, int]]:
     """Enum items; each has a number of its own, so that new methods do not change saved scenes."""
     return [*_items(METHODS), ("", "More", "", "NONE", 0), *_items(MORE)]

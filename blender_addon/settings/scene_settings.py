@@ -14,7 +14,7 @@ from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PANEL_METHODS, MethodName
+from lfsr_core.reconstruct.method_name import AS_RENDERED, DEFAULT_METHOD, PANEL_METHODS, MethodName
 
 from ..array import rig
 from ..render import devices
@@ -80,7 +80,8 @@ def resolve(scene: bpy.types.Scene) -> Resolved:
     """Resolve the settings; LfsrError where the display's profile cannot be read."""
     settings, display, device = scene.lfsr, display_of(scene), device_of(scene)
     is_direct = settings.straight and display.is_woven
-    method = MethodName.parse(PANEL_METHODS[0] if is_direct else settings.method or DEFAULT_METHOD)
+    direct = AS_RENDERED if settings.method == AS_RENDERED else PANEL_METHODS[0]
+    method = MethodName.parse(direct if is_direct else settings.method or DEFAULT_METHOD)
     scales = method.scales_of(scales_up_to(display)) if settings.scale == AUTO_SCALE and not is_direct else ()
     scale = 1 if is_direct else scales[0] if scales else int(settings.scale)
     rays = None if settings.samples else settings.rays

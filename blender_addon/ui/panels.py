@@ -173,6 +173,8 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         state = context.window_manager.lfsr
         if state.message:
             sentence(layout, state.message, "ERROR" if state.message_is_error else "INFO", context)
+        if task is None:
+            _draw_unfinished(layout, context)
 
 
 class LFSR_PT_reference(LightFieldPanel, bpy.types.Panel):
@@ -255,6 +257,18 @@ def _is_light_field(scene: bpy.types.Scene, folder: str) -> bool:
         return str(folders.frame_folder(scene)) == folder and not scene_settings.is_direct(scene)
     except LfsrError:
         return False
+
+
+def _draw_unfinished(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """A render whose second stage failed can be finished in another way."""
+    try:
+        folder = folders.frame_folder(context.scene)
+    except LfsrError:
+        return  # said by the buttons
+    if folders.is_unfinished(folder):
+        sentence(layout, f"Frame {context.scene.frame_current} is rendered, but its image is not finished", "INFO",
+                 context)
+        layout.operator_menu_enum("lfsr.finish_frame", "method", text="Finish With")
 
 
 def _draw_direct(layout: bpy.types.UILayout, settings: Resolved, context: bpy.types.Context) -> None:

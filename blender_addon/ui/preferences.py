@@ -1,4 +1,4 @@
-"""The add-on's preferences: the cores that stay free, the Python that runs the second stage, and a test of it."""
+"""The add-on's preferences: the cores that stay free, what runs and denoises in the second stage, and a test of it."""
 
 from __future__ import annotations
 
@@ -23,13 +23,19 @@ class LfsrPreferences(bpy.types.AddonPreferences):
         description="Python executable that denoises and upscales; empty for Blender's own Python with the packages "
                     "of this add-on")
 
+    oidn_path: bpy.props.StringProperty(
+        name="Open Image Denoise", subtype="FILE_PATH",
+        description="Library that denoises, such as libOpenImageDenoise.so.2 of a download from openimagedenoise.org; "
+                    "empty for Blender's own")
+
     free_cores: bpy.props.IntProperty(
         name="Free Cores", default=1, min=0, soft_max=8,
         description="Processor cores that renders and the second stage leave to Blender and other programs")
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """Draw the cores, and the path with its button."""
+        """Draw the cores, the library, and the path with its button."""
         self.layout.prop(self, "free_cores")
+        self.layout.prop(self, "oidn_path")
         row = self.layout.row(align=True)
         row.prop(self, "python_path")
         row.operator(LFSR_OT_test_python.bl_idname, text="Test", icon="CHECKMARK")

@@ -81,6 +81,11 @@ class MethodName:
         return catalogue.NETWORKS.get(self.upscaler)
 
     @property
+    def undenoised(self) -> MethodName:
+        """Its upscaler alone: what needs no Open Image Denoise."""
+        return MethodName.parse(self.upscaler)
+
+    @property
     def versions(self) -> dict[str, int]:
         """Versions of its parts besides weights: figures measured with others are out of date."""
         return {**({"denoiser": denoise.VERSION} if self.prefilters else {}),

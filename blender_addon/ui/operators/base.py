@@ -46,6 +46,7 @@ class Question:
     sentence: str  # what is the matter
     button: str  # starts the task all the same
     advice: str  # what a script can do about it
+    more: str = ""  # another sentence
     accept: Callable[[], None] = lambda: None  # what the button does before the task starts
 
 
@@ -87,6 +88,8 @@ class TaskOperator:
         """Draw the questions."""
         for question in self.asked or ():
             sentence(self.layout, f"{question.sentence}.", "QUESTION", context, DIALOG_WIDTH)
+            if question.more:
+                sentence(self.layout, f"{question.more}.", "BLANK1", context, DIALOG_WIDTH)
 
     @reports_errors
     def start(self, context: bpy.types.Context) -> Result:

@@ -11,9 +11,10 @@ import bpy
 
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
 
-from ...background import recipes, session
+from ...background import denoiser, recipes, session
 from ...results import preview, show_image
-from ...settings import folders
+from ...settings import folders, scene_settings
+from ...settings.methods import title
 from .base import Prepared, Question, Result, TaskOperator
 
 
@@ -24,13 +25,13 @@ class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
     bl_label = "Render EIA"
 
     def questions(self, context: bpy.types.Context) -> list[Question]:
-        """Ask before another scene's image is overwritten."""
-        return _overwriting(context.scene, (context.scene.frame_current,))
+        """Ask before another scene's image is overwritten, or where the method cannot run."""
+        return _asked(context.scene, (context.scene.frame_current,))
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Render one frame, then show its image."""
         scene = context.scene
-        return recipes.render_frame(recipes.frame_recipe(scene)), _show_image_of(scene)
+        return recipes.render_frame(recipes.frame_recipe(scene)), show_image_of(scene)
 
 
 class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
@@ -40,8 +41,8 @@ class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
     bl_label = "Render Animation"
 
     def questions(self, context: bpy.types.Context) -> list[Question]:
-        """Ask before another scene's frames are overwritten."""
-        return _overwriting(context.scene, recipes.timeline(context.scene))
+        """Ask before another scene's frames are overwritten, or where the method cannot run."""
+        return _asked(context.scene, recipes.timeline(context.scene))
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Render the frames that are missing, then show the last image and a summary."""
@@ -93,8 +94,21 @@ class LFSR_OT_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def _show_image_of(scene: bpy.types.Scene) -> Callable[[Path], None]:
+def show_image_of(scene: bpy.types.Scene) -> Callable[[Path], None]:
     return functools.partial(_show_image, scene.name_full)
+
+
+def _asked(scene: bpy.types.Scene, frames: Iterable[int]) -> list[Question]:
+    return [*_denoising(scene), *_overwriting(scene, frames)]
+
+
+def _denoising(scene: bpy.types.Scene) -> list[Question]:
+    settings = scene_settings.resolve(scene)
+    lacking = denoiser.lacking(settings)
+    name = title(denoiser.replacement(settings).text)
+    return [Question(lacking, f"Use {name}", f"choose the method {name}, or get it. {denoiser.where_to_get()}",
+                     denoiser.where_to_get(), functools.partial(denoiser.use_replacement, scene, settings))
+            ] if lacking else []
 
 
 def _overwriting(scene: bpy.types.Scene, frames: Iterable[int]) -> list[Question]:

@@ -1,8 +1,8 @@
 """Open Image Denoise through its C library: the user's choice, that of the package pyoidn, Blender's, or the system's.
 
 Blender ships the library beside its Python, so the extension need not bring another 50 to 90 MB; distributions build
-Blender without it, and some have a package of it. pyoidn is not imported: it offers no weights of ours and loads PyTorch. Only the functions that ``denoise.py`` needs are bound
-(OpenImageDenoise/oidn.h, version 2).
+Blender without it, and some have a package of it. pyoidn is not imported: it offers no weights of ours and loads
+PyTorch. Only the functions that ``denoise.py`` needs are bound (OpenImageDenoise/oidn.h, version 2).
 """
 
 from __future__ import annotations
@@ -87,12 +87,13 @@ class Settings:
 
 
 def find_libraries() -> Iterator[Path]:
-    """Paths of the libraries, the best first: $LFSR_OIDN, pyoidn's, Blender's; no package is imported.
+    """Paths of the libraries, the best first: $LFSR_OIDN alone, or pyoidn's, Blender's; no package is imported.
 
     The system's comes last and need not exist where it has no folder: its loader looks for it.
     """
     if chosen := os.environ.get(LIBRARY_VARIABLE):
         yield Path(chosen)
+        return
     yield from (path for folder in _folders() for path in map(folder.joinpath, PLACES) if path.is_file())
     yield from map(Path, SYSTEM_LIBRARIES.get(sys.platform, ()))
 
@@ -128,7 +129,7 @@ def _load(paths: tuple[Path, ...]) -> ctypes.CDLL:
         try:
             return _bound(path)
         except (OSError, AttributeError) as error:
-            problems += [f"{path} cannot be loaded: {error}"] if path.is_file() else []
+            problems += [f"{path} cannot be loaded: {error}"] if path.name != str(path) else []
     raise ImportError(problems[0] if problems else "neither pyoidn nor a libOpenImageDenoise of Blender or the system "
                       "was found")
 

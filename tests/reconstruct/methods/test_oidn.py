@@ -42,12 +42,12 @@ def test_a_library_that_does_not_load_gives_way_to_the_next(tmp_path, monkeypatc
         oidn.denoise(COLOR, hdr=True)
 
 
-def test_the_library_that_the_user_names_comes_first(tmp_path, monkeypatch):
+def test_the_library_that_the_user_names_is_the_only_one(tmp_path, monkeypatch):
     works = next(oidn.find_libraries())
     monkeypatch.setenv(oidn.LIBRARY_VARIABLE, str(works))
-    assert next(oidn.find_libraries()) == works and oidn.why_missing() == ""
+    assert list(oidn.find_libraries()) == [works] and oidn.why_missing() == ""
     monkeypatch.setenv(oidn.LIBRARY_VARIABLE, str(tmp_path / "gone.so"))
-    assert next(oidn.find_libraries()) == tmp_path / "gone.so" and oidn.why_missing() == ""  # the next one loads
+    assert oidn.why_missing().startswith(f"{tmp_path / 'gone.so'} cannot be loaded: ")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the loader's search is that of Linux")
@@ -55,7 +55,8 @@ def test_the_systems_library_is_found_by_its_name(tmp_path):
     library = next(path for path in oidn.find_libraries() if "pyoidn" not in str(path))
     (tmp_path / "system").symlink_to(library.parent)
     program = ("from lfsr_core.reconstruct.methods import oidn; import sys; oidn._folders = lambda: iter(())\n"
-               "import numpy as np; sys.stdout.write(oidn.why_missing() or str(oidn.denoise(np.ones((9, 9, 3))).max()))")
+               "import numpy as np\n"
+               "sys.stdout.write(oidn.why_missing() or str(oidn.denoise(np.ones((9, 9, 3))).max()))")
 
     def said(**environment):
         return subprocess.run([sys.executable, "-c", program], env=os.environ | environment, text=True, check=True,

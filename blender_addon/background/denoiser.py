@@ -1,0 +1,84 @@
+"""Whether the second stage has Open Image Denoise, what can be done without it, and where to get it."""
+
+from __future__ import annotations
+
+import functools
+import platform
+import sys
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.render.child import output_of
+from lfsr_core.tasks.probe import DENOISER
+
+from ..settings.methods import title
+from ..settings.scene_settings import Resolved
+from . import runtime
+
+SECONDS_TO_ANSWER = 60
+LIBRARIES = {"win32": "OpenImageDenoise.dll", "darwin": "libOpenImageDenoise.dylib"}
+# Packages of the library, by the ID in /etc/os-release. Debian and those made of it have none.
+PACKAGES = {"fedora": "oidn-libs", "arch": "openimagedenoise", "alpine": "openimagedenoise",
+            "void": "openimagedenoise", "gentoo": "media-libs/oidn"}
+
+
+def is_missing() -> bool:
+    """True if the second stage finds no library that loads; LfsrError where its Python cannot be started."""
+    command = (*runtime.second_stage_command("lfsr_core.tasks.probe"), DENOISER)
+    return bool(_reason(command, runtime.chosen_library()))
+
+
+@functools.lru_cache(maxsize=8)
+def _reason(command: tuple[str, ...], _library: str) -> str:
+    """Why there is none, "" where there is; the process is asked once in a session."""
+    try:
+        code, output = output_of(command, runtime.environment(), SECONDS_TO_ANSWER)
+    except OSError as error:
+        raise LfsrError(f"Python {command[0]!r} cannot be started ({error}): choose another") from None
+    return output.strip() if code == 0 else ""  # what else it lacks is said by the render
+
+
+def lacking(settings: Resolved) -> str:
+    """Return a sentence if the method of ``settings`` needs the library and it is missing, else ""."""
+    if not settings.method.prefilters or not is_missing():
+        return ""
+    name = "Direct subpixel rendering" if settings.is_direct else f"The method {title(settings.method.text)}"
+    return f"{name} needs Open Image Denoise, which {_owner()} does not have"
+
+
+def replacement(settings: Resolved) -> MethodName:
+    """The method of ``settings`` without denoising."""
+    return settings.method.undenoised
+
+
+def use_replacement(scene: bpy.types.Scene, settings: Resolved) -> None:
+    """Set the ``replacement`` in ``scene``."""
+    scene.lfsr.method = replacement(settings).text
+
+
+def where_to_get() -> str:
+    """Return a sentence on where to get the library on this system."""
+    if runtime.chosen_python():
+        return "Install the package pyoidn for that Python"
+    library = LIBRARIES.get(sys.platform, "libOpenImageDenoise.so.2")
+    names = _distribution()
+    package = next((PACKAGES[name] for name in names if name in PACKAGES), "")
+    install = (f"Install the package {package}, or use" if package else
+               f"{names[0].capitalize()} has no package of it: use" if {"debian", "ubuntu"} & {*names} else "Use")
+    return (f"{install} the Blender of blender.org, which has it, or choose {library} of a download from "
+            "openimagedenoise.org in the add-on's preferences")
+
+
+def _owner() -> str:
+    return "the Python of the second stage" if runtime.chosen_python() else "this Blender"
+
+
+def _distribution() -> list[str]:
+    """Names of this Linux and of those that it is made of, else none."""
+    try:
+        found = platform.freedesktop_os_release()
+    except OSError:
+        return []
+    return [found.get("ID", ""), *found.get("ID_LIKE", "").split()]

@@ -1,0 +1,60 @@
+"""Button that finishes a frame whose render was kept when the second stage failed."""
+
+from __future__ import annotations
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import read_rendered
+from lfsr_core.reconstruct.method_name import AS_RENDERED, PANEL_METHODS, MethodName
+
+from ...background import denoiser, recipes
+from ...settings import folders
+from ...settings.methods import METHODS, MORE, title
+from .base import Prepared, TaskOperator
+from .render import show_image_of
+
+Items = list[tuple[str, str, str]]
+_shown: Items = []  # Blender keeps no copy of the texts of a menu
+
+
+def _items(_operator: bpy.types.Operator, context: bpy.types.Context | None) -> Items:
+    """Methods that can finish the current frame with what this Blender has."""
+    names = methods(context.scene) if context else (*METHODS, *MORE)
+    _shown[:] = [(name, title(name), (METHODS | MORE)[name][1]) for name in names]
+    return _shown
+
+
+def methods(scene: bpy.types.Scene) -> list[str]:
+    """Names of the methods that can finish the current frame of ``scene``."""
+    try:
+        frame, lacks = read_rendered(folders.frame_folder(scene)), denoiser.is_missing()
+    except LfsrError:
+        return []
+    known = [MethodName.parse(name) for name in (*METHODS, *MORE)]
+    if frame.panel_rays:
+        fits = [name for name in known if name.text in PANEL_METHODS]
+    else:
+        fits = [name for name in known if (name.upscaler == AS_RENDERED) == (frame.scale == 1)]
+    return [name.text for name in fits if not (lacks and name.prefilters)]
+
+
+class LFSR_OT_finish_frame(TaskOperator, bpy.types.Operator):
+    """Make the image of the current frame from its render, which was kept when the second stage failed"""
+
+    bl_idname = "lfsr.finish_frame"
+    bl_label = "Finish Frame"
+
+    method: bpy.props.EnumProperty(name="Method", description="How the image is made", items=_items)
+
+    def prepare(self, context: bpy.types.Context) -> Prepared:
+        """Run the second stage, then show the image; the method becomes the scene's."""
+        scene = context.scene
+        folder = folders.frame_folder(scene)
+        if not folders.is_own(scene, folder) or not folders.is_unfinished(folder):
+            raise LfsrError(f"there is no unfinished render in {folder}: render the EIA")
+        scene.lfsr.method = self.method
+        return recipes.finish_frame(folder, self.method, scene.lfsr.linear_exr), show_image_of(scene)
+
+
+CLASSES = (LFSR_OT_finish_frame,)

@@ -1,0 +1,131 @@
+"""A Blender without Open Image Denoise: asked before the render, and a render whose second stage failed is kept."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import bpy
+import pytest
+
+from blender_addon.background import denoiser, recipes, runtime
+from blender_addon.background.steps import Task
+from blender_addon.check.problems import check_scene
+from blender_addon.settings import folders, scene_settings
+from blender_addon.ui.operators import check, finish
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.report import read_report
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
+from tests.support import panel
+
+
+@pytest.fixture
+def scene(tmp_path):
+    with panel.registered():
+        scene = panel.artist_scene(tmp_path)
+        scene.lfsr.method = DEFAULT_METHOD
+        yield scene
+
+
+@pytest.fixture
+def without_library(tmp_path, monkeypatch) -> Path:
+    """The only library is no library."""
+    broken = tmp_path / "libOpenImageDenoise.so.2"
+    broken.write_bytes(b"no library")
+    monkeypatch.setenv(LIBRARY_VARIABLE, str(broken))
+    return broken
+
+
+def found(scene: bpy.types.Scene) -> list[str]:
+    return [problem.code for problem in check_scene(scene)]
+
+
+def test_with_the_library_nothing_is_asked(scene):
+    assert not denoiser.is_missing() and "denoise" not in found(scene)
+
+
+def test_the_render_is_refused_before_it_starts(scene, without_library):
+    said = "The method Default needs Open Image Denoise, which this Blender does not have: choose the method Bilinear"
+    for operator in (bpy.ops.lfsr.render_eia, bpy.ops.lfsr.render_animation):
+        with pytest.raises(RuntimeError, match=f"{said}, or get it. .*blender.org.*preferences"):
+            operator()
+    assert not folders.scene_folder(scene).exists()
+
+
+def test_the_check_offers_what_this_blender_has(scene, without_library):
+    check.refresh(scene)
+    assert found(scene)[0] == "denoise"
+    assert bpy.ops.lfsr.check_fix(code="denoise", target="Open Image Denoise") == {"FINISHED"}
+    assert scene.lfsr.method == "bilinear" and "denoise" not in found(scene)
+    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
+
+
+@pytest.mark.parametrize(("method", "other"), [("denoise", "none"), ("denoise+lanczos", "lanczos"), ("oidn", "none")])
+def test_the_replacement_is_the_method_without_its_denoiser(scene, method, other):
+    scene.lfsr.scale, scene.lfsr.method = "1" if other == "none" else "2", method
+    assert denoiser.replacement(scene_settings.resolve(scene)).text == other
+
+
+def test_direct_rendering_can_leave_the_noise(scene):
+    scene.lfsr.display, scene.lfsr.straight = "looking-glass-go", True
+    settings = scene_settings.resolve(scene)
+    assert settings.method.text == "oidn"
+    denoiser.use_replacement(scene, settings)
+    assert scene_settings.resolve(scene).method.text == "none"
+
+
+def test_a_render_whose_second_stage_failed_is_kept_and_finished_by_another_method(scene, without_library):
+    recipe = recipes.frame_recipe(scene)
+    with pytest.raises(LfsrError, match=r"not available .*\. The render is kept: finish it with another method"):
+        Task("Render EIA", recipes.render_frame(recipe)).run()
+    assert {path.name for path in recipe.folder.iterdir()} == {"frame.json", "lr_eia.exr"}
+    assert [path.name for path in recipe.folder.parent.iterdir()] == ["0001"]
+    assert folders.is_unfinished(recipe.folder)
+    assert finish.methods(scene) == ["bilinear", "bicubic", "lanczos", "nearest"]
+    rendered = (recipe.folder / "lr_eia.exr").stat().st_mtime_ns
+    assert bpy.ops.lfsr.finish_frame(method="bilinear") == {"FINISHED"}
+    assert (recipe.folder / "lr_eia.exr").stat().st_mtime_ns == rendered
+    assert read_report(recipe.folder).method == "bilinear" and recipes.is_decoded(recipe.folder)
+    assert recipes.frame_recipe(scene).is_complete and not folders.is_unfinished(recipe.folder)
+    with pytest.raises(RuntimeError, match="There is no unfinished render in .*: render the EIA"):
+        bpy.ops.lfsr.finish_frame(method="bilinear")
+
+
+def test_a_failed_second_stage_leaves_no_image_of_an_older_render(scene, monkeypatch, tmp_path):
+    scene.lfsr.method = "bilinear"
+    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
+    scene.lfsr.method, scene.lfsr.seed = DEFAULT_METHOD, 5
+    recipe = recipes.frame_recipe(scene)
+    (tmp_path / "broken.so").write_bytes(b"no library")
+    monkeypatch.setenv(LIBRARY_VARIABLE, str(tmp_path / "broken.so"))
+    with pytest.raises(LfsrError, match="The render is kept"):
+        Task("Render EIA", recipes.render_frame(recipe)).run()
+    assert {path.name for path in recipe.folder.iterdir()} == {"frame.json", "lr_eia.exr"}
+
+
+def test_with_the_library_every_method_finishes(scene):
+    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
+    assert finish.methods(scene)[0] == DEFAULT_METHOD and "none" not in finish.methods(scene)
+
+
+def test_the_preference_names_the_library(addon, tmp_path):
+    addon.oidn_path = str(tmp_path / "gone.so")
+    with pytest.raises(LfsrError, match=r"the library .*gone.so' of Open Image Denoise does not exist: choose another"):
+        runtime.environment()
+    (tmp_path / "gone.so").write_bytes(b"")
+    assert runtime.environment()[LIBRARY_VARIABLE] == str(tmp_path / "gone.so") and denoiser.is_missing()
+    addon.oidn_path = ""
+    assert LIBRARY_VARIABLE not in runtime.environment() and not denoiser.is_missing()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="distributions are those of Linux")
+@pytest.mark.parametrize(("names", "start"), [
+    ({"ID": "debian"}, "Debian has no package of it: use the Blender of blender.org, which has it, or choose lib"),
+    ({"ID": "linuxmint", "ID_LIKE": "ubuntu debian"}, "Linuxmint has no package of it: use"),
+    ({"ID": "fedora"}, "Install the package oidn-libs, or use the Blender of blender.org"),
+    ({"ID": "manjaro", "ID_LIKE": "arch"}, "Install the package openimagedenoise, or use"),
+    ({"ID": "own"}, "Use the Blender of blender.org")])
+def test_the_sentence_is_that_of_the_system(monkeypatch, names, start):
+    monkeypatch.setattr("platform.freedesktop_os_release", lambda: names)
+    assert denoiser.where_to_get().startswith(start)
