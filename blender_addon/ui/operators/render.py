@@ -95,6 +95,7 @@ class LFSR_OT_cancel(bpy.types.Operator):
 
 
 def show_image_of(scene: bpy.types.Scene) -> Callable[[Path], None]:
+    """Return what shows the image in a frame folder of ``scene``."""
     return functools.partial(_show_image, scene.name_full)
 
 

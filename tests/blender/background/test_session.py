@@ -59,7 +59,7 @@ def test_a_render_that_worked_is_one_quiet_line(scene, tmp_path, monkeypatch):
     monkeypatch.setattr(session, "tell", lambda *said: popups.append(said))
     state = bpy.context.window_manager.lfsr
     state.message = "of the last render"
-    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), render._show_image_of(scene))
+    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), render.show_image_of(scene))
     task.warnings += ["the sequencer's strips are not rendered"]
     panel.wait_for(lambda: session.current() is None)
     assert re.fullmatch(r"Done in \d:\d\d", state.outcome) and popups == []
