@@ -22,8 +22,8 @@ bl_info = {
 }
 
 # Each of these may list Blender classes to register in CLASSES, and have a register() and unregister() of its own.
-MODULES = ("ui.preferences", "settings.properties", "results.preview", "background.session", "live.session",
-           "ui.operators.render", "ui.operators.finish", "ui.operators.array", "ui.operators.check",
+MODULES = ("ui.preferences", "settings.properties", "results.preview", "check.watch", "background.session",
+           "live.session", "ui.operators.render", "ui.operators.finish", "ui.operators.array", "ui.operators.check",
            "ui.operators.plan", "ui.operators.exports", "ui.operators.farm", "ui.operators.live", "ui.presets",
            "ui.panels", "ui.live_panel", "ui.menus", "ui.overlay", "ui.look")
 

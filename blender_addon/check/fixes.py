@@ -8,11 +8,12 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 
-from ..array.edit import add
+from ..array.edit import add, remove
 from ..array.rig import check_editable
 from ..background import denoiser
 from ..scene.light import add_light
-from ..scene.subject import BACKGROUND_COLLECTION
+from ..scene.notices import SWITCHES, switched
+from ..scene.subject import BACKGROUND_COLLECTION, GEOMETRY
 from ..settings import scene_settings
 
 Fix = Callable[[bpy.types.Scene, str], None]
@@ -60,6 +61,55 @@ def _to_background(scene: bpy.types.Scene, target: str) -> None:
             collection.objects.unlink(item)
 
 
+def _defaults(scene: bpy.types.Scene, _target: str) -> None:
+    try:
+        scene_settings.display_of(scene)
+    except LfsrError:
+        scene.lfsr.property_unset("display")
+    for name in ("scale", "method", "light", "straight"):
+        scene.lfsr.property_unset(name)
+
+
+def _show_subject(scene: bpy.types.Scene, _target: str) -> None:
+    items = [item for item in scene.objects if item.type in GEOMETRY]
+    if not items:
+        raise LfsrError("the scene has nothing to render: add an object")
+    for item in items:
+        if item.library is None:
+            item.hide_render = False
+    for collection in scene.collection.children_recursive:
+        if collection.library is None:
+            collection.hide_render = False
+
+
+def _array_again(scene: bpy.types.Scene, _target: str) -> None:
+    remove(scene)
+    add(scene, scene_settings.display_of(scene))
+
+
+def _no_shift(_scene: bpy.types.Scene, target: str) -> None:
+    camera = find_object(target).data
+    check_editable(camera)
+    camera.shift_x = camera.shift_y = 0.0
+
+
+def _no_override(scene: bpy.types.Scene, target: str) -> None:
+    scene.view_layers[target].material_override = None
+
+
+def _switch_off(switch: str) -> Fix:
+    """Fix that switches ``switch`` of a view layer's collections off."""
+    def fix(scene: bpy.types.Scene, target: str) -> None:
+        for collection in switched(scene.view_layers[target], switch):
+            setattr(collection, switch, False)
+    return fix
+
+
+def _one_layer(scene: bpy.types.Scene, target: str) -> None:
+    for layer in scene.view_layers:
+        layer.use = layer.name == target
+
+
 def _no_focus(_scene: bpy.types.Scene, target: str) -> None:
     camera = find_object(target).data
     check_editable(camera)
@@ -73,6 +123,18 @@ FIXES: dict[str, Fix] = {
     "engine": _setting("render", engine="CYCLES"),
     "script": _setting("cycles", device="CPU", shading_system=True), "dirty": _pack, "background": _to_background,
     "denoise": lambda scene, _target: denoiser.use_replacement(scene, scene_settings.resolve(scene)),
-    "filter": _setting("cycles", pixel_filter_type="BOX"), "denoiser": _setting("cycles", use_denoising=False),
-    "motion": _setting("render", use_motion_blur=False), "focus": _no_focus}
-OUTSIDE_SCENE = ("cycles", "dirty", "focus")  # fixes that change more than the scene
+    "display": _defaults, "subject": _show_subject, "rig": _array_again,
+    "filter": _setting("cycles", pixel_filter_type="BOX"),
+    "motion": _setting("render", use_motion_blur=False), "focus": _no_focus,
+    "shift": _no_shift, "override": _no_override, "layers": _one_layer,
+    **{switch: _switch_off(switch) for switch in SWITCHES},
+    "compositor": _setting("render", use_compositing=False), "sequencer": _setting("render", use_sequencer=False),
+    "view": _setting("view_settings", use_curve_mapping=False, use_white_balance=False),
+    "catcher": _setting("render", film_transparent=True)}
+OUTSIDE_SCENE = ("cycles", "dirty", "focus", "shift")  # fixes that change more than the scene
+# Fixes that Blender's own operators do, some after asking for a file.
+OPERATORS: dict[str, tuple[str, dict[str, object]]] = {
+    "unsaved": ("wm.save_mainfile", {}), "texture": ("file.find_missing_files", {}),
+    "linked": ("file.find_missing_files", {}), "autoexec": ("wm.revert_mainfile", {"use_scripts": True}),
+    "output": ("lfsr.choose_output", {}), "disk": ("lfsr.choose_output", {}),
+    "temporary": ("screen.userpref_show", {"section": "FILE_PATHS"})}

@@ -1,4 +1,7 @@
-"""Find objects that the display cannot show well: too near, too far, too thin, or not marked as background."""
+"""Find objects that the display cannot show well: too near, too far, too thin, or not marked as background.
+
+Scenes can have tens of thousands of objects: what is measured of all of them is measured at once.
+"""
 
 from __future__ import annotations
 
@@ -22,81 +25,110 @@ TOLERANCE = 1e-3      # of the display's distance
 
 
 @dataclasses.dataclass(frozen=True)
-class Extent:
-    """Extent of an object in camera-array space."""
+class Extents:
+    """Extents of n objects in camera-array space."""
 
-    near: float  # distances from the viewing position along the view, in scene units
-    far: float
-    low: Array  # corners (2,) of the rectangle that it covers, as fractions of half the display
+    near: Array  # distances (n,) from the viewing position along the view, in scene units
+    far: Array
+    low: Array  # corners (n, 2) of the rectangles that they cover, as fractions of half the display
     high: Array
 
     @property
-    def visible(self) -> bool:
-        """False if no eye in front of the display sees it."""
-        return self.far > 0 and bool((self.low < 1).all() and (self.high > -1).all())
+    def visible(self) -> Array:
+        """False (n,) where no eye in front of the display sees an object."""
+        return (self.far > 0) & (self.low < 1).all(1) & (self.high > -1).all(1)
 
     @property
-    def covers(self) -> bool:
-        """True if it lies behind most of the display."""
-        return bool(((np.minimum(self.high, 1) - np.maximum(self.low, -1)) / 2 > COVERS).all())
+    def cover(self) -> Array:
+        """True (n,) where an object lies behind most of the display."""
+        return ((np.minimum(self.high, 1) - np.maximum(self.low, -1)) / 2 > COVERS).all(1)
 
 
 def find(scene: bpy.types.Scene, display: DisplayProfile, placed: rig.Placement,
          subject: set[bpy.types.Object]) -> Iterator[Problem]:
     """Problems of the visible objects of ``subject``, by name; ``placed``: the camera array and its world matrix."""
     array, matrix = placed
-    corners: dict[bpy.types.Object, list[Array]] = {}  # world corners (8, 3) of bounding boxes
+    owners, boxes, places = _shown(subject)
+    if not len(boxes):
+        return
+    inverse = np.linalg.inv(np.array(matrix))
+    items = sorted(set(owners), key=lambda item: item.name)
+    rows = {item: row for row, item in enumerate(items)}
+    extents = extents_of(boxes, inverse @ places, array, np.array([rows[owner] for owner in owners]))
+    yield from _problems(scene, items, extents, display, array)
+
+
+def _shown(subject: set[bpy.types.Object]) -> tuple[list[bpy.types.Object], Array, Array]:
+    """Owner, corners (n, 8, 3) of the bounding box and world matrices (n, 4, 4) of what would be rendered."""
+    owners, boxes, places = [], [], []
+    known: dict[int, Array] = {}  # by the geometry, which is an object's own where modifiers change it
     for item, owner, place in placement.instances(subject):
         if item.type in GEOMETRY and not owner.hide_render:
-            corners.setdefault(owner, []).append(np.array(item.bound_box) @ place[:3, :3].T + place[:3, 3])
-    inverse = np.linalg.inv(np.array(matrix))
-    for item in sorted(corners, key=lambda item: item.name):
-        extent = extent_of(np.concatenate(corners[item]) @ inverse[:3, :3].T + inverse[:3, 3], array)
-        if extent.visible:
-            yield from _problems(item, extent, scene, display, array)
+            geometry = item.data.as_pointer()
+            if geometry not in known:
+                known[geometry] = np.array(item.bound_box)
+            owners.append(owner)
+            boxes.append(known[geometry])
+            places.append(place)
+    return owners, np.array(boxes), np.array(places)
 
 
-def extent_of(points: Array, array: CameraArray) -> Extent:
-    """Return the extent of points (n, 3) in camera-array space, seen from the viewing position."""
-    depths = points[:, 2]
+def extents_of(boxes: Array, places: Array, array: CameraArray, rows: Array) -> Extents:
+    """Return the extents, seen from the viewing position, of objects that have one or several boxes.
+
+    ``boxes``: their corners (n, 8, 3); ``places``: matrices (n, 4, 4) into camera-array space; ``rows``: the object
+    (n,) of each box, from 0.
+    """
+    points = np.einsum("nij,nkj->nki", places[:, :3, :3], boxes) + places[:, None, :3, 3]
+    depths = points[..., 2]
     half = np.array([array.half_width, array.half_height]) / array.distance
     # Points beside or behind the viewing position are off the display, far out: the object surrounds the viewer.
-    seen = points[:, :2] / np.maximum(depths, 1e-6 * array.distance)[:, None] / half
-    return Extent(float(depths.min()), float(depths.max()), seen.min(0), seen.max(0))
+    seen = points[..., :2] / np.maximum(depths, 1e-6 * array.distance)[..., None] / half
+    return Extents(_lowest(depths.min(1), rows), -_lowest(-depths.max(1), rows),
+                   _lowest(seen.min(1), rows), -_lowest(-seen.max(1), rows))
 
 
-def _problems(item: bpy.types.Object, extent: Extent, scene: bpy.types.Scene, display: DisplayProfile,
+def _lowest(values: Array, rows: Array) -> Array:
+    lowest = np.full((rows.max() + 1, *values.shape[1:]), np.inf)
+    np.minimum.at(lowest, rows, values)
+    return lowest
+
+
+def _problems(scene: bpy.types.Scene, items: list[bpy.types.Object], extents: Extents, display: DisplayProfile,
               array: CameraArray) -> Iterator[Problem]:
     distance, (near, far) = array.distance, rig.usable_depth(array, display)
     margin = TOLERANCE * distance
     # A floor or a room begins beside the viewer, or in front of the usable depth, and ends behind the display.
-    through = extent.far > (distance if extent.near <= 0 else far) and extent.near < near
-    if through or (extent.covers and extent.far > far + margin):
-        yield _problem("background", item, "It fills the display or its whole depth, so every lens counts as "
-                       "foreground. Objects in a collection called Background are reconstructed faster.",
-                       "Move to Background")
-        return
-    if extent.near < near - margin:
-        yield _problem("depth", item, f"It comes within {length(scene, extent.near)} of the viewing position. The "
-                       f"display blurs what is nearer than {length(scene, near)}.")
-    elif extent.far > far + margin:
-        yield _problem("depth", item, f"It reaches {length(scene, extent.far)} from the viewing position. The "
-                       f"display blurs what is farther than {length(scene, far)}.")
-    thickness = sorted(item.dimensions)[1]  # of a rod; of a sheet, its shorter side
-    seen = finest(extent, display, array, resolve(scene).scale)
-    if 0 < thickness < seen:
-        yield _problem("thin", item, f"It is {length(scene, thickness)} thick, but at its depth the rendered views "
-                       f"show nothing finer than {length(scene, seen)}. Choose a smaller scale or move it nearer to "
-                       "the display plane.")
+    through = (extents.far > np.where(extents.near <= 0, distance, far)) & (extents.near < near)
+    background = through | (extents.cover & (extents.far > far + margin))
+    seen = finest(extents, display, array, resolve(scene).scale)
+    for row in np.flatnonzero(extents.visible):
+        item = items[row]
+        if background[row]:
+            yield _problem("background", item, "It fills the display or its whole depth, so every lens counts as "
+                           "foreground. Objects in a collection called Background are reconstructed faster.",
+                           "Move to Background")
+            continue
+        if extents.near[row] < near - margin:
+            yield _problem("depth", item, f"It comes within {length(scene, extents.near[row])} of the viewing "
+                           f"position. The display blurs what is nearer than {length(scene, near)}.")
+        elif extents.far[row] > far + margin:
+            yield _problem("depth", item, f"It reaches {length(scene, extents.far[row])} from the viewing position. "
+                           f"The display blurs what is farther than {length(scene, far)}.")
+        thickness = sorted(item.dimensions)[1]  # of a rod; of a sheet, its shorter side
+        if 0 < thickness < seen[row]:
+            yield _problem("thin", item, f"It is {length(scene, thickness)} thick, but at its depth the rendered views "
+                           f"show nothing finer than {length(scene, seen[row])}. Choose a smaller scale or move it "
+                           "nearer to the display plane.")
 
 
 def _problem(code: str, item: bpy.types.Object, reason: str, fix: str = "") -> Problem:
     return Problem(code, item.name, reason, fix, is_object=True)
 
 
-def finest(extent: Extent, display: DisplayProfile, array: CameraArray, scale: int) -> float:
-    """Return the width, at the object's depth, of one pixel of the rendered array: a lens or a cell of views."""
-    depth = min(max(array.distance, extent.near), extent.far)
+def finest(extents: Extents, display: DisplayProfile, array: CameraArray, scale: int) -> Array:
+    """Return the width (n,), at the objects' depths, of one pixel of the rendered array: a lens or a cell of views."""
+    depth = np.minimum(np.maximum(array.distance, extents.near), extents.far)
     lens = 2 * array.half_width / display.lenses[0] * depth / array.distance
-    cell = scale * array.spacing * abs(depth - array.distance) / array.distance
-    return max(lens, cell)
+    cell = scale * array.spacing * np.abs(depth - array.distance) / array.distance
+    return np.maximum(lens, cell)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import bpy
 
@@ -14,22 +14,28 @@ from ..background import denoiser
 from ..render import devices
 from ..results import preview
 from ..scene.light import has_light, is_dim
-from ..scene.notices import left_out, missing_images
+from ..scene.notices import missing_images
 from ..scene.subject import find_subject
 from ..settings import folders, scene_settings
 from ..settings.lights import AUTO_LIGHT, SCENE_LIGHTS
 from ..settings.methods import title
 from ..settings.words import capitalized
-from . import geometry
+from . import disk, geometry, ignored
 from .problem import ERROR, INFO, SEVERITIES, Problem
 
 
 def check_scene(scene: bpy.types.Scene) -> list[Problem]:
     """Return everything found, worst first."""
-    checks = (_renderer, _settings, _array, _light, _scripts, _images, _geometry, _denoiser, _filters, _blur,
-              _ignored)
-    found = [problem for check in checks for problem in check(scene)]
-    return sorted(found, key=lambda problem: SEVERITIES.index(problem.severity))
+    return _sorted(problem for check in (*QUICK, _denoiser, _geometry) for problem in check(scene))
+
+
+def to_ask(scene: bpy.types.Scene) -> list[Problem]:
+    """Return what an artist is asked about before a render, worst first."""
+    return _sorted(problem for check in QUICK for problem in check(scene) if problem.asks)
+
+
+def _sorted(problems: Iterable[Problem]) -> list[Problem]:
+    return sorted(problems, key=lambda problem: SEVERITIES.index(problem.severity))
 
 
 def _renderer(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -42,13 +48,15 @@ def _renderer(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 
 def _settings(scene: bpy.types.Scene) -> Iterator[Problem]:
-    for code, target, check in (("display", "Display", lambda scene: scene_settings.resolve(scene).check()),
-                                ("unsaved", "Output", folders.scene_folder),
-                                ("subject", scene.name, find_subject)):
+    output = ("output", "Choose Folder…") if bpy.data.filepath else ("unsaved", "Save File…")
+    for (code, fix), target, check in (
+            (("display", "Use Defaults"), "Display", lambda scene: scene_settings.resolve(scene).check()),
+            (output, "Output", folders.scene_folder),
+            (("subject", "Show in Renders"), scene.name, find_subject)):
         try:
             check(scene)
         except LfsrError as error:
-            yield Problem(code, target, f"{capitalized(str(error))}.", severity=ERROR)
+            yield Problem(code, target, f"{capitalized(str(error))}.", fix, ERROR)
 
 
 def _array(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -69,10 +77,10 @@ def _light(scene: bpy.types.Scene) -> Iterator[Problem]:
     if not has_light(scene):
         becomes = ("It will be lit with one of Blender's world images." if scene.lfsr.light == AUTO_LIGHT
                    else "The image will be black.")
-        yield Problem("light", scene.name, f"The scene has no light. {becomes}", "Add World Light")
+        yield Problem("light", scene.name, f"The scene has no light. {becomes}", "Add World Light", asks=True)
     elif is_dim(scene):
         yield Problem("dim", scene.name, "The world is the only light and almost dark, and so will be the image. "
-                      "Increase its strength or add lights.", "Add World Light")
+                      "Increase its strength or add lights.", "Add World Light", asks=True)
 
 
 def _scripts(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -83,17 +91,18 @@ def _scripts(scene: bpy.types.Scene) -> Iterator[Problem]:
     for material in sorted(set(filter(None, slots)), key=lambda material: material.name):
         if _has_script(material.node_tree):
             yield Problem("script", material.name, "The material has a Script node, which needs the CPU or OptiX as "
-                          "device, and Open Shading Language switched on in Render Properties.", "Use CPU and OSL")
+                          "device, and Open Shading Language switched on in Render Properties.", "Use CPU and OSL",
+                          asks=True)
 
 
 def _images(scene: bpy.types.Scene) -> Iterator[Problem]:
     for path in missing_images():
         yield Problem("texture", bpy.path.basename(path), f"The image file is missing and renders magenta: {path}",
-                      severity=ERROR)
+                      "Find Files…", ERROR, asks=True)
     for image in bpy.data.images:
         if image.is_dirty and image.users and image.name != preview.IMAGE_NAME:
             yield Problem("dirty", image.name, "The image has unsaved changes, which the render would not show.",
-                          "Pack")
+                          "Pack", asks=True)
 
 
 def _geometry(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -105,7 +114,7 @@ def _geometry(scene: bpy.types.Scene) -> Iterator[Problem]:
         placed = rig.placement(scene, display)
         found = geometry.find(scene, display, placed, find_subject(scene)) if placed else ()
     except LfsrError as error:
-        yield Problem("rig", array.name, f"{capitalized(str(error))}.", severity=ERROR, is_object=True)
+        yield Problem("rig", array.name, f"{capitalized(str(error))}.", "Add Again", ERROR, is_object=True)
         return
     # Where nothing is reconstructed, marking the background saves no time.
     ignored = {"background"} if scene_settings.is_direct(scene) else set()
@@ -123,32 +132,6 @@ def _denoiser(scene: bpy.types.Scene) -> Iterator[Problem]:
                       f"Use {title(denoiser.replacement(settings).text)}", ERROR)
 
 
-def _filters(scene: bpy.types.Scene) -> Iterator[Problem]:
-    cycles = getattr(scene, "cycles", None)
-    if cycles is None:
-        return
-    if cycles.pixel_filter_type != "BOX":
-        yield Problem("filter", "Pixel Filter", "This filter would mix neighbouring views. Light-field renders use a "
-                      "box of one pixel instead.", "Use Box", INFO)
-    if cycles.use_denoising:
-        yield Problem("denoiser", "Denoise", "Cycles' denoiser would mix neighbouring views. Light-field renders "
-                      "switch it off and denoise with the method chosen under Quality.", "Switch Off", INFO)
-
-
-def _blur(scene: bpy.types.Scene) -> Iterator[Problem]:
-    if scene.render.use_motion_blur:
-        yield Problem("motion", "Motion Blur", "Light-field renders ignore motion blur.", "Switch Off", INFO)
-    camera = scene.camera
-    if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
-        yield Problem("focus", camera.name, "Light-field renders ignore depth of field, since the viewer's eye "
-                      "focuses.", "Switch Off", INFO, is_object=True)
-
-
-def _ignored(scene: bpy.types.Scene) -> Iterator[Problem]:
-    for sentence in left_out(scene):
-        yield Problem("ignored", scene.name, f"{sentence}.", severity=INFO)
-
-
 def _has_cycles() -> bool:
     return bpy.context.preferences.addons.get("cycles") is not None
 
@@ -156,3 +139,7 @@ def _has_cycles() -> bool:
 def _has_script(tree: bpy.types.NodeTree | None) -> bool:
     nodes = (node for node in tree.nodes if not node.mute) if tree is not None else ()
     return any(node.type == "SCRIPT" or (node.type == "GROUP" and _has_script(node.node_tree)) for node in nodes)
+
+
+# What takes no longer in a scene of many objects than looking at each of them once.
+QUICK = (_renderer, _settings, _array, _light, _scripts, _images, disk.find, ignored.find)

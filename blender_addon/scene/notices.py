@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,19 +14,33 @@ from .. import compat
 COMPOSITOR_OUTPUTS = {"CompositorNodeComposite", "NodeGroupOutput"}
 PASSIVE_NODES = {*COMPOSITOR_OUTPUTS, "CompositorNodeRLayers", "NodeReroute"}
 MOST_NAMES = 3
+# What a view layer can do with a collection: a title, and the words for it.
+SWITCHES = {"exclude": ("Excluded Collections", "excludes"), "holdout": ("Holdouts", "holds out"),
+            "indirect_only": ("Indirect-Only Collections", "makes indirect-only")}
 SHOWN = {"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VOLUME", "LIGHT"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Notice:
+    """Something that a render leaves out or ignores."""
+
+    code: str  # its kind
+    title: str  # what it is, in a word or two
+    sentence: str
+    target: str = ""  # name of the camera or view layer
 
 
 def notices(scene: bpy.types.Scene) -> list[str]:
     """Return a sentence for each thing that changes the image but does not stop the render."""
-    return [*_missing("image", missing_images(), "renders magenta", "render magenta"), *left_out(scene)]
+    return [*_missing("image", missing_images(), "renders magenta", "render magenta"),
+            *(notice.sentence for notice in left_out(scene))]
 
 
-def left_out(scene: bpy.types.Scene) -> list[str]:
-    """Return a sentence for each thing of the scene that renders leave out or ignore, but for missing images."""
+def left_out(scene: bpy.types.Scene) -> list[Notice]:
+    """Return each thing of the scene that renders leave out or ignore, but for missing images."""
     found = (_linked_files(), _disabled_drivers(), _camera(scene), _view_layer(scene), _compositor(scene),
              _sequencer(scene))
-    return [sentence for sentences in found for sentence in sentences]
+    return [notice for notices in found for notice in notices]
 
 
 def missing_images() -> list[str]:
@@ -49,10 +64,11 @@ def _paths(image: bpy.types.Image) -> Iterator[Path]:
             yield Path(named.replace("<UDIM>", str(tile.number)).replace("<UVTILE>", f"u{column + 1}_v{row + 1}"))
 
 
-def _linked_files() -> Iterator[str]:
+def _linked_files() -> Iterator[Notice]:
     libraries = [Path(bpy.path.abspath(library.filepath)) for library in bpy.data.libraries]
     linked = sorted(str(path) for path in libraries if not path.is_file())
-    yield from _missing("linked", linked, "is left out", "are left out")
+    for sentence in _missing("linked", linked, "is left out", "are left out"):
+        yield Notice("linked", "Linked Files", sentence)
 
 
 def _missing(kind: str, paths: list[str], effect: str, effects: str) -> Iterator[str]:
@@ -62,41 +78,51 @@ def _missing(kind: str, paths: list[str], effect: str, effects: str) -> Iterator
         yield f"{len(paths)} {kind} files are missing and {effects}, such as {paths[0]}"
 
 
-def _disabled_drivers() -> Iterator[str]:
+def _disabled_drivers() -> Iterator[Notice]:
     if bpy.app.autoexec_fail:
-        yield (f"Blender did not run the Python in this file ({bpy.app.autoexec_fail_message.strip()}), so its "
-               "drivers and scripts move nothing")
+        yield Notice("autoexec", "Scripts", "Blender did not run the Python in this file "
+                     f"({bpy.app.autoexec_fail_message.strip()}), so its drivers and scripts move nothing")
 
 
-def _camera(scene: bpy.types.Scene) -> Iterator[str]:
+def _camera(scene: bpy.types.Scene) -> Iterator[Notice]:
     data = scene.camera.data if scene.camera is not None and scene.camera.type == "CAMERA" else None
     if data is not None and (data.shift_x or data.shift_y):
-        yield (f"The camera's shift ({data.shift_x:g}, {data.shift_y:g}) is ignored. The array looks along the "
-               "camera's axis")
+        yield Notice("shift", "Camera Shift", f"The camera's shift ({data.shift_x:g}, {data.shift_y:g}) is ignored. "
+                     "The array looks along the camera's axis", scene.camera.name)
 
 
-def _view_layer(scene: bpy.types.Scene) -> Iterator[str]:
-    """Notices of the first view layer that is used for rendering, the one that passes.py takes."""
-    layer = next((layer for layer in scene.view_layers if layer.use), scene.view_layers[0])
+def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
+    """Return the first view layer that is used for rendering, the one that passes.py takes."""
+    return next((layer for layer in scene.view_layers if layer.use), scene.view_layers[0])
+
+
+def _view_layer(scene: bpy.types.Scene) -> Iterator[Notice]:
+    layer = rendered_layer(scene)
     if layer.material_override is not None:
-        yield (f"The material override {layer.material_override.name!r} of view layer {layer.name!r} is ignored. "
-               "Objects keep their own materials")
-    switches = {"exclude": "excludes", "holdout": "holds out", "indirect_only": "makes indirect-only"}
-    for switch, does in switches.items():
-        names = [child.name for child in _collections(layer.layer_collection)
-                 if getattr(child, switch) and _shows_anything(child.collection)]
+        yield Notice("override", "Material Override", f"The material override {layer.material_override.name!r} of view "
+                     f"layer {layer.name!r} is ignored. Objects keep their own materials", layer.name)
+    for switch, (title, does) in SWITCHES.items():
+        names = [child.name for child in switched(layer, switch)]
         if names:
-            yield f"View layer {layer.name!r} {does} {', '.join(sorted(names)[:MOST_NAMES])}, and so does this render"
+            yield Notice(switch, title, f"View layer {layer.name!r} {does} {', '.join(sorted(names)[:MOST_NAMES])}, "
+                         "and so does this render", layer.name)
     others = [other.name for other in scene.view_layers if other.use and other != layer]
     if others:
-        yield f"Only view layer {layer.name!r} is rendered, without {', '.join(others[:MOST_NAMES])}"
+        yield Notice("layers", "View Layers", f"Only view layer {layer.name!r} is rendered, without "
+                     f"{', '.join(others[:MOST_NAMES])}", layer.name)
 
 
-def _compositor(scene: bpy.types.Scene) -> Iterator[str]:
+def switched(layer: bpy.types.ViewLayer, switch: str) -> list[bpy.types.LayerCollection]:
+    """Return the collections of ``layer`` with geometry or lights that have one of SWITCHES on."""
+    return [child for child in _collections(layer.layer_collection)
+            if getattr(child, switch) and _shows_anything(child.collection)]
+
+
+def _compositor(scene: bpy.types.Scene) -> Iterator[Notice]:
     names = _effects(compat.compositor(scene))
     if names:
-        yield (f"Compositor nodes ({', '.join(names[:MOST_NAMES])}) are not applied to the light field. Apply them to "
-               "exported views")
+        yield Notice("compositor", "Compositor", f"Compositor nodes ({', '.join(names[:MOST_NAMES])}) are not applied "
+                     "to the light field. Apply them to exported views")
 
 
 def _effects(tree: bpy.types.NodeTree | None) -> list[str]:
@@ -111,10 +137,11 @@ def _effects(tree: bpy.types.NodeTree | None) -> list[str]:
     return sorted(node.label or node.name for node in passed if node.bl_idname not in PASSIVE_NODES and not node.mute)
 
 
-def _sequencer(scene: bpy.types.Scene) -> Iterator[str]:
+def _sequencer(scene: bpy.types.Scene) -> Iterator[Notice]:
     editor = scene.sequence_editor if scene.render.use_sequencer else None
     if editor is not None and any(strip.type != "SOUND" and not strip.mute for strip in editor.strips):
-        yield "The sequencer's strips are not rendered. The light field shows the scene itself"
+        yield Notice("sequencer", "Sequencer", "The sequencer's strips are not rendered. The light field shows the "
+                     "scene itself")
 
 
 def _shows_anything(collection: bpy.types.Collection) -> bool:

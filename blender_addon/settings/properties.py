@@ -217,7 +217,7 @@ class SceneSettings(bpy.types.PropertyGroup):
 
 
 class FoundProblem(bpy.types.PropertyGroup):
-    """One line of the scene check."""
+    """One row of the scene check: problems of one kind."""
 
     code: StringProperty(name="Code", description="Kind of problem")
     target: StringProperty(name="Name", description="What has the problem")
@@ -229,6 +229,9 @@ class FoundProblem(bpy.types.PropertyGroup):
                ("WARNING", "Warning", "Part of the image will look bad"),
                ("INFO", "Information", "Light-field renders ignore it")])
     is_object: BoolProperty(name="Object", description="The problem is that of an object in the scene")
+    title: StringProperty(name="Title", description="What has the problem, or how many things have it")
+    count: IntProperty(name="Count", description="Number of things that have the problem", default=1)
+    expanded: BoolProperty(name="Show Names", description="Show what has the problem", default=False)
 
 
 class SessionState(bpy.types.PropertyGroup):
@@ -236,6 +239,8 @@ class SessionState(bpy.types.PropertyGroup):
 
     problems: CollectionProperty(
         name="Problems", description="What the last scene check found", type=FoundProblem)
+    all_problems: BoolProperty(
+        name="Show All", description="Also show the problems after the first five", default=False)
     checked_scene: StringProperty(name="Checked Scene", description="Scene that was checked last")
     message: StringProperty(name="Message", description="Why the last render ended, or what it left out")
     message_is_error: BoolProperty(name="Message Is Error", description="The message says what went wrong")

@@ -9,6 +9,7 @@ from lfsr_core.errors import LfsrError
 from ..array import rig
 from ..background import session
 from ..background.steps import OPENING
+from ..check import watch
 from ..results import preview
 from ..settings import folders, scene_settings
 from ..settings.displays import PROFILE_FILE
@@ -18,8 +19,7 @@ from . import look, summary
 from .drawing import LightFieldPanel, columns, facts, row_if, sentence
 from .operators.array import FIT_ITEMS
 from .presets import LFSR_PT_presets
-
-SEVERITY_ICONS = {"ERROR": "ERROR", "WARNING": "ERROR", "INFO": "INFO"}
+from .problem_rows import draw_problems
 
 
 class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
@@ -86,15 +86,17 @@ class LFSR_PT_check(LightFieldPanel, bpy.types.Panel):
     bl_order = 2
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the button and what it found last."""
+        """Draw the button and the rows of the last check, which is repeated when the scene changes."""
         layout, state = self.layout, context.window_manager.lfsr
+        watch.wanted(context.scene)
         layout.operator("lfsr.check_scene", text="Check Scene", icon="VIEWZOOM")
         if state.checked_scene != context.scene.name_full:
             return
+        if watch.is_late():
+            layout.label(text="Changed since this check", icon="INFO")
         if not state.problems:
             layout.label(text="No problems found", icon="CHECKMARK")
-        for problem in state.problems:
-            _draw_problem(layout, problem, context)
+        draw_problems(layout, context)
 
 
 class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
@@ -277,19 +279,6 @@ def _draw_direct(layout: bpy.types.UILayout, settings: Resolved, context: bpy.ty
     row_if(settings.is_direct or not reason, layout).prop(context.scene.lfsr, "straight")
     if reason:
         sentence(layout, reason, "ERROR" if settings.is_direct else "INFO", context)
-
-
-def _draw_problem(layout: bpy.types.UILayout, problem: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    box = layout.box().column()
-    row = box.row()
-    row.alert = problem.severity == "ERROR"
-    row.label(text=problem.target, icon=SEVERITY_ICONS[problem.severity])
-    if problem.is_object:
-        row.operator("lfsr.check_select", text="", icon="RESTRICT_SELECT_OFF").target = problem.target
-    sentence(box, problem.reason, "NONE", context)
-    if problem.fix:
-        button = box.operator("lfsr.check_fix", text=problem.fix)
-        button.code, button.target = problem.code, problem.target
 
 
 CLASSES = (LFSR_PT_display, LFSR_PT_array, LFSR_PT_check, LFSR_PT_quality, LFSR_PT_plan, LFSR_PT_render,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -128,3 +129,19 @@ def save_box(path: Path, centre: tuple[float, ...], half: tuple[float, ...]) -> 
         bpy.ops.export_scene.gltf(filepath=str(path),
                                   export_format="GLB" if path.suffix == ".glb" else "GLTF_SEPARATE")
     return path
+
+
+def compositing(scene, *kinds):
+    """Give ``scene`` a compositor whose output passes through nodes of ``kinds``."""
+    if hasattr(scene, "compositing_node_group"):
+        tree = scene.compositing_node_group = bpy.data.node_groups.new("compositor", "CompositorNodeTree")
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        output = tree.nodes.new("NodeGroupOutput")
+    else:
+        scene.use_nodes, tree = True, scene.node_tree
+        tree.nodes.clear()
+        output = tree.nodes.new("CompositorNodeComposite")
+    nodes = [tree.nodes.new(kind) for kind in ("CompositorNodeRLayers", *kinds)]
+    for before, after in itertools.pairwise([*nodes, output]):
+        tree.links.new(before.outputs[0], next(socket for socket in after.inputs if socket.type == "RGBA"))
+    return nodes[1:]

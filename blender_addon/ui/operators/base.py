@@ -41,11 +41,11 @@ def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
 
 @dataclasses.dataclass(frozen=True)
 class Question:
-    """What an artist is asked before a task starts; for a script it is an error."""
+    """What an artist is asked before a task starts."""
 
     sentence: str  # what is the matter
     button: str  # starts the task all the same
-    advice: str  # what a script can do about it
+    advice: str = ""  # what a script can do about it; empty where it goes on without asking
     more: str = ""  # another sentence
     accept: Callable[[], None] = lambda: None  # what the button does before the task starts
 
@@ -108,7 +108,8 @@ class TaskOperator:
                 question.accept()
             return self.start(context)
         for question in self._questions(context):
-            raise LfsrError(f"{question.sentence}: {question.advice}")
+            if question.advice:
+                raise LfsrError(f"{question.sentence}: {question.advice}")
         prepared = self.prepare(context)
         if prepared is not None:
             steps, finish = prepared

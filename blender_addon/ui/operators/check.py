@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import functools
+
 import bpy
 
 from lfsr_core.errors import LfsrError
 
 from ...array.rig import check_editable
 from ...background import session
+from ...check import watch
 from ...check.fixes import FIXES, OUTSIDE_SCENE, find_object
-from ...check.problems import INFO, Problem, check_scene
+from ...check.groups import MOST_ROWS, Group, grouped
+from ...check.problem import INFO, Problem
+from ...check.problems import to_ask
 from ...settings.words import counted
-from .base import UNDO, Result, activate, reports_errors
+from .base import UNDO, Question, Result, activate, reports_errors
+
+_accepted: set[tuple[str, str, str]] = set()  # what the artist was asked in this file
 
 
 class LFSR_OT_check_scene(bpy.types.Operator):
@@ -35,18 +42,26 @@ class LFSR_OT_check_scene(bpy.types.Operator):
 
 
 class LFSR_OT_check_select(bpy.types.Operator):
-    """Select the object that has the problem"""
+    """Select the objects that have the problem"""
 
     bl_idname = "lfsr.check_select"
-    bl_label = "Select Object with Problem"
+    bl_label = "Select Objects with Problem"
     bl_options = UNDO
 
-    target: bpy.props.StringProperty(name="Name", description="Object to select")
+    code: bpy.props.StringProperty(name="Code", description="Kind of problem")
+    target: bpy.props.StringProperty(name="Name", description="Object to select, empty for all with the problem")
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Select it and nothing else."""
-        activate(context, find_object(self.target))
+        """Select them and nothing else."""
+        names = [self.target] if self.target else [problem.target for problem in watch.found(self.code)]
+        items = [find_object(name) for name in names]
+        if not items:
+            raise LfsrError("no object has this problem any more: check the scene again")
+        activate(context, items[0])
+        for item in items:
+            if item.name in context.view_layer.objects:
+                item.select_set(True)
         return {"FINISHED"}
 
 
@@ -58,7 +73,7 @@ class LFSR_OT_check_fix(bpy.types.Operator):
     bl_options = UNDO
 
     code: bpy.props.StringProperty(name="Code", description="Kind of problem")
-    target: bpy.props.StringProperty(name="Name", description="What has the problem")
+    target: bpy.props.StringProperty(name="Name", description="What has the problem, empty for all that have it")
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
@@ -67,22 +82,80 @@ class LFSR_OT_check_fix(bpy.types.Operator):
             raise LfsrError(f"problem {self.code!r} cannot be fixed by a button: choose one of {', '.join(FIXES)}")
         if self.code not in OUTSIDE_SCENE:
             check_editable(context.scene)
-        FIXES[self.code](context.scene, self.target)
+        every = [problem.target for problem in watch.found(self.code)]
+        for target in [self.target] if self.target or len(every) < 2 else every:
+            FIXES[self.code](context.scene, target)
+        refresh(context.scene)
+        return {"FINISHED"}
+
+
+class LFSR_OT_choose_output(bpy.types.Operator):
+    """Choose another folder for the images of this scene"""
+
+    bl_idname = "lfsr.choose_output"
+    bl_label = "Choose Output Folder"
+    bl_options = UNDO
+
+    directory: bpy.props.StringProperty(
+        name="Folder", description="Folder for the images of this scene", subtype="DIR_PATH",
+        options={"SKIP_SAVE", "PATH_SUPPORTS_BLEND_RELATIVE"})
+    filter_folder: bpy.props.BoolProperty(
+        name="Folders", description="Show folders only", default=True, options={"HIDDEN"})
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
+        """Ask for the folder."""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    @reports_errors
+    def execute(self, context: bpy.types.Context) -> Result:
+        """Set it and check again."""
+        check_editable(context.scene)
+        context.scene.lfsr.output = self.directory
         refresh(context.scene)
         return {"FINISHED"}
 
 
 def refresh(scene: bpy.types.Scene) -> list[Problem]:
-    """Check ``scene`` and fill the panel's list."""
-    state, problems = bpy.context.window_manager.lfsr, check_scene(scene)
-    state.checked_scene = scene.name_full
-    state.problems.clear()
-    for problem in problems:
-        line = state.problems.add()
-        for name in ("code", "target", "reason", "fix", "severity", "is_object"):
-            setattr(line, name, getattr(problem, name))
+    """Check ``scene`` and fill the panel's rows."""
+    problems = watch.check(scene)
     session.redraw()
     return problems
 
 
-CLASSES = (LFSR_OT_check_scene, LFSR_OT_check_select, LFSR_OT_check_fix)
+def questions(scene: bpy.types.Scene) -> list[Question]:
+    """Return what an artist is asked before a render of ``scene``, once for each thing in a session."""
+    new = [problem for problem in to_ask(scene) if _key(scene, problem) not in _accepted]
+    accept = functools.partial(_accepted.update, [_key(scene, problem) for problem in new])
+    rows = grouped(new)
+    asked = [Question(_sentence(row), "Render", accept=accept) for row in rows[:MOST_ROWS]]
+    if len(rows) > MOST_ROWS:
+        asked.append(Question(f"Scene Check lists {len(rows) - MOST_ROWS} more", "Render", accept=accept))
+    return asked
+
+
+def _key(scene: bpy.types.Scene, problem: Problem) -> tuple[str, str, str]:
+    return scene.name_full, problem.code, problem.target
+
+
+def _sentence(row: Group) -> str:
+    return (row.reason if len(row.problems) == 1 else f"{row.title}. {row.reason}").rstrip(".")
+
+
+@bpy.app.handlers.persistent
+def _forget(*_: object) -> None:
+    _accepted.clear()
+
+
+def register() -> None:
+    """Ask again in another file."""
+    bpy.app.handlers.load_post.append(_forget)
+
+
+def unregister() -> None:
+    """Forget what was asked."""
+    bpy.app.handlers.load_post.remove(_forget)
+    _forget()
+
+
+CLASSES = (LFSR_OT_check_scene, LFSR_OT_check_select, LFSR_OT_check_fix, LFSR_OT_choose_output)

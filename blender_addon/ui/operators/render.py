@@ -15,6 +15,7 @@ from ...background import denoiser, recipes, session
 from ...results import preview, show_image
 from ...settings import folders, scene_settings
 from ...settings.methods import title
+from . import check
 from .base import Prepared, Question, Result, TaskOperator
 
 
@@ -25,7 +26,7 @@ class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
     bl_label = "Render EIA"
 
     def questions(self, context: bpy.types.Context) -> list[Question]:
-        """Ask before another scene's image is overwritten, or where the method cannot run."""
+        """Ask before another scene's image is overwritten, where the method cannot run, and on what is left out."""
         return _asked(context.scene, (context.scene.frame_current,))
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
@@ -41,7 +42,7 @@ class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
     bl_label = "Render Animation"
 
     def questions(self, context: bpy.types.Context) -> list[Question]:
-        """Ask before another scene's frames are overwritten, or where the method cannot run."""
+        """Ask before another scene's frames are overwritten, where the method cannot run, and on what is left out."""
         return _asked(context.scene, recipes.timeline(context.scene))
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
@@ -100,7 +101,7 @@ def show_image_of(scene: bpy.types.Scene) -> Callable[[Path], None]:
 
 
 def _asked(scene: bpy.types.Scene, frames: Iterable[int]) -> list[Question]:
-    return [*_denoising(scene), *_overwriting(scene, frames)]
+    return [*_denoising(scene), *_overwriting(scene, frames), *check.questions(scene)]
 
 
 def _denoising(scene: bpy.types.Scene) -> list[Question]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
-
 import bpy
 import pytest
 
 from blender_addon.scene.notices import missing_images, notices
-from tests.support.scenes import add_box, add_camera, emission, save_box
+from tests.support.scenes import add_box, add_camera, compositing, emission, save_box
 
 
 @pytest.fixture
@@ -70,22 +68,6 @@ def test_other_view_layers_are_left_out_and_said(plain):
     plain.view_layers.new("beauty")
     (sentence,) = notices(plain)
     assert sentence.endswith("without beauty")
-
-
-def compositing(scene, *kinds):
-    """Give ``scene`` a compositor whose output passes through nodes of ``kinds``."""
-    if hasattr(scene, "compositing_node_group"):
-        tree = scene.compositing_node_group = bpy.data.node_groups.new("compositor", "CompositorNodeTree")
-        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-        output = tree.nodes.new("NodeGroupOutput")
-    else:
-        scene.use_nodes, tree = True, scene.node_tree
-        tree.nodes.clear()
-        output = tree.nodes.new("CompositorNodeComposite")
-    nodes = [tree.nodes.new(kind) for kind in ("CompositorNodeRLayers", *kinds)]
-    for before, after in itertools.pairwise([*nodes, output]):
-        tree.links.new(before.outputs[0], next(socket for socket in after.inputs if socket.type == "RGBA"))
-    return nodes[1:]
 
 
 def test_compositor_nodes_that_change_the_image_are_said(plain):
