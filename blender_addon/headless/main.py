@@ -36,7 +36,7 @@ from ..render.frame_folder import render_job, settled_light
 from ..render.inputs import Opened, inputs_before_opening
 from ..render.overrides import overridden
 from ..scene.notices import notices
-from ..scene.open import choose_scene, open_scene
+from ..scene.open import choose_scene, local_scene, open_scene
 from . import encode, stopping
 
 
@@ -97,6 +97,7 @@ def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:
         content = ""
     if job.scene_name is not None:
         scene = choose_scene(job.scene_name)
+    scene = local_scene(scene)
     if job.camera is not None:
         choose_camera(scene, job.camera)
     is_imported = bool(job.scene) and not job.scene.endswith(".blend")

@@ -17,8 +17,7 @@ def resting(scene: bpy.types.Scene) -> Iterator[None]:
     Blender evaluates animation again when a render starts. This mutes all keyframes and drivers of the scene
     itself, which keeps its values of this frame, and those of the pass index of objects.
     """
-    indices = (curve for item in bpy.data.objects if item.is_editable for curve in _curves(item)
-               if curve.data_path == "pass_index")
+    indices = (curve for item in bpy.data.objects for curve in _curves(item) if curve.data_path == "pass_index")
     with ExitStack() as stack:
         for marker in scene.timeline_markers:
             stack.enter_context(overridden(marker, {"camera": None}))

@@ -44,7 +44,7 @@ def _cycles_switches(view_layer: bpy.types.ViewLayer, layers: Sequence[str]) -> 
 def pass_indices(foreground: set[bpy.types.Object]) -> Iterator[None]:
     """Set the pass index FOREGROUND on ``foreground`` and BACKGROUND on all other objects inside the block."""
     with ExitStack() as stack:
-        for item in (item for item in bpy.data.objects if item.is_editable):
+        for item in bpy.data.objects:  # linked ones too: the change is not saved
             index = FOREGROUND if item in foreground else BACKGROUND
             stack.enter_context(overridden(item, {"pass_index": index}))
         yield

@@ -46,7 +46,16 @@ def choose_scene(name: str) -> bpy.types.Scene:
     scene = scenes.get(name)
     if scene is None:
         raise LfsrError(f"the file has no scene {name!r}: choose one of {', '.join(scenes)}")
-    # Blender evaluates the window's scene, which may differ from the one that was open when the file was saved.
+    return _shown(scene)
+
+
+def local_scene(scene: bpy.types.Scene) -> bpy.types.Scene:
+    """Return ``scene``, made local where it is linked, so that a camera can be added; its objects stay linked."""
+    return scene if scene.library is None else _shown(scene.make_local())
+
+
+def _shown(scene: bpy.types.Scene) -> bpy.types.Scene:
+    """Show ``scene`` in the window: Blender evaluates the scene that was open when the file was saved otherwise."""
     bpy.context.window.scene = scene
     return scene
 

@@ -22,8 +22,9 @@ def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.typ
                             f"{', '.join(sorted(collections))}")
         chosen = set(collections[name].all_objects)
     else:
-        background = bpy.data.collections.get(BACKGROUND_COLLECTION)
-        chosen = set(scene.objects) - (set(background.all_objects) if background else set())
+        # Of several files, where some are linked.
+        backgrounds = (found for found in bpy.data.collections if found.name == BACKGROUND_COLLECTION)
+        chosen = set(scene.objects) - {item for background in backgrounds for item in background.all_objects}
     subject = chosen | {child for item in chosen for child in _instanced(item)}
     if not any(item.type in GEOMETRY and _rendered(scene, item) for item in subject):
         raise LfsrError(f"nothing of the subject {name or scene.name!r} would be rendered: "
