@@ -24,8 +24,8 @@ bl_info = {
 # Each of these may list Blender classes to register in CLASSES, and have a register() and unregister() of its own.
 MODULES = ("ui.preferences", "settings.properties", "results.preview", "check.watch", "background.session",
            "live.session", "ui.operators.render", "ui.operators.finish", "ui.operators.array", "ui.operators.check",
-           "ui.operators.plan", "ui.operators.exports", "ui.operators.farm", "ui.operators.live", "ui.presets",
-           "ui.panels", "ui.live_panel", "ui.menus", "ui.overlay", "ui.look")
+           "ui.operators.estimate", "ui.operators.plan", "ui.operators.exports", "ui.operators.farm",
+           "ui.operators.live", "ui.presets", "ui.panels", "ui.live_panel", "ui.menus", "ui.overlay", "ui.look")
 
 if importlib.util.find_spec("lfsr_core") is None:
     # As an extension Blender puts lfsr_core's wheel on the path; in a checkout it lies beside this package.

@@ -79,5 +79,13 @@ def tell_openjd(**messages: str) -> None:
         print(f"openjd_{kind}: {' '.join(message.split())}", flush=True)
 
 
+def duration(seconds: float) -> str:
+    """Return a time in the two largest of hours, minutes and seconds."""
+    whole = round(seconds)
+    if whole >= 3600:
+        return f"{whole // 3600} h {whole % 3600 // 60} min"
+    return f"{whole // 60} min {whole % 60} s" if whole >= 60 else f"{whole} s"
+
+
 def silent(stage: str, fraction: float, message: str) -> None:
     """Ignore progress."""

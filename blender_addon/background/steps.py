@@ -167,9 +167,14 @@ class Task:
 
 def render_step(job: Job, folder: Path, fraction: float, stage: str, after: float = 0.0) -> Step:
     """Render ``job`` in a background Blender; the job file goes into ``folder``. Else as of ``Step``."""
-    path = _write(folder / "job.json", to_data(job))
+    path = write_job(job, folder / "job.json")
     return Step(stage, fraction, "The render", _render_command(path), Path(job.parts) if job.parts else None,
                 after=after, message=OPENING)
+
+
+def write_job(job: Job, path: Path) -> Path:
+    """Write ``job`` for a background Blender into the file ``path``, and return that."""
+    return _write(path, to_data(job))
 
 
 def second_stage_step(stage: str, fraction: float, work: Path, task: str, /, **arguments: Any) -> Step:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import bpy
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.progress import duration
 
 from ..array import rig
-from ..background import session
+from ..background import probe, session
 from ..background.steps import OPENING
 from ..check import watch
 from ..results import preview
@@ -90,6 +91,7 @@ class LFSR_PT_check(LightFieldPanel, bpy.types.Panel):
         layout, state = self.layout, context.window_manager.lfsr
         watch.wanted(context.scene)
         layout.operator("lfsr.check_scene", text="Check Scene", icon="VIEWZOOM")
+        _draw_time(layout, context.scene)
         if state.checked_scene != context.scene.name_full:
             return
         if watch.is_late():
@@ -238,6 +240,16 @@ def _sample_facts(scene: bpy.types.Scene) -> summary.Facts:
         return summary.sample_facts(scene_settings.resolve(scene))
     except LfsrError:
         return []  # the panel Display says what is wrong
+
+
+def _draw_time(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    seconds = probe.expected_seconds(scene)
+    row = row_if(session.current() is None, layout)
+    if seconds is None:
+        row.operator("lfsr.estimate_time", icon="TIME")
+        return
+    row.label(text=f"About {duration(seconds)} per image", icon="TIME")
+    row.operator("lfsr.estimate_time", text="", icon="FILE_REFRESH")
 
 
 def _draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

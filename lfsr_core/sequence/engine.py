@@ -14,7 +14,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_part
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
-from lfsr_core.progress import Progress, silent
+from lfsr_core.progress import Progress, duration, silent
 from lfsr_core.reconstruct.second_stage import upscale_frame
 from lfsr_core.render.blender import Starts, find_blender
 from lfsr_core.render.child import CrashError
@@ -191,14 +191,6 @@ class _Finishing:
     def _check_stopped(self, *_: object) -> None:
         if self._stopped.is_set():
             raise _CancelledError
-
-
-def duration(seconds: float) -> str:
-    """Return a time in the two largest of hours, minutes and seconds."""
-    whole = round(seconds)
-    if whole >= 3600:
-        return f"{whole // 3600} h {whole % 3600 // 60} min"
-    return f"{whole // 60} min {whole % 60} s" if whole >= 60 else f"{whole} s"
 
 
 def table(results: Sequence[Result]) -> str:

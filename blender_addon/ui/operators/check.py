@@ -7,9 +7,10 @@ import functools
 import bpy
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.progress import duration
 
 from ...array.rig import check_editable
-from ...background import session
+from ...background import probe, session
 from ...check import watch
 from ...check.fixes import FIXES, OUTSIDE_SCENE, find_object
 from ...check.groups import MOST_ROWS, Group, grouped
@@ -18,6 +19,7 @@ from ...check.problems import to_ask
 from ...settings.words import counted
 from .base import UNDO, Question, Result, activate, reports_errors
 
+LONG = 600.0  # seconds of a render that is asked about
 _accepted: set[tuple[str, str, str]] = set()  # what the artist was asked in this file
 
 
@@ -128,10 +130,20 @@ def questions(scene: bpy.types.Scene) -> list[Question]:
     new = [problem for problem in to_ask(scene) if _key(scene, problem) not in _accepted]
     accept = functools.partial(_accepted.update, [_key(scene, problem) for problem in new])
     rows = grouped(new)
-    asked = [Question(_sentence(row), "Render", accept=accept) for row in rows[:MOST_ROWS]]
+    asked = [*_long(scene), *(Question(_sentence(row), "Render", accept=accept) for row in rows[:MOST_ROWS])]
     if len(rows) > MOST_ROWS:
         asked.append(Question(f"Scene Check lists {len(rows) - MOST_ROWS} more", "Render", accept=accept))
     return asked
+
+
+def _long(scene: bpy.types.Scene) -> list[Question]:
+    """Ask before an image that will take long, again where it will take longer than was accepted."""
+    seconds = probe.expected_seconds(scene) or 0.0
+    key = scene.name_full, "time", f"{max(seconds, 1.0):.0e}"
+    if seconds < LONG or key in _accepted:
+        return []
+    return [Question(f"The image will take about {duration(seconds)}", "Render",
+                     accept=functools.partial(_accepted.add, key))]
 
 
 def _key(scene: bpy.types.Scene, problem: Problem) -> tuple[str, str, str]:

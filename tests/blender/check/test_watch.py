@@ -131,6 +131,7 @@ def test_a_change_makes_the_check_stale_and_a_pause_repeats_it(scene, monkeypatc
     bpy.context.view_layer.update()
     assert watch._changed > 0 and "motion" not in rows(), "nothing is done at once"
     assert watch._look() == watch.LOOKS, "no pause yet"
+    monkeypatch.setattr(watch, "_took", 0.0)
     monkeypatch.setattr(watch, "_changed", time.monotonic() - watch.PAUSE)
     assert watch._look() is None and "motion" in rows() and watch._changed == 0
 
@@ -138,8 +139,8 @@ def test_a_change_makes_the_check_stale_and_a_pause_repeats_it(scene, monkeypatc
 @pytest.mark.usefixtures("known")
 def test_a_check_that_takes_long_waits_for_a_longer_pause(scene, monkeypatch):
     watch.check(scene)
-    assert not watch.is_late()
     monkeypatch.setattr(watch, "_took", 2.0)
+    assert not watch.is_late(), "nothing has changed"
     monkeypatch.setattr(watch, "_changed", time.monotonic() - 10)
     assert watch.is_late() and watch._look() == watch.LOOKS
     assert "Changed since this check" in labels()

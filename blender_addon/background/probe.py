@@ -1,0 +1,103 @@
+"""How long an image will take, from a render of a few of its lenses."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import Frame, read_part
+from lfsr_core.frames.job import Job
+from lfsr_core.optics.depth_scale import samples_at
+from lfsr_core.plan.times import path_samples, render_seconds
+
+from ..settings import scene_settings
+from ..settings.scene_settings import Resolved
+from . import estimate
+from .steps import Steps, file_copy, render_step, write_job
+
+PATHS = 300_000  # path samples to measure: a second or two
+SAMPLES = 2  # few, so that many lenses are seen
+NAMES = ("first", "again", "many")  # renders of one lens, of it again with the scene prepared, and of many
+SECONDS = 12.0  # that a probe takes on a usual machine
+
+
+@dataclasses.dataclass(frozen=True)
+class Measured:
+    """What a probe has found of a scene."""
+
+    fixed: float  # seconds before the first sample
+    per_path: float  # seconds of a path sample
+    scale: int  # that was rendered at, which Auto has chosen
+
+
+def measure(job: Job) -> Steps:
+    """Render a few lenses of ``job`` in one background Blender; the result is a ``Measured``."""
+    started = time.monotonic()
+    with file_copy() as copy:
+        folder = copy.parent
+        lenses = {"first": [(0, 0)], "again": [(0, 0)], "many": _lenses(job)}
+        jobs = {name: dataclasses.replace(job, scene=str(copy), output=str(folder / name), parts=None, rays=None,
+                                          spp=SAMPLES, lens_list=tuple(lenses[name])) for name in NAMES}
+        for each in jobs.values():
+            Path(each.output).mkdir()
+        step = render_step(jobs["first"], folder, 1.0, "Measuring lenses")
+        others = [str(write_job(jobs[name], folder / f"{name}.json")) for name in NAMES[1:]]
+        yield dataclasses.replace(step, command=[*step.command, *others], seconds=SECONDS)
+        frames = {name: read_part(folder / name) for name in NAMES}
+    return _measured(frames, time.monotonic() - started)
+
+
+def _measured(frames: dict[str, Frame], wall: float) -> Measured:
+    """``wall``: seconds from the start to the end of the probe."""
+    first, again, many = (frames[name] for name in NAMES)
+    paths = path_samples(many) - path_samples(again)
+    sampling = max(render_seconds(many) - render_seconds(again), 0.0)
+    # All but the renders of the prepared scene is needed once by the image too.
+    fixed = wall - render_seconds(again) - render_seconds(many) - again.seconds.get("world", 0.0)
+    return Measured(max(fixed - many.seconds.get("world", 0.0), 0.0), sampling / max(paths, 1), many.scale)
+
+
+def _lenses(job: Job) -> list[tuple[int, int]]:
+    """Lenses (row, column) spread evenly over the display, enough for PATHS path samples."""
+    columns, rows = job.display.lenses
+    views = job.display.low_views(job.scale)
+    count = min(max(PATHS // (views[0] * views[1] * SAMPLES), 1), rows * columns)
+    across = min(columns, max(1, round((count * columns / rows) ** 0.5)))
+    down = min(rows, max(1, round(count / across)))
+    places = [((np.arange(number) + 0.5) / number * total).astype(int) for number, total in ((down, rows),
+                                                                                            (across, columns))]
+    return [(int(row), int(column)) for row in places[0] for column in places[1]]
+
+
+def remember(scene_name: str, measured: Measured) -> None:
+    """Store what was found for the panel, and for other settings of the same scene."""
+    state = bpy.context.window_manager.lfsr
+    state.probe_scene = scene_name
+    state.probe_fixed, state.probe_per_path, state.probe_scale = measured.fixed, measured.per_path, measured.scale
+
+
+def expected_seconds(scene: bpy.types.Scene) -> float | None:
+    """Seconds that an image of ``scene`` will take with its settings of now; None where nothing was measured."""
+    state = bpy.context.window_manager.lfsr
+    if state.probe_scene != scene.name_full:
+        return None
+    try:
+        settings = scene_settings.resolve(scene)
+        if settings.is_direct:
+            return None
+        return _seconds(settings, Measured(state.probe_fixed, state.probe_per_path, state.probe_scale))
+    except LfsrError:
+        return None  # the panel says what is wrong
+
+
+def _seconds(settings: Resolved, measured: Measured) -> float:
+    display, scale = settings.display, measured.scale if settings.scales else settings.scale
+    samples = settings.samples if settings.rays is None else samples_at(display, scale, settings.rays)
+    rendered = display.eia_pixels[0] * display.eia_pixels[1] / display.finished_pixels(scale)
+    finish = estimate.expected("Upscaling", estimate.second_stage(display, scale, str(settings.method)))
+    return measured.fixed + measured.per_path * rendered * samples + finish

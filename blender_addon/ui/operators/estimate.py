@@ -1,0 +1,27 @@
+"""Button that measures how long an image will take."""
+
+from __future__ import annotations
+
+import functools
+
+import bpy
+
+from ...background import probe, recipes
+from ...settings import scene_settings
+from .base import Prepared, TaskOperator
+
+
+class LFSR_OT_estimate_time(TaskOperator, bpy.types.Operator):
+    """Render a few lenses in the background and tell how long the whole image will take"""
+
+    bl_idname = "lfsr.estimate_time"
+    bl_label = "Estimate Time"
+
+    def prepare(self, context: bpy.types.Context) -> Prepared:
+        """Measure the current frame."""
+        scene = context.scene
+        scene_settings.resolve(scene).check_light_field("an estimate of the time")
+        return probe.measure(recipes.frame_recipe(scene).job), functools.partial(probe.remember, scene.name_full)
+
+
+CLASSES = (LFSR_OT_estimate_time,)

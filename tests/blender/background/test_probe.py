@@ -1,0 +1,69 @@
+"""How long an image will take, before it is rendered."""
+
+from __future__ import annotations
+
+import time
+
+import bpy
+import pytest
+
+from blender_addon.background import probe, recipes, session
+from blender_addon.ui.operators import check
+from lfsr_core.optics.display import load_display
+from tests.support import panel
+
+
+@pytest.fixture
+def scene(tmp_path):
+    with panel.registered():
+        yield panel.artist_scene(tmp_path)
+
+
+def remembered(scene, **values) -> None:
+    probe.remember(scene.name_full, probe.Measured(**({"fixed": 2.0, "per_path": 1e-5, "scale": 2} | values)))
+
+
+def test_lenses_are_spread_over_the_display(scene):
+    job = recipes.frame_recipe(scene).job
+    assert len(set(probe._lenses(job))) == 16 * 12, "few enough to render all"
+    scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples = "bupt-32in-8k", "4", 64
+    job = recipes.frame_recipe(scene).job
+    lenses, (columns, rows) = probe._lenses(job), job.display.lenses
+    assert 300 < len(set(lenses)) == len(lenses) < 400
+    assert 0 <= min(row for row, _ in lenses) < rows / 3 and rows * 2 / 3 < max(row for row, _ in lenses) < rows
+    assert 0 <= min(at for _, at in lenses) < columns / 3 and columns * 2 / 3 < max(at for _, at in lenses) < columns
+
+
+def test_the_button_measures_and_the_image_takes_about_that_long(scene):
+    scene.lfsr.display, scene.lfsr.samples = "small", 24
+    assert probe.expected_seconds(scene) is None
+    assert bpy.ops.lfsr.estimate_time() == {"FINISHED"}
+    expected, started = probe.expected_seconds(scene), time.monotonic()
+    session.run("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)))
+    took = time.monotonic() - started
+    print(f"expected {expected:.1f} s, took {took:.1f} s")
+    assert 0.2 < expected / took < 5  # tests run on busy machines
+
+
+def test_other_settings_need_no_other_probe(scene):
+    display = load_display("mini")
+    remembered(scene)
+    scene.lfsr.samples = 100
+    pixels = display.eia_pixels[0] * display.eia_pixels[1] / 4
+    few = probe.expected_seconds(scene)
+    scene.lfsr.samples = 1100
+    assert probe.expected_seconds(scene) - few == pytest.approx(1000 * pixels * 1e-5, rel=1e-3)
+    bpy.ops.scene.new(type="EMPTY")
+    assert probe.expected_seconds(bpy.context.scene) is None, "another scene"
+
+
+def test_a_long_image_is_asked_about_until_it_is_accepted(scene):
+    remembered(scene)
+    assert check.questions(scene) == []
+    remembered(scene, per_path=1.0)
+    (question,) = check.questions(scene)
+    assert question.sentence.startswith("The image will take about ") and not question.advice
+    question.accept()
+    assert check.questions(scene) == []
+    remembered(scene, per_path=30.0)
+    assert len(check.questions(scene)) == 1
