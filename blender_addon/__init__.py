@@ -1,35 +1,18 @@
 """Light-field rendering for integral-imaging displays: the part that runs inside Blender.
 
-Blender loads this package as an extension, under a name of Blender's choice, or
-as a legacy add-on: imports inside it are relative.
+Blender loads this package as an extension, under a name of Blender's choice, so imports inside it are relative. The
+zip has lfsr_core inside it (scripts/build_extension.py); in a clone it lies beside it.
 """
 
 from __future__ import annotations
 
 import importlib
-import importlib.util
-import sys
-from pathlib import Path
-
-bl_info = {
-    "name": "LFSR Light Field",
-    "description": "Renders 8K elemental image arrays for integral-imaging displays",
-    "author": "The LFSR authors",
-    "version": (0, 1, 0),
-    "blender": (4, 5, 0),
-    "location": "3D View > Sidebar > Light Field",
-    "category": "Render",
-}
 
 # Each of these may list Blender classes to register in CLASSES, and have a register() and unregister() of its own.
 MODULES = ("ui.preferences", "settings.properties", "results.preview", "check.watch", "background.session",
            "live.session", "ui.operators.render", "ui.operators.finish", "ui.operators.array", "ui.operators.check",
            "ui.operators.estimate", "ui.operators.plan", "ui.operators.exports", "ui.operators.farm",
            "ui.operators.live", "ui.presets", "ui.panels", "ui.live_panel", "ui.menus", "ui.overlay", "ui.look")
-
-if importlib.util.find_spec("lfsr_core") is None:
-    # As an extension Blender puts lfsr_core's wheel on the path; in a checkout it lies beside this package.
-    sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 
 def register() -> None:

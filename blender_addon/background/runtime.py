@@ -1,14 +1,13 @@
 """Which Python runs the second stage, and which Blender runs a render in the background.
 
-The second stage runs in a process of its own: with Blender's Python and the
-wheels of the extension, or with a Python of the user's choice.
+The second stage runs in a process of its own: with Blender's Python, or with a
+Python of the user's choice. Where it finds modules is said in its environment.
 """
 
 from __future__ import annotations
 
 import fnmatch
 import hashlib
-import importlib.util
 import os
 import sys
 from pathlib import Path
@@ -18,31 +17,34 @@ import bpy
 from lfsr_core.cores import CORES
 from lfsr_core.errors import LfsrError
 from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
+from lfsr_core.render.blender import PACKAGES
+from lfsr_core.render.protocol import BLENDER_FOLDER
 
 PACKAGE = __package__.rpartition(".")[0]  # the add-on, under the name that Blender gave it
 PYTHON_VARIABLE = "LFSR_PYTHON"
-HERE = Path(__file__).resolve().parent
-LAUNCHER, ENTRY = HERE / "launch.py", HERE.parent / "headless" / "entry.py"
-# Variables that would make a Python look for modules elsewhere than it does on its own.
-PYTHON_VARIABLES = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "PYTHONSAFEPATH")
+HEADLESS = Path(__file__).resolve().parents[1] / "headless"
+# A clone has the first, the zip only the second.
+ENTRY = next(path for name in ("from_sources.py", "entry.py") if (path := HEADLESS / name).is_file())
+# Workers that each started BLAS threads of their own would wait for one another.
+ONE_BLAS_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1")
 
 
-def second_stage_command(module: str = "lfsr_core.cli") -> list[str]:
+def second_stage_command(module: str) -> list[str]:
     """Command line that runs ``module`` of lfsr_core in the second stage's Python; append the module's arguments.
 
     Start it with ``environment()``. LfsrError where the Python that was chosen does not exist.
     """
     chosen = chosen_python()
-    start = [chosen] if chosen else [sys.executable, "-I"]
-    return [*start, str(LAUNCHER), _paths(), module]
+    start = [chosen] if chosen else [sys.executable, "-s"]
+    return [*start, "-m", module]
 
 
 def render_command(job_file: str | Path) -> list[str]:
     """Command line that runs one render job (lfsr_core.frames.job) in another Blender of this version."""
     if not bpy.app.binary_path:  # the bpy wheel
-        return [sys.executable, str(ENTRY), "--", _paths(), str(job_file)]
+        return [sys.executable, "-P", str(ENTRY), "--", str(job_file)]
     return [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1",
-            "--python", str(ENTRY), "--", _paths(), str(job_file)]
+            "--python", str(ENTRY), "--", str(job_file)]
 
 
 def may_run_scripts(file: str) -> bool:
@@ -63,11 +65,18 @@ def _covers(entry: bpy.types.PathCompare, file: str) -> bool:
 
 
 def environment() -> dict[str, str]:
-    """Environment for those processes: this one's, without the variables that change where Python finds modules."""
-    kept = {name: value for name, value in os.environ.items() if name not in PYTHON_VARIABLES}
+    """Environment for those processes: this one's, with Python's variables replaced by ours.
+
+    lfsr_core is the add-on's own, even if the Python has another. A Python that the user chose brings its other
+    packages; Blender's own gets Blender's.
+    """
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    folders = [PACKAGES] if chosen_python() else [PACKAGES, *_blender_packages()]
     library = chosen_library()
     chosen = {LIBRARY_VARIABLE: library} if library else {}
-    return _few_cores() | kept | chosen | {"PYTHONUNBUFFERED": "1", "PYTHONUTF8": "1"}
+    return _few_cores() | kept | chosen | ONE_BLAS_THREAD | {
+        "PYTHONPATH": os.pathsep.join(map(str, folders)), "PYTHONSAFEPATH": "1", "PYTHONUNBUFFERED": "1",
+        "PYTHONUTF8": "1", BLENDER_FOLDER: str(Path(bpy.utils.resource_path("LOCAL")).parent)}
 
 
 def _few_cores() -> dict[str, str]:
@@ -108,16 +117,8 @@ def _preferences() -> bpy.types.AddonPreferences | None:
     return addon.preferences if addon else None
 
 
-def site_packages() -> list[Path]:
-    """Folders that the second stage needs beside its Python's own: lfsr_core's first, then Blender's."""
-    core = importlib.util.find_spec("lfsr_core")
-    if core is None or core.origin is None:
-        raise LfsrError("the package lfsr_core is not installed: install the add-on from its zip again")
-    # Blender's own OpenImageIO and OpenColorIO lie where its Python may not look outside Blender.
-    own = [Path(bpy.utils.resource_path("LOCAL"), "python", "lib", name, "site-packages")
-           for name in (f"python{sys.version_info[0]}.{sys.version_info[1]}", "")]
-    return [Path(core.origin).parents[1], *(folder for folder in own if folder.is_dir())]
-
-
-def _paths() -> str:
-    return os.pathsep.join(map(str, site_packages()))
+def _blender_packages() -> list[Path]:
+    """Folders of Blender's own OpenImageIO and OpenColorIO, where its Python may not look outside Blender."""
+    library = Path(bpy.utils.resource_path("LOCAL"), "python", "lib")
+    folders = (library / f"python{sys.version_info[0]}.{sys.version_info[1]}", library)
+    return [folder / "site-packages" for folder in folders if (folder / "site-packages").is_dir()]

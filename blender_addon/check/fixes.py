@@ -117,7 +117,6 @@ def _no_focus(_scene: bpy.types.Scene, target: str) -> None:
 
 
 FIXES: dict[str, Fix] = {
-    "cycles": lambda _scene, _target: bpy.ops.preferences.addon_enable(module="cycles"),
     "array": lambda scene, _target: add(scene, scene_settings.display_of(scene)), "light": _add_light,
     "dim": _add_light,
     "engine": _setting("render", engine="CYCLES"),
@@ -131,9 +130,10 @@ FIXES: dict[str, Fix] = {
     "compositor": _setting("render", use_compositing=False), "sequencer": _setting("render", use_sequencer=False),
     "view": _setting("view_settings", use_curve_mapping=False, use_white_balance=False),
     "catcher": _setting("render", film_transparent=True)}
-OUTSIDE_SCENE = ("cycles", "dirty", "focus", "shift")  # fixes that change more than the scene
+OUTSIDE_SCENE = ("dirty", "focus", "shift")  # fixes that change more than the scene
 # Fixes that Blender's own operators do, some after asking for a file.
 OPERATORS: dict[str, tuple[str, dict[str, object]]] = {
+    "cycles": ("screen.userpref_show", {"section": "ADDONS"}),
     "unsaved": ("wm.save_mainfile", {}), "texture": ("file.find_missing_files", {}),
     "linked": ("file.find_missing_files", {}), "autoexec": ("wm.revert_mainfile", {"use_scripts": True}),
     "output": ("lfsr.choose_output", {}), "disk": ("lfsr.choose_output", {}),

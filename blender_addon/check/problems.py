@@ -41,7 +41,7 @@ def _sorted(problems: Iterable[Problem]) -> list[Problem]:
 def _renderer(scene: bpy.types.Scene) -> Iterator[Problem]:
     if not _has_cycles():
         yield Problem("cycles", "Cycles", "Light fields are rendered with Cycles, but the Cycles Render Engine add-on "
-                      "is switched off.", "Switch On", ERROR)
+                      "is switched off: switch it on.", "Show Add-ons", ERROR)
     elif scene.render.engine != "CYCLES":
         yield Problem("engine", scene.name, "Light fields are rendered with Cycles. Materials and lights may look "
                       "different in the scene's own render engine.", "Use Cycles", INFO)

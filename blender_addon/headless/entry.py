@@ -1,44 +1,48 @@
-"""Run render jobs in another Blender, or encode a film there.
+"""Run render jobs in another Blender, or encode a film there, with this extension wherever it is installed.
 
-    python entry.py -- FOLDERS JOB.json...                           (bpy wheel)
-    blender --background --python entry.py -- FOLDERS JOB.json...
-    blender --background --python entry.py -- FOLDERS encode FRAMES FILE.mp4
+    python -P entry.py -- JOB.json...                                            (bpy wheel)
+    blender --background --factory-startup --python entry.py -- JOB.json...
+    blender --background --factory-startup --python entry.py -- encode FRAMES FILE.mp4
 
-FOLDERS, joined as in PATH, are where lfsr_core lies. This package is loaded under
-its own name, because a Blender with factory settings has no extension enabled.
+From the repository ``from_sources.py`` does the same.
 """
 
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import os
 import shutil
 import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NoReturn
 
 import bpy
 
-
-def load_addon() -> None:
-    """Import the package of this file as ``blender_addon``, whatever its folder is called."""
-    here = Path(__file__).resolve().parent
-    # Modules in this folder must not hide others of the same name.
-    sys.path[:] = [path for path in sys.path if path and Path(path).resolve() != here]
-    package = here.parent
-    spec = importlib.util.spec_from_file_location("blender_addon", package / "__init__.py",
-                                                  submodule_search_locations=[str(package)])
-    assert spec is not None and spec.loader is not None
-    module = sys.modules["blender_addon"] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+REPOSITORY = "lfsr_background"
 
 
-if __name__ == "__main__":
-    paths, *arguments = sys.argv[sys.argv.index("--") + 1:]
-    sys.path += paths.split(os.pathsep)
-    load_addon()
-    code = importlib.import_module("blender_addon.headless.main").main(arguments)
+def run(main: Callable[[Sequence[str]], int]) -> NoReturn:
+    """Run ``main`` with the words after "--" on the command line, and end Blender with its exit code."""
+    code = main(sys.argv[sys.argv.index("--") + 1:])
     sys.stdout.flush()
     # Blender replaces a script's exit code with its own, so the process ends here and tidies up by itself.
     shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
     os._exit(code)
+
+
+def load_main() -> Callable[[Sequence[str]], int]:
+    """``headless.main`` of this extension, from a repository that only this Blender knows, and only until it ends.
+
+    Factory settings have no repository of the user's, and no add-on enabled.
+    """
+    package = Path(__file__).resolve().parents[1]
+    repository = bpy.context.preferences.extensions.repos.new(name="LFSR", module=REPOSITORY,
+                                                              custom_directory=str(package.parent))
+    module = importlib.import_module(f"bl_ext.{repository.module}.{package.name}.headless.main")
+    main: Callable[[Sequence[str]], int] = module.main
+    return main
+
+
+if __name__ == "__main__":
+    run(load_main())

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from lfsr_core.arrays import Array
 from lfsr_core.cores import usable_cores
@@ -21,6 +20,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.progress import Progress
+from lfsr_core.reconstruct.blas import blas_threads
 from lfsr_core.reconstruct.clock import StageClock
 from lfsr_core.reconstruct.contract import Upscaler
 from lfsr_core.reconstruct.world import finish_lenses
@@ -78,9 +78,8 @@ def upscale_all(assembly: Assembly, step: int | None, finish: Finish, clock: Sta
             images = finish_lenses(upscaler, assembly.low, lenses)
         finish(lenses, images)
 
-    # Workers that each started BLAS threads of their own would wait for one another.
-    blas_threads = 1 if assembly.upscaler.thread_safe else None
-    with threadpool_limits(blas_threads, "blas"), ThreadPoolExecutor(workers) as pool, clock.shared_by(workers):
+    most = 1 if assembly.upscaler.thread_safe else None
+    with blas_threads(most), ThreadPoolExecutor(workers) as pool, clock.shared_by(workers):
         for done, _ in enumerate(pool.map(work, parts), start=1):
             progress("upscale", done / len(parts), f"{done} of {len(parts)} steps")
 

@@ -32,12 +32,13 @@ class Blender:
 
     def command(self, *job_files: Path) -> list[str]:
         """Return the command line that runs the render jobs in ``job_files`` one after the other."""
-        return self.script_command(_entry_script(), str(PACKAGES), *map(str, job_files))
+        return self.script_command(_entry_script(), *map(str, job_files))
 
     def script_command(self, script: Path, *arguments: str) -> list[str]:
         """Return the command line that runs a Python ``script`` inside Blender."""
         if self.executable is None:
-            return [sys.executable, str(script), "--", *arguments]
+            # -P: modules beside the script must not hide others of the same name.
+            return [sys.executable, "-P", str(script), "--", *arguments]
         return [self.executable, "--background", "--factory-startup", "--python-exit-code", "1",
                 "--python", str(script), "--", *arguments]
 
@@ -64,7 +65,7 @@ def _entry_script() -> Path:
     spec = importlib.util.find_spec("blender_addon")
     if spec is None or not spec.submodule_search_locations:
         raise LfsrError("the package blender_addon is not installed beside lfsr_core: install LFSR again")
-    return Path(next(iter(spec.submodule_search_locations)), "headless", "entry.py")
+    return Path(next(iter(spec.submodule_search_locations)), "headless", "from_sources.py")
 
 
 def _version(path: str) -> tuple[int, ...]:

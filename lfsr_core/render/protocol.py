@@ -20,6 +20,8 @@ LAST_STAGES = ("done", "error", "cancelled")
 EXIT_BAD_INPUT, EXIT_CANCELLED = 2, 130
 # Environment variable that tells a process to end when its standard input does.
 ENDS_WITH_INPUT = "LFSR_ENDS_WITH_INPUT"
+# Environment variable that names Blender's folder to a process outside it, which finds libraries there.
+BLENDER_FOLDER = "LFSR_BLENDER_FOLDER"
 SECONDS_OF_SILENCE = 1.0  # short, so that a program that prints a line every few seconds has something to print
 LONGEST_WAIT = 1.0  # seconds that the last record waits for another that is being written
 _speaking = threading.Lock()

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import ast
+import hashlib
 import importlib.util
-import io
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tomllib
 import zipfile
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 import pytest
@@ -25,12 +25,9 @@ ROOT = Path(__file__).resolve().parents[2]
 STEPS = ROOT / "tests" / "support" / "extension_steps.py"
 # What Blender's own Python has: everything else is hidden from the Blender under test.
 BLENDER_BRINGS = ("bpy", "numpy", "numpy.libs", "requests", "urllib3", "certifi", "idna", "charset_normalizer",
-                  "zstandard")
+                  "zstandard", "cattr", "cattrs", "attr", "attrs", "typing_extensions.py")
 ON = {"listed": True, "operators": True, "settings": True}
 OFF = dict.fromkeys(ON, False)
-DYNAMIC = {"import_module", "find_spec", "__import__"}
-# What the product must not need, by name of a package or a folder.
-FOREIGN = {"lfsr_lab", "lab", "tests", "scripts", "torch", "torchvision", "matplotlib", "jinja2"}
 
 
 def load_script():
@@ -41,6 +38,7 @@ def load_script():
 
 
 builder = load_script()
+reviewer = sys.modules["review_extension"]
 
 
 def another(version: str) -> object:
@@ -59,15 +57,13 @@ def archive(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def files(archive):
-    """Content of every file of the zip and of lfsr_core's wheel in it, by path."""
+    """Content of every file of the zip, by path."""
     with zipfile.ZipFile(archive) as content:
-        found = {name: content.read(name) for name in content.namelist()}
-    core = next(name for name in found if name.startswith("wheels/lfsr-"))
-    with zipfile.ZipFile(io.BytesIO(found[core])) as wheel:
-        return found | {f"{core}/{name}": wheel.read(name) for name in wheel.namelist()}
+        return {name: content.read(name) for name in content.namelist()}
 
 
-@pytest.fixture(scope="module", params=[pytest.param(sys.executable, id="own"), another("4.5"), another("5.2")])
+@pytest.fixture(scope="module", params=[pytest.param(sys.executable, id="own"), another("4.5"), another("5.1"),
+                                        another("5.2")])
 def blender(request, tmp_path_factory):
     """Runs a step in a Blender with resources of its own and no other packages: blender(step, *arguments)."""
     folder = tmp_path_factory.mktemp("blender")
@@ -103,48 +99,65 @@ def packages_of(python):
 
 def test_zip_is_complete(files):
     manifest = tomllib.loads(files["blender_manifest.toml"].decode())
-    inside = {name.split(".whl/")[1] for name in files if ".whl/" in name}
-    names = [name for name in files if ".whl/" not in name]
-    wheels = [name for name in names if name.endswith(".whl")]
-    assert {f"./{name}" for name in wheels} == set(manifest["wheels"])
-    assert all(name.endswith("-py3-none-any.whl") for name in wheels), "bound to a platform or a Python"
-    assert set(builder.RUNTIME_WHEELS) < {name.split("/")[1].split("-")[0] for name in wheels}
-    assert manifest["version"] == __version__ and "platforms" not in manifest
-    assert manifest["permissions"].keys() == {"files"}
-    assert {"__init__.py", "render/ray_layout.osl", "background/launch.py", "headless/entry.py",
-            "LICENSE"} <= set(names)
-    assert not [name for name in names if "__pycache__" in name or name.startswith(".")]
+    assert manifest["version"] == __version__ and "platforms" not in manifest and "wheels" not in manifest
+    assert {"__init__.py", "render/ray_layout.osl", "headless/entry.py", "LICENSE"} <= files.keys()
     for pattern in ("optics/displays/*.toml", "reconstruct/networks/weights/*", "sequence/templates/*",
                     "exports/viewer/*"):
-        data = {str(path.relative_to(ROOT)) for path in (ROOT / "lfsr_core").glob(pattern)}
-        assert data and data <= inside, pattern
-    assert not [name for name in inside if name.startswith("blender_addon")]
+        data = {f"packages/{path.relative_to(ROOT).as_posix()}" for path in (ROOT / "lfsr_core").glob(pattern)}
+        assert data and data <= files.keys(), pattern
 
 
-def test_zip_has_nothing_of_the_laboratory_or_the_tests(files):
-    assert [name for name in files if FOREIGN & {*Path(name).parts}] == []
-    modules = {name: text.decode() for name, text in files.items() if name.endswith(".py")}
-    assert len(modules) > 150 and any("lfsr_core" in name for name in modules)
-    assert {name: found for name, text in modules.items() if (found := imported(text) & FOREIGN)} == {}
+def test_zip_has_the_repositorys_files(files):
+    """Only imports differ, so that what is tested is what is installed."""
+    for name, content in files.items():
+        folder = ROOT if name.startswith("packages/lfsr_core/") else ROOT / "blender_addon"
+        source = folder / name.removeprefix("packages/")
+        if name in ("LICENSE", "blender_manifest.toml", "packages/__init__.py"):
+            continue
+        ours, theirs = content.decode(errors="replace"), source.read_bytes().decode(errors="replace")
+        differ = [pair for pair in zip(ours.splitlines(), theirs.splitlines(), strict=True) if pair[0] != pair[1]]
+        assert all("from ." in new and "from lfsr_core" in old for new, old in differ), name
 
 
-def imported(source: str) -> set[str]:
-    """Top-level packages that a module imports anywhere, also by ``import_module("name")``."""
-    names = set()
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and not node.level:
-            names.add(node.module)
-        elif isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in DYNAMIC:
-            names |= {argument.value for argument in node.args[:1] if isinstance(argument, ast.Constant)}
-    return {name.split(".")[0] for name in names}
+def test_two_builds_are_the_same_bytes(archive, tmp_path):
+    """From another folder, with other dates and another umask."""
+    copied = tmp_path / "elsewhere"
+    for name in ("blender_addon", "lfsr_core", "scripts", "docs"):
+        shutil.copytree(ROOT / name, copied / name, copy_function=shutil.copyfile)
+    for name in ("LICENSE", "blender_manifest.toml"):
+        shutil.copyfile(ROOT / name, copied / name)
+    (copied / "blender_addon" / "__pycache__").mkdir(exist_ok=True)
+    (copied / "blender_addon" / "__pycache__" / "junk.pyc").touch()
+    subprocess.run([sys.executable, copied / "scripts" / "build_extension.py", "--output", tmp_path], check=True,
+                   umask=0o077, env=os.environ | {"TZ": "Asia/Tokyo", "PYTHONHASHSEED": "7"})
+    assert (tmp_path / archive.name).read_bytes() == archive.read_bytes()
 
 
-@pytest.mark.parametrize("line", ["import torch.nn", "from lfsr_lab.train import fit", "import_module('torch')",
-                                  "importlib.util.find_spec('lfsr_lab')", "def f():\n    import matplotlib"])
-def test_every_kind_of_import_is_seen(line):
-    assert imported(line) & FOREIGN
+@pytest.mark.parametrize(("module", "place", "name"), [
+    ("lfsr_core.errors", "ui/operators/render.py", "...packages.lfsr_core.errors"),
+    ("lfsr_core.errors", "__init__.py", ".packages.lfsr_core.errors"),
+    ("lfsr_core", "ui/panels.py", "..packages.lfsr_core"),
+    ("lfsr_core.errors", "packages/lfsr_core/files.py", ".errors"),
+    ("lfsr_core.optics.panel.weave", "packages/lfsr_core/optics/panel/fit.py", ".weave"),
+    ("lfsr_core.optics.rays", "packages/lfsr_core/tasks/runner.py", "..optics.rays"),
+    ("lfsr_core.tasks", "packages/lfsr_core/tasks/runner.py", "."),
+])
+def test_relative_names(module, place, name):
+    assert builder.relative_name(module, PurePosixPath(place)) == name
+    # Python's own rule leads back to the module.
+    package = ".".join(PurePosixPath("bl_ext.user_default.lfsr", place).parent.parts)
+    whole = importlib.util.resolve_name(name, package).rstrip(".")
+    assert whole == f"bl_ext.user_default.lfsr.packages.{module}"
+
+
+def test_imports_are_rewritten_and_nothing_else():
+    source = ('"""from lfsr_core.errors import LfsrError"""\nfrom lfsr_core.errors import (\n    LfsrError)\n'
+              "def f():\n    from lfsr_core.files import read_json  # from lfsr_core.files\n")
+    assert builder.with_relative_imports(source, PurePosixPath("ui/panels.py")) == source.replace(
+        "\nfrom lfsr_core", "\nfrom ..packages.lfsr_core").replace(
+        "    from lfsr_core", "    from ..packages.lfsr_core")
+    with pytest.raises(LfsrError, match=r"ui/panels\.py, line 1 imports lfsr_core itself"):
+        builder.with_relative_imports("import lfsr_core.errors", PurePosixPath("ui/panels.py"))
 
 
 def test_blender_of_each_version_finds_the_zip_valid(archive, blender):
@@ -157,6 +170,7 @@ def test_from_installation_to_removal(archive, blender):
     found = blender("install", str(archive))
     assert found["foreign"] == [], "the test's Blender must not see packages of the tests"
     assert found["install"] == ["FINISHED"]
+    assert (found["warnings"], found["added_paths"], found["added_modules"]) == ([], [], ["bl_ext"])
     assert [found[when] for when in ("enabled", "disabled", "enabled_again")] == [ON, OFF, ON]
     resources = blender.folder / "resources"
     assert Path(found["core"]).is_relative_to(resources)
@@ -201,36 +215,133 @@ def test_the_panel_starts_without_openimageio():
     assert done.returncode == 0, done.stderr
 
 
-def test_tool_that_fails_leaves_no_zip(tmp_path, monkeypatch):
-    def broken(folder):
-        (folder / "lfsr-0-py3-none-any.whl").write_bytes(b"no wheel")
-        (folder.parent / "__init__.py").unlink()
+def test_two_extensions_with_the_same_package_in_other_versions(archive, blender, tmp_path):
+    """The other has a wheel of a package that the core can use: each sees what it would see alone."""
+    assert blender("install", str(archive))["enabled"] == ON
+    found = blender("install_other", str(other_extension(tmp_path, "0.0.1")))
+    assert found["install"] == ["FINISHED"]
+    assert found["other"] == "0.0.1" and "Open Image Denoise" in found["ours"]
+    assert blender("both") == {"other": "0.0.1", "ours": found["ours"]}
+    assert blender("uninstall")["after"] == OFF
+    assert blender("both") == {"other": "0.0.1", "ours": ""}
 
-    monkeypatch.setattr(builder, "build_core", broken)
-    monkeypatch.setattr(builder, "download", lambda *_: None)
+
+def other_extension(folder, version):
+    """An extension with a wheel of threadpoolctl in a version that would break the second stage."""
+    wheel = f"threadpoolctl-{version}-py3-none-any.whl"
+    info = f"threadpoolctl-{version}.dist-info"
+    with zipfile.ZipFile(folder / wheel, "w") as content:
+        content.writestr("threadpoolctl.py", f"__version__ = {version!r}\nthreadpool_limits = None\n")
+        content.writestr(f"{info}/METADATA", f"Metadata-Version: 2.1\nName: threadpoolctl\nVersion: {version}\n")
+        content.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        content.writestr(f"{info}/RECORD", "")
+    manifest = {"schema_version": "1.0.0", "id": "other", "version": "1.0.0", "name": "Other", "tagline": "Another",
+                "maintainer": "Another", "type": "add-on", "blender_version_min": "4.5.0",
+                "license": ["SPDX:GPL-3.0-or-later"], "wheels": [f"./wheels/{wheel}"]}
+    with zipfile.ZipFile(folder / "other.zip", "w") as content:
+        lines = (f"{name} = {json.dumps(value)}\n" for name, value in manifest.items())
+        content.writestr("blender_manifest.toml", "".join(lines))
+        content.writestr("__init__.py", "import threadpoolctl\nVERSION = threadpoolctl.__version__\n"
+                                        "def register(): pass\ndef unregister(): pass\n")
+        content.write(folder / wheel, f"wheels/{wheel}")
+    return folder / "other.zip"
+
+
+def test_zip_that_blender_refuses_is_not_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(builder, "write_manifest", lambda path, _: path.write_text(
+        (ROOT / "blender_manifest.toml").read_text().replace('id = "lfsr"', 'id = "no id"')))
     with pytest.raises(LfsrError, match="extension tool failed"):
         builder.build(tmp_path / "out")
     assert not list(tmp_path.rglob("*.zip"))
 
 
-def test_missing_wheel_is_one_clear_sentence(tmp_path):
-    with pytest.raises(LfsrError, match=r"pip failed with .*threadpoolctl"):
-        builder.download(tmp_path, ["threadpoolctl==0.0.0.1"])
-
-
-def test_wheel_bound_to_a_python_is_refused(tmp_path):
-    with pytest.raises(LfsrError, match=r"pip failed with .*flip-evaluator"):
-        builder.download(tmp_path, ["flip-evaluator"])
-
-
 def test_version_that_differs_is_an_error(tmp_path, monkeypatch):
     monkeypatch.setattr(builder, "__version__", "9.9.9")
     with pytest.raises(LfsrError, match=r"9\.9\.9: make them equal"):
-        builder.write_manifest(tmp_path / "blender_manifest.toml", [])
+        builder.write_manifest(tmp_path / "blender_manifest.toml", None)
 
 
-def test_addon_does_not_import_itself_by_name():
-    """As an extension the package is called bl_ext.….lfsr, so an import of blender_addon would fail."""
-    modules = {path: imported(path.read_text(encoding="utf-8")) for path in (ROOT / "blender_addon").rglob("*.py")}
-    # The entry point of a headless Blender loads the package under that name first.
-    assert [path.name for path, names in modules.items() if "blender_addon" in names] == ["entry.py"]
+PUBLISHER = builder.Publisher("https://example.org/lfsr", 'Zoë "Z" Q <z@example.org>')
+
+
+def test_a_release_is_a_zip_with_checksum_and_notes(tmp_path):
+    archive, checksum, notes = builder.release(tmp_path, PUBLISHER)
+    assert hashlib.sha256(archive.read_bytes()).hexdigest() in checksum.read_text().split()
+    assert checksum.read_text().split()[1] == archive.name
+    assert f"LFSR {__version__}" in notes.read_text() and PUBLISHER.website in notes.read_text()
+    with zipfile.ZipFile(archive) as content:
+        manifest = tomllib.loads(content.read("blender_manifest.toml").decode())
+    assert (manifest["website"], manifest["maintainer"]) == (PUBLISHER.website, PUBLISHER.maintainer)
+    again = builder.release(tmp_path / "again", PUBLISHER)
+    assert [path.read_bytes() for path in again] == [path.read_bytes() for path in (archive, checksum, notes)]
+
+
+@pytest.mark.parametrize(("website", "maintainer", "message"), [
+    ("", "A <a@b.org>", "website is ''"), ("http://b.org", "A <a@b.org>", "website is 'http://b.org'"),
+    ("https://b.org", "", "maintainer is ''"), ("https://b.org", "The LFSR authors", "maintainer is 'The LFSR"),
+    ("https://b.org", "<a@b.org>", "maintainer is '<a@b.org>'"),
+])
+def test_a_release_without_its_publisher_is_refused(tmp_path, capsys, website, maintainer, message):
+    words = ["--release", "--website", website, "--maintainer", maintainer, "--output", str(tmp_path / "out")]
+    assert builder.main(words) == 2
+    assert message in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+# What breaks each rule: the check, a file of the zip, and what is put into it.
+BROKEN = [
+    ("check_manifest", "blender_manifest.toml", lambda text: text.replace("clipboard = ", "network = ")),
+    ("check_manifest", "blender_manifest.toml", lambda text: text.replace("copyright = ", "x = ")),
+    ("check_manifest", "blender_manifest.toml", lambda text: text.replace("GPL-3.0-or-later", "MIT")),
+    ("check_manifest", "blender_manifest.toml", lambda text: text.replace("LFSR Light", "Blender Light")),
+    ("check_search_path", "__init__.py", "import sys\nsys.path.append('x')"),
+    ("check_search_path", "__init__.py", "import sys\ndef f():\n    sys.modules['x'] = None"),
+    ("check_search_path", "__init__.py", "from sys import path"),
+    ("check_search_path", "__init__.py", "import site\nsite.addsitedir('x')"),
+    ("check_imports", "__init__.py", "import lfsr_core"),
+    ("check_imports", "__init__.py", "from blender_addon import compat"),
+    ("check_imports", "__init__.py", "def f():\n    import torch.nn"),
+    ("check_imports", "__init__.py", "import importlib\nimportlib.import_module('lfsr_lab')"),
+    ("check_imports", "packages/lfsr_core/reconstruct/blas.py", "import threadpoolctl"),
+    ("check_wheels", "blender_manifest.toml", lambda text: 'wheels = ["./wheels/a.whl"]\n' + text),
+    ("check_wheels", "wheels/a-1-py3-none-any.whl", "x"),
+    ("check_contents", "render/ray_layout.oso", "x"),
+    ("check_contents", "packages/lfsr_core/commands/render.py", "x = 1"),
+    ("check_contents", "test_all.py", "x = 1"),
+    ("check_contents", "compat.py", "x = '" + 300 * "x" + "'"),
+    ("check_hidden_code", "compat.py", "exec('x = 1')"),
+    ("check_hidden_code", "compat.py", "import base64\nbase64.b64decode(b'')"),
+    ("check_network", "compat.py", "import urllib.request"),
+    ("check_network", "compat.py", "def f():\n    from http import client"),
+    ("check_self_contained", "compat.py", "import bpy\nbpy.ops.preferences.addon_enable(module='x')"),
+    ("check_self_contained", "compat.py", "import subprocess\nsubprocess.run(['python', '-m', 'pip'])"),
+    ("check_own_folder", "compat.py", "open(__file__, 'a')"),
+]
+
+
+@pytest.mark.parametrize(("check", "name", "change"), BROKEN)
+def test_review_sees_what_breaks_a_rule(files, check, name, change):
+    assert not [sentence for function in reviewer.CHECKS for sentence in function(files)]
+    text = files.get(name, b"").decode()
+    changed = dict(files) | {name: (change(text) if callable(change) else f"{text}\n{change}\n").encode()}
+    found = {function.__name__ for function in reviewer.CHECKS if list(function(changed))}
+    assert check in found
+
+
+def test_every_check_can_fail():
+    assert {check for check, *_ in BROKEN} == {function.__name__ for function in reviewer.CHECKS}
+
+
+def test_every_check_is_in_the_guide():
+    guide = (ROOT / "docs" / "guide" / "extension.md").read_text(encoding="utf-8")
+    for function in (*reviewer.CHECKS, reviewer.check_publisher):
+        assert f"`{function.__name__.removeprefix('check_')}`" in guide, function.__name__
+
+
+def test_a_release_needs_a_publisher_in_its_manifest(archive):
+    assert reviewer.review(archive) == []
+    assert len(reviewer.review(archive, is_release=True)) == 2
+
+
+def test_modules_of_the_repository_beside_the_zip_are_looked_at(files):
+    """The list of those that read their own folder names no file that is gone."""
+    assert files.keys() >= reviewer.READS_ITS_FOLDER

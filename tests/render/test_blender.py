@@ -7,7 +7,8 @@ from pathlib import Path
 from lfsr_core.render.blender import Blender
 
 
-def test_blenders_own_python_gets_the_folder_of_the_package():
+def test_blenders_own_python_is_told_where_both_packages_lie():
     words = Blender("/opt/blender").command(Path("job.json"))
-    assert Path(words[words.index("--") + 1], "lfsr_core", "__init__.py").is_file()
+    script = Path(words[words.index("--python") + 1])
+    assert (script.parents[2] / "lfsr_core" / "__init__.py").is_file() and "parents[2]" in script.read_text()
     assert words[0] == "/opt/blender" and words[-1] == "job.json"

@@ -79,8 +79,8 @@ def test_executable_on_path_is_used_without_the_wheel(monkeypatch, blender):
     assert find_blender() == Blender(path)
     command = find_blender().command(Path("job.json"))
     assert command[:2] == [path, "--background"]
-    assert (command[-3], command[-1]) == ("--", "job.json")
-    assert Path(command[command.index("--python") + 1]).name == "entry.py"
+    assert command[-2:] == ["--", "job.json"]
+    assert Path(command[command.index("--python") + 1]).name == "from_sources.py"
 
 
 def test_executable_asked_for_wins_over_the_wheel(monkeypatch, blender):

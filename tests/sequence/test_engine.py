@@ -144,7 +144,7 @@ def crashing(path: Path, frames: tuple[int, ...], times: int) -> str:
 import json, os, signal, sys
 from pathlib import Path
 if "--version" not in sys.argv:
-    first = json.loads(Path(sys.argv[sys.argv.index("--") + 2]).read_text())["frame"]
+    first = json.loads(Path(sys.argv[sys.argv.index("--") + 1]).read_text())["frame"]
     marks = Path({str(path)!r} + f".{{first}}")
     seen = marks.stat().st_size if marks.exists() else 0
     if first in {frames!r} and seen < {times}:

@@ -9,14 +9,14 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import json
-import subprocess
 import sys
 from pathlib import Path
 
 import bpy
 
-REPOSITORY, NAME = "user_default", "lfsr"
+REPOSITORY, NAME, OTHER = "user_default", "lfsr", "other"
 MODULE = f"bl_ext.{REPOSITORY}.{NAME}"
+CORE = f"{MODULE}.packages.lfsr_core"
 FORMATS = ("quilt", "views", "sway")  # one image, one per view, a film that Blender encodes
 FOREIGN = ("cv2", "torch", "pyoidn", "onnxruntime", "av", "PIL", "lfsr_core", "flip_evaluator", "threadpoolctl")
 
@@ -24,9 +24,12 @@ FOREIGN = ("cv2", "torch", "pyoidn", "onnxruntime", "av", "PIL", "lfsr_core", "f
 def install(folder: Path, archive: str) -> dict[str, object]:
     """Install and enable the zip, test the second stage's Python, switch off and on again."""
     found: dict[str, object] = {"foreign": [name for name in FOREIGN if importlib.util.find_spec(name)]}
+    before, modules = list(sys.path), set(sys.modules)
     done = bpy.ops.extensions.package_install_files(filepath=archive, repo=REPOSITORY, enable_on_install=True)
-    found |= {"install": sorted(done), "enabled": state()}
-    found["core"] = importlib.import_module("lfsr_core").__file__
+    found |= {"install": sorted(done), "enabled": state(), "warnings": policy_warnings()}
+    found["added_paths"] = [path for path in sys.path if path not in before]
+    found["added_modules"] = sorted({name.split(".")[0] for name in set(sys.modules) - modules if NAME in name})
+    found["core"] = importlib.import_module(CORE).__file__
     found["second_stage"] = importlib.import_module(f"{MODULE}.ui.preferences").probe()
     found["test_button"] = sorted(bpy.ops.lfsr.test_python())
     bpy.ops.preferences.addon_disable(module=MODULE)
@@ -40,18 +43,21 @@ def install(folder: Path, archive: str) -> dict[str, object]:
 def render(folder: Path) -> dict[str, object]:
     """In a new session: render the default cube with the extension's two commands."""
     runtime = importlib.import_module(f"{MODULE}.background.runtime")
-    display = importlib.import_module("lfsr_core.optics.display").load_display("mini")
-    job = importlib.import_module("lfsr_core.frames.job").Job(
+    display = importlib.import_module(f"{CORE}.optics.display").load_display("mini")
+    job = importlib.import_module(f"{CORE}.frames.job").Job(
         str(folder / "frame"), display, scene=str(folder / "cube.blend"), spp=2, layers=("albedo", "normal"))
     bpy.ops.wm.save_as_mainfile(filepath=job.scene, copy=True)
-    importlib.import_module("lfsr_core.records").write_record(folder / "job.json", job)
+    importlib.import_module(f"{CORE}.records").write_record(folder / "job.json", job)
+    task = {"task": "upscale", "folder": job.output, "method": "denoise+bilinear"}
+    (folder / "task.json").write_text(json.dumps(task))
     commands = (runtime.render_command(folder / "job.json"),
-                [*runtime.second_stage_command(), "upscale", job.output, "--method", "denoise+bilinear"])
+                [*runtime.second_stage_command("lfsr_core.tasks.runner"), str(folder / "task.json")])
+    child = importlib.import_module(f"{CORE}.render.child")
     for command in commands:
-        done = subprocess.run(command, env=runtime.environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                              text=True, check=False)
-        if done.returncode:
-            return {"enabled": state(), "failed": done.stdout}
+        with child.Child(command, runtime.environment()) as running:
+            records = list(running.records())
+            if not running.is_done():
+                return {"enabled": state(), "failed": records[-1:], "reason": str(running.crash("", ""))}
     return {"enabled": state()}
 
 
@@ -65,6 +71,20 @@ def press(folder: Path) -> dict[str, object]:
     return {"enabled": state(), "render": sorted(bpy.ops.lfsr.render_eia()),
             "reference": sorted(bpy.ops.lfsr.render_reference()), "viewer": sorted(bpy.ops.lfsr.open_viewer()),
             "exports": {name: sorted(bpy.ops.lfsr.export(format=name)) for name in FORMATS}}
+
+
+def install_other(folder: Path, archive: str) -> dict[str, object]:
+    """Install and enable another extension, which brings a package in a version of its own."""
+    done = bpy.ops.extensions.package_install_files(filepath=archive, repo=REPOSITORY, enable_on_install=True)
+    bpy.ops.wm.save_userpref()
+    return {"install": sorted(done), **both(folder)}
+
+
+def both(folder: Path) -> dict[str, object]:
+    """The version of the package that the other extension sees, and whether ours works beside it."""
+    other = importlib.import_module(f"bl_ext.{REPOSITORY}.{OTHER}")
+    ours = importlib.import_module(f"{MODULE}.ui.preferences").probe() if state()["listed"] else ""
+    return {"other": other.VERSION, "ours": ours}
 
 
 def uninstall(folder: Path) -> dict[str, object]:
@@ -81,8 +101,16 @@ def state() -> dict[str, bool]:
             "operators": hasattr(bpy.types, "LFSR_OT_render_eia"), "settings": hasattr(bpy.types.Scene, "lfsr")}
 
 
+def policy_warnings() -> list[str]:
+    """What Blender says against the extension in its preferences."""
+    import addon_utils
+
+    warnings: list[str] = addon_utils._extensions_warnings_get().get(MODULE, [])
+    return warnings
+
+
 if __name__ == "__main__":
-    step = {"install": install, "render": render, "press": press, "uninstall": uninstall}[sys.argv[1]]
+    step = {step.__name__: step for step in (install, render, press, install_other, both, uninstall)}[sys.argv[1]]
     if step is not install:
         # A Blender application does so on its own when it starts.
         bpy.ops.wm.read_userpref()

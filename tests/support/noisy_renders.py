@@ -50,7 +50,7 @@ def play(arguments: Sequence[str]) -> int:
     if "--version" in arguments:
         print("Blender 5.0.1")
         return 0
-    jobs = [read_job(path) for path in arguments[arguments.index("--") + 2:]]
+    jobs = [read_job(path) for path in arguments[arguments.index("--") + 1:]]
     for job in jobs:
         render(job)
         if len(jobs) > 1:

@@ -25,7 +25,7 @@ def press(film: Path, frames: list[int], overwrite: bool = False, blender: str |
     changes = {"scene": str(film.with_name("scene.glb")), "output": str(film), "scale": 2} | changes
     blender = blender or played_blender(film.with_name("blender"))
     return animation(to_data(dataclasses.replace(JOB, **changes)), frames, {"method": "bicubic"},
-                     [blender, "--", ""], overwrite)
+                     [blender, "--"], overwrite)
 
 
 def test_frames_of_other_settings_are_made_again_and_progress_is_of_those(film, capsys):

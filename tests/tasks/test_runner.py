@@ -29,7 +29,7 @@ def task(tmp_path: Path, blender: str, **options: object) -> Path:
     job = Job(output=str(tmp_path), display=load_display("mini"), scene="scene.blend")
     options = {"target": 0.5, "scales": [2], "spps": [4], "methods": ["bilinear"], "lenses": 16} | options
     path = tmp_path / "task.json"
-    path.write_text(json.dumps({"task": "plan", "job": to_data(job), "options": options, "command": [blender, "--", ""],
+    path.write_text(json.dumps({"task": "plan", "job": to_data(job), "options": options, "command": [blender, "--"],
                                 "work": str(tmp_path / "work")}))
     return path
 
@@ -62,7 +62,7 @@ def animation(tmp_path: Path, blender: str) -> Path:
     job = Job(output=str(tmp_path / "film"), display=load_display("mini"), scene=str(tmp_path / "scene.blend"), scale=2)
     path = tmp_path / "task.json"
     path.write_text(json.dumps({"task": "animation", "job": to_data(job), "frames": [1, 2],
-                                "second": {"method": "bicubic"}, "command": [blender, "--", ""]}))
+                                "second": {"method": "bicubic"}, "command": [blender, "--"]}))
     return path
 
 

@@ -15,11 +15,11 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from lfsr_core.arrays import Array
 from lfsr_core.cores import usable_cores
 from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.reconstruct.blas import blas_threads
 from lfsr_core.reconstruct.contract import Cleaner
 from lfsr_core.reconstruct.encoding import decode, encode
 from lfsr_core.reconstruct.methods.denoise import Box
@@ -116,7 +116,7 @@ class Recovering:
             cleaned[part[:, 0], part[:, 1]] = self._upscaler.clean(low, part)
 
         workers = min(usable_cores(), MAX_WORKERS) if self.thread_safe else 1
-        with threadpool_limits(1, "blas"), ThreadPoolExecutor(workers) as pool:
+        with blas_threads(1), ThreadPoolExecutor(workers) as pool:
             list(pool.map(work, [lenses[start:start + STEP] for start in range(0, len(lenses), STEP)]))
         return cleaned
 

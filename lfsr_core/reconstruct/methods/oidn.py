@@ -19,8 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.arrays import Array
+from lfsr_core.render.protocol import BLENDER_FOLDER
 
-# Relative to pyoidn's folder or one above Blender's Python: Linux, macOS, Windows (pyoidn, Blender, the bpy wheel).
+# Relative to pyoidn's folder or Blender's: Linux, macOS, Windows (pyoidn, Blender, the bpy wheel).
 PLACES = ("lib/libOpenImageDenoise.so.2", "lib/libOpenImageDenoise.dylib", "bin/OpenImageDenoise.dll",
           "blender.shared/OpenImageDenoise.dll", "OpenImageDenoise.dll")
 # Of a distribution, where the loader finds it, and of Homebrew.
@@ -30,7 +31,6 @@ LIBRARY_VARIABLE = "LFSR_OIDN"  # environment variable: the library to use
 CPU_MODULE = "OpenImageDenoise_device_cpu.dll"  # Windows finds what it needs only if it is loaded by its path
 CPU_DEVICE, FLOAT3 = 1, 3  # OIDNDeviceType, OIDNFormat
 QUALITIES = {"fast": 4, "balanced": 5, "high": 6}  # OIDNQuality; "fast" exists since library 2.3
-LEVELS_UP = 6  # from site-packages to the folder of the Blender installation
 
 _HANDLE, _SIZE, _NAME = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
 SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
@@ -110,10 +110,10 @@ def why_missing() -> str:
 def _folders() -> Iterator[Path]:
     yield from (folder / "oidn" for folder in _package("pyoidn"))
     yield from _package("bpy")
-    for entry in map(Path, sys.path):
-        # .../5.0/python/lib/python3.11/site-packages in every Blender
-        if entry.name == "site-packages" and "python" in (parent.name for parent in entry.parents):
-            yield from list(entry.parents)[:LEVELS_UP]
+    if folder := os.environ.get(BLENDER_FOLDER):
+        yield Path(folder)
+    if Path(sys.prefix).name == "python":  # .../5.0/python in every Blender
+        yield Path(sys.prefix).parents[1]
 
 
 def _package(name: str) -> Iterator[Path]:

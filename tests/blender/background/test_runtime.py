@@ -4,48 +4,69 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import bpy
 import pytest
 
+import lfsr_core
 from blender_addon.background import runtime
 from blender_addon.ui import preferences
 from lfsr_core import __version__
 from lfsr_core.cores import CORES
-from lfsr_core.errors import LfsrError
+
+PROBE = "lfsr_core.tasks.probe"
 
 
 def test_blenders_own_python_is_isolated(addon, monkeypatch, tmp_path):
-    (tmp_path / "numpy.py").write_text("raise SystemExit('the wrong numpy')")
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    assert runtime.second_stage_command()[:2] == [sys.executable, "-I"]
-    assert "PYTHONPATH" not in runtime.environment()
+    """From the user's variables, the user's packages and the folder in which Blender was started."""
+    for name in ("numpy.py", "lfsr_core.py"):
+        (tmp_path / name).write_text("raise SystemExit('the wrong one')")
+    user = tmp_path / "user"
+    packages = subprocess.run([sys.executable, "-m", "site", "--user-site"], capture_output=True, text=True,
+                              env={"PYTHONUSERBASE": str(user)}, check=False).stdout.strip()
+    assert packages.startswith(str(user))
+    Path(packages).mkdir(parents=True)
+    (Path(packages) / "usercustomize.py").write_text("raise SystemExit('the wrong one')")
+    for name, value in {"PYTHONPATH": tmp_path, "PYTHONUSERBASE": user, "PYTHONSTARTUP": tmp_path / "numpy.py",
+                        "PYTHONHOME": tmp_path}.items():
+        monkeypatch.setenv(name, str(value))
+    monkeypatch.chdir(tmp_path)
+    assert str(tmp_path) not in runtime.environment()["PYTHONPATH"]
     assert preferences.probe().startswith("Python ")
 
 
 def test_preference_wins_over_the_environment(addon, monkeypatch, bare_python):
     monkeypatch.setenv(runtime.PYTHON_VARIABLE, bare_python)
-    assert runtime.second_stage_command()[0] == bare_python
+    assert runtime.second_stage_command(PROBE)[0] == bare_python
     addon.python_path = sys.executable
-    assert runtime.second_stage_command()[0] == sys.executable
+    assert runtime.second_stage_command(PROBE)[0] == sys.executable
     assert f"LFSR {__version__}" in preferences.probe()
 
 
-def test_lfsr_core_is_the_addons_own(addon, tmp_path):
+def test_lfsr_core_is_the_addons_own(addon, bare_python):
     """Even if the user's Python has another one."""
-    other = tmp_path / "lfsr_core"
-    other.mkdir()
-    (other / "__init__.py").write_text("raise SystemExit('the wrong lfsr_core')")
-    addon.python_path = sys.executable
-    done = subprocess.run([*runtime.second_stage_command(), "--version"], cwd=tmp_path, capture_output=True, text=True,
-                          env=runtime.environment() | {"PYTHONPATH": str(tmp_path)}, check=False)
-    assert (done.returncode, done.stdout.strip()) == (0, f"lfsr {__version__}"), done.stderr
+    [packages] = answer([bare_python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"])
+    other = Path(packages, "lfsr_core", "__init__.py")
+    other.parent.mkdir()
+    other.touch()
+    addon.python_path, ask = bare_python, [bare_python, "-P", "-c", "import lfsr_core; print(lfsr_core.__file__)"]
+    assert answer(ask) == [str(other)]
+    assert answer(ask, runtime.environment()) == [lfsr_core.__file__]
 
 
-def test_library_that_is_not_installed_is_reported(addon, monkeypatch):
-    monkeypatch.setattr(runtime.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(LfsrError, match="install the add-on from its zip again"):
-        runtime.second_stage_command()
+def test_a_python_of_the_users_brings_its_own_packages(addon, bare_python):
+    """Blender's are those of Blender's Python, which may be of another version."""
+    ask, blenders = [bare_python, "-c", "import sys; print(sys.path)"], bpy.utils.resource_path("LOCAL")
+    assert blenders in answer(ask, runtime.environment())[0]
+    addon.python_path = bare_python
+    assert blenders not in answer(ask, runtime.environment())[0]
+
+
+def answer(command, environment=None):
+    """Lines that a Python prints, by default with nothing in its environment."""
+    done = subprocess.run(command, capture_output=True, text=True, env=environment or {}, check=True)
+    return done.stdout.splitlines()
 
 
 def test_cores_stay_free_as_the_preference_says(addon, monkeypatch):

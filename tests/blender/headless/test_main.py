@@ -19,7 +19,7 @@ from lfsr_core.records import to_data
 from lfsr_core.render.protocol import parse_progress
 from tests.support.scenes import MINI, ROOT, add_box, add_camera, emission
 
-ENTRY = ROOT / "blender_addon" / "headless" / "entry.py"
+ENTRY = ROOT / "blender_addon" / "headless" / "from_sources.py"
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def blend(scene, tmp_path):
 def start(tmp_path, limit=None, **options):
     data = to_data(Job(str(tmp_path / "out"), MINI, **{"scale": 4, "spp": 2} | options))
     write_json(tmp_path / "job.json", data)
-    command = [sys.executable, ENTRY, "--", ROOT, tmp_path / "job.json"]
+    command = [sys.executable, "-P", ENTRY, "--", tmp_path / "job.json"]
     smaller = (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))) if limit else None
     return subprocess.Popen(command, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                             env=os.environ | {"PYTHONUNBUFFERED": "1"}, preexec_fn=smaller)

@@ -1,0 +1,188 @@
+"""Review the extension's zip by the rules of extensions.blender.org, as far as a program can.
+
+    python scripts/review_extension.py lfsr-0.1.0.zip [--release]
+
+docs/guide/extension.md quotes the rules. Each check yields a sentence for what breaks its rule.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import functools
+import re
+import sys
+import tomllib
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path, PurePosixPath
+
+Files = Mapping[str, bytes]  # content by path in the zip
+MANIFEST = "blender_manifest.toml"
+# What Blender's Python has in every version, beside the standard library.
+BLENDER_BRINGS = {"bpy", "bl_operators", "bl_ui", "gpu", "gpu_extras", "mathutils", "numpy", "OpenImageIO",
+                  "PyOpenColorIO", "_cycles"}
+# What a Python of the user's choice may have: imported inside functions, and done without where it is missing.
+OPTIONAL = {"PIL", "av", "flip_evaluator", "threadpoolctl"}
+NETWORK = {"aiohttp", "asyncio", "ftplib", "http", "imaplib", "poplib", "requests", "smtplib", "socket", "socketserver",
+           "ssl", "telnetlib", "urllib", "urllib3", "webbrowser", "websockets", "xmlrpc"}
+SEARCH_PATH = {"sys.path", "sys.modules", "sys.meta_path", "sys.path_hooks", "site.addsitedir"}
+OF_OTHERS = {"addon_utils", "addon_disable", "addon_enable", "addon_install", "addon_remove", "package_install",
+             "package_install_files", "package_uninstall"}
+HIDDEN = {"eval", "exec", "compile", "__import__", "marshal", "pickle", "zlib.decompress", "base64.b64decode"}
+INSTALLERS = {"pip", "ensurepip", "venv"}
+# Modules that read data beside them; a new one is to be looked at, because an add-on's folder may be read-only.
+READS_ITS_FOLDER = {"background/runtime.py", "headless/entry.py", "render/inputs.py", "render/osl_camera.py",
+                    "render/panel_camera.py", "packages/lfsr_core/exports/page.py",
+                    "packages/lfsr_core/optics/display.py", "packages/lfsr_core/reconstruct/denoiser.py",
+                    "packages/lfsr_core/render/blender.py", "packages/lfsr_core/sequence/farms.py"}
+KINDS = {".css", ".glsl", ".html", ".js", ".json", ".osl", ".py", ".toml", ".txt", ".tza", ".yaml"}
+DEVELOPERS = {"commands", "docs", "lfsr_lab", "scripts", "tests"}
+PERMISSIONS = {"files", "clipboard"}
+LONGEST_LINE = 300  # of a reviewable file
+
+
+def check_manifest(files: Files) -> Iterator[str]:
+    """Permissions with reasons, copyright, licence, and a name without Blender's."""
+    manifest = tomllib.loads(files[MANIFEST].decode())
+    if manifest.get("permissions", {}).keys() != PERMISSIONS:
+        yield f"{MANIFEST}: permissions are not {' and '.join(sorted(PERMISSIONS))}"
+    if not manifest.get("copyright"):
+        yield f"{MANIFEST}: copyright is missing"
+    if manifest.get("license") != ["SPDX:GPL-3.0-or-later"]:
+        yield f"{MANIFEST}: the licence is not GPL-3.0-or-later"
+    if "blender" in manifest["name"].lower():
+        yield f"{MANIFEST}: the name must not contain Blender's"
+
+
+def check_publisher(files: Files) -> Iterator[str]:
+    """A website, and a maintainer with an address: of a release only, the repository names nobody."""
+    manifest = tomllib.loads(files[MANIFEST].decode())
+    if not manifest.get("website", "").startswith("https://"):
+        yield f"{MANIFEST}: website is missing"
+    if not re.search(r"<\S+@\S+>$", manifest["maintainer"]):
+        yield f"{MANIFEST}: maintainer has no address"
+
+
+def check_search_path(files: Files) -> Iterator[str]:
+    """Nothing changes where Python finds modules, or reads it."""
+    for path, node in _nodes(files):
+        name = ast.unparse(node) if isinstance(node, ast.Attribute) else ""
+        names = [alias.name for alias in node.names] if isinstance(node, ast.ImportFrom) else []
+        if found := {name, *(f"{getattr(node, 'module', '')}.{each}" for each in names)} & SEARCH_PATH:
+            yield f"{path}, line {getattr(node, 'lineno', 0)} uses {found.pop()}"
+
+
+def check_imports(files: Files) -> Iterator[str]:
+    """Modules of the zip are imported by relative names; others are in every Blender, or optional."""
+    for path, source in _modules(files):
+        top = {id(node) for node in source.body}
+        for node in ast.walk(source):
+            for name in _imported(node):
+                is_known = name in sys.stdlib_module_names or name in BLENDER_BRINGS
+                if not is_known and (name not in OPTIONAL or id(node) in top):
+                    yield f"{path}, line {getattr(node, 'lineno', 0)} imports {name}"
+
+
+def check_wheels(files: Files) -> Iterator[str]:
+    """No wheels: what other extensions bring in other versions is left alone."""
+    if tomllib.loads(files[MANIFEST].decode()).get("wheels"):
+        yield f"{MANIFEST}: wheels are listed"
+    yield from (f"{path} is a package" for path in files if path.endswith((".whl", ".so", ".pyd", ".dll", ".dylib")))
+
+
+def check_contents(files: Files) -> Iterator[str]:
+    """Sources that can be read, and nothing of the developers' tools."""
+    for path, content in files.items():
+        place = PurePosixPath(path)
+        if path != "LICENSE" and place.suffix not in KINDS:
+            yield f"{path} is of no known kind"
+        if DEVELOPERS & {*place.parts} or place.name.startswith((".", "test_")):
+            yield f"{path} is for developers"
+        if place.suffix in KINDS - {".tza"} and max(map(len, content.splitlines()), default=0) > LONGEST_LINE:
+            yield f"{path} has lines of more than {LONGEST_LINE} letters"
+
+
+def check_hidden_code(files: Files) -> Iterator[str]:
+    """No code that is made or unpacked while it runs."""
+    for path, node in _nodes(files):
+        name = ast.unparse(node) if isinstance(node, ast.Name | ast.Attribute) else ""
+        for found in {name, *_imported(node)} & HIDDEN:
+            yield f"{path}, line {getattr(node, 'lineno', 0)} uses {found}"
+
+
+def check_network(files: Files) -> Iterator[str]:
+    """No connection, not even to this machine."""
+    for path, node in _nodes(files):
+        yield from (f"{path}, line {getattr(node, 'lineno', 0)} imports {name}" for name in _imported(node) & NETWORK)
+
+
+def check_self_contained(files: Files) -> Iterator[str]:
+    """Nothing is installed, and other add-ons are left alone."""
+    for path, node in _nodes(files):
+        names = _imported(node) | ({node.attr} if isinstance(node, ast.Attribute) else set())
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            names |= {node.value}
+        for name in names & (OF_OTHERS | INSTALLERS):
+            yield f"{path}, line {getattr(node, 'lineno', 0)} uses {name}"
+
+
+def check_own_folder(files: Files) -> Iterator[str]:
+    """Only modules that read data beside them know where they lie."""
+    for path, node in _nodes(files):
+        if isinstance(node, ast.Name) and node.id == "__file__" and path not in READS_ITS_FOLDER:
+            yield f"{path}, line {node.lineno} uses __file__"
+
+
+CHECKS: tuple[Callable[[Files], Iterator[str]], ...] = (
+    check_manifest, check_search_path, check_imports, check_wheels, check_contents, check_hidden_code, check_network,
+    check_self_contained, check_own_folder)
+
+
+def review(archive: Path, is_release: bool = False) -> list[str]:
+    """Sentences on what breaks a rule, in the order of the checks."""
+    with zipfile.ZipFile(archive) as content:
+        files = {name: content.read(name) for name in content.namelist()}
+    checks = (*CHECKS, check_publisher) if is_release else CHECKS
+    return [sentence for check in checks for sentence in check(files)]
+
+
+def _modules(files: Files) -> Iterator[tuple[str, ast.Module]]:
+    return ((path, _parsed(content)) for path, content in files.items() if path.endswith(".py"))
+
+
+@functools.lru_cache(maxsize=1000)
+def _parsed(content: bytes) -> ast.Module:
+    return ast.parse(content)
+
+
+def _nodes(files: Files) -> Iterator[tuple[str, ast.AST]]:
+    return ((path, node) for path, source in _modules(files) for node in ast.walk(source))
+
+
+def _imported(node: ast.AST) -> set[str]:
+    """Top-level packages that a node imports by absolute names, also by ``import_module("name")``."""
+    names: set[str] = set()
+    if isinstance(node, ast.Import):
+        names = {alias.name for alias in node.names}
+    elif isinstance(node, ast.ImportFrom) and not node.level:
+        names = {node.module or ""}
+    elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+        names = {argument.value for argument in node.args[:1]
+                 if isinstance(argument, ast.Constant) and isinstance(argument.value, str)}
+    return {name.split(".")[0] for name in names}
+
+
+def main() -> int:
+    """Print what breaks a rule; the exit code."""
+    parser = argparse.ArgumentParser(description="Review the extension's zip.")
+    parser.add_argument("archive", type=Path, metavar="ZIP")
+    parser.add_argument("--release", action="store_true", help="ask for website and maintainer too")
+    words = parser.parse_args()
+    found = review(words.archive, words.release)
+    print(*found or [f"{words.archive}: {len(CHECKS) + words.release} checks passed"], sep="\n")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
