@@ -27,8 +27,7 @@ import zipfile
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.extend(map(str, (ROOT, ROOT / "scripts")))
+sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (0, 1))
 
 from review_extension import review
 
@@ -36,6 +35,7 @@ from lfsr_core import __version__
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path
 
+ROOT = Path(__file__).resolve().parents[1]
 EXTENSION_TOOL = "*/scripts/addons_core/bl_pkg/cli/blender_ext.py"
 MANIFEST, CHANGELOG = "blender_manifest.toml", "docs/CHANGELOG.md"
 CORE, PACKAGES = "lfsr_core", "packages"  # the second stage's Python finds the first in the second

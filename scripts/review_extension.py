@@ -67,9 +67,8 @@ def check_publisher(files: Files) -> Iterator[str]:
 def check_search_path(files: Files) -> Iterator[str]:
     """Nothing changes where Python finds modules, or reads it."""
     for path, node in _nodes(files):
-        name = ast.unparse(node) if isinstance(node, ast.Attribute) else ""
         names = [alias.name for alias in node.names] if isinstance(node, ast.ImportFrom) else []
-        if found := {name, *(f"{getattr(node, 'module', '')}.{each}" for each in names)} & SEARCH_PATH:
+        if found := {_dotted(node), *(f"{getattr(node, 'module', '')}.{each}" for each in names)} & SEARCH_PATH:
             yield f"{path}, line {getattr(node, 'lineno', 0)} uses {found.pop()}"
 
 
@@ -106,8 +105,7 @@ def check_contents(files: Files) -> Iterator[str]:
 def check_hidden_code(files: Files) -> Iterator[str]:
     """No code that is made or unpacked while it runs."""
     for path, node in _nodes(files):
-        name = ast.unparse(node) if isinstance(node, ast.Name | ast.Attribute) else ""
-        for found in {name, *_imported(node)} & HIDDEN:
+        for found in {_dotted(node), *_imported(node)} & HIDDEN:
             yield f"{path}, line {getattr(node, 'lineno', 0)} uses {found}"
 
 
@@ -160,6 +158,13 @@ def _nodes(files: Files) -> Iterator[tuple[str, ast.AST]]:
     return ((path, node) for path, source in _modules(files) for node in ast.walk(source))
 
 
+def _dotted(node: ast.AST) -> str:
+    """A name, or an attribute of one, as it is written; "" for any other node."""
+    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+        return f"{node.value.id}.{node.attr}"
+    return node.id if isinstance(node, ast.Name) else ""
+
+
 def _imported(node: ast.AST) -> set[str]:
     """Top-level packages that a node imports by absolute names, also by ``import_module("name")``."""
     names: set[str] = set()
@@ -167,7 +172,7 @@ def _imported(node: ast.AST) -> set[str]:
         names = {alias.name for alias in node.names}
     elif isinstance(node, ast.ImportFrom) and not node.level:
         names = {node.module or ""}
-    elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+    elif isinstance(node, ast.Call) and _dotted(node.func).endswith("import_module"):
         names = {argument.value for argument in node.args[:1]
                  if isinstance(argument, ast.Constant) and isinstance(argument.value, str)}
     return {name.split(".")[0] for name in names}

@@ -83,7 +83,7 @@ def install_other(folder: Path, archive: str) -> dict[str, object]:
 def both(folder: Path) -> dict[str, object]:
     """The version of the package that the other extension sees, and whether ours works beside it."""
     other = importlib.import_module(f"bl_ext.{REPOSITORY}.{OTHER}")
-    ours = importlib.import_module(f"{MODULE}.ui.preferences").probe() if state()["listed"] else ""
+    ours = importlib.import_module(f"{MODULE}.ui.preferences").probe() if state()["operators"] else ""
     return {"other": other.VERSION, "ours": ours}
 
 
