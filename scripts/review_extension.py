@@ -20,8 +20,8 @@ from pathlib import Path, PurePosixPath
 Files = Mapping[str, bytes]  # content by path in the zip
 MANIFEST = "blender_manifest.toml"
 # What Blender's Python has in every version, beside the standard library.
-BLENDER_BRINGS = {"bpy", "bl_operators", "bl_ui", "gpu", "gpu_extras", "mathutils", "numpy", "OpenImageIO",
-                  "PyOpenColorIO", "_cycles"}
+BLENDER_BRINGS = {"aud", "bl_math", "bl_operators", "bl_ui", "blf", "bmesh", "bpy", "bpy_extras", "gpu", "gpu_extras",
+                  "imbuf", "mathutils", "numpy", "OpenImageIO", "PyOpenColorIO", "_cycles"}
 # What a Python of the user's choice may have: imported inside functions, and done without where it is missing.
 OPTIONAL = {"PIL", "av", "flip_evaluator", "threadpoolctl"}
 NETWORK = {"aiohttp", "asyncio", "ftplib", "http", "imaplib", "poplib", "requests", "smtplib", "socket", "socketserver",

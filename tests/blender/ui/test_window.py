@@ -197,6 +197,29 @@ def test_blender_survives_a_killed_worker(window):
     assert window.process.poll() is None
 
 
+def test_the_extension_breaks_no_rule_and_goes_without_a_trace(window):
+    """Last, as nothing of ours is left: switched off, on, and removed, while Blender runs."""
+    window.run("import addon_utils; MODULE = 'bl_ext.user_default.lfsr'")
+    assert window.get("addon_utils._extensions_warnings_get().get(MODULE, [])") == []
+    loaded = window.get("sorted({name.split('.')[0] for name in __import__('sys').modules if 'lfsr' in name})")
+    assert loaded == ["bl_ext"]
+    state = "[hasattr(bpy.types, 'LFSR_OT_render_eia'), hasattr(bpy.types.Scene, 'lfsr')]"
+    window.run("bpy.ops.screen.userpref_show('INVOKE_DEFAULT', section='EXTENSIONS')")
+    window.settle()
+    window.screenshot("11-extension")
+    for operator, expected in (("addon_disable", [False, False]), ("addon_enable", [True, True])):
+        window.run(f"bpy.ops.preferences.{operator}(module=MODULE)")
+        assert window.get(state) == expected
+    window.run("""
+repositories = [repository.module for repository in bpy.context.preferences.extensions.repos]
+bpy.ops.extensions.package_uninstall(repo_index=repositories.index("user_default"), pkg_id="lfsr")
+""")
+    assert window.get(state) == [False, False]
+    window.screenshot("12-removed")
+    left = [path for path in (window.folder / "blender").rglob("*") if path.is_file() and "lfsr" in str(path)]
+    assert left == []
+
+
 def _blue(picture: np.ndarray) -> int:
     """Pixels in the colour of the display rectangle."""
     return int((np.abs(picture.astype(int) - DISPLAY_COLOR).max(axis=-1) < 40).sum())
