@@ -7,8 +7,10 @@ import errno
 import json
 import math
 import os
+import re
 import secrets
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,11 +18,13 @@ from typing import IO, Any
 
 from lfsr_core.errors import LfsrError
 
-if sys.platform != "win32":
+if sys.platform == "win32":
+    import msvcrt
+else:
     import fcntl
 
-CAN_LOCK = sys.platform != "win32"  # elsewhere, files of dead processes stay
-UNFINISHED = ".unfinished"  # in the name of a file that is being written
+UNFINISHED, LOCK = ".unfinished", ".lock"  # ends of the names of a file that is being written, and of its lock
+PAUSES = (0.02, 0.1, 0.3, 0.6)  # seconds between attempts to replace a file that a virus scanner may hold
 LONGEST_NAME, LONGEST_PATH = 255, 4095  # bytes, of the usual file systems
 MOST_JSON_BYTES = 16_000_000
 MOST_BRACKETS = 50  # one inside the other
@@ -33,40 +37,62 @@ ADVICE = {errno.EPIPE: "send it to a file or a terminal",
 def atomic_path(path: str | Path) -> Iterator[Path]:
     """Yield a temporary name beside ``path`` that is renamed to it when the block ends without error.
 
-    The suffix stays, because image writers choose the format by it. A failed write leaves no file and becomes an
-    LfsrError that names the cause. What a killed process left is removed by the next.
+    The block makes the file. The suffix stays, because image writers choose the format by it. A failed write leaves no
+    file and becomes an LfsrError that names the cause. What a killed process left is removed by the next.
     """
     path = Path(path)
     start = f".{path.stem[:40]}-"
     temporary = path.with_name(f"{start}{secrets.token_hex(4)}{UNFINISHED}{path.suffix}")
     with system_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        _remove_dead(path.parent, start, UNFINISHED + path.suffix)
-        try:
-            # Made here, so that it has the permissions of any new file of this user.
-            file = os.fdopen(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666), "wb")
-            with contextlib.closing(file):
-                if CAN_LOCK:
-                    locks(file)
-                else:  # Windows does not remove or replace an open file
-                    file.close()
+        _remove_dead(path.parent, start)
+        # Not the file itself is locked: Windows replaces no open file.
+        with lock_file(temporary).open("xb") as lock:
+            try:
+                locks(lock)
                 yield temporary
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
+                replace(temporary, path)
+            finally:
+                temporary.unlink(missing_ok=True)
+                remove_locked(lock)
+
+
+def lock_file(temporary: Path) -> Path:
+    """File that is locked while ``temporary``, of ``atomic_path``, is written."""
+    return temporary.with_name(temporary.name.rpartition(UNFINISHED)[0] + LOCK)
+
+
+def replace(source: str | Path, target: str | Path) -> None:
+    """Rename ``source`` to ``target``, which is replaced; OSError where that fails for more than a second.
+
+    On Windows it fails while another program, such as a virus scanner, has one of them open.
+    """
+    for pause in PAUSES:
+        try:
+            return os.replace(source, target)
+        except PermissionError:
+            time.sleep(pause)
+    return os.replace(source, target)
 
 
 def locks(file: IO[bytes]) -> bool:
-    """Lock a file and return True, or False if another process holds its lock; the lock ends with its process.
-
-    On Windows nothing is locked.
-    """
+    """Lock an empty file and return True, or False if another process has locked it; the lock ends with its process."""
     try:
-        if sys.platform != "win32":
+        if sys.platform == "win32":
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         return False
     return os.fstat(file.fileno()).st_nlink > 0
+
+
+def remove_locked(file: IO[bytes]) -> None:
+    """Remove a file that this process has locked, and close it."""
+    for _ in range(2):  # first while its lock is held; Windows removes it only closed, and only if nobody has it open
+        with contextlib.suppress(OSError):
+            os.unlink(file.name)
+        file.close()
 
 
 @contextmanager
@@ -148,13 +174,17 @@ def parse_json(content: bytes) -> Any:
     return data
 
 
-def _remove_dead(folder: Path, start: str, end: str) -> None:
-    """Remove the temporary files of dead processes, which nobody has locked."""
-    left = [entry for entry in folder.iterdir() if entry.name.startswith(start) and entry.name.endswith(end)]
-    for entry in left if CAN_LOCK else ():
-        with contextlib.suppress(OSError), entry.open("rb") as file:
-            if locks(file):
-                entry.unlink(missing_ok=True)
+def _remove_dead(folder: Path, start: str) -> None:
+    """Remove the temporary files of dead processes, whose locks nobody holds."""
+    ours = re.compile(rf"({re.escape(start)}[0-9a-f]{{8}}){re.escape(LOCK)}")
+    entries = list(folder.iterdir())
+    for match in filter(None, (ours.fullmatch(entry.name) for entry in entries)):
+        with contextlib.suppress(OSError), (folder / match[0]).open("rb") as lock:
+            if locks(lock):
+                for entry in entries:
+                    if entry.name.startswith(match[1] + UNFINISHED):
+                        entry.unlink(missing_ok=True)
+                remove_locked(lock)
 
 
 def _finite(text: str) -> float:

@@ -62,7 +62,7 @@ def test_what_a_killed_writer_left_goes_with_the_next_and_a_living_one_keeps_its
     writer.stdout.readline()
     with atomic_path(target) as temporary:
         temporary.write_bytes(b"whole")
-    assert len(names(tmp_path)) == 3, "what the living one writes is not touched"
+    assert len(names(tmp_path)) == 4, "what the living one writes is not touched"
     writer.kill()
     writer.wait()
     with atomic_path(target) as temporary:

@@ -36,7 +36,6 @@ def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> Submi
     wanted = FarmJob(job, recipe.frames, recipe.method, recipe.linear_exr, parts, _profile(scene, folder),
                      recipe.temporal_averaging)
     with atomic_path(copy) as temporary:
-        temporary.unlink()  # Blender would keep an older version of a file that exists
         save_copy(temporary)
     return write_job(farm, folder, wanted)
 

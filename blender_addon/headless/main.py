@@ -42,7 +42,7 @@ from . import encode, stopping
 
 def main(arguments: Sequence[str]) -> int:
     """Run the job files named in ``arguments``, or ``encode FRAMES FILE``; return the process's exit code."""
-    stopping.on_signals(_stop)
+    stopping.with_input(_stop)
     try:
         is_film = arguments[:1] == [encode.NAME]
         if not arguments or (is_film and len(arguments) != 3):
@@ -125,6 +125,6 @@ def _content(job: Job) -> str:
 
 def _stop() -> None:
     try:
-        emit_last(stage="cancelled", message="stopped by a signal")
+        emit_last(stage="cancelled", message="stopped")
     finally:  # also if writing fails because nobody listens any more
         os._exit(EXIT_CANCELLED)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
-import signal
-import sys
 import threading
 from collections.abc import Callable
 
@@ -15,38 +14,24 @@ from lfsr_core.render.protocol import ENDS_WITH_INPUT
 
 from ..render.output import UNFINISHED
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
 STANDARD_INPUT = 0
 
 
-def on_signals(end: Callable[[], None]) -> None:
-    """Remove unfinished files and call ``end``, which must end the process, when a signal stops it.
+def with_input(end: Callable[[], None]) -> None:
+    """With ENDS_WITH_INPUT in the environment, remove unfinished files and call ``end`` at the end of standard input.
 
-    The main thread sits inside Cycles, where no Python handler runs; the signal's number arrives through
-    a pipe that another thread reads. Scene settings need no restoring: the process ends and saves nothing.
-    With ENDS_WITH_INPUT in the environment, the end of standard input stops it too: the process that
-    started this one holds the other end, and has died.
+    ``end`` must end the process. The process that started this one holds the other end of the pipe: it closes it to
+    stop the render, and the system does when it dies. The main thread sits inside Cycles, so another one waits for it.
     """
-    reader, writer = os.pipe()
-    if sys.platform != "win32":
-        os.set_blocking(writer, False)
-    signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
-    for number in SIGNALS:
-        # Without a handler the signal would not reach the pipe.
-        signal.signal(number, lambda *_: None)
-    _stop_at(reader, {bytes([number]) for number in SIGNALS}, end)
     if os.environ.get(ENDS_WITH_INPUT):
-        _stop_at(STANDARD_INPUT, {b""}, end)
+        threading.Thread(target=_wait, args=(end,), daemon=True, name="lfsr-stop").start()
 
 
-def _stop_at(file: int, last: set[bytes], end: Callable[[], None]) -> None:
-    """Read ``file`` in a thread until one of the ``last`` bytes, then stop."""
-    def wait() -> None:
-        while os.read(file, 1) not in last:
-            pass
-        for path in list(UNFINISHED):
+def _wait(end: Callable[[], None]) -> None:
+    while os.read(STANDARD_INPUT, 1):
+        pass
+    for path in list(UNFINISHED):
+        with contextlib.suppress(OSError):  # Windows removes no open file: the next run does
             shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
-        shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
-        end()
-
-    threading.Thread(target=wait, daemon=True, name=f"lfsr-stop-{file}").start()
+    shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
+    end()

@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path
+from lfsr_core.files import atomic_path, lock_file
 from lfsr_core.images import exr
 
 from .. import compat
@@ -25,7 +25,6 @@ def render_to(scene: bpy.types.Scene, path: str | Path, progress: Progress | Non
     """Render the scene as it is set up now into ``path``, whole or not at all, and return the seconds."""
     started = time.perf_counter()
     with unfinished(path) as temporary, overridden(scene.render, {"filepath": compat.literal_path(str(temporary))}):
-        temporary.unlink()
         try:
             with following(progress):
                 bpy.ops.render.render(write_still=True, scene=scene.name)
@@ -39,8 +38,8 @@ def render_to(scene: bpy.types.Scene, path: str | Path, progress: Progress | Non
 
 @contextmanager
 def unfinished(path: str | Path) -> Iterator[Path]:
-    """As ``atomic_path``; the temporary file is listed in UNFINISHED inside the block."""
-    with atomic_path(path) as temporary, listed(temporary):
+    """As ``atomic_path``; the temporary file and its lock are listed in UNFINISHED inside the block."""
+    with atomic_path(path) as temporary, listed(temporary), listed(lock_file(temporary)):
         yield temporary
 
 

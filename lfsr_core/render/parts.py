@@ -7,13 +7,12 @@ the range, the image and a digest of what decides the pixels, so that parts of d
 from __future__ import annotations
 
 import dataclasses
-import os
 import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json, write_json
+from lfsr_core.files import read_json, replace, write_json
 from lfsr_core.frames.identity import digest, first_difference
 from lfsr_core.render.staging import RANGE, has_parts
 
@@ -68,7 +67,7 @@ class ImageParts:
         """Move the file ``written``, which is on the same disk, to where ``part`` is stored, and return its path."""
         write_json(self.folder / INPUTS_FILE, dict(self.inputs))
         name = f"{self._start}{part.first:06}-{part.last:06}-{round(part.seconds * 1000)}.exr"
-        os.replace(written, self.folder / name)
+        replace(written, self.folder / name)
         return self.folder / name
 
     @property

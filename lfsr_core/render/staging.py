@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import CAN_LOCK, locks
+from lfsr_core.files import locks, replace
 
 LOCK_FILE, RELEASED_FILE = "in-use", "released"
 RANGE = re.compile(r"(\d+)-(\d+)-(\d+)$")  # end of a part's name: its first row or view, the next one, milliseconds
@@ -49,14 +49,12 @@ def remove(staging: Path) -> None:
                 shutil.rmtree(path, ignore_errors=True)
             elif path.name not in (LOCK_FILE, RELEASED_FILE):
                 path.unlink()
-    shutil.rmtree(staging, ignore_errors=True)
+    _remove_emptied(staging)
 
 
 def release(staging: Path) -> None:
     """Let others write into the target of a staging folder, before the folder's block ends."""
-    if CAN_LOCK:
-        # Locked as before, so that it tells whether its process lives.
-        (staging / LOCK_FILE).rename(staging / RELEASED_FILE)
+    (staging / RELEASED_FILE).touch()
 
 
 def publish(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
@@ -80,7 +78,7 @@ def replace_files(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None
     for name in {*(path.name for path in paths), *stale} - names:
         (folder / name).unlink(missing_ok=True)
     for path in paths:
-        os.replace(path, folder / path.name)
+        replace(path, folder / path.name)
 
 
 def parts_folder(target: Path) -> Path:
@@ -100,8 +98,6 @@ def parts_sentence(folder: Path) -> str:
 
 def remove_dead(target: Path) -> list[Path]:
     """Remove the staging folders that dead processes left for ``target``, and return those that are in use."""
-    if not CAN_LOCK:
-        return []
     # The end of a name that tempfile.mkdtemp gives.
     ours = re.compile(re.escape(_prefix(target)) + r"[a-z0-9_]{8}")
     return [path for path in _place(target).iterdir() if ours.fullmatch(path.name) and _is_held(path)]
@@ -109,14 +105,21 @@ def remove_dead(target: Path) -> list[Path]:
 
 def _is_held(folder: Path) -> bool:
     """True if a process works in a staging folder; the folder is removed if its process is dead."""
-    for name in (LOCK_FILE, RELEASED_FILE):
-        with contextlib.suppress(OSError), (folder / name).open("rb") as lock:
-            if not locks(lock):
-                return name == LOCK_FILE
-            remove(folder)
-    with contextlib.suppress(OSError):
-        folder.rmdir()  # killed before it had a lock file, or after
+    with contextlib.suppress(OSError), (folder / LOCK_FILE).open("rb") as lock:
+        if not locks(lock):
+            return not (folder / RELEASED_FILE).exists()
+        remove(folder)
+    _remove_emptied(folder)  # Windows has kept the lock file, which was open; or it was killed before it had one
     return False
+
+
+def _remove_emptied(folder: Path) -> None:
+    """Remove a folder that is empty but for a lock; on Windows, only if no process has that open."""
+    with contextlib.suppress(OSError):
+        if {path.name for path in folder.iterdir()} <= {LOCK_FILE, RELEASED_FILE}:
+            (folder / LOCK_FILE).unlink(missing_ok=True)
+            (folder / RELEASED_FILE).unlink(missing_ok=True)
+            folder.rmdir()
 
 
 def _place(target: Path) -> Path:

@@ -8,6 +8,7 @@ The process ends when its standard input does, so that it does not outlive Blend
 
 from __future__ import annotations
 
+import _thread
 import os
 import signal
 import sys
@@ -17,6 +18,7 @@ from typing import Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, system_errors
+from lfsr_core.render.child import Child
 from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit, repeated
 from lfsr_core.tasks import blender_tasks, frame_tasks
 
@@ -55,7 +57,8 @@ def _end_on_request(unwinds: bool) -> None:
         while os.read(0, 1):
             pass
         if unwinds:
-            os.kill(os.getpid(), signal.SIGTERM)
+            _thread.interrupt_main(signal.SIGTERM)
+            Child.stop_all()  # the main thread waits for what they write
         else:
             _leave()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -120,14 +119,15 @@ def test_a_folder_goes_at_whatever_moment_its_process_was_killed(tmp_path, left)
 
 def test_the_lock_file_is_the_last_that_goes(tmp_path, monkeypatch):
     seen = []
-    real = shutil.rmtree
-    monkeypatch.setattr(shutil, "rmtree", lambda path, **options: (seen.append(sorted(os.listdir(path))),
-                                                                   real(path, **options)))
+    real = Path.unlink
+    monkeypatch.setattr(Path, "unlink", lambda path, **options: (seen.append(sorted(os.listdir(path.parent))),
+                                                                 real(path, **options)))
     with staging_folder(tmp_path / "frame") as folder:
         (folder / "finished").mkdir()
         (folder / "finished" / "eia.png").touch()
         (folder / "log.txt").touch()
-    assert seen == [["eia.png"], ["in-use"]] and names(tmp_path) == []
+        release(folder)
+    assert seen[-2:] == [["in-use", "released"], ["released"]] and names(tmp_path) == []
 
 
 def test_strangers_of_a_similar_name_stay(tmp_path):

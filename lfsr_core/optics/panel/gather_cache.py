@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import parse_json
+from lfsr_core.files import parse_json, replace
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.gather import Axis, GatherMap, gather_map
 
@@ -83,7 +83,7 @@ def _write(folder: Path, mapped: GatherMap) -> None:
             np.save(part / f"axis{number}.npy", axis.weights)
         (part / ABOUT).write_text(json.dumps({"strides": [axis.stride for axis in mapped.axes]}), encoding="utf-8")
         shutil.rmtree(folder, ignore_errors=True)
-        part.replace(folder)
+        replace(part, folder)
 
 
 def _remove_old(parent: Path) -> None:

@@ -16,7 +16,7 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import DEVICES, Job
 from lfsr_core.images import exr
 from lfsr_core.records import to_data
-from lfsr_core.render.protocol import parse_progress
+from lfsr_core.render.protocol import ENDS_WITH_INPUT, parse_progress
 from tests.support.scenes import MINI, ROOT, add_box, add_camera, emission
 
 ENTRY = ROOT / "blender_addon" / "headless" / "from_sources.py"
@@ -29,13 +29,14 @@ def blend(scene, tmp_path):
     return tmp_path / "scene.blend"
 
 
-def start(tmp_path, limit=None, **options):
+def start(tmp_path, limit=None, ends_with_input=False, **options):
     data = to_data(Job(str(tmp_path / "out"), MINI, **{"scale": 4, "spp": 2} | options))
     write_json(tmp_path / "job.json", data)
     command = [sys.executable, "-P", ENTRY, "--", tmp_path / "job.json"]
     smaller = (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))) if limit else None
-    return subprocess.Popen(command, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                            env=os.environ | {"PYTHONUNBUFFERED": "1"}, preexec_fn=smaller)
+    more = {"PYTHONUNBUFFERED": "1"} | ({ENDS_WITH_INPUT: "1"} if ends_with_input else {})
+    return subprocess.Popen(command, text=True, stdin=subprocess.PIPE if ends_with_input else None,
+                            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=os.environ | more, preexec_fn=smaller)
 
 
 def records(lines):
@@ -127,17 +128,30 @@ def test_best_device_is_found_and_named(blend, tmp_path):
     assert frame.layout == ("one-pass" if frame.device in ("CPU", "OPTIX") else "lens-card")
 
 
-@pytest.mark.parametrize(("number", "layout"), [(signal.SIGINT, "one-pass"), (signal.SIGTERM, "view-by-view")])
-def test_signal_stops_at_once_and_leaves_no_file(blend, tmp_path, number, layout):
-    child = start(tmp_path, scene=str(blend), spp=100_000, scale=1, layout=layout)
+def sampling(tmp_path, blend, **options):
+    """A process in the middle of an endless render."""
+    child = start(tmp_path, ends_with_input=True, scene=str(blend), spp=100_000, scale=1, **options)
     for line in child.stdout:
         if "Sample" in line:
-            break
-    child.send_signal(number)
+            return child
+    raise AssertionError(child.wait())
+
+
+@pytest.mark.parametrize("layout", ["one-pass", "view-by-view"])
+def test_the_end_of_its_input_stops_it_at_once_and_leaves_no_file(blend, tmp_path, layout):
+    child = sampling(tmp_path, blend, layout=layout)
     rest, _ = child.communicate(timeout=20)
     assert child.returncode == 130
     assert records(rest.splitlines())[-1]["stage"] == "cancelled"
     assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_what_a_signal_leaves_goes_with_the_next_render(blend, tmp_path):
+    child = sampling(tmp_path, blend)
+    child.send_signal(signal.SIGTERM)
+    assert child.wait(20) == -signal.SIGTERM
+    assert start(tmp_path, scene=str(blend)).wait(60) == 0
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["frame.json", "lr_eia.exr"]
 
 
 @pytest.mark.parametrize("options", [{"kind": "reference", "scale": 1, "spp": 2}, {"scale": 1}])
