@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -17,8 +18,10 @@ SPEAKER = """import sys
 print("Fra:1", flush=True)
 print('LFSR {"stage": "scene", "index": 3}', flush=True)
 sys.stdin.read()"""
-# A grandchild that ignores SIGTERM, as its parent does.
-DEAF = "trap '' TERM; sleep 60 & echo \"LFSR {\\\"stage\\\": \\\"x\\\", \\\"pid\\\": $!}\"; while :; do sleep 9; done"
+# A child and a grandchild that do not read their input.
+DEAF = "sleep 60 & echo \"LFSR {\\\"stage\\\": \\\"x\\\", \\\"pid\\\": $!}\"; while :; do sleep 9; done"
+# A child that ends before its own child, which holds its output open.
+HASTY = "sleep 60 & echo \"LFSR {\\\"stage\\\": \\\"done\\\", \\\"pid\\\": $!}\""
 REFUSAL = """print('LFSR {"stage": "error", "message": "bad"}'); raise SystemExit(2)"""
 HOLDER = f"""import os, sys
 from lfsr_core.render.child import Child
@@ -50,6 +53,20 @@ def test_a_deaf_child_and_its_own_child_are_killed():
         child.stop(0.2)
         assert time.monotonic() - started < 5 and not child.is_running()
     wait_until_gone(pid)
+
+
+def test_a_child_that_is_done_is_not_held_up_by_its_own_child():
+    started = time.monotonic()
+    with Child(["/bin/sh", "-c", HASTY]) as child:
+        assert [record["stage"] for record in child.records()] == ["done"] and child.is_done()
+    wait_until_gone(child.last["pid"])
+    assert time.monotonic() - started < 30
+
+
+def test_every_child_is_stopped_from_another_thread():
+    with Child([sys.executable, "-c", SPEAKER]) as first, Child([sys.executable, "-c", SPEAKER]) as second:
+        threading.Timer(0.2, Child.stop_all).start()
+        assert len(list(first.records())) == len(list(second.records())) == 1
 
 
 def test_a_child_notices_the_end_of_a_parent_that_dies():
