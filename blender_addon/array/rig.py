@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterable
 
 import bpy
 
@@ -29,10 +30,14 @@ def is_array(item: bpy.types.Object | None) -> bool:
 
 def find(scene: bpy.types.Scene) -> bpy.types.Object | None:
     """Return the scene's camera array: its active camera if that is one, else the first by name, else None."""
+    return chosen(scene, scene.objects)
+
+
+def chosen(scene: bpy.types.Scene, items: Iterable[bpy.types.Object]) -> bpy.types.Object | None:
+    """Return the scene's camera array among ``items``, as ``find`` does."""
     if is_array(scene.camera):
         return scene.camera
-    arrays = [item for item in scene.objects if is_array(item)]
-    return min(arrays, key=lambda item: item.name, default=None)
+    return min((item for item in items if is_array(item)), key=lambda item: item.name, default=None)
 
 
 def forget(scene: bpy.types.Scene) -> None:
@@ -47,9 +52,8 @@ def plane_of(array: bpy.types.Object | None) -> bpy.types.Object | None:
     return next((item for item in array.children if PLANE in item), None) if array else None
 
 
-def get_distance(scene: bpy.types.Scene) -> float:
-    """Return the distance from the viewing position to the display plane in scene units; 0 without an array."""
-    plane = plane_of(find(scene))
+def distance_to(plane: bpy.types.Object | None) -> float:
+    """Return the distance from the viewing position to a display plane in scene units; 0 without one."""
     if plane is None:
         return 0.0
     place = plane.parent.matrix_world
@@ -66,9 +70,8 @@ def set_distance(scene: bpy.types.Scene, distance: float) -> None:
         bpy.context.view_layer.update()
 
 
-def get_spacing(scene: bpy.types.Scene) -> float:
-    """Return the camera spacing as a fraction of the display's own; 1 without an array."""
-    array = find(scene)
+def spacing_of(array: bpy.types.Object | None) -> float:
+    """Return the camera spacing of an array as a fraction of the display's own; 1 without an array."""
     return float(array[SPACING]) if array else 1.0
 
 
@@ -83,20 +86,24 @@ def set_spacing(scene: bpy.types.Scene, fraction: float) -> None:
 def placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placement | None:
     """Return the scene's camera array and its world matrix, None if it has none; LfsrError if it is broken."""
     array = find(scene)
+    return placed(array, plane_of(array), profile)
+
+
+def placed(array: bpy.types.Object | None, plane: bpy.types.Object | None, profile: DisplayProfile) -> Placement | None:
+    """Return what ``placement`` does, of an array and its display plane that are known."""
     if array is None:
         return None
-    if plane_of(array) is None:
+    if plane is None:
         raise LfsrError(f"camera array {array.name!r} has no display plane: remove it and add it again")
     if array.data.type != "PERSP":
         raise LfsrError(f"camera array {array.name!r} is of type {array.data.type}, but it must be a perspective "
                         "camera: set its lens type")
-    matrix, distance = upright(array), get_distance(scene)
+    matrix, distance = upright(array), distance_to(plane)
     if distance <= 0:
         raise LfsrError(f"the display plane of {array.name!r} lies behind the viewing position: move it in front")
     half_width = array.data.sensor_width / 2 / array.data.lens  # at distance 1
-    placed = CameraArray.for_display(profile, 2 * distance * half_width, distance)
-    spacing = placed.spacing * get_spacing(scene)
-    return dataclasses.replace(placed, spacing=spacing), from_blender(matrix)
+    cameras = CameraArray.for_display(profile, 2 * distance * half_width, distance)
+    return dataclasses.replace(cameras, spacing=cameras.spacing * spacing_of(array)), from_blender(matrix)
 
 
 def usable_depth(array: CameraArray, profile: DisplayProfile, scale: int = 1) -> tuple[float, float]:

@@ -16,6 +16,8 @@ from lfsr_core.optics.display import DisplayProfile
 from ..scene.subject import find_subject
 from . import motion, placement
 
+CHOOSE = "scale"  # the headless Blender's word for this job
+
 
 def scale_of(scene: bpy.types.Scene, job: Job) -> ScaleChoice:
     """Choose one of the job's scales by the depth at which the middle of the array sees the subject in its frames."""

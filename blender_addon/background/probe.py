@@ -18,7 +18,7 @@ from lfsr_core.plan.times import path_samples, render_seconds
 from ..settings import scene_settings
 from ..settings.scene_settings import Resolved
 from . import estimate
-from .steps import Steps, file_copy, render_step, write_job
+from .steps import SAVING, Steps, file_copy, render_step, write_job
 
 PATHS = 300_000  # path samples to measure: a second or two
 SAMPLES = 2  # few, so that many lenses are seen
@@ -38,6 +38,7 @@ class Measured:
 def measure(job: Job) -> Steps:
     """Render a few lenses of ``job`` in one background Blender; the result is a ``Measured``."""
     started = time.monotonic()
+    yield SAVING
     with file_copy() as copy:
         folder = copy.parent
         lenses = {"first": [(0, 0)], "again": [(0, 0)], "many": _lenses(job)}

@@ -16,12 +16,12 @@ from lfsr_core.render.process import DERIVED_FILES
 from lfsr_core.render.staging import parts_folder, publish, staging_folder
 from lfsr_core.sequence.numbers import spread
 
-from ..array.scale import scale_of
 from ..settings import folders, scene_settings
 from . import estimate, runtime
-from .steps import PANEL_TASKS, Steps, file_copy, render_step, rendering_step, second_stage_step
+from .steps import PANEL_TASKS, SAVING, Steps, file_copy, render_step, rendering_step, scale_step, second_stage_step
 
 RENDER_FRACTION = 0.85  # of a frame's time
+SCALE_FRACTION = 0.01  # of an animation's time
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,22 +64,23 @@ def timeline(scene: bpy.types.Scene) -> tuple[int, ...]:
 
 
 def animation_recipe(scene: bpy.types.Scene) -> Recipe:
-    """Recipe of the frames of the timeline's range, all at one scale; LfsrError where they cannot be rendered."""
+    """Recipe of the frames of the timeline's range; LfsrError where they cannot be rendered."""
     recipe = frame_recipe(scene, frames := timeline(scene))
-    if not recipe.job.scales:
-        return recipe
-    # Chosen here, so that frames of another scale are rendered again.
-    job = dataclasses.replace(recipe.job, scale_frames=spread(frames))
-    return dataclasses.replace(recipe, job=job.with_scale(scale_of(scene, job)))
+    scale_frames = spread(frames) if recipe.job.scales else ()
+    return dataclasses.replace(recipe, job=dataclasses.replace(recipe.job, scale_frames=scale_frames))
 
 
 def render_animation(recipe: Recipe) -> Steps:
     """Render and finish the frames that are missing; the result is the last one's folder and a sentence."""
     output = recipe.folder.parent
+    yield SAVING
     with file_copy() as copy:
         job = dataclasses.replace(recipe.job, scene=str(copy), output=str(output))
+        if job.scales:  # before the frames, so that those of another scale are rendered again
+            chosen = yield scale_step(job, copy.parent, SCALE_FRACTION)
+            job = job.with_scale(ScaleChoice(chosen["scale"], chosen["reason"]))
         second = {"method": recipe.method, "linear_exr": recipe.linear_exr, "share_frames": recipe.temporal_averaging}
-        step = rendering_step("Rendering", 0.98, copy.parent, "animation", job=to_data(job),
+        step = rendering_step("Rendering", 0.98 - SCALE_FRACTION, copy.parent, "animation", job=to_data(job),
                               frames=recipe.frames, second=second, overwrite=recipe.overwrite)
         done = yield dataclasses.replace(step, resumes=True)
     print(done["table"])
@@ -93,6 +94,7 @@ def render_animation(recipe: Recipe) -> Steps:
 
 def render_frame(recipe: Recipe) -> Steps:
     """Render and finish one frame; the result is its folder."""
+    yield SAVING
     with file_copy() as copy, staging_folder(recipe.folder) as folder:
         staged = folder / "frame"
         staged.mkdir()
@@ -138,6 +140,7 @@ def reference_recipe(scene: bpy.types.Scene) -> tuple[Recipe, Job]:
 def render_reference(recipe: Recipe, job: Job, lenses: int) -> Steps:
     """Render the reference of ``lenses`` lenses (0: all) and compare; the result is the metrics."""
     folder = Path(job.output)
+    yield SAVING
     with file_copy() as copy, staging_folder(folder) as work:
         staged = work / "frame"
         staged.mkdir()

@@ -14,7 +14,7 @@ from lfsr_core.files import system_errors
 
 from ..results import show_image
 from ..settings.words import capitalized, clock
-from .steps import OPENING, Steps, Task
+from .steps import ALONE, Steps, Task
 
 SECONDS_BETWEEN_LOOKS = 0.1
 POPUP_COLUMNS = 90
@@ -93,7 +93,7 @@ def _look() -> float | None:
         notify(". ".join(filter(None, (str(error), task.kept))), "ERROR")
     finally:
         # Also after an unexpected error: a task that cannot go on must not block the next.
-        if task.worker is None:
+        if task.ended:
             _current = None
     redraw()
     return None
@@ -155,10 +155,10 @@ def draw_progress(row: bpy.types.UILayout, task: Task) -> None:
 
 
 def progress_text(task: Task) -> str:
-    """Stage, percentage and time left, as in "Rendering 42%, 0:31 left"; first that the scene is opened."""
+    """Stage, percentage and time left, as in "Rendering 42%, 0:31 left"; first that the file is saved and opened."""
     seconds = task.seconds_left
-    if seconds is None and task.message == OPENING:
-        return OPENING
+    if seconds is None and task.message in ALONE:
+        return task.message
     left = "" if seconds is None else f", {clock(seconds)} left"
     return f"{task.stage} {task.fraction:.0%}{left}"
 

@@ -23,6 +23,9 @@ from lfsr_core.frames.job import Job
 from lfsr_core.records import to_data
 from lfsr_core.render.staging import has_parts
 
+from ..array.scale import CHOOSE
+from ..render.overrides import overridden
+from ..results import show_image
 from ..settings import folders
 from . import estimate, runtime
 from .worker import Worker
@@ -34,7 +37,7 @@ OPENING = "Opening the scene"  # instead of its temporary path
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """One worker process."""
+    """One worker process, or the announcement that Blender itself is busy next, without a command."""
 
     stage: str  # what the panel shows meanwhile
     fraction: float  # of the whole task's time, 0 to 1
@@ -48,6 +51,9 @@ class Step:
 
 
 Steps = Generator[Step, dict[str, Any], Any]
+# Yielded before ``file_copy``: the panel says what Blender is busy with before it stops to answer.
+SAVING = Step("Saving", 0.0, "", [], message="Saving a copy of the file")
+ALONE = (OPENING, SAVING.message)  # messages that say more than their stages
 
 
 class Task:
@@ -59,6 +65,7 @@ class Task:
         self.warnings: list[str] = []
         self.result: Any = None
         self.worker: Worker | None = None
+        self.ended = False  # done, failed or cancelled
         self._steps, self._started = steps, time.monotonic()
         self._before = self._shown = 0.0
         self._clock = estimate.StepClock(self._started)
@@ -97,19 +104,19 @@ class Task:
 
     def poll(self) -> bool:
         """Look at the worker and start the next when it is done; True when all are. LfsrError if one failed."""
-        if self.worker is None:
+        if self.ended:
             return True
-        running = self.worker.running()
-        for record in self.worker.records():
+        running = self.worker is not None and self.worker.running()
+        for record in self.worker.records() if self.worker else ():
             self._take(record)
         if running:
             return False
         try:
-            self._advance(self._result(self.worker))
+            self._advance(self._result(self.worker) if self.worker else {})
         except BaseException:
             self.cancel()
             raise
-        return self.worker is None
+        return self.ended
 
     def _result(self, worker: Worker) -> dict[str, Any]:
         """What ``worker`` returned; an error goes through the steps, which may keep what is done."""
@@ -124,14 +131,15 @@ class Task:
         if self.worker is not None:
             self.worker.stop()
             self.worker = None
+        self.ended = True
         self._steps.close()
 
     def run(self) -> Any:
         """Wait for the end and return the result, for scripts and background mode."""
         try:
-            while self.worker is not None:
-                self.worker.wait(0.1)
-                self.poll()
+            while not self.poll():
+                if self.worker is not None:
+                    self.worker.wait(0.1)
         except BaseException:
             self.cancel()
             raise
@@ -155,14 +163,14 @@ class Task:
         try:
             self._step = next(self._steps) if record is None else self._steps.send(record)
         except StopIteration as end:
-            self._step, self.worker, self.result = None, None, end.value
+            self._step, self.worker, self.result, self.ended = None, None, end.value, True
             return
         self.message, self.stage = self._step.message, self._step.stage
         seconds = self._step.seconds
         self._clock = estimate.StepClock(
             time.monotonic(), seconds if seconds is None else estimate.expected(self.stage, seconds))
         self._parts = self._step.parts or self._parts
-        self.worker = Worker(self._step.worker, self._step.command)
+        self.worker = Worker(self._step.worker, self._step.command) if self._step.command else None
 
 
 def render_step(job: Job, folder: Path, fraction: float, stage: str, after: float = 0.0) -> Step:
@@ -175,6 +183,13 @@ def render_step(job: Job, folder: Path, fraction: float, stage: str, after: floa
 def write_job(job: Job, path: Path) -> Path:
     """Write ``job`` for a background Blender into the file ``path``, and return that."""
     return _write(path, to_data(job))
+
+
+def scale_step(job: Job, folder: Path, fraction: float) -> Step:
+    """Choose one of the scales of ``job`` in a background Blender; its "scale" and "reason" are sent into the steps."""
+    path = _write(folder / "scale.json", to_data(job))
+    return Step("Looking at the depth", fraction, "The choice of a scale",
+                [*_render_command(Path(CHOOSE)), str(path)], message=OPENING)
 
 
 def second_stage_step(stage: str, fraction: float, work: Path, task: str, /, **arguments: Any) -> Step:
@@ -194,7 +209,10 @@ def rendering_step(stage: str, fraction: float, work: Path, task: str, /, **argu
 
 @contextmanager
 def file_copy() -> Iterator[Path]:
-    """Save a temporary copy of the .blend as it is now, unsaved changes included; remove it after the block."""
+    """Save a temporary copy of the .blend as it is now, unsaved changes included; remove it after the block.
+
+    Saving stops Blender for as long as it takes: yield SAVING before.
+    """
     folder = Path(tempfile.mkdtemp(prefix="lfsr-", dir=bpy.app.tempdir or None))
     path = folder / f"{folders.file_stem()}.blend"
     try:
@@ -206,9 +224,13 @@ def file_copy() -> Iterator[Path]:
 
 def save_copy(path: Path) -> None:
     """Save the file as it is now under another name, and stay in this one; LfsrError where that fails."""
+    preferences = bpy.context.preferences
     try:
-        # Uncompressed, so that a later copy of the same scene is recognised.
-        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, compress=False)
+        # Without the picture for file browsers, which is rendered; that leaves the preferences as they are.
+        with (show_image.wait_cursor(), overridden(preferences, {"is_dirty": preferences.is_dirty}),
+              overridden(preferences.filepaths, {"file_preview_type": "NONE"})):
+            # Uncompressed, so that a later copy of the same scene is recognised.
+            bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, compress=False)
     except RuntimeError as error:
         raise LfsrError(f"a copy of this file cannot be saved to {path.parent} ({str(error).strip()}): "
                         "free some space there") from None

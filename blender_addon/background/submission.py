@@ -13,6 +13,8 @@ from lfsr_core.files import atomic_path, system_errors
 from lfsr_core.frames.identity import FARM_COPY
 from lfsr_core.sequence.farms import FarmJob, Submission, write_job
 
+from ..array.scale import scale_of
+from ..results import show_image
 from ..settings import folders, scene_settings
 from ..settings.displays import PROFILE_FILE
 from .recipes import animation_recipe
@@ -29,10 +31,14 @@ def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> Submi
     """
     scene_settings.resolve(scene).check_light_field("a farm's job")
     recipe = animation_recipe(scene)
+    job = recipe.job
+    if job.scales:
+        with show_image.wait_cursor():
+            job = job.with_scale(scale_of(scene, job))
     with system_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
     copy = folder / f"{folders.file_stem()}{COPY_SUFFIX}"
-    job = dataclasses.replace(recipe.job, output=str(recipe.folder.parent), scene=str(copy))
+    job = dataclasses.replace(job, output=str(recipe.folder.parent), scene=str(copy))
     wanted = FarmJob(job, recipe.frames, recipe.method, recipe.linear_exr, parts, _profile(scene, folder),
                      recipe.temporal_averaging)
     with atomic_path(copy) as temporary:

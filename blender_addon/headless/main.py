@@ -30,8 +30,8 @@ from lfsr_core.render.protocol import (
     repeated,
 )
 
+from ..array import scale
 from ..array.cameras import camera_notices, choose_camera
-from ..array.scale import scale_of
 from ..render.frame_folder import render_job, settled_light
 from ..render.inputs import Opened, inputs_before_opening
 from ..render.overrides import overridden
@@ -41,19 +41,29 @@ from . import encode, stopping
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the job files named in ``arguments``, or ``encode FRAMES FILE``; return the process's exit code."""
+    """Run the job files named in ``arguments``, ``encode FRAMES FILE`` or ``scale JOB``; return the exit code."""
     stopping.with_input(_stop)
     try:
-        is_film = arguments[:1] == [encode.NAME]
-        if not arguments or (is_film and len(arguments) != 3):
-            raise LfsrError(f"expected job files, or encode and two paths, but got {len(arguments)} arguments")
         with system_errors(), repeated():
-            folder = encode.run(arguments[1:]) if is_film else run_all([read_job(path) for path in arguments])
+            result = _run(arguments)
     except LfsrError as error:
         emit(stage="error", message=str(error))
         return EXIT_BAD_INPUT
-    emit(stage="done", folder=str(folder))
+    emit(stage="done", **result)
     return 0
+
+
+def _run(arguments: Sequence[str]) -> dict[str, object]:
+    match arguments:
+        case [encode.NAME, frames, film]:
+            return {"folder": str(encode.run((frames, film)))}
+        case [scale.CHOOSE, path]:
+            job = read_job(path)
+            return dataclasses.asdict(scale.scale_of(_chosen_scene(job), job))
+        case [] | [encode.NAME | scale.CHOOSE, *_]:
+            raise LfsrError("expected job files, encode and two paths, or scale and a job file, but got "
+                            f"{len(arguments)} arguments")
+    return {"folder": str(run_all([read_job(path) for path in arguments]))}
 
 
 def run_all(jobs: Sequence[Job]) -> Path:
@@ -82,24 +92,19 @@ def _of_one_scale(scene: bpy.types.Scene, job: Job, choices: dict[str, ScaleChoi
         return job
     question = digest(job_facts(job, (*PLACES, "frame", "seed")))
     if question not in choices:
-        choices[question] = scale_of(scene, job)
+        choices[question] = scale.scale_of(scene, job)
     return job.with_scale(choices[question])
 
 
 def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:
-    """The job's scene, opened if the job names a file, and its camera chosen."""
+    """The job's scene, as of ``_chosen_scene``, and how it was opened."""
     started = time.perf_counter()
     before = stamp(Path(job.scene))
     content = _content(job)
     emit(stage="open", fraction=0.0, message=job.scene or "the open scene")
-    scene = open_scene(job.scene) if job.scene else bpy.context.scene
+    scene = _chosen_scene(job)
     if stamp(Path(job.scene)) != before:
         content = ""
-    if job.scene_name is not None:
-        scene = choose_scene(job.scene_name)
-    scene = local_scene(scene)
-    if job.camera is not None:
-        choose_camera(scene, job.camera)
     is_imported = bool(job.scene) and not job.scene.endswith(".blend")
     seconds, notes = time.perf_counter() - started, list[str]()
 
@@ -111,6 +116,17 @@ def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:
         note(sentence)
     light = settled_light(scene, job, note)
     return scene, Opened(seconds, content, light, tuple(notes))
+
+
+def _chosen_scene(job: Job) -> bpy.types.Scene:
+    """The job's scene, opened if the job names a file, with its camera chosen."""
+    scene = open_scene(job.scene) if job.scene else bpy.context.scene
+    if job.scene_name is not None:
+        scene = choose_scene(job.scene_name)
+    scene = local_scene(scene)
+    if job.camera is not None:
+        choose_camera(scene, job.camera)
+    return scene
 
 
 def _content(job: Job) -> str:

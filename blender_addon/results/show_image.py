@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -33,6 +35,19 @@ def in_editor(image: bpy.types.Image | None) -> None:
 def areas(kind: str) -> list[bpy.types.Area]:
     """Areas of type ``kind`` in all windows."""
     return [area for window in bpy.context.window_manager.windows for area in window.screen.areas if area.type == kind]
+
+
+@contextmanager
+def wait_cursor() -> Iterator[None]:
+    """Show in every window that Blender is busy inside the block; background mode has none."""
+    windows = [] if bpy.app.background else list(bpy.context.window_manager.windows)
+    for window in windows:
+        window.cursor_modal_set("WAIT")
+    try:
+        yield
+    finally:
+        for window in windows:
+            window.cursor_modal_restore()
 
 
 def _new_window() -> bpy.types.Area | None:

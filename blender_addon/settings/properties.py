@@ -20,7 +20,7 @@ from bpy.props import (
 from lfsr_core.frames.averaging import MOST_AVERAGED
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, GONE_SINCE
 
-from ..array import rig
+from ..array import known, rig
 from ..results import preview, show_image
 from .displays import profile_items
 from .lights import AUTO_LIGHT, light_items
@@ -78,7 +78,7 @@ def _look(settings: SceneSettings, _context: bpy.types.Context) -> None:
 
 # Named functions: Blender 5.2 loses a lambda that is written inside an annotation.
 def _get_distance(settings: SceneSettings) -> float:
-    return rig.get_distance(settings.id_data)
+    return known.distance(settings.id_data)
 
 
 def _set_distance(settings: SceneSettings, distance: float) -> None:
@@ -86,7 +86,7 @@ def _set_distance(settings: SceneSettings, distance: float) -> None:
 
 
 def _get_spacing(settings: SceneSettings) -> float:
-    return rig.get_spacing(settings.id_data)
+    return known.spacing(settings.id_data)
 
 
 def _set_spacing(settings: SceneSettings, spacing: float) -> None:

@@ -134,7 +134,7 @@ def display_of(scene: bpy.types.Scene) -> DisplayProfile:
     """The scene's display profile; LfsrError where its file is missing or wrong."""
     settings = scene.lfsr
     if settings.display != PROFILE_FILE:
-        return load_display(settings.display)
+        return _built_in(settings.display)
     if not settings.profile_file:
         raise LfsrError("no display profile is chosen: give a .toml file or choose a built-in display")
     path = absolute(settings.profile_file, "the display profile")
@@ -146,6 +146,11 @@ def display_of(scene: bpy.types.Scene) -> DisplayProfile:
         raise LfsrError(f"display profile {path} cannot be read ({error.strerror}): "
                         "choose another file or a built-in display") from None
     return _read_profile(str(path), changed)
+
+
+@functools.cache
+def _built_in(name: str) -> DisplayProfile:
+    return load_display(name)
 
 
 @functools.lru_cache(maxsize=8)

@@ -16,7 +16,7 @@ from gpu_extras.batch import batch_for_shader
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 
-from ..array import rig
+from ..array import known, rig
 from ..array.view import free_part
 from ..results import show_image
 from ..settings import scene_settings
@@ -131,7 +131,7 @@ def _frame(area: bpy.types.Area, region: bpy.types.RegionView3D, display: Displa
 def frame_corners(scene: bpy.types.Scene, region: bpy.types.Region,
                   view: bpy.types.RegionView3D) -> list[mathutils.Vector]:
     """Return the display's corners in pixels of ``region``, from bottom left, in order; none without an array."""
-    placed = rig.placement(scene, scene_settings.display_of(scene))
+    placed = known.placement(scene, scene_settings.display_of(scene))
     if placed is None:
         return []
     array, matrix = placed

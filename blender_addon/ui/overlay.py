@@ -15,7 +15,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..array import rig
+from ..array import known, rig
 from ..settings import scene_settings
 from . import look
 
@@ -68,12 +68,12 @@ def draw() -> None:
     scene, space = context.scene, context.space_data
     if not scene.lfsr.show_frustum or not space.overlay.show_overlays or look.is_looking(space, scene):
         return
-    array = rig.find(scene)
+    array = known.find(scene)
     if array is None or not array.visible_get():
         return
     try:
         settings = scene_settings.resolve(scene)
-        placed = rig.placement(scene, settings.display)
+        placed = known.placement(scene, settings.display)
     except LfsrError:
         return  # the panel shows what is wrong
     if placed is not None:

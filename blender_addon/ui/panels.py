@@ -7,9 +7,9 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.progress import duration
 
-from ..array import rig
+from ..array import known, rig
 from ..background import probe, session
-from ..background.steps import OPENING
+from ..background.steps import ALONE
 from ..check import watch
 from ..results import preview
 from ..settings import folders, scene_settings
@@ -58,7 +58,7 @@ class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the buttons, distance and spacing."""
         scene, layout = context.scene, self.layout
-        array = rig.find(scene)
+        array = known.find(scene)
         if array is None:
             layout.operator("lfsr.array_add", text="Add", icon="OUTLINER_OB_CAMERA")
             _draw_fits(layout, "Add at")
@@ -161,7 +161,7 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         layout, task = self.layout, session.current()
         if task is not None:
             session.draw_progress(layout.row(align=True), task)
-            if task.message and task.message != OPENING:
+            if task.message and task.message not in ALONE:
                 sentence(layout, task.message, "NONE", context)
         else:
             _draw_outcome(layout, context)

@@ -14,7 +14,7 @@ from lfsr_core.frames.report import read_report
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.panel.panel_rays import rendered_size
 
-from ..array import rig
+from ..array import known, rig
 from ..render import devices
 from ..settings import folders, scene_settings
 from ..settings.scene_settings import Resolved, length
@@ -57,7 +57,7 @@ def sample_facts(settings: Resolved) -> Facts:
 def depth_facts(scene: bpy.types.Scene) -> Facts:
     """Width and usable depth of the scene's array; empty where it has none, LfsrError if it is broken."""
     display = scene_settings.display_of(scene)
-    placed = rig.placement(scene, display)
+    placed = known.placement(scene, display)
     if placed is None:
         return []
     array, (near, far) = placed[0], rig.usable_depth(placed[0], display)

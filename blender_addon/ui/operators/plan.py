@@ -63,6 +63,7 @@ def wanted(scene: bpy.types.Scene) -> PlanOptions:
 
 def find(job: Job, options: PlanOptions) -> Steps:
     """Plan for a copy of this file; the result is a ``Found``."""
+    yield steps.SAVING
     with steps.file_copy() as copy:
         job = dataclasses.replace(job, scene=str(copy), output=str(copy.parent))
         done = yield steps.rendering_step("Measuring lenses", 1.0, copy.parent, "plan", job=to_data(job),

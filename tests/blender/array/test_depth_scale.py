@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from blender_addon.background import recipes
+from blender_addon.array import placement
+from blender_addon.background import recipes, session
 from blender_addon.render import frame_folder
 from blender_addon.settings import scene_settings
+from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import load_display
 from tests.support import panel
@@ -71,7 +73,7 @@ def test_a_frame_without_an_array_does_not_count(scene):
     assert frame_of(scene, scale_frames=(1, 9)).scale == frame_of(scene).scale
 
 
-def test_the_panel_leaves_the_choice_to_blender_and_gives_an_animation_one_scale(tmp_path):
+def test_the_panel_leaves_the_choice_to_blender_and_gives_an_animation_one_scale(tmp_path, monkeypatch):
     with panel.registered():
         scene = panel.artist_scene(tmp_path)
         job = recipes.frame_recipe(scene).job
@@ -79,6 +81,9 @@ def test_the_panel_leaves_the_choice_to_blender_and_gives_an_animation_one_scale
         scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.rays = scene_settings.AUTO_SCALE, 0, 0.5
         auto = recipes.frame_recipe(scene).job
         assert (auto.scale, auto.scales, auto.spp, auto.rays) == (2, (2, 1), 2, 0.5)
-        chosen = recipes.animation_recipe(scene).job
-        assert not chosen.scales and chosen.scale_reason.startswith(f"scale {chosen.scale}")
-        assert chosen.spp == max(1, round(0.5 * chosen.scale**2))
+        scene.frame_end = 2
+        monkeypatch.setattr(placement, "seen_depths", lambda *_: pytest.fail("Blender's window waits for it"))
+        folder, _ = session.run("Animation", recipes.render_animation(recipes.animation_recipe(scene))).result
+        first, last = (read_frame(folder.with_name(name)) for name in ("0001", "0002"))
+        assert first.scale == last.scale and first.scale_reason.startswith(f"scale {first.scale}")
+        assert first.samples == max(1, round(0.5 * first.scale**2))

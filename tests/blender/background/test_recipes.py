@@ -8,6 +8,7 @@ import bpy
 import pytest
 
 from blender_addon.background import recipes
+from blender_addon.background.steps import SAVING
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, write_frame
 from lfsr_core.frames.report import Report, write_report
@@ -36,10 +37,11 @@ def test_errors_are_lfsr_errors(scene):
 
 def test_an_animation_is_averaged_as_the_panel_says(scene, monkeypatch):
     asked = []
-    monkeypatch.setattr(recipes, "rendering_step", lambda *_, **arguments: asked.append(arguments))
+    monkeypatch.setattr(recipes, "rendering_step", lambda *_, **arguments: asked.append(arguments) or SAVING)
     for count in (0, 2):
         scene.lfsr.share_frames = count
         steps = recipes.render_animation(recipes.animation_recipe(scene))
+        assert next(steps) == SAVING
         next(steps)
         steps.close()
     assert [arguments["second"]["share_frames"] for arguments in asked] == [0, 2]

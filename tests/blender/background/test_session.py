@@ -46,6 +46,7 @@ def test_cancel_is_quick_and_leaves_nothing(scene, tmp_path, stage):
 def test_a_worker_that_dies_is_reported(scene, tmp_path):
     before = panel.snapshot(scene)
     task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
+    panel.wait_for(lambda: task.worker)
     os.killpg(task.worker.pid, signal.SIGKILL)
     panel.wait_for(lambda: session.current() is None)
     message = bpy.context.window_manager.lfsr.message
@@ -69,12 +70,34 @@ def test_a_render_that_worked_is_one_quiet_line(scene, tmp_path, monkeypatch):
 
 def test_a_cancelled_animation_can_be_continued(scene):
     task = session.start("Render Animation", recipes.render_animation(recipes.animation_recipe(scene)), print)
+    panel.wait_for(lambda: task.worker)
     assert bpy.ops.lfsr.cancel() == {"FINISHED"}
     assert bpy.context.window_manager.lfsr.message == task.cancelled == "Cancelled. Render again to continue"
 
 
+def test_saving_is_announced_before_blender_stops_for_it(scene, monkeypatch):
+    saved = []
+    monkeypatch.setattr(steps, "save_copy", saved.append)
+    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
+    assert (saved, task.worker, task.ended) == ([], None, False)
+    assert session.progress_text(task) == "Saving a copy of the file"
+    assert bpy.ops.lfsr.cancel() == {"FINISHED"} and task.ended and not saved
+    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
+    session._look()
+    assert len(saved) == 1 and task.worker and task.stage == "Rendering"
+    session.cancel()
+
+
+def test_a_copy_that_cannot_be_saved_ends_the_task(scene, monkeypatch):
+    monkeypatch.setattr(steps.tempfile, "mkdtemp", lambda **_: "/no/such/folder")
+    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
+    panel.wait_for(lambda: session.current() is None)
+    assert task.ended and "cannot be saved" in bpy.context.window_manager.lfsr.message and message_is_error()
+
+
 def test_progress_and_time_left(scene, monkeypatch):
     task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
+    panel.wait_for(lambda: task.worker)
     assert session.progress_text(task) == "Opening the scene"
     task._take({"stage": "open", "fraction": 0.0, "message": "/tmp/copy.blend, for 3 s"})
     assert task.message == session.progress_text(task) == "Opening the scene", "no temporary path"

@@ -172,7 +172,7 @@ def cancel_then():
     task = addon.background.session.current()
     if task is None:
         ended.append(None)
-    if ended or not ({started_at}):
+    if ended or not task.worker or not ({started_at}):
         return None if ended else 0.002
     pid, started = task.worker.pid, time.perf_counter()
     bpy.ops.lfsr.cancel()
@@ -189,6 +189,7 @@ bpy.app.timers.register(cancel_then)
 
 def test_blender_survives_a_killed_worker(window):
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
+    window.until("addon.background.session.current().worker is not None", SECONDS_TO_ANSWER)
     window.run("import os, signal; os.killpg(addon.background.session.current().worker.pid, signal.SIGKILL)")
     window.until("addon.background.session.current() is None", 30)
     message = window.get("bpy.context.window_manager.lfsr.message")
