@@ -14,7 +14,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
 from ..scene.subject import find_subject
-from . import placement, rig
+from . import front, placement, rig
 from .rig import Placement
 from .spaces import from_blender, to_blender, upright
 from .view import View
@@ -31,7 +31,7 @@ def add(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.Object:
         raise LfsrError(f"scene {scene.name!r} has a camera array already: fit it, or remove it first")
     rig.check_editable(scene)
     # Before the array exists: it would be taken for the scene's own.
-    placed = _first_placement(scene, profile)
+    placed = front.first_placement(scene, profile)
     array = _new_array(scene)
     put(array, placed)
     return array
@@ -152,20 +152,10 @@ def _new_plane(array: bpy.types.Object) -> bpy.types.Object:
     return plane
 
 
-def _first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placement:
-    try:
-        return placement.place_array(scene, profile, find_subject(scene))
-    except LfsrError:
-        # Without a subject: a display about one unit wide at the origin.
-        return placement.fit_array(np.array([-0.4, -0.1, -0.2]), np.array([0.4, 0.1, 0.2]), profile)
-
-
 def _fitted(items: Collection[bpy.types.Object], profile: DisplayProfile, turn: mathutils.Matrix) -> Placement:
     if not items:
         raise LfsrError("nothing is selected: select the objects that the display should show")
-    points = np.concatenate(list(placement.world_points(set(items))) or [np.empty((0, 3))]) @ np.array(turn)
+    points = np.concatenate(list(placement.world_points(set(items))) or [np.empty((0, 3))])
     if not len(points):
         raise LfsrError("the selection has no geometry: select the objects that the display should show")
-    layout, matrix = placement.fit_array(points.min(0), points.max(0), profile)
-    turned = turn.to_4x4() @ mathutils.Matrix(matrix)
-    return layout, tuple(tuple(row) for row in turned)
+    return front.fit_turned(points, profile, turn)

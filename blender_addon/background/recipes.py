@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -17,11 +19,13 @@ from lfsr_core.render.staging import parts_folder, publish, staging_folder
 from lfsr_core.sequence.numbers import spread
 
 from ..settings import folders, scene_settings
+from ..settings.proof import proof_of
 from . import estimate, runtime
 from .steps import PANEL_TASKS, SAVING, Steps, file_copy, render_step, rendering_step, scale_step, second_stage_step
 
 RENDER_FRACTION = 0.85  # of a frame's time
 SCALE_FRACTION = 0.01  # of an animation's time
+PROOF_FRACTION = 0.05  # of a task's time
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,19 +96,47 @@ def render_animation(recipe: Recipe) -> Steps:
     return last, done["sentence"]
 
 
-def render_frame(recipe: Recipe) -> Steps:
-    """Render and finish one frame; the result is its folder."""
+def render_frame(recipe: Recipe, proof: Recipe | None = None, show: Callable[[Path], None] = lambda _: None) -> Steps:
+    """Render and finish one frame; the result is its folder.
+
+    A ``proof`` is made before it, and ``show`` called with its folder.
+    """
     yield SAVING
-    with file_copy() as copy, staging_folder(recipe.folder) as folder:
+    with file_copy() as copy:
+        if proof is not None:
+            shutil.rmtree(proof.folder, ignore_errors=True)
+            yield from _render_frame(proof, copy, PROOF_FRACTION, "Proof")
+            show(proof.folder)
+        yield from _render_frame(recipe, copy, 1 - PROOF_FRACTION if proof else 1.0)
+    return recipe.folder
+
+
+def proof_recipe(scene: bpy.types.Scene, recipe: Recipe) -> Recipe | None:
+    """Recipe of the proof of a frame, among this session's temporary files; None where it needs none."""
+    settings = proof_of(scene_settings.resolve(scene))
+    if settings is None:
+        return None
+    folder = runtime.temporary("proof", recipe.folder) / recipe.folder.parent.name / "Proof"
+    job = dataclasses.replace(settings.job(folder, recipe.frames[0]), source=recipe.job.source)
+    return dataclasses.replace(recipe, folder=folder, job=job, linear_exr=False)
+
+
+def _render_frame(recipe: Recipe, copy: Path, fraction: float, stage: str = "") -> Steps:
+    """Render and finish one frame of a ``copy`` of the file, in a ``fraction`` of the task's time.
+
+    ``stage``: what both steps are called, instead of their own names.
+    """
+    with staging_folder(recipe.folder) as folder:
         staged = folder / "frame"
         staged.mkdir()
         job = dataclasses.replace(recipe.job, scene=str(copy), output=str(staged),
                                   parts=str(parts_folder(recipe.folder)))
-        stage = "Denoising" if recipe.is_direct else "Upscaling"
+        second = stage or ("Denoising" if recipe.is_direct else "Upscaling")
         seconds = estimate.second_stage(job.display, job.scale, recipe.method)
-        yield render_step(job, folder, RENDER_FRACTION, "Rendering", estimate.expected(stage, seconds))
+        yield render_step(job, folder, fraction * RENDER_FRACTION, stage or "Rendering",
+                          estimate.expected(second, seconds))
         finish = second_stage_step(
-            stage, 1 - RENDER_FRACTION, folder, "upscale",
+            second, fraction * (1 - RENDER_FRACTION), folder, "upscale",
             folder=str(staged), method=recipe.method, linear_exr=recipe.linear_exr,
             views=None if recipe.is_direct else str(views_file(recipe.folder)))
         try:
@@ -113,7 +145,6 @@ def render_frame(recipe: Recipe) -> Steps:
             publish(staged, recipe.folder, DERIVED_FILES)
             raise LfsrError(f"{error}. The render is kept: finish it with another method") from None
         publish(staged, recipe.folder, DERIVED_FILES)
-    return recipe.folder
 
 
 def finish_frame(folder: Path, method: str, linear_exr: bool) -> Steps:

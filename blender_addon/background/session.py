@@ -30,6 +30,11 @@ def current() -> Task | None:
     return _current
 
 
+def is_of_open_file() -> bool:
+    """True if the task that runs belongs to the open file."""
+    return _finish is not None
+
+
 def check_idle() -> None:
     """LfsrError if something renders already, here or in Blender itself."""
     if _current is not None:

@@ -6,13 +6,14 @@ import contextlib
 import dataclasses
 import os
 import re
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import check_name
+from lfsr_core.files import check_name, read_json, write_json
 from lfsr_core.frames.averaging import seed_in_turn
 from lfsr_core.frames.frame import (
     EIA_FILE,
@@ -162,7 +163,40 @@ def _clean(name: str) -> str:
     return re.sub(r"[^\w.-]+", "_", name).rstrip(".") or "_"
 
 
+def waits_for_saving(scene: bpy.types.Scene) -> bool:
+    """True if images are among Blender's temporary files: they belong beside a file that was never saved.
+
+    A script has to say where they belong, since they would be gone at its end.
+    """
+    return not bpy.data.filepath and (scene.lfsr.output or "//").startswith("//") and not bpy.app.background
+
+
+def move_saved(scene: bpy.types.Scene) -> None:
+    """Move what was rendered before the file was first saved to its place beside the file, if that is free."""
+    older, folder = _unsaved(scene) / UNSAVED / _clean(scene.name_full), scene_folder(scene)
+    if not older.is_dir() or folder.exists():
+        return
+    folder.mkdir(parents=True)
+    for path in (path for path in older.iterdir() if not path.name.startswith(".")):  # those are at work
+        moved = Path(shutil.move(path, folder))
+        if (moved / FRAME_FILE).is_file():
+            write_json(moved / FRAME_FILE, read_json(moved / FRAME_FILE, "a frame") | {"source": source_of(scene)})
+    for image in bpy.data.images:
+        path = Path(bpy.path.abspath(image.filepath)).resolve()  # Blender makes it relative as it saves
+        if path.is_relative_to(older.resolve()):
+            image.filepath = str(folder / path.relative_to(older.resolve()))
+    state = bpy.context.window_manager.lfsr
+    if Path(state.outcome_folder).is_relative_to(older):
+        state.outcome_folder = str(folder / Path(state.outcome_folder).relative_to(older))
+
+
+def _unsaved(scene: bpy.types.Scene) -> Path:
+    return Path(bpy.app.tempdir, f"lfsr-unsaved-{scene.session_uid}")
+
+
 def _output(scene: bpy.types.Scene) -> Path:
+    if waits_for_saving(scene):
+        return _unsaved(scene)
     return absolute(scene.lfsr.output or "//", "the output folder")
 
 

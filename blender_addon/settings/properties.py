@@ -6,6 +6,8 @@ session (messages, found problems, the last plan) is in the window manager.
 
 from __future__ import annotations
 
+import contextlib
+
 import bpy
 from bpy.props import (
     BoolProperty,
@@ -17,11 +19,13 @@ from bpy.props import (
     StringProperty,
 )
 
+from lfsr_core.errors import LfsrError
 from lfsr_core.frames.averaging import MOST_AVERAGED
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, GONE_SINCE
 
 from ..array import known, rig
 from ..results import preview, show_image
+from . import folders
 from .displays import profile_items
 from .lights import AUTO_LIGHT, light_items
 from .methods import DIRECT, METHODS, method_items
@@ -70,6 +74,14 @@ def replace_gone_methods(*_: object) -> None:
             state.message_is_error, state.message = False, (
                 f"The method saved in scene {scene.name!r} is gone since version {GONE_SINCE}: "
                 f"{METHODS[DEFAULT_METHOD][0]} replaced it")
+
+
+@bpy.app.handlers.persistent
+def keep_saved(*_: object) -> None:
+    """Move what was rendered before a file was saved beside it."""
+    for scene in bpy.data.scenes:
+        with contextlib.suppress(LfsrError, OSError):  # it stays where it is
+            folders.move_saved(scene)
 
 
 def _look(settings: SceneSettings, _context: bpy.types.Context) -> None:
@@ -250,6 +262,7 @@ class SessionState(bpy.types.PropertyGroup):
     probe_fixed: FloatProperty(name="Fixed Time", description="Seconds before the first sample of an image")
     probe_per_path: FloatProperty(name="Time per Path", description="Seconds of a path sample", precision=6)
     probe_scale: IntProperty(name="Measured Scale", description="Scale at which the time was measured")
+    proof_shown: StringProperty(name="Proof", description="Folder and display of the last proof")
     plan_scene: StringProperty(name="Planned Scene", description="Scene that the last plan is for")
     plan_text: StringProperty(name="Plan", description="What the last plan found")
     plan_scale: IntProperty(name="Planned Scale", description="Scale that the last plan found")
@@ -267,10 +280,12 @@ def register() -> None:
     bpy.types.WindowManager.lfsr = PointerProperty(
         name="Light Field", description="State of the light-field panel", type=SessionState)
     bpy.app.handlers.load_post.append(replace_gone_methods)
+    bpy.app.handlers.save_post.append(keep_saved)
 
 
 def unregister() -> None:
     """Remove them again; saved files keep their values."""
+    bpy.app.handlers.save_post.remove(keep_saved)
     bpy.app.handlers.load_post.remove(replace_gone_methods)
     del bpy.types.WindowManager.lfsr
     del bpy.types.Scene.lfsr

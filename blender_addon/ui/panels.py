@@ -22,6 +22,8 @@ from .operators.array import FIT_ITEMS
 from .presets import LFSR_PT_presets
 from .problem_rows import draw_problems
 
+UNSAVED_NOTE = "Images are lost when Blender quits, unless you save the file: they then move beside it"
+
 
 class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
     """The display that the image is for"""
@@ -128,6 +130,9 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
                 sentence(self.layout, "No GPU is set up in Preferences > System", "INFO", context)
         below = columns(self.layout)
         below.prop(lfsr, "output")
+        if folders.waits_for_saving(context.scene):
+            sentence(self.layout, UNSAVED_NOTE, "INFO", context)
+            below = columns(self.layout)
         row_if(has_lenses, below).prop(lfsr, "linear_exr")
 
 

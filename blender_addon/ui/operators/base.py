@@ -12,9 +12,10 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
 
+from ...array import edit, rig
 from ...background import session
 from ...background.steps import Steps
-from ...settings import folders
+from ...settings import folders, scene_settings
 from ...settings.words import capitalized
 from ..drawing import sentence
 
@@ -124,6 +125,13 @@ class TaskOperator:
         if moved := folders.move_older(context.scene):
             self.report({"INFO"}, capitalized(moved))
         return self.questions(context)
+
+
+def add_missing_array(scene: bpy.types.Scene) -> None:
+    """Add a camera array where the scene has none, with an undo step of its own; LfsrError where that cannot be."""
+    if rig.find(scene) is None:
+        edit.add(scene, scene_settings.display_of(scene))
+        bpy.ops.ed.undo_push(message="Add Camera Array")
 
 
 def activate(context: bpy.types.Context, item: bpy.types.Object) -> None:

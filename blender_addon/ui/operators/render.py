@@ -16,7 +16,9 @@ from ...results import preview, show_image
 from ...settings import folders, scene_settings
 from ...settings.methods import title
 from . import check
-from .base import Prepared, Question, Result, TaskOperator
+from .base import Prepared, Question, Result, TaskOperator, add_missing_array
+
+PROOF = "The image is a proof with fewer lenses and views. The full one follows; cancel if the proof looks wrong"
 
 
 class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
@@ -29,10 +31,20 @@ class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
         """Ask before another scene's image is overwritten, where the method cannot run, and on what is left out."""
         return _asked(context.scene, (context.scene.frame_current,))
 
+    wants_proof = False
+
+    def start(self, context: bpy.types.Context) -> Result:
+        """Start it with a proof, where the first image takes long."""
+        self.wants_proof = True
+        return super().start(context)
+
     def prepare(self, context: bpy.types.Context) -> Prepared:
-        """Render one frame, then show its image."""
+        """Render one frame, then show its image. A scene without a camera array gets one."""
         scene = context.scene
-        return recipes.render_frame(recipes.frame_recipe(scene)), show_image_of(scene)
+        add_missing_array(scene)
+        recipe = recipes.frame_recipe(scene)
+        proof = recipes.proof_recipe(scene, recipe) if self.wants_proof and _is_first(recipe) else None
+        return recipes.render_frame(recipe, proof, _show_proof_of(scene, recipe)), show_image_of(scene)
 
 
 class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
@@ -47,6 +59,7 @@ class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Render the frames that are missing, then show the last image and a summary."""
+        add_missing_array(context.scene)
         steps = recipes.render_animation(recipes.animation_recipe(context.scene))
         return steps, functools.partial(_end_animation, context.scene.name_full)
 
@@ -111,6 +124,27 @@ def _denoising(scene: bpy.types.Scene) -> list[Question]:
     return [Question(lacking, f"Use {name}", f"choose the method {name}, or get it. {denoiser.where_to_get()}",
                      denoiser.where_to_get(), functools.partial(denoiser.use_replacement, scene, settings))
             ] if lacking else []
+
+
+def _is_first(recipe: recipes.Recipe) -> bool:
+    """True if there is neither an image of this frame nor a proof of this session."""
+    state = bpy.context.window_manager.lfsr
+    return not (recipe.folder / EIA_FILE).is_file() and state.proof_shown != _proof_name(recipe)
+
+
+def _proof_name(recipe: recipes.Recipe) -> str:
+    return f"{recipe.folder.parent} {recipe.job.display.name}"
+
+
+def _show_proof_of(scene: bpy.types.Scene, recipe: recipes.Recipe) -> Callable[[Path], None]:
+    name = scene.name_full
+
+    def show(folder: Path) -> None:
+        if session.is_of_open_file():
+            bpy.context.window_manager.lfsr.proof_shown = _proof_name(recipe)
+            _show_image(name, folder)
+            session.say(PROOF)
+    return show
 
 
 def _overwriting(scene: bpy.types.Scene, frames: Iterable[int]) -> list[Question]:

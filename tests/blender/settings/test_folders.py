@@ -174,3 +174,15 @@ def test_results_that_cannot_be_moved_are_said(project):
     shutil.rmtree(project / "lightfield" / "shot")
     (project / "lightfield" / "shot").write_text("in the way")
     assert "holds 1 frame of this file that cannot be moved to" in folders.move_older(bpy.context.scene)
+
+
+def test_what_was_rendered_before_the_first_save_moves_beside_the_file(scene, tmp_path):
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    older = folders._unsaved(scene) / folders.UNSAVED / "Scene" / "0001"
+    older.mkdir(parents=True)
+    write_json(older / "frame.json", {"source": folders.source_of(scene), "spp": 3})
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "late.blend"))
+    moved = folders.frame_folder(scene, 1)
+    assert not older.exists() and moved == tmp_path / "lightfield" / "late" / "Scene" / "0001"
+    assert read_json(moved / "frame.json", "a frame") == {"source": folders.source_of(scene), "spp": 3}

@@ -53,11 +53,6 @@ def link(path: str, scene) -> bpy.types.Collection:
     return wanted.collections[0]
 
 
-def test_no_camera(scene):
-    bpy.ops.lfsr.array_remove()
-    refuse(scene, "has no camera array: add one in the Light Field tab")
-
-
 def test_display_plane_deleted(scene):
     bpy.data.objects.remove(bpy.data.objects["Display Plane"])
     refuse(scene, "has no display plane")

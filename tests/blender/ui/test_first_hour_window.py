@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import time
 
 import numpy as np
 import pytest
@@ -25,6 +26,15 @@ value = [space.use_local_camera, space.camera and space.camera.name, space.overl
          space.region_3d.view_perspective, list(space.region_3d.view_location), space.region_3d.view_distance,
          list(space.region_3d.view_rotation), space.region_3d.view_camera_zoom]
 """
+IMAGE = """
+import numpy as np
+image = next(area.spaces.active.image for each in bpy.context.window_manager.windows for area in each.screen.areas
+             if area.type == "IMAGE_EDITOR")
+pixels = np.empty(len(image.pixels), np.float32)
+image.pixels.foreach_get(pixels)
+value = {"name": image.name, "size": list(image.size), "brightest": float(pixels.reshape(-1, 4)[:, :3].max())}
+"""
+SECONDS_TO_RENDER = 240
 LOOK = "bpy.ops.lfsr.look_through('INVOKE_DEFAULT', True)"
 
 
@@ -88,3 +98,28 @@ def test_fit_to_the_view_frames_what_is_seen(window, array):
     window.run(LOOK)
     window.screenshot("fit-to-view")
     window.run(LOOK)
+
+
+def test_one_press_in_a_new_file_makes_an_image(window):
+    window.run("bpy.ops.wm.read_homefile(app_template='')")
+    window.run("bpy.context.scene.lfsr.method = 'bilinear'")   # this Blender has no Open Image Denoise
+    started = time.monotonic()
+    assert window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))") == ["FINISHED"]
+    task, state = "addon.background.session.current()", "bpy.context.window_manager.lfsr"
+    window.until(f"{task} is None or {state}.proof_shown", SECONDS_TO_RENDER)
+    print(f"proof after {time.monotonic() - started:.1f} s")
+    assert "is a proof" in window.get(f"{state}.message") and window.get(task + " is not None")
+    shown = window.run(IMAGE)
+    window.screenshot("proof")
+    assert shown["size"] == [768, 432] and shown["brightest"] > 0.2
+    window.run("bpy.ops.lfsr.cancel()")
+    window.run("bpy.context.scene.lfsr.display = 'mini'; bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
+    window.until(f"{task} is None", SECONDS_TO_RENDER)
+    assert window.run(IMAGE)["size"] == [128, 96] and window.get(f"{state}.message") == ""
+    kept = window.folder / "kept" / "first.blend"
+    kept.parent.mkdir()
+    window.run(f"bpy.ops.wm.save_as_mainfile(filepath={str(kept)!r})")
+    assert (kept.parent / "lightfield" / "first" / "Scene" / "0001" / "eia.png").is_file(), "it moved beside the file"
+    window.run("bpy.ops.lfsr.preview_view('INVOKE_DEFAULT', True)")
+    window.until(f"{task} is None", SECONDS_TO_RENDER)
+    assert window.get(f"{state}.message") == "" and "Light Field View" in window.run(IMAGE)["name"]

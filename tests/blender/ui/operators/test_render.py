@@ -8,14 +8,16 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.array import rig
 from blender_addon.background import recipes
 from blender_addon.results import preview
-from blender_addon.settings import scene_settings
+from blender_addon.settings import folders, scene_settings
 from blender_addon.ui import summary
 from lfsr_core.files import read_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png
 from tests.support import panel
+from tests.support.scenes import add_camera
 
 
 @pytest.fixture(scope="module")
@@ -54,12 +56,21 @@ def test_render_writes_the_frame_folder_beside_the_file(rendered):
 
 
 def test_render_used_the_array_of_the_scene(opened, rendered):
-    from blender_addon.array import rig
-
     array, matrix = rig.placement(opened, scene_settings.display_of(opened))
     frame = read_frame(panel.frame_one(rendered))
     assert frame.array.distance == pytest.approx(array.distance, rel=1e-6)
     assert np.allclose(frame.matrix_world, matrix, atol=1e-6)
+
+
+def test_a_scene_without_an_array_gets_one(scene):
+    bpy.ops.lfsr.array_remove()
+    add_camera(scene, (0.3, -3, 0.5))
+    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
+    array, matrix = rig.placement(scene, scene_settings.display_of(scene))
+    folder = folders.frame_folder(scene)
+    frame = read_frame(folder)
+    assert np.allclose(frame.matrix_world, matrix, atol=1e-6) and scene.camera.name == "camera"
+    assert read_json(folder / "report.json", "report")["foreground_share"] > 0.05
 
 
 def test_preview_shows_the_view_of_the_eye(opened, rendered):
