@@ -62,7 +62,8 @@ def _settings(scene: bpy.types.Scene) -> Iterator[Problem]:
 def _array(scene: bpy.types.Scene) -> Iterator[Problem]:
     array, arrays = rig.find(scene), [item for item in scene.objects if rig.is_array(item)]
     if array is None:
-        yield Problem("array", scene.name, "The scene has no camera array.", "Add", ERROR)
+        yield Problem("array", scene.name, "The scene has no camera array. Renders add one, at its camera or in front "
+                      "of its objects.", "Add", INFO)
         return
     if len(arrays) > 1 and scene.camera not in arrays:
         yield Problem("arrays", array.name, f"The scene has {len(arrays)} camera arrays, of which this one is used. "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import bpy
 
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
 
-from ...background import denoiser, recipes, session
+from ...background import denoiser, probe, recipes, session
 from ...results import preview, show_image
 from ...settings import folders, scene_settings
 from ...settings.methods import title
@@ -43,7 +44,7 @@ class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
         scene = context.scene
         add_missing_array(scene)
         recipe = recipes.frame_recipe(scene)
-        proof = recipes.proof_recipe(scene, recipe) if self.wants_proof and _is_first(recipe) else None
+        proof = recipes.proof_recipe(scene, recipe) if self.wants_proof and _is_first(scene, recipe) else None
         return recipes.render_frame(recipe, proof, _show_proof_of(scene, recipe)), show_image_of(scene)
 
 
@@ -126,10 +127,11 @@ def _denoising(scene: bpy.types.Scene) -> list[Question]:
             ] if lacking else []
 
 
-def _is_first(recipe: recipes.Recipe) -> bool:
-    """True if there is neither an image of this frame nor a proof of this session."""
-    state = bpy.context.window_manager.lfsr
-    return not (recipe.folder / EIA_FILE).is_file() and state.proof_shown != _proof_name(recipe)
+def _is_first(scene: bpy.types.Scene, recipe: recipes.Recipe) -> bool:
+    """True if nothing shows what the image will be, and it is not known to be there soon."""
+    is_seen = (recipe.folder / EIA_FILE).is_file() or (
+        bpy.context.window_manager.lfsr.proof_shown == _proof_name(recipe))
+    return not is_seen and (probe.expected_seconds(scene) or math.inf) > check.LONG
 
 
 def _proof_name(recipe: recipes.Recipe) -> str:

@@ -164,7 +164,7 @@ def test_missing_texture_and_unsaved_paint(scene):
 
 def test_no_array_then_add(scene):
     bpy.ops.lfsr.array_remove()
-    assert found(scene, "array").severity == "ERROR"
+    assert found(scene, "array").severity == "INFO"
     fix(scene, "array")
 
 
