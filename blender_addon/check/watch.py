@@ -24,6 +24,7 @@ _found: list[Problem] = []  # by the last check
 _changed = 0.0  # time of the last change since that check, 0 without any
 _took = 0.0  # seconds of the last check
 _checking = False
+_shown = False  # whether the panel was drawn since that check
 
 
 def found(code: str = "") -> list[Problem]:
@@ -33,21 +34,27 @@ def found(code: str = "") -> list[Problem]:
 
 def check(scene: bpy.types.Scene) -> list[Problem]:
     """Check ``scene`` now, fill the panel's rows and return everything found."""
-    global _found, _changed, _took, _checking
+    global _found, _changed, _took, _checking, _shown
     started, _checking = time.monotonic(), True
     try:
         _found = check_scene(scene)
         _fill(scene)
     finally:
         _checking = False
-    _changed, _took = 0.0, time.monotonic() - started
+    _changed, _took, _shown = 0.0, time.monotonic() - started, False
     return _found
 
 
 def wanted(scene: bpy.types.Scene) -> None:
     """Note that the panel shows ``scene``: if it is not checked as it is now, a timer does that."""
-    is_checked = bpy.context.window_manager.lfsr.checked_scene == scene.name_full
-    if not bpy.app.background and (_changed or not is_checked) and not bpy.app.timers.is_registered(_look):
+    global _shown
+    _shown = True
+    if _changed or bpy.context.window_manager.lfsr.checked_scene != scene.name_full:
+        _start()
+
+
+def _start() -> None:
+    if _shown and not bpy.app.background and not bpy.app.timers.is_registered(_look):
         bpy.app.timers.register(_look, first_interval=LOOKS)
 
 
@@ -100,9 +107,8 @@ def redraw() -> None:
 @bpy.app.handlers.persistent
 def _note(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None = None) -> None:
     """Handler of every change: nothing here may take time."""
-    global _changed
     if not _checking and (depsgraph is None or len(depsgraph.updates)):
-        _changed = time.monotonic()
+        _mark()
 
 
 @bpy.app.handlers.persistent
@@ -113,9 +119,10 @@ def _opened(*_: object) -> None:
     bpy.context.window_manager.lfsr.checked_scene = ""
 
 
-def _set(*_: object) -> None:
+def _mark() -> None:
     global _changed
     _changed = time.monotonic()
+    _start()
 
 
 _OWNER = object()
@@ -130,7 +137,7 @@ def register() -> None:
     for name, handler in HANDLERS:
         getattr(bpy.app.handlers, name).append(handler)
     for kind in SETTINGS:
-        bpy.msgbus.subscribe_rna(key=kind, owner=_OWNER, args=(), notify=_set, options={"PERSISTENT"})
+        bpy.msgbus.subscribe_rna(key=kind, owner=_OWNER, args=(), notify=_mark, options={"PERSISTENT"})
 
 
 def unregister() -> None:

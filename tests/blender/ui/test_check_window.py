@@ -1,0 +1,97 @@
+"""In a real window: the scene check repeats itself, groups, and is asked before a render."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+
+import pytest
+
+from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
+from tests.support.window.desktop import VARIABLE, blender_window
+
+pytestmark = [pytest.mark.window, pytest.mark.skipif(
+    VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
+TASK = "addon.background.session.current()"
+ROWS = "[(row.code, row.title) for row in bpy.context.window_manager.lfsr.problems]"
+CODES = "[row.code for row in bpy.context.window_manager.lfsr.problems]"
+COUNT_CHECKS = """
+watch = addon.check.watch
+counted, before = [], watch.check
+def check(scene):
+    counted.append(scene.name)
+    return before(scene)
+watch.check = check
+"""
+RODS = """
+mesh = bpy.data.objects["Suzanne"].data
+for number in range(300):
+    rod = bpy.data.objects.new(f"Rod {number:03d}", mesh)
+    rod.scale, rod.location = (0.001, 0.001, 0.3), (number % 20 / 20 - 0.5, 0, 0.5 + number // 20 / 20)
+    bpy.context.scene.collection.objects.link(rod)
+"""
+SECONDS_TO_CHECK = 30  # on a busy machine
+
+
+@pytest.fixture(scope="module")
+def window(tmp_path_factory):
+    """One Blender for all steps, with an array in front of the monkey and the panel open."""
+    folder = tmp_path_factory.mktemp("gui")
+    with blender_window(folder) as window:
+        window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
+        window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True)" + COUNT_CHECKS)
+        window.open_tab()
+        yield window
+    kept = os.environ.get("LFSR_SCREENSHOTS")
+    for picture in folder.glob("*.png") if kept else ():
+        shutil.copy(picture, kept)
+
+
+def test_the_check_runs_by_itself_and_rests_where_nothing_changes(window):
+    window.until("bpy.context.window_manager.lfsr.checked_scene", SECONDS_TO_CHECK)
+    assert ["background", "Floor"] in window.get(ROWS)
+    window.screenshot("check-by-itself")
+    time.sleep(3)
+    done = window.get("len(counted)")
+    time.sleep(5)
+    assert window.get("len(counted)") == done, "what the check writes is no change of the scene"
+
+
+@pytest.mark.parametrize("change, code", [
+    ("scene.render.use_motion_blur = True", "motion"), ("scene.view_layers.new('Second')", "layers"),
+    ("bpy.data.objects['Suzanne'].hide_render = bpy.data.objects['Floor'].hide_render = True", "subject"),
+    ("scene.view_settings.use_curve_mapping = True", "view")])
+def test_a_change_is_noticed(window, change, code):
+    assert code not in window.get(CODES)
+    window.run(f"scene = bpy.context.scene; {change}")
+    window.until(f"{code!r} in {CODES}", SECONDS_TO_CHECK)
+    window.screenshot(f"check-{code}")
+    if code != "motion":
+        window.run(f"row = next(row for row in bpy.context.window_manager.lfsr.problems if row.code == {code!r})")
+        window.run("bpy.ops.lfsr.check_fix('INVOKE_DEFAULT', True, code=row.code, target=row.target)")
+        assert code not in window.get(CODES)
+
+
+def test_many_objects_are_one_row(window):
+    window.run(RODS)
+    window.until(f"'thin' in {CODES}", SECONDS_TO_CHECK)
+    assert ["thin", "300 objects are too thin"] in window.get(ROWS)
+    window.run("next(row for row in bpy.context.window_manager.lfsr.problems if row.code == 'thin').expanded = True")
+    window.screenshot("check-thin")
+    window.run("bpy.ops.lfsr.check_select('INVOKE_DEFAULT', True, code='thin')")
+    assert window.get("len(bpy.context.selected_objects)") == 300
+    window.run("for item in bpy.context.selected_objects: bpy.data.objects.remove(item)")
+
+
+def test_a_render_asks_first_and_only_once(window):
+    assert window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))") == ["RUNNING_MODAL"]
+    window.settle()
+    window.screenshot("check-asks")
+    assert window.get(f"{TASK} is None")
+    window.xdotool("key", "Return")
+    window.until(f"{TASK} is not None", SECONDS_TO_CHECK)
+    window.run("bpy.ops.lfsr.cancel()")
+    assert window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))") == ["FINISHED"]
+    window.until(f"{TASK} is None", SECONDS_TO_RENDER)
+    window.settle()
