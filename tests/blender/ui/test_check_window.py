@@ -78,6 +78,7 @@ def test_many_objects_are_one_row(window):
     window.until(f"'thin' in {CODES}", SECONDS_TO_CHECK)
     assert ["thin", "300 objects are too thin"] in window.get(ROWS)
     window.run("next(row for row in bpy.context.window_manager.lfsr.problems if row.code == 'thin').expanded = True")
+    window.run("addon.check.watch.redraw()")
     window.screenshot("check-thin")
     window.run("bpy.ops.lfsr.check_select('INVOKE_DEFAULT', True, code='thin')")
     assert window.get("len(bpy.context.selected_objects)") == 300
