@@ -27,7 +27,8 @@ from .. import compat
 from ..array import rig
 from ..array.spaces import is_mirrored
 from ..render import devices
-from ..render.lens_card import new_camera, new_card, place_of
+from ..render.card_parts import new_camera, place_of
+from ..render.lens_card import new_card
 from ..scene.volumes import distance_to_volume
 from ..settings.scene_settings import display_of, live_samples
 from . import nodes
@@ -183,8 +184,9 @@ def _add_card(live: bpy.types.Scene, view: View) -> None:
     card, distance = _card(view), view.layout.array.distance
     made: list[bpy.types.ID] = []
     try:
-        place = place_of(view.layout, view.far)
-        camera, screen = new_camera(made, card, view.layout, place), new_card(made, card, distance, place)
+        place = place_of(view.layout.array, view.far)
+        camera = new_camera(made, view.layout.size[0] * card.pixel, card.spreads, place)
+        screen = new_card(made, card, distance, place)
     finally:
         for item in made:
             item[MARK] = view.kind

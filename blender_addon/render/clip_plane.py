@@ -55,10 +55,10 @@ def _farthest(frame: mathutils.Matrix) -> float:
 
 
 def _screen(made: list[bpy.types.ID], half: float, past: float) -> bpy.types.Object:
-    def ray(wiring: Wiring) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
+    def ray(wiring: Wiring) -> dict[str, bpy.types.NodeSocket]:
         geometry = wiring.node("ShaderNodeNewGeometry").outputs
         far = wiring.vector("MULTIPLY_ADD", geometry["Incoming"], (-past,) * 3, geometry["Position"])
-        return far, wiring.vector("MULTIPLY", geometry["Incoming"], (-1.0,) * 3)
+        return {"Position": far, "Direction": wiring.vector("MULTIPLY", geometry["Incoming"], (-1.0,) * 3)}
 
     screen = new_screen(made, NAME, ray)
     corners = [(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)]

@@ -25,8 +25,8 @@ from .. import compat
 from ..array.spaces import Matrix, to_blender
 from . import devices, passes
 from .bands import border, render_in_bands
+from .card_camera import card_camera
 from .clip_plane import clip_plane
-from .lens_card import card_camera
 from .osl_camera import layout_parameters, layout_source, set_shader
 from .output import render_to
 from .overrides import new_data, overridden
@@ -120,8 +120,8 @@ def _without_misses(position: Array, shot: Shot, ended: bool) -> Array:
 @contextmanager
 def encoded_camera(scene: bpy.types.Scene, shot: Shot) -> Iterator[None]:
     """Make a camera that sends the rays of ``shot`` the scene's camera inside the block."""
-    if shot.way == "lens-card":
-        with card_camera(scene, shot.light_field, shot.matrix_world, shot.clip_start):
+    if shot.way in ("lens-card", "subpixels"):
+        with card_camera(scene, shot.layout, shot.matrix_world, shot.clip_start):
             yield
         return
     layout = shot.layout

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import bpy
@@ -51,8 +51,8 @@ class Wiring:
         return node.outputs[0]
 
 
-# Adds nodes for a ray: the sockets of its position and direction.
-Ray = Callable[[Wiring], tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]]
+# Adds nodes for a ray: the inputs of its portal, by name.
+Ray = Callable[[Wiring], Mapping[str, bpy.types.NodeSocket]]
 
 
 def new_screen(made: list[bpy.types.ID], name: str, ray: Ray) -> bpy.types.Object:
@@ -69,8 +69,7 @@ def new_screen(made: list[bpy.types.ID], name: str, ray: Ray) -> bpy.types.Objec
     compat.use_nodes(material)
     material.node_tree.nodes.clear()
     wiring = Wiring(material.node_tree)
-    position, direction = ray(wiring)
-    portal = wiring.node("ShaderNodeBsdfRayPortal", Position=position, Direction=direction)
+    portal = wiring.node("ShaderNodeBsdfRayPortal", **ray(wiring))
     wiring.node("ShaderNodeOutputMaterial", Surface=portal.outputs[0])
     mesh.materials.append(material)
     return screen

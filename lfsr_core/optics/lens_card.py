@@ -34,6 +34,11 @@ class LensCard:
     aperture: tuple[float, float]  # size of the cell that a view's rays start in
     place_in_pixel: bool  # whether the place inside the pixel, not inside the tile, chooses the point on the lens
 
+    @property
+    def spreads(self) -> bool:
+        """Whether a pixel's rays start at different places."""
+        return any(self.aperture)
+
 
 def lens_card(layout: RayLayout, radius: float = math.inf) -> LensCard:
     """Return the card of ``layout``, within ``radius`` of its centre if every view of every lens is rendered.

@@ -1,0 +1,93 @@
+"""What lens card and panel card share: where camera and card stand, the camera, and its random numbers."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import bpy
+import numpy as np
+
+from lfsr_core.arrays import Array
+from lfsr_core.optics.rays import CameraArray
+
+from .wiring import Wiring
+
+NAME = "LFSR Lens Card"
+GAP = 1e-4                    # from the camera to the camera plane, as a fraction of the display distance
+# What the camera sees in front of the card, as a fraction of the distance to the world's origin: no more than single
+# precision needs, since a surface there would be seen instead of the card.
+CLEAR = 4e-6
+LEAST_CLEAR = 1e-6            # scene units: Blender clips nothing nearer
+# Half the side of the square of the camera's own aperture, as a fraction of its distance to the card: small enough
+# for rays to meet the card within their pixel, and large enough for single precision.
+SLANT = 2e-3
+
+
+@dataclasses.dataclass(frozen=True)
+class Place:
+    """Places along the array's axis, in scene units."""
+
+    gap: float  # from the camera to the camera plane; the card is half way
+    clear: float  # what the camera sees in front of the card
+    start: float  # where rays start, as a fraction of the way from the camera plane to the display plane
+
+
+def place_of(array: CameraArray, far: float, clip_start: float = 0.0) -> Place:
+    """Return the places for an array at the distance ``far`` from the world's origin, with rays from ``clip_start``."""
+    clear = max(CLEAR * max(far, array.distance), LEAST_CLEAR)
+    return Place(max(GAP * array.distance, 4 * clear), clear, clip_start / array.distance)
+
+
+def new_camera(made: list[bpy.types.ID], width: float, spreads: bool, place: Place) -> bpy.types.Object:
+    """Return a camera that sees ``width`` of a card, in no scene and not placed; it and its data are added to ``made``.
+
+    ``spreads``: whether rays of a pixel meet the card in many directions, which are random numbers for its material.
+    """
+    data = bpy.data.cameras.new(NAME)
+    camera = bpy.data.objects.new(NAME, data)
+    made += [data, camera]
+    data.type, data.sensor_fit = "ORTHO", "HORIZONTAL"
+    data.ortho_scale = width
+    data.clip_start, data.clip_end = place.gap / 2 - place.clear, place.gap
+    data.dof.use_dof = spreads
+    data.dof.focus_object, data.dof.focus_distance = None, place.gap / 2
+    data.dof.aperture_blades, data.dof.aperture_rotation, data.dof.aperture_ratio = 4, 0.0, 1.0
+    # An orthographic camera's aperture has the radius 1 / (2 · f-stop); the corners of a square lie on it.
+    data.dof.aperture_fstop = 1 / (2 * math.sqrt(2) * SLANT * place.gap / 2)
+    return camera
+
+
+def add_quads(mesh: bpy.types.Mesh, corners: Array) -> None:
+    """Add a quad to an empty ``mesh`` for each four of ``corners`` (quads, 4, 2)."""
+    count = len(corners)
+    mesh.vertices.add(4 * count)
+    mesh.loops.add(4 * count)
+    mesh.polygons.add(count)
+    mesh.vertices.foreach_set("co", with_z(corners.reshape(-1, 2), 0.0))
+    mesh.loops.foreach_set("vertex_index", range(4 * count))
+    mesh.polygons.foreach_set("loop_start", range(0, 4 * count, 4))
+
+
+def with_z(points: Array, z: float) -> Array:
+    """Return points (n, 2) as vectors, one after the other."""
+    return np.column_stack([points, np.full(len(points), z)]).astype("f4").ravel()
+
+
+def random_pair(wiring: Wiring) -> bpy.types.NodeSocket:
+    """Return a vector with two random numbers from -SLANT to SLANT, from the camera's aperture."""
+    incoming = wiring.node("ShaderNodeNewGeometry").outputs["Incoming"]
+    return _transformed(wiring, incoming, "VECTOR", "WORLD", "CAMERA")
+
+
+def sent(wiring: Wiring, begin: bpy.types.NodeSocket, way: bpy.types.NodeSocket) -> dict[str, bpy.types.NodeSocket]:
+    """Return the portal's inputs for a ray from ``begin`` along ``way``, both in the camera's space."""
+    # Transformed as a normal, the direction has length 1, which Cycles needs before 5.2.
+    return {"Position": _transformed(wiring, begin, "POINT", "CAMERA", "WORLD"),
+            "Direction": _transformed(wiring, way, "NORMAL", "CAMERA", "WORLD")}
+
+
+def _transformed(wiring: Wiring, vector: bpy.types.NodeSocket, kind: str, of: str, to: str) -> bpy.types.NodeSocket:
+    node = wiring.node("ShaderNodeVectorTransform", Vector=vector)
+    node.vector_type, node.convert_from, node.convert_to = kind, of, to
+    return node.outputs["Vector"]

@@ -1,0 +1,240 @@
+"""The panel card: one quad before an orthographic camera that turns its parallel rays into those of a panel's subpixels.
+
+Everything that ``panel_rays.py`` computes is linear in the place on the panel and in how far that place is from the
+centre of its elemental image. So the quad's corners store the linear parts, which Cycles interpolates, and the material
+only rounds, adds and multiplies (``card_rays``). Elemental images are counted along the rows of their lattice and from
+row to row, the first axis square to the second: the nearest centre is then in the row below the place or above it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lfsr_core.arrays import Array
+from lfsr_core.optics.lens_card import MIN_SIZE, RIM, UNIT
+from lfsr_core.optics.panel.panel_rays import PERIOD, PanelLayout, subpixel_table
+from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice, elemental_waves
+from lfsr_core.optics.rays import directed
+from lfsr_core.optics.sheet import Lenticular
+
+STRAIGHT = 1e-9  # of a pitch: rows of a lattice that are shifted by less are not shifted
+PARTS = 3  # subpixels of a pixel
+
+
+class Rows(NamedTuple):
+    """A lattice as rows of points; lengths are pitches within a row."""
+
+    shift: float  # from each row to the next, 0 where the nearest point is found along each axis alone
+    square: float  # of the distance between rows
+
+
+class Linear(NamedTuple):
+    """A quantity that is linear in the place on the panel."""
+
+    corners: Array  # (4, 2) at the corners of the quad
+    per_pixel: Array  # (2, 2): columns are the change per pixel rightwards and upwards
+
+
+@dataclasses.dataclass(frozen=True)
+class PanelCard:
+    """The quad and the material's constants; scene units, +X right, +Y up, seen from the camera."""
+
+    pixel: float  # side of the image's pixels on the card
+    corners: Array  # (4, 2) around the card's centre: upper left, lower left, lower right, upper right
+    subpixels: Array  # (4, 2) thirds of pixels from the panel's left edge, rows of pixels from its lower edge
+    counts: Linear  # elemental images: along a row, and rows; whole at their centres
+    starts: Linear  # where rays begin on the camera plane
+    ways: Linear  # from there to the display plane
+    images: Rows
+    lenses: Rows
+    # (2, 2), columns: what a count away from the centre of the elemental image adds
+    start_steps: Array
+    way_steps: Array
+    lens_steps: Array  # the same on the display plane, of the random point on the lens
+    # (PERIOD, 3 * PERIOD, 3) for each third of a pixel, rows from the bottom: pixels (x, y) from its lower left corner
+    # to that of its subpixel, and the channel (0 red … 2 blue); zeros if a subpixel shows all three
+    table: Array
+    # Pixels by which a subpixel is larger than a third of the pixel; None where it is that third.
+    stretch: tuple[float, float] | None
+
+    @property
+    def spreads(self) -> bool:
+        """Whether a subpixel's rays cross its lens at different places."""
+        return bool(self.lens_steps.any())
+
+
+class _Sheet(NamedTuple):
+    """Of a kind of sheet, in millimetres; matrices are (2, 2), acting on columns."""
+
+    waves: Array  # place on the panel -> counts
+    phases: Array
+    lens: Array  # place on the panel -> where its ray crosses the lenses, without the steps
+    lens_shift: Array
+    images: Rows
+    lenses: Rows
+    start: Array  # the same on the camera plane
+    start_shift: Array
+    start_steps: Array
+    end_steps: Array
+    lens_steps: Array
+    extent: tuple[float, float]  # of what a subpixel lights on the plane of the lenses
+
+
+def panel_card(layout: PanelLayout, radius: float = math.inf, of_subpixels: bool = True) -> PanelCard:
+    """Return the card of ``layout``, within ``radius`` of its centre.
+
+    The image has a pixel for each subpixel, or for each pixel of the panel if not ``of_subpixels``. A pixel is as large
+    as what a subpixel lights on the display plane if the radius allows it (see ``lens_card``).
+    """
+    display, array = layout.display, layout.array
+    geometry = Geometry.of(display)
+    sheet = (_cylinders if display.lenticular else _lenses)(layout, geometry)
+    end_units = np.array([2 * array.half_width, 2 * array.half_height]) / geometry.lens_plane
+    start_unit, pitch = array.spacing / geometry.spacing, np.diag(geometry.pixel)
+    panel = np.array(display.panel_pixels)
+    size = panel * (display.pixel_layout.count if of_subpixels else 1, 1)
+    pixel = float(np.mean(np.multiply(sheet.extent, end_units)))
+    pixel *= min(1, max(MIN_SIZE, radius / pixel / (math.hypot(*size) / 2)))
+    # Corners (4, 2) in pixels of the image, from its upper left corner; then of the panel, from its lower left one.
+    places = UNIT * size + RIM * (2 * UNIT - 1)
+    shown = (places / size - 0.5) * (1, -1) * np.where(display.flip, -1, 1) * panel
+    starts, ends = sheet.start * start_unit, end_units[:, None] * sheet.lens
+    ways, millimetres = ends - starts, shown @ pitch
+    return PanelCard(
+        pixel=pixel, corners=(places - size / 2) * (1, -1) * pixel,
+        subpixels=(shown + panel / 2) * (PARTS, 1),
+        counts=Linear(millimetres @ sheet.waves.T - sheet.phases, sheet.waves @ pitch),
+        starts=Linear(millimetres @ starts.T + sheet.start_shift * start_unit, starts @ pitch),
+        ways=Linear(millimetres @ ways.T + sheet.lens_shift * end_units - sheet.start_shift * start_unit, ways @ pitch),
+        images=sheet.images, lenses=sheet.lenses, start_steps=sheet.start_steps * start_unit,
+        way_steps=end_units[:, None] * sheet.end_steps - sheet.start_steps * start_unit,
+        lens_steps=end_units[:, None] * sheet.lens_steps * layout.aperture,
+        table=_table(layout), stretch=_stretch(layout) if display.pixel_layout.cells else None)
+
+
+def _cylinders(layout: PanelLayout, geometry: Geometry) -> _Sheet:
+    display, sheet = layout.display, layout.display.sheet
+    assert isinstance(sheet, Lenticular)
+    waves, phases = elemental_waves(display)
+    zone, nearer = display.views[0] * geometry.spacing, geometry.nearer
+    (across, along), none = np.array(sheet.directions), np.zeros(2)
+    # Square to the axes a ray crosses its cylinder's, along them it goes straight on.
+    step = along * zone * -along[0] * (1 - nearer) - across * sheet.pitch_mm * nearer
+    row = math.hypot(1, sheet.slant) * sheet.pitch_mm * nearer, geometry.pixel[1] * nearer
+    return _Sheet(
+        waves, phases, np.eye(2) * nearer, none, Rows(0, 1), Rows(0, 1), np.zeros((2, 2)), none,
+        np.array([[zone if sheet.reversed else -zone, 0], [0, 0]]), np.stack([step, none], -1),
+        np.stack([across * sheet.pitch_mm * nearer, none], -1), row)
+
+
+def _lenses(layout: PanelLayout, geometry: Geometry) -> _Sheet:
+    sheet = layout.display.lenslet
+    assert sheet is not None
+    throw = geometry.distance / geometry.gap
+    elemental = elemental_lattice(sheet, geometry)
+    steps, images = _by_rows(elemental.matrix(sheet.packing))
+    matrix = sheet.lenses.matrix(sheet.packing)
+    lens_steps, lenses = _by_rows(matrix)
+    waves = np.linalg.inv(steps)
+    phases = waves @ np.array(elemental.shift_mm)
+    counted = matrix @ [[1, -images.shift], [0, 1]]  # a lens's place by the count of its elemental image
+    lens, shift = counted @ waves, sheet.lenses.shift_mm - counted @ phases
+    return _Sheet(
+        waves, phases, lens, shift, images, lenses, lens * (1 + throw) - np.eye(2) * throw, shift * (1 + throw),
+        -counted * (1 + throw), -counted, lens_steps, sheet.lenses.pitch_mm)
+
+
+def _by_rows(matrix: Array) -> tuple[Array, Rows]:
+    """(2, 2): the step within a row of a lattice, and the one square to it to the next row; and its rows."""
+    along, up = matrix.T
+    shift = float(along @ up / (along @ along))
+    square = up - shift * along
+    return np.stack([along, square], -1), Rows(shift if abs(shift) > STRAIGHT else 0.0,
+                                               float(square @ square / (along @ along)))
+
+
+def _table(layout: PanelLayout) -> Array:
+    if layout.display.pixel_layout.count == 1:
+        return np.zeros((PERIOD, PERIOD * PARTS, 3))
+    # The panel's subpixels from left to right, where its image is mirrored too.
+    right, up, channel = (each[:, :, ::-1 if layout.display.flip[0] else 1] for each in subpixel_table(layout))
+    wide, high = layout.display.pixel_layout.size
+    third = np.arange(PARTS) / PARTS
+    return np.stack([right + (1 - wide) / 2 - third, up + (1 - high) / 2, channel], -1).reshape(PERIOD, -1, 3)
+
+
+def _stretch(layout: PanelLayout) -> tuple[float, float]:
+    wide, high = layout.display.pixel_layout.size
+    return wide - 1 / PARTS, high - 1
+
+
+def card_rays(card: PanelCard, across: Array, up: Array, distance: float, random: tuple[Array, Array] | None = None,
+              precision: type[np.floating] = np.float64) -> tuple[Array, Array]:
+    """Rays of points of the card, as its material computes them: origins and unit directions, (..., 3) each.
+
+    ``across``, ``up``: places in the image from 0 to 1, from its left and lower edge. ``distance``: of the display
+    plane. ``random``: two numbers in [0, 1), the point on the lens; None for its middle.
+    """
+    at = _Places(card, np.asarray(across), np.asarray(up), precision)
+    away = nearest(at.linear(card.counts), card.images)
+    start = at.linear(card.starts) + _times(card.start_steps, away, precision)
+    way = at.linear(card.ways) + _times(card.way_steps, away, precision)
+    if random is not None:
+        point = nearest(np.stack(random, -1).astype(precision) - precision(0.5), card.lenses)
+        way = way + _times(card.lens_steps, point, precision)
+    return directed((start[..., 0], start[..., 1]), (start[..., 0] + way[..., 0], start[..., 1] + way[..., 1]), distance)
+
+
+def nearest(counts: Array, rows: Rows) -> Array:
+    """How far counts (..., 2) are from the lattice point nearest to them, in counts."""
+    across, up = counts[..., 0], counts[..., 1]
+    if not rows.shift:
+        return np.stack([_wrapped(across), _wrapped(up)], -1)
+    shift, square = across.dtype.type(rows.shift), across.dtype.type(rows.square)
+    below = np.floor(up)
+    inside = up - below
+    first = _wrapped(across - shift * below)
+    second = _wrapped(first - shift)
+    above = (second * second - first * first < square * (2 * inside - 1)).astype(across.dtype)
+    return np.stack([first + above * (second - first), inside - above], -1)
+
+
+def _wrapped(values: Array) -> Array:
+    """``values`` less the whole number nearest to them, from -0.5 to 0.5."""
+    return values - np.floor(values + values.dtype.type(0.5))
+
+
+def _times(matrix: Array, values: Array, precision: type[np.floating]) -> Array:
+    rounded = matrix.astype(precision)
+    return values[..., :1] * rounded[:, 0] + values[..., 1:] * rounded[:, 1]
+
+
+class _Places:
+    """Interpolates over the quad, in one precision, as a renderer between the corners of a triangle."""
+
+    def __init__(self, card: PanelCard, across: Array, up: Array, precision: type[np.floating]) -> None:
+        # The quad is larger than the image by a rim.
+        whole = np.abs(card.corners[2] - card.corners[0]) / card.pixel
+        places = np.stack(np.broadcast_arrays(across, up), -1)
+        self.places, self.precision = ((places * (whole - 2 * RIM) + RIM) / whole).astype(precision), precision
+        self.off = None if card.stretch is None else self._off(card, card.stretch)
+
+    def linear(self, quantity: Linear) -> Array:
+        """``quantity`` where the light of the places comes from."""
+        values = self._corners(quantity.corners)
+        return values if self.off is None else values + _times(quantity.per_pixel, self.off, self.precision)
+
+    def _corners(self, values: Array) -> Array:
+        upper_left, lower_left, lower_right, _ = values.astype(self.precision)
+        across, up = self.places[..., :1], self.places[..., 1:]
+        return (1 - across - up) * lower_left + across * lower_right + up * upper_left
+
+    def _off(self, card: PanelCard, stretch: tuple[float, float]) -> Array:
+        at = self._corners(card.subpixels)
+        column, row = np.moveaxis(np.floor(at).astype(int), -1, 0)
+        entry = card.table[row % PERIOD, column % (PERIOD * PARTS), :2].astype(self.precision)
+        return (at - np.floor(at)) * np.array(stretch, self.precision) + entry
