@@ -14,7 +14,7 @@ import numpy as np
 from lfsr_core.arrays import Array
 from lfsr_core.cores import CORES, usable_cores
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import Clip
+from lfsr_core.frames.frame import SUBPIXELS, Clip
 from lfsr_core.frames.job import CLAMP_INDIRECT
 from lfsr_core.images import exr
 from lfsr_core.optics.panel.panel_rays import PanelLayout
@@ -30,7 +30,6 @@ from .clip_plane import clip_plane
 from .osl_camera import layout_parameters, layout_source, set_shader
 from .output import render_to
 from .overrides import new_data, overridden
-from .panel_camera import panel_parameters, panel_source
 from .progress import Progress
 
 LEAST_PIXELS = 4        # Blender renders nothing narrower
@@ -67,6 +66,11 @@ class Shot:
         return self.clip[0] if self.clip else 0.0
 
     @property
+    def has_card(self) -> bool:
+        """Whether a lens card or a panel card sends the rays."""
+        return self.way in ("lens-card", SUBPIXELS)
+
+    @property
     def light_field(self) -> RayLayout:
         """The layout, where it is not that of a panel's subpixels."""
         assert isinstance(self.layout, RayLayout)
@@ -99,7 +103,7 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
         else:
             with overridden(scene.render, border(rows, height) if rows.size < height else {}):
                 seconds = render_to(scene, path, progress)
-    if (shot.way == "lens-card" or ended) and "position" in settings.layers:
+    if (shot.has_card or ended) and "position" in settings.layers:
         layers = exr.read_layers(path)
         layers["position"] = _without_misses(layers["position"], shot, ended)
         exr.write_layers(path, layers, settings.half)
@@ -107,11 +111,11 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
 
 
 def _without_misses(position: Array, shot: Shot, ended: bool) -> Array:
-    """Position layer (H, W, 3) with 0 where a ray hit nothing; Cycles stores the lens card or the clip plane there."""
+    """Position layer (H, W, 3) with 0 where a ray hit nothing; Cycles stores the card or the clip plane there."""
     matrix = np.asarray(shot.matrix_world, float)
     depth = (position - matrix[:3, 3]) @ matrix[:3, 2]
     # The card stands behind the camera plane. Single precision cannot tell what is near to the clip plane from it.
-    missed = ~(depth > 0) if shot.way == "lens-card" else np.zeros(depth.shape, bool)
+    missed = ~(depth > 0) if shot.has_card else np.zeros(depth.shape, bool)
     if shot.clip and ended:
         missed |= depth > shot.clip[1] * (1 - 1e-5)
     return np.where(missed[..., None], np.float32(0), position)
@@ -120,16 +124,13 @@ def _without_misses(position: Array, shot: Shot, ended: bool) -> Array:
 @contextmanager
 def encoded_camera(scene: bpy.types.Scene, shot: Shot) -> Iterator[None]:
     """Make a camera that sends the rays of ``shot`` the scene's camera inside the block."""
-    if shot.way in ("lens-card", "subpixels"):
+    if shot.has_card:
         with card_camera(scene, shot.layout, shot.matrix_world, shot.clip_start):
             yield
         return
-    layout = shot.layout
+    layout = shot.light_field
     with temporary_camera(scene, shot.matrix_world, layout.array.distance) as camera:
-        if isinstance(layout, PanelLayout):
-            set_shader(camera.data, panel_source(layout), panel_parameters(layout, shot.clip_start))
-        else:
-            set_shader(camera.data, layout_source(layout), layout_parameters(layout, shot.clip_start))
+        set_shader(camera.data, layout_source(layout), layout_parameters(layout, shot.clip_start))
         yield
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 import bpy
@@ -45,9 +45,9 @@ def way_of(device: str) -> str:
     return "one-pass" if has_osl_camera(device) else "lens-card"
 
 
-def resolved(device: str, able: Collection[str] = GPU_TYPES) -> str:
-    """Return ``device`` itself, or for "auto" the best device of this machine: a GPU type in ``able``, or the CPU."""
-    return device if device != AUTO else next((kind for kind in GPU_TYPES if kind in able and _found(kind)), "CPU")
+def resolved(device: str) -> str:
+    """Return ``device`` itself, or for "auto" the best device of this machine."""
+    return device if device != AUTO else next((kind for kind in GPU_TYPES if _found(kind)), "CPU")
 
 
 def _found(kind: str) -> bool:

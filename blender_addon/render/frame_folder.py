@@ -12,7 +12,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, write_frame
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, WORLD_FILE, Frame, write_frame
 from lfsr_core.frames.job import AUTO, OWN, Job
 from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.optics.lens_rows import pixel_rows
@@ -54,7 +54,8 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
     The frame folder.
     """
     opened = opened or Opened()
-    job = dataclasses.replace(job, device=_device(job), light=opened.light if job.light == AUTO else job.light)
+    job = dataclasses.replace(job, device=devices.resolved(job.device),
+                              light=opened.light if job.light == AUTO else job.light)
     notes = list(opened.notes)
 
     def note(sentence: str) -> None:
@@ -119,17 +120,6 @@ def _frame(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object]) -> 
         color=color_settings(scene, world_visible), scene=os.path.basename(job.scene or bpy.data.filepath),
         scene_name=job.scene_name or scene.name_full, source=job.source, subject=job.subject or "",
         camera=job.camera or "", light=job.light, blender=bpy.app.version_string, device=job.device)
-
-
-def _device(job: Job) -> str:
-    """The job's device; LfsrError if it cannot render the job's layout."""
-    if job.layout != SUBPIXELS:
-        return devices.resolved(job.device)
-    device = devices.resolved(job.device, devices.WITH_OSL_CAMERA)
-    if not devices.has_osl_camera(device):
-        raise LfsrError(f"the layout {SUBPIXELS} needs the OSL camera, which this Blender does not run on {device}: "
-                        f"render on {' or '.join(devices.WITH_OSL_CAMERA)}, or choose another layout")
-    return device
 
 
 def _world_visible(scene: bpy.types.Scene, job: Job) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,22 +22,14 @@ SOURCE = Path(__file__).with_name("ray_layout.osl")
 
 
 def layout_source(layout: RayLayout) -> str:
-    """Return the OSL source with the lens list of ``layout`` as constants."""
+    """Return the OSL source with the lens list of ``layout`` as constants: parameters of a shader cannot be arrays."""
+    source = SOURCE.read_text(encoding="utf-8")
     if layout.lens_list is None:
-        return SOURCE.read_text(encoding="utf-8")
-    rows, columns = ([str(lens[axis]) for lens in layout.lens_list] for axis in (0, 1))
-    return with_constants(SOURCE, "LISTED", {"LENS_ROWS": rows, "LENS_COLUMNS": columns})
-
-
-def with_constants(path: Path, counted: str, arrays: Mapping[str, Sequence[str]]) -> str:
-    """Return the OSL source in ``path`` with ``arrays``, of ``counted`` values each, as constants.
-
-    Parameters of a shader cannot be arrays.
-    """
-    source = path.read_text(encoding="utf-8")
-    for name, values in arrays.items():
-        source = re.sub(rf"#define {counted} .*", f"#define {counted} {len(values)}", source)
-        source = re.sub(rf"#define {name} .*", f"#define {name} {{ {', '.join(values)} }}", source)
+        return source
+    source = re.sub(r"#define LISTED .*", f"#define LISTED {len(layout.lens_list)}", source)
+    for name, axis in (("LENS_ROWS", 0), ("LENS_COLUMNS", 1)):
+        values = ", ".join(str(lens[axis]) for lens in layout.lens_list)
+        source = re.sub(rf"#define {name} .*", f"#define {name} {{ {values} }}", source)
     return source
 
 

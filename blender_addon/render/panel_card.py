@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 import numpy as np
 
@@ -17,7 +19,6 @@ from .wiring import Wiring, new_screen
 NAME = "LFSR Panel Card"
 SUBPIXEL, COUNT, START, WAY = "subpixel", "count", "start", "way"  # attributes of the mesh
 STILL = 1e-9  # of the largest element of a matrix: smaller ones are rounding errors
-Socket = bpy.types.NodeSocket
 
 
 def new_panel_card(made: list[bpy.types.ID], card: PanelCard, distance: float, place: Place,
@@ -39,11 +40,12 @@ def new_panel_card(made: list[bpy.types.ID], card: PanelCard, distance: float, p
 class _Pair:
     """Two numbers as a vector, or apart."""
 
-    def __init__(self, wiring: Wiring, vector: Socket | None = None, apart: tuple[Socket, Socket] | None = None) -> None:
+    def __init__(self, wiring: Wiring, vector: bpy.types.NodeSocket | None = None,
+                 apart: tuple[bpy.types.NodeSocket, bpy.types.NodeSocket] | None = None) -> None:
         self.wiring, self.vector, self._apart = wiring, vector, apart
 
     @property
-    def apart(self) -> tuple[Socket, Socket]:
+    def apart(self) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
         if self._apart is None:
             split = self.wiring.node("ShaderNodeSeparateXYZ", Vector=self.vector).outputs
             self._apart = split["X"], split["Y"]
@@ -57,7 +59,7 @@ class _Ray:
         self.wiring, self.card, self.made = wiring, card, made
         self.off: _Pair | None = None
 
-    def inputs(self, distance: float, place: Place, of_subpixels: bool) -> dict[str, Socket]:
+    def inputs(self, distance: float, place: Place, of_subpixels: bool) -> dict[str, bpy.types.NodeSocket]:
         """Return the portal's inputs."""
         card, color = self.card, {}
         if card.stretch is not None or not of_subpixels:
@@ -78,8 +80,8 @@ class _Ray:
             start = self.wiring.vector("MULTIPLY_ADD", way, (place.start,) * 3, start)
         return sent(self.wiring, start, way) | color
 
-    def linear(self, name: str, quantity: Linear, z: float) -> Socket | tuple[float, float, float]:
-        """Return ``quantity`` where the light of the place comes from; ``z``: of its vector."""
+    def linear(self, name: str, quantity: Linear, z: float) -> Any:
+        """Return ``quantity`` where the light of the place comes from, a socket or a constant; ``z``: of its vector."""
         if not _significant(quantity.corners - quantity.corners[0], quantity.corners).any():
             return (*quantity.corners[0], z)
         attribute = self.wiring.node("ShaderNodeAttribute")
@@ -87,7 +89,7 @@ class _Ray:
         value = attribute.outputs["Vector"]
         return value if self.off is None else self.plus(value, quantity.per_pixel, self.off)
 
-    def plus(self, base: Socket | tuple[float, float, float], matrix: Array, pair: _Pair) -> Socket:
+    def plus(self, base: Any, matrix: Array, pair: _Pair) -> Any:
         """Return ``base`` plus a matrix (2, 2) times a pair."""
         matrix = _significant(matrix, matrix)
         if pair.vector is not None and not matrix[0, 1] and not matrix[1, 0]:
@@ -97,7 +99,7 @@ class _Ray:
                 base = self.wiring.vector("MULTIPLY_ADD", pair.apart[column], (*matrix[:, column], 0), base)
         return base
 
-    def nearest(self, counts: Socket, rows: Rows) -> _Pair:
+    def nearest(self, counts: bpy.types.NodeSocket, rows: Rows) -> _Pair:
         """Return how far ``counts`` are from the lattice point nearest to them."""
         wiring = self.wiring
         if not rows.shift:
@@ -115,10 +117,10 @@ class _Ray:
             wiring.scalar("MULTIPLY_ADD", above, wiring.scalar("SUBTRACT", second, first), first),
             wiring.scalar("SUBTRACT", inside, above)))
 
-    def _wrapped(self, value: Socket) -> Socket:
+    def _wrapped(self, value: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         return self.wiring.scalar("WRAP", value, 0.5, -0.5)
 
-    def entry(self) -> Socket:
+    def entry(self) -> bpy.types.NodeSocket:
         """Return the entry of the card's table for the place, and move the place to its subpixel."""
         wiring = self.wiring
         attribute = wiring.node("ShaderNodeAttribute")
@@ -139,11 +141,12 @@ class _Ray:
         image = bpy.data.images.new(NAME, columns, rows, float_buffer=True, is_data=True)
         self.made.append(image)
         image.alpha_mode = "CHANNEL_PACKED"
-        image.pixels.foreach_set(np.concatenate([self.card.table, np.ones((rows, columns, 1))], -1).astype("f4").ravel())
+        opaque = np.concatenate([self.card.table, np.ones((rows, columns, 1))], -1)
+        image.pixels.foreach_set(opaque.astype("f4").ravel())
         image.update()
         return image
 
-    def color(self, entry: _Pair) -> Socket:
+    def color(self, entry: _Pair) -> bpy.types.NodeSocket:
         """Return three times the colour of the subpixel."""
         wiring = self.wiring
         channel = wiring.node("ShaderNodeSeparateXYZ", Vector=entry.vector).outputs["Z"]

@@ -57,9 +57,6 @@ class Resolved:
         """LfsrError where the display, the scale, the method and the device do not go together, or light is missing."""
         check_chosen(self.light)
         if self.is_direct:
-            reason = why_not_direct(self.device)
-            if reason:
-                raise LfsrError(f"{reason}: choose one, or switch it off under Display")
             return
         self.display.low_views(self.scale)
         self.method.check_scale(self.scale)
@@ -110,15 +107,6 @@ def is_direct(scene: bpy.types.Scene) -> bool:
         return resolve(scene).is_direct
     except LfsrError:
         return False  # the panel shows what is wrong with the display
-
-
-def why_not_direct(device: str) -> str | None:
-    """Why ``device`` cannot render the subpixels of a panel, None if it can."""
-    if not devices.has_osl():
-        return f"{DIRECT} needs a Blender with Open Shading Language"
-    if devices.has_osl_camera(device):
-        return None
-    return f"{DIRECT} renders on {' or '.join(devices.WITH_OSL_CAMERA)}, not on {device}"
 
 
 def device_of(scene: bpy.types.Scene) -> str:

@@ -15,7 +15,6 @@ from ..results import preview
 from ..settings import folders, scene_settings
 from ..settings.displays import PROFILE_FILE
 from ..settings.lights import FILE_LIGHT
-from ..settings.scene_settings import Resolved
 from . import look, summary
 from .drawing import LightFieldPanel, columns, facts, row_if, sentence
 from .operators.array import FIT_ITEMS
@@ -44,7 +43,8 @@ class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
         try:
             settings = scene_settings.resolve(context.scene)
             if settings.display.is_woven:
-                _draw_direct(self.layout, settings, context)
+                # Without a column for labels: its label is as long as the sidebar is wide.
+                self.layout.prop(lfsr, "straight")
             row_if(not settings.is_direct, columns(self.layout)).prop(lfsr, "scale")
             facts(self.layout, summary.display_facts(settings))
         except LfsrError as error:
@@ -288,14 +288,6 @@ def _draw_unfinished(layout: bpy.types.UILayout, context: bpy.types.Context) -> 
         sentence(layout, f"Frame {context.scene.frame_current} is rendered, but its image is not finished", "INFO",
                  context)
         layout.operator_menu_enum("lfsr.finish_frame", "method", text="Finish With")
-
-
-def _draw_direct(layout: bpy.types.UILayout, settings: Resolved, context: bpy.types.Context) -> None:
-    reason = scene_settings.why_not_direct(settings.device)
-    # Without a column for labels: its label is as long as the sidebar is wide.
-    row_if(settings.is_direct or not reason, layout).prop(context.scene.lfsr, "straight")
-    if reason:
-        sentence(layout, reason, "ERROR" if settings.is_direct else "INFO", context)
 
 
 CLASSES = (LFSR_PT_display, LFSR_PT_array, LFSR_PT_check, LFSR_PT_quality, LFSR_PT_plan, LFSR_PT_render,

@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import REPORT_FILE
+from lfsr_core.frames.frame import REPORT_FILE, SUBPIXELS
 from lfsr_core.frames.report import read_report
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.panel.panel_rays import rendered_size
@@ -23,7 +23,7 @@ Facts = list[tuple[str, str]]
 METRICS = {"ssim_eia_fg": "SSIM Foreground", "ssim_lens_fg": "SSIM per Lens", "ssim_views_fg": "SSIM Views",
            "psnr_fg": "PSNR", "flip": "FLIP", "ssim_eia_plain": "Plain SSIM", "ssim_ceiling": "SSIM Ceiling",
            "ssim_lens_plain": "Plain per Lens", "ssim_lens_ceiling": "Lens Ceiling"}
-CAMERAS = {"one-pass": "OSL camera", "lens-card": "lens card"}
+CAMERAS = {"one-pass": "OSL camera", "lens-card": "lens card", SUBPIXELS: "panel card"}
 
 
 def display_facts(settings: Resolved) -> Facts:
@@ -69,7 +69,8 @@ def depth_facts(scene: bpy.types.Scene) -> Facts:
 def device_facts(scene: bpy.types.Scene) -> Facts:
     """Device that renders the scene, and the camera that it uses."""
     device = scene_settings.device_of(scene)
-    return [("Renders On", f"{device}, {CAMERAS[devices.way_of(device)]}")]
+    way = SUBPIXELS if scene_settings.is_direct(scene) else devices.way_of(device)
+    return [("Renders On", f"{device}, {CAMERAS[way]}")]
 
 
 def lacks_gpu(scene: bpy.types.Scene) -> bool:

@@ -20,8 +20,8 @@ from lfsr_core.records import from_data, to_data
 
 FORMAT = 1
 SUBPIXELS = "subpixels"
-# The OSL camera, or the lens card on devices that cannot run it; the lens card; one ordinary camera per view; an OSL
-# camera with the rays of a panel's subpixels (direct subpixel rendering) instead of those of a light field.
+# The OSL camera, or the lens card on devices that cannot run it; the lens card; one ordinary camera per view; a card
+# with the rays of a panel's subpixels (direct subpixel rendering) instead of those of a light field.
 LAYOUTS = ("one-pass", "lens-card", "view-by-view", SUBPIXELS)
 # The only values that direct subpixel rendering has: there are neither views nor lenses to choose from.
 DIRECT_ONLY = {"scale": 1, "convention": "centred", "view_aperture": 1, "lens_list": None, "rows": None}

@@ -1,4 +1,4 @@
-"""The panel card: one quad before an orthographic camera that turns its parallel rays into those of a panel's subpixels.
+"""The panel card: a quad before an orthographic camera that turns its parallel rays into those of a panel's subpixels.
 
 Everything that ``panel_rays.py`` computes is linear in the place on the panel and in how far that place is from the
 centre of its elemental image. So the quad's corners store the linear parts, which Cycles interpolates, and the material
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from lfsr_core.optics.sheet import Lenticular
 
 STRAIGHT = 1e-9  # of a pitch: rows of a lattice that are shifted by less are not shifted
 PARTS = 3  # subpixels of a pixel
+Precision = type[np.floating[Any]]
 
 
 class Rows(NamedTuple):
@@ -164,7 +165,8 @@ def _table(layout: PanelLayout) -> Array:
     right, up, channel = (each[:, :, ::-1 if layout.display.flip[0] else 1] for each in subpixel_table(layout))
     wide, high = layout.display.pixel_layout.size
     third = np.arange(PARTS) / PARTS
-    return np.stack([right + (1 - wide) / 2 - third, up + (1 - high) / 2, channel], -1).reshape(PERIOD, -1, 3)
+    table: Array = np.stack([right + (1 - wide) / 2 - third, up + (1 - high) / 2, channel], -1)
+    return table.reshape(PERIOD, -1, 3)
 
 
 def _stretch(layout: PanelLayout) -> tuple[float, float]:
@@ -173,7 +175,7 @@ def _stretch(layout: PanelLayout) -> tuple[float, float]:
 
 
 def card_rays(card: PanelCard, across: Array, up: Array, distance: float, random: tuple[Array, Array] | None = None,
-              precision: type[np.floating] = np.float64) -> tuple[Array, Array]:
+              precision: Precision = np.float64) -> tuple[Array, Array]:
     """Rays of points of the card, as its material computes them: origins and unit directions, (..., 3) each.
 
     ``across``, ``up``: places in the image from 0 to 1, from its left and lower edge. ``distance``: of the display
@@ -186,7 +188,8 @@ def card_rays(card: PanelCard, across: Array, up: Array, distance: float, random
     if random is not None:
         point = nearest(np.stack(random, -1).astype(precision) - precision(0.5), card.lenses)
         way = way + _times(card.lens_steps, point, precision)
-    return directed((start[..., 0], start[..., 1]), (start[..., 0] + way[..., 0], start[..., 1] + way[..., 1]), distance)
+    (from_x, from_y), (to_x, to_y) = (np.moveaxis(values, -1, 0) for values in (start, start + way))
+    return directed((from_x, from_y), (to_x, to_y), distance)
 
 
 def nearest(counts: Array, rows: Rows) -> Array:
@@ -205,18 +208,20 @@ def nearest(counts: Array, rows: Rows) -> Array:
 
 def _wrapped(values: Array) -> Array:
     """``values`` less the whole number nearest to them, from -0.5 to 0.5."""
-    return values - np.floor(values + values.dtype.type(0.5))
+    wrapped: Array = values - np.floor(values + values.dtype.type(0.5))
+    return wrapped
 
 
-def _times(matrix: Array, values: Array, precision: type[np.floating]) -> Array:
+def _times(matrix: Array, values: Array, precision: Precision) -> Array:
     rounded = matrix.astype(precision)
-    return values[..., :1] * rounded[:, 0] + values[..., 1:] * rounded[:, 1]
+    product: Array = values[..., :1] * rounded[:, 0] + values[..., 1:] * rounded[:, 1]
+    return product
 
 
 class _Places:
     """Interpolates over the quad, in one precision, as a renderer between the corners of a triangle."""
 
-    def __init__(self, card: PanelCard, across: Array, up: Array, precision: type[np.floating]) -> None:
+    def __init__(self, card: PanelCard, across: Array, up: Array, precision: Precision) -> None:
         # The quad is larger than the image by a rim.
         whole = np.abs(card.corners[2] - card.corners[0]) / card.pixel
         places = np.stack(np.broadcast_arrays(across, up), -1)
@@ -231,10 +236,12 @@ class _Places:
     def _corners(self, values: Array) -> Array:
         upper_left, lower_left, lower_right, _ = values.astype(self.precision)
         across, up = self.places[..., :1], self.places[..., 1:]
-        return (1 - across - up) * lower_left + across * lower_right + up * upper_left
+        mixed: Array = (1 - across - up) * lower_left + across * lower_right + up * upper_left
+        return mixed
 
     def _off(self, card: PanelCard, stretch: tuple[float, float]) -> Array:
         at = self._corners(card.subpixels)
         column, row = np.moveaxis(np.floor(at).astype(int), -1, 0)
         entry = card.table[row % PERIOD, column % (PERIOD * PARTS), :2].astype(self.precision)
-        return (at - np.floor(at)) * np.array(stretch, self.precision) + entry
+        moved: Array = (at - np.floor(at)) * np.array(stretch, self.precision) + entry
+        return moved

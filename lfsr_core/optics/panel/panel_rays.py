@@ -1,4 +1,4 @@
-"""The rays of a panel's subpixels, for direct subpixel rendering: the reference for ``panel_layout.osl``.
+"""The rays of a panel's subpixels, for direct subpixel rendering: the reference for ``panel_card.py``.
 
 The render has one pixel for each subpixel, side by side as they lie on the panel. All three colours of a ray are
 traced; the panel shows the subpixel's own. The place in the pixel is the place in the subpixel, and decides where on

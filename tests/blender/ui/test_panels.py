@@ -9,7 +9,6 @@ import bpy
 import pytest
 
 from blender_addon.background import session
-from blender_addon.render import devices
 from blender_addon.settings import folders, scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.operators import check
@@ -144,20 +143,6 @@ def test_direct_rendering_is_offered_for_a_lens_sheet_only(scene):
     assert "Rendered 11520 × 2160 px Image 3840 × 2160 px" in labels(drawn["Display"])
     assert "Lenses" not in labels(drawn["Display"])
     assert all_greyed(drawn) == {"eye_right", "scale", "method", "linear_exr", "share_frames"}
-
-
-def test_direct_rendering_says_why_it_cannot(scene, monkeypatch):
-    scene.lfsr.display = "looking-glass-16"
-    for spoil, reason in (((scene_settings, "device_of", lambda _: "CUDA"), "CPU or OPTIX, not on CUDA"),
-                          ((devices, "has_osl", lambda: False), "needs a Blender with Open Shading Language")):
-        monkeypatch.setattr(*spoil)
-        scene.lfsr.straight = False
-        drawn = draw(panels.LFSR_PT_display)
-        assert reason in labels(drawn) and greyed(drawn) == {"straight"}
-        scene.lfsr.straight = True
-        assert greyed(draw(panels.LFSR_PT_display)) == {"scale"}, "it can be switched off"
-        check.refresh(scene)
-        assert reason in " ".join(line.reason for line in bpy.context.window_manager.lfsr.problems)
 
 
 def test_with_problems_of_every_kind(scene):

@@ -88,10 +88,3 @@ def test_an_image_without_views_has_no_reference(opened):
     opened.lfsr.straight = False
     with pytest.raises(RuntimeError, match="no views to compare"):
         bpy.ops.lfsr.render_reference()
-
-
-def test_a_device_that_cannot_is_refused_before_the_render(opened, monkeypatch):
-    monkeypatch.setattr(recipes, "render_step", lambda *_: pytest.fail("it renders"))
-    monkeypatch.setattr(recipes.scene_settings, "device_of", lambda _: "CUDA")
-    with pytest.raises(RuntimeError, match="not on CUDA: choose one, or switch it off"):
-        bpy.ops.lfsr.render_eia()

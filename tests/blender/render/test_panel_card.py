@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from blender_addon.array import spaces
-from blender_addon.render import cycles, panel_camera
+from blender_addon.render import cycles
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.images import exr
 from lfsr_core.optics.panel.panel_rays import PanelLayout, panel_rays
@@ -80,12 +80,3 @@ def spread(layout, depth):
     origin, direction = panel_rays(layout, (np.arange(width) + draws[0]) / width,
                                    1 - (np.arange(height)[:, None] + draws[1]) / height, draws[2], draws[3])
     return (origin + direction / direction[..., 2:] * depth)[..., :2].var(0)
-
-
-def test_every_parameter_of_the_shader_is_set_by_one_kind_of_sheet_or_the_other(scene):
-    source = panel_camera.SOURCE.read_text()
-    interface = source[source.index("shader panel_layout("):source.index("output point position")]
-    declared = {line.split("=")[0].split()[-1] for line in interface.splitlines() if "=" in line}
-    array = CameraArray.for_display(DISPLAYS["cells"], 2.0)
-    given = [set(panel_camera.panel_parameters(PanelLayout(DISPLAYS[name], array))) for name in ("cells", "hexagonal")]
-    assert set.union(*given) == declared and all(each < declared for each in given)
