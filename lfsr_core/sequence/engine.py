@@ -172,7 +172,7 @@ class _Finishing:
     def wait(self, told: Callable[[str], None]) -> None:
         """Wait until all are finished; errors become sentences in ``failed``."""
         for job, work in self._work:
-            if not work.done():
+            if not work.done() or work is self._work[-1][1]:  # progress ends at 1, however quick the last frame was
                 told(f"finishing frame {job.frame}")
             try:
                 work.result()
