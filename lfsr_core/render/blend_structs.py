@@ -20,8 +20,9 @@ from lfsr_core.arrays import Array
 POINTER_SIZE, SHORTEST_TEXT = 8, 32  # bytes; shorter arrays of char may be numbers
 # Members that change from save to save, or with what is shown on the screen, in any struct and in one.
 NOISE = re.compile(r"_pad\w*|runtime|session_uid|changed_timestamp")
-NOISE_OF = {"Scene": ("customdata_mask", "customdata_mask_modal"), "Mesh": ("face_sets_color_seed",),
-            "Object": ("mode",)}
+NOISE_OF = {"Scene": ("customdata_mask", "customdata_mask_modal", "cursor"), "Mesh": ("face_sets_color_seed",),
+            "Object": ("mode", "base_flag"), "Base": ("flag",), "ViewLayer": ("basact", "active_collection"),
+            "bNodeSocket": ("flag",)}
 TOOLS = ("ToolSettings", "PreviewImage")  # structs of no scene, as is what only they point at
 MOST_BYTES, DEEPEST = 65535, 30  # of a struct, and structs one inside the other
 RAW = 0  # number of the struct of blocks that hold plain numbers

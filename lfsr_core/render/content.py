@@ -8,6 +8,7 @@ without the blocks of windows, brushes and other tools, two copies of one scene 
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import struct
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -19,8 +20,8 @@ from lfsr_core.arrays import Array
 from lfsr_core.files import system_errors
 from lfsr_core.render.blend_structs import POINTER_SIZE, TOOLS, Layout, Structs
 
-FORMAT = 2  # of the digest, which begins with it: digests of other formats are no sign of another content
-BLEND_MAGIC = b"BLENDER"
+FORMAT = 3  # of the digest, which begins with it: digests of other formats are no sign of another content
+BLEND_MAGIC, COMPRESSED = b"BLENDER", b"\x28\xb5\x2f\xfd"  # Zstandard's, as Blender saves by default since 5.0
 OLD_HEADER, OLD_BLOCK = 12, struct.Struct("<4siQii")  # code, size, address, kind, count
 NEW_BLOCK = struct.Struct("<4siQqq")  # since 5.0: code, kind, address, size, count
 # Blocks of the file itself, of windows and of tools: no pixel depends on them.
@@ -73,11 +74,11 @@ def file_content(path: Path) -> str:
 
 
 def _blend_content(path: Path) -> str:
-    """Return the digest of the scene in a .blend, or of its bytes where it is compressed or of an unknown layout."""
+    """Return the digest of the scene in a .blend, or of its bytes where its layout or compression is unknown."""
     if not path.stat().st_size:
         return file_content(path)
-    data = np.memmap(path, np.uint8, "r")
     try:
+        data = _decompressed(path)
         blocks = list(_blocks(data))
         [structs] = [Structs(data[block.start:block.start + block.size].tobytes())
                      for block in blocks if block.code == STRUCTS]
@@ -85,6 +86,21 @@ def _blend_content(path: Path) -> str:
     except (struct.error, ValueError, LookupError):
         return file_content(path)
     return _digest(data, [_without_tools(data, group, layouts) for group in _of_scene(blocks)], layouts)
+
+
+def _decompressed(path: Path) -> Array:
+    """Return the bytes of a .blend; ValueError where it is damaged. Those of a compressed one need zstandard."""
+    data: Array = np.memmap(path, np.uint8, "r")
+    if data[:4].tobytes() != COMPRESSED or not importlib.util.find_spec("zstandard"):
+        return data
+    import zstandard
+
+    try:
+        with path.open("rb") as file:
+            whole = zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True)
+            return np.frombuffer(whole.read(), np.uint8)
+    except zstandard.ZstdError as error:
+        raise ValueError(str(error)) from None
 
 
 def _digest(data: Array, groups: list[list[_Block]], layouts: Mapping[int, Layout | None]) -> str:
@@ -138,7 +154,7 @@ def _blocks(data: Array) -> Iterator[_Block]:
     """Yield every block; ValueError or struct.error where the file is no uncompressed .blend."""
     head = data[:OLD_HEADER].tobytes()
     if head[:7] != BLEND_MAGIC:
-        raise ValueError("no uncompressed .blend")
+        raise ValueError("no .blend, or a compressed one")
     old = head[7:8] == b"-"
     at, layout = (OLD_HEADER, OLD_BLOCK) if old else (int(head[7:9]), NEW_BLOCK)
     while True:

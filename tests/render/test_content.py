@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
+import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -95,6 +96,16 @@ def test_pointers_and_plain_data_count(tmp_path, block, content):
     first, other = scene(BASE), scene(BASE)
     other[block] = (*other[block][:3], content)
     assert blend(tmp_path / "a.blend", first) != blend(tmp_path / "b.blend", other)
+
+
+def test_a_compressed_file_is_known_as_it_is_without_compression(tmp_path):
+    first = blend(tmp_path / "a.blend", scene(BASE))
+    data = (tmp_path / "a.blend").read_bytes()
+    pieces = [zstandard.compress(data[:500]), zstandard.compress(data[500:])]  # Blender writes many
+    (tmp_path / "b.blend").write_bytes(b"".join(pieces))
+    assert scene_content(tmp_path / "b.blend") == first
+    (tmp_path / "c.blend").write_bytes(pieces[0] + pieces[1][:-9])
+    assert scene_content(tmp_path / "c.blend") != first
 
 
 @given(st.integers(0, 10**6), st.binary(min_size=1, max_size=6))

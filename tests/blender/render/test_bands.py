@@ -155,6 +155,28 @@ def test_what_was_in_memory_before_does_not_count(noisy):
     assert content("//wood.png") != first
 
 
+def test_clicks_and_a_file_opened_anew_do_not_count(noisy, tmp_path):
+    def content():
+        with file_copy() as copy:
+            return scene_content(copy)
+
+    tree = next(material.node_tree for material in bpy.data.materials if material.node_tree)
+    for kind in ("ShaderNodeTexImage", "ShaderNodeValToRGB", "ShaderNodeBsdfPrincipled"):
+        tree.nodes.new(kind)
+    bpy.context.view_layer.objects.active = noisy.objects[0]
+    first = content()
+    bpy.context.view_layer.objects.active = noisy.objects["lamp"]
+    for item in noisy.objects:
+        item.select_set(not item.select_get())
+    noisy.cursor.location.x += 1
+    assert content() == first
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert content() == first
+    next(material.node_tree for material in bpy.data.materials if material.node_tree).nodes[0].mute = True
+    assert content() != first
+
+
 def test_time_limit_is_only_reached_by_long_renders():
     assert 100 < Pace(4, 4, 1, 60.0).timeout < 150, "two in a row must not cost five minutes"
 
