@@ -167,7 +167,7 @@ def _read(path: Path) -> Array:
     """(height, width, 3) uint8."""
     source = oiio.ImageInput.open(str(path))
     pixels = source.read_image("uint8") if source else None
-    if pixels is None:
+    if pixels is None or source.has_error:  # a JPEG that was cut short is read, its rest grey
         oiio.geterror()
         raise LfsrError(f"{path} is damaged: replace it")
     pixels = np.asarray(pixels).reshape(*pixels.shape[:2], -1)

@@ -26,7 +26,7 @@ PASS_LAYERS = {
 LAYER_CHANNELS = {"color": "RGBA", "albedo": "RGB", "normal": "XYZ", "position": "XYZ", "index": "X",
                   "environment": "RGB", "noisy": "RGBA"}
 COLORS = ("color", "noisy")  # other layers' components may be called X, Y, Z or R, G, B
-FLOATS = ("half", "float")
+FLOATS, LOSSLESS = ("half", "float"), ("none", "rle", "zips", "zip", "piz")
 HALF_MAX = 65504.0
 MAGIC = b"\x76\x2f\x31\x01"
 # Limits against damaged headers, which must not cost memory. Deflate compresses at most 1032 times, and 16-bit floats
@@ -105,7 +105,8 @@ def join_rows(paths: Sequence[str | Path], path: str | Path, half: bool = False)
 
 def size(path: str | Path) -> tuple[int, int]:
     """Width and height in pixels, from the file's header; LfsrError if it cannot be read."""
-    source = oiio.ImageInput.open(str(path))
+    with reading(path, "an EXR image"):
+        source = oiio.ImageInput.open(str(path))
     if source is None:
         raise _unreadable(Path(path), oiio.geterror())
     width, height = source.spec().width, source.spec().height
@@ -146,7 +147,8 @@ def check_complete(path: str | Path, named: str | Path | None = None) -> None:
 
     ``named``: the file's name in the error, None for ``path``.
     """
-    source = oiio.ImageInput.open(str(path))
+    with reading(path, "an EXR image"):
+        source = oiio.ImageInput.open(str(path))
     if source is None:
         raise _truncated(named or path, oiio.geterror())
     index = 0
@@ -202,7 +204,7 @@ def _read_parts(path: Path) -> Iterator[tuple[tuple[str, ...], Array]]:
         if left < 0 or index >= MAX_PARTS:
             raise _unreadable(path, "its header asks for more than the file can hold")
         names = source.spec().channelnames
-        _check_floats(path, source.spec())
+        _check_numbers(path, source.spec())
         pixels = source.read_image(index, 0, 0, len(names), "float") if _layer_columns(names) else None
         if source.has_error:
             raise _unreadable(path, source.geterror())
@@ -243,12 +245,14 @@ def _layer_columns(names: Sequence[str]) -> dict[str, dict[str, int]]:
         layer = PASS_LAYERS.get(parents[-1].lower() if parents else "")
         if layer:
             # A second view layer's pass of the same name does not replace the first one's.
-            found.setdefault(layer, {}).setdefault(component.upper(), column)
+            found.setdefault(layer, {}).setdefault(component, column)
     return found
 
 
-def _check_floats(path: Path, spec: oiio.ImageSpec) -> None:
-    """LfsrError where a layer has whole numbers, which would be read as fractions of the largest."""
+def _check_numbers(path: Path, spec: oiio.ImageSpec) -> None:
+    """LfsrError where a layer has whole numbers, read as fractions of the largest, or a compression that loses."""
+    if (found := spec.get_string_attribute("compression", "none")) not in LOSSLESS:
+        raise _unreadable(path, f"its compression is {found}, expected one without loss, as zip")
     for layer, columns in _layer_columns(spec.channelnames).items():
         for kind in {str(spec.channelformat(column)) for column in columns.values()}.difference(FLOATS):
             raise _unreadable(path, f"its layer {layer} has {kind} numbers instead of floats")

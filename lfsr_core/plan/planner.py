@@ -13,9 +13,10 @@ import numpy as np
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
-from lfsr_core.frames.frame import SUBPIXELS
+from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
 from lfsr_core.frames.job import Job
 from lfsr_core.images.exposure import extreme_tone
+from lfsr_core.images.exr import read_finite
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.plan import sample as plan_sample
@@ -120,6 +121,7 @@ class Looking:
         self._tell(f"{self._lenses(number)}{' and their neighbours' if width else ''} at scale {scale}, {spp} samples",
                    spent - sample.budget.cost(len(lenses), [group], reference=False), spent)
         folder = self._renders.sampled(number, scale, spp, listed)
+        read_finite(folder / LOW_RES_FILE)  # where it is damaged, no method is to blame
         started = time.perf_counter()
         self._measure(group, folder, blocks, spent)
         self.seconds += time.perf_counter() - started

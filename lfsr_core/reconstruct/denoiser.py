@@ -8,6 +8,7 @@ tensors.
 from __future__ import annotations
 
 import functools
+import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json
 from lfsr_core.reconstruct import tza
 
 WEIGHTS = Path(__file__).parent / "networks" / "weights" / "denoiser.tza"
@@ -67,7 +69,19 @@ def _load(path: Path, _written: int) -> bytes:
     content = tza.read_content(path)
     tensors = tza.parse(content, path)
     check_network(tensors, path)
+    _check_digest(path, content)
     if any(tensor.dtype != np.float16 for tensor in tensors.values()):
         raise LfsrError(f"{path} holds single floats, but Open Image Denoise takes half floats: write them with "
                         "write_tza(half=True)")
     return content
+
+
+def _check_digest(path: Path, content: bytes) -> None:
+    """LfsrError unless the content has the SHA-256 in the JSON file that a training writes beside it, if any."""
+    facts = path.with_suffix(".json")
+    try:
+        known = read_json(facts, "the facts of a training")["sha256"]
+    except (LfsrError, LookupError, TypeError):
+        return
+    if hashlib.sha256(content).hexdigest() != known:
+        raise LfsrError(f"{path} does not have the SHA-256 in {facts.name}: it was changed or damaged, get both again")

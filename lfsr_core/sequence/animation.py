@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.files import reading
 from lfsr_core.frames.averaging import check_averaging, seed_in_turn
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, PANEL_FILE, SUBPIXELS, Frame, frame_folder, read_part
 from lfsr_core.frames.identity import check_same, is_same
@@ -144,7 +145,7 @@ def _is_finished(animation: Animation, job: Job) -> bool:
 
 
 def _ends_as_png(path: Path) -> bool:
-    with contextlib.suppress(OSError), path.open("rb") as file:
+    with contextlib.suppress(OSError, LfsrError), reading(path, "a PNG image") as file:
         file.seek(-min(len(PNG_END), path.stat().st_size), 2)
         return file.read() == PNG_END
     return False

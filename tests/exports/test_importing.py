@@ -152,6 +152,14 @@ def damaged(source):
     path.write_bytes(path.read_bytes()[:60])
 
 
+def jpeg_cut_short(source):
+    path = source / "input_Cam002.png"
+    Image.open(path).save(path.with_suffix(".jpg"))
+    data = path.with_suffix(".jpg").read_bytes()
+    path.with_suffix(".jpg").write_bytes(data[:-60])
+    path.unlink()
+
+
 def no_image(source):
     (source / "input_Cam000.png").write_text("no image")
 
@@ -183,6 +191,7 @@ def huge_numbers(source):
     (another_size, r"input_Cam005.png has 20×12 pixels, but input_Cam000.png has 16×12"),
     (wrong_names, r"no views with known names, such as input_Cam000.png"),
     (damaged, r"input_Cam002.png is damaged: replace it|is no readable image"),
+    (jpeg_cut_short, r"input_Cam002.jpg is damaged: replace it"),
     (no_image, r"input_Cam000.png is no readable image"),
     (no_parameters, r"cannot be read as the parameters of an HCI light field"),
     (one_row, r"has 9×1 cameras"),

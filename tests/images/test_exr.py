@@ -105,10 +105,22 @@ def test_missing_file_and_missing_colour(tmp_path):
 
 
 @pytest.mark.parametrize(("names", "named"), [
-    ("GBA", "A, B, G"), ("XYZ", "X, Y, Z"), ("abcd", "A, B, C, D"), ("RGA", "A, G, R"), ("RGBQ", "B, G, Q, R")])
+    ("GBA", "A, B, G"), ("XYZ", "X, Y, Z"), ("abcd", "a, b, c, d"), ("RGA", "A, G, R"), ("RGBQ", "B, G, Q, R")])
 def test_colour_under_other_names_is_refused(tmp_path, names, named):
     write_exr(tmp_path / "a.exr", [(list(names), np.ones((2, 3, len(names)), np.float32))])
     with pytest.raises(LfsrError, match=f"its layer color has the channels {named} instead of R, G, B"):
+        exr.read_layers(tmp_path / "a.exr")
+
+
+@pytest.mark.parametrize(("before", "after"), [
+    (b"A\0\2\0\0\0", b"a\0\2\0\0\0"), (b"A\0\2\0\0\0", b"b\0\2\0\0\0"), (b"G\0\2\0\0\0", b"g\0\2\0\0\0"),
+    (b"compression\0\1\0\0\0\3", b"compression\0\1\0\0\0\5")])
+def test_a_damaged_header_never_changes_the_picture_without_a_word(tmp_path, before, after):
+    exr.write_layers(tmp_path / "a.exr", {"color": some_layers(48, 64)["color"]})
+    data = (tmp_path / "a.exr").read_bytes()
+    assert data.count(before) == 1
+    (tmp_path / "a.exr").write_bytes(data.replace(before, after))
+    with pytest.raises(LfsrError, match=r"a\.exr cannot be read .*(instead of|expected one without loss)"):
         exr.read_layers(tmp_path / "a.exr")
 
 
@@ -217,7 +229,7 @@ def test_png_whose_size_lies_and_a_pipe(tmp_path):
     with pytest.raises(LfsrError, match="not a readable"):
         png.read_mask(tmp_path / "m.png")
     os.mkfifo(tmp_path / "pipe")
-    for read in (png.read_mask, exr.read_layers):
+    for read in (png.read_mask, exr.read_layers, exr.size, exr.check_complete):
         with pytest.raises(LfsrError, match="not a regular file"):
             read(tmp_path / "pipe")
 

@@ -144,6 +144,14 @@ def test_a_sample_of_other_settings_is_not_taken(tmp_path):
     assert again.choice.chosen is not None
 
 
+def test_a_damaged_render_of_the_sample_is_said_and_no_fault_of_the_methods(tmp_path):
+    folder, options = tmp_path / "sample", dataclasses.replace(OPTIONS, scales=(4,), target=0.3)
+    plan(JOB, options, render, folder)
+    (folder / "s4-spp4" / LOW_RES_FILE).write_bytes(b"damaged")
+    with pytest.raises(LfsrError, match=rf"s4-spp4/{LOW_RES_FILE} cannot be read"):
+        plan(JOB, options, render, folder)
+
+
 def test_a_small_budget_leaves_costly_candidates_out(tmp_path, monkeypatch):
     monkeypatch.setattr(planner.plan_sample, "LEAST_LENSES", 4)
     monkeypatch.setattr(planner, "FREE_SAMPLES", 0)

@@ -72,6 +72,18 @@ def test_single_floats_are_refused_before_the_library_sees_them(tmp_path):
         denoiser.load(tmp_path / "x.tza")
 
 
+def test_weights_that_changed_since_their_training_are_refused(weights):
+    content = weights.read_bytes()
+    weights.with_suffix(".json").write_text(json.dumps({"sha256": hashlib.sha256(content).hexdigest()}))
+    assert denoiser.load(weights) == content
+    weights.write_bytes(content[:100] + bytes([content[100] ^ 1]) + content[101:])
+    os.utime(weights, ns=(1, 1))
+    with pytest.raises(LfsrError, match=r"some.tza does not have the SHA-256 in some.json: .*get both again"):
+        denoiser.load(weights)
+    weights.with_suffix(".json").unlink()
+    assert len(denoiser.load(weights)) == len(content)
+
+
 def test_missing_weights_are_one_sentence(tmp_path):
     with pytest.raises(LfsrError, match="none.tza does not exist, expected TZA weights"):
         method("denoise+bilinear", weights=tmp_path / "none.tza").prepare(low_resolution())

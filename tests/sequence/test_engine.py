@@ -60,7 +60,13 @@ def cut(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-30])
 
 
+def pipe(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
+
+
 DAMAGES = {
+    "a pipe for a render": lambda folder: pipe(folder / "lr_eia.exr"),
     "no render": lambda folder: (folder / "lr_eia.exr").unlink(),
     "render cut short": lambda folder: cut(folder / "lr_eia.exr"),
     "frame.json cut short": lambda folder: cut(folder / "frame.json"),
@@ -77,6 +83,7 @@ def test_a_broken_frame_is_made_again(made, damage):
 
 @pytest.mark.parametrize("damage", [lambda folder: (folder / "eia.png").unlink(),
                                     lambda folder: cut(folder / "eia.png"),
+                                    lambda folder: pipe(folder / "eia.png"),
                                     lambda folder: (folder / "report.json").write_text("{}")])
 def test_a_frame_that_lacks_its_picture_is_not_rendered_again(made, damage):
     before = images(made / "film")
