@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 import copy
+import functools
 import json
 import resource
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -118,9 +120,17 @@ def use_frame(path: Path) -> None:
 
 
 def use_picture(path: Path) -> None:
-    layers = read_finite(path)[0]
+    layers, replaced = read_finite(path)
     low_resolution(layers, frame_of(2))
     foreground_mask(layers, MINI.lenses)
+    assert replaced or np.array_equal(layers["color"], rendered()), "another picture without a word"
+
+
+@functools.cache
+def rendered() -> np.ndarray:
+    """The picture that ``render_files`` writes."""
+    with tempfile.TemporaryDirectory() as name:
+        return read_layers(write_render(Path(name)) / "lr_eia.exr")["color"]
 
 
 def read_pictures(path: Path) -> None:

@@ -11,6 +11,7 @@ import io
 import json
 import signal
 import time
+import zipfile
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
@@ -175,6 +176,9 @@ def save_checkpoint(task: Task, output: Path, position: Position) -> None:
 def load_checkpoint(path: Path) -> dict[str, Any]:
     """Read a checkpoint without running code from it; LfsrError if it is damaged or of another version."""
     with _open_checkpoint(path) as file:
+        if damaged := zipfile.ZipFile(file).testzip():  # PyTorch reads over wrong checksums
+            raise ValueError(f"{damaged} has another checksum")
+        file.seek(0)
         content: dict[str, Any] = torch.load(file, map_location="cpu", weights_only=True)
         version = content["version"]
     if version != CHECKPOINT_VERSION:

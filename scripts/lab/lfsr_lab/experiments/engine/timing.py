@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.reconstruct.second_stage import upscale_frame
@@ -80,6 +81,11 @@ class StageTimes:
     stage_seconds: dict[str, float]  # medians of its parts
     notes: tuple[str, ...]  # its sentences
     load_average: float | None  # of the machine, before the runs
+
+    def __post_init__(self) -> None:
+        if not self.second_stage_seconds or "upscale" not in self.stage_seconds:
+            raise LfsrError("times of the second stage must be known, those of all runs and of the stage upscale: "
+                            "measure them again")
 
 
 def second_stage_times(folder: Path, name: str, repeats: int, warm: bool) -> StageTimes:

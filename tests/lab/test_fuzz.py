@@ -1,0 +1,272 @@
+"""Damaged files under every verb that reads them: a picture as good, or one sentence; no traceback, no waiting.
+
+One input of most kinds; 10,000 with ``pytest -m long -rP tests/lab/test_fuzz.py``, which prints the outcomes.
+"""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+import hashlib
+import itertools
+import math
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from _pytest.mark import ParameterSet
+from PIL import Image
+
+from lfsr_core.cli import main
+from lfsr_core.files import write_json
+from lfsr_core.frames.job import read_job
+from lfsr_core.images.png import write_png
+from lfsr_core.optics.eia import to_views
+from lfsr_core.optics.panel.patterns import pattern
+from lfsr_core.optics.panel.visual_json import OFFSETS
+from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.reconstruct import denoiser, tza
+from lfsr_core.records import to_data
+from lfsr_core.render.parts import INPUTS_FILE, remove_others
+from lfsr_lab.experiments.sweeps.sweeps import choose_sweeps, label
+from lfsr_lab.networks import comparators
+from lfsr_lab.train.config import CONFIG_FOLDER
+from lfsr_lab.train.denoiser.data import load_scenes
+from tests.lab.train.denoiser.test_denoiser import write_scene
+from tests.optics.panel.test_fit import CYLINDERS
+from tests.render.test_content import BASE, blend, scene
+from tests.support import chart_folder, damage
+from tests.support.damage import Case
+from tests.support.finished import finished
+from tests.support.noisy_renders import JOB, render
+from tests.support.photographs import photograph
+from tests.support.played_blender import played_blender
+from tests.support.synthetic import MINI, light_field, write_apart, write_reference, write_render
+from tests.support.training_photographs import write_photographs
+
+SEED, FEW, MANY = 29, 2, 10_000
+SEED, MANY = 29, 10_000
+LINE = {"epoch": 1, "seconds": 0.5, "mse": 0.1}
+PARAMETERS = ("[intrinsics]\nfocal_length_mm = 100\nsensor_size_mm = 35\n[extrinsics]\nnum_cams_x = 3\nnum_cams_y = 3\n"
+              "baseline_mm = 10\nfocus_distance_m = 1\n")
+CALIBRATION = {name: {"value": value} for name, value in {
+    "pitch": 52.6, "slope": -7.2, "center": 0.3, "DPI": 283, "screenW": 1536, "screenH": 2048, "viewCone": 40,
+    "CellPatternMode": 2}.items()} | {"serial": "X", "subpixelCells": [dict.fromkeys(OFFSETS, 0.1)] * 2}
+TRAIN = ["--device", "cpu", *(f"--set={key}={value}" for key, value in {
+    "crops_per_photograph": 1, "batch": 2, "crop": 16, "scale": 2}.items())]
+STRESS = ["--sweeps", "wire", "--methods", "bicubic", "--quick", "--display", "mini", "--scale", "2",
+          "--reference-spp", "8"]
+PLAN = ["--display", "mini", "--scales", "2", "--spps", "4", "--methods", "nearest", "--lenses", "12",
+        "--reference-spp", "16", "--target", "0.5"]
+
+
+def upscaled(folder: Path) -> None:
+    write_apart(folder)
+    assert main(["upscale", str(folder), "--method", "bilinear"]) == 0
+
+
+def with_weights(folder: Path) -> None:
+    """A render, and the smallest denoiser, of whose bytes a third are the table, as a training writes it."""
+    write_render(folder)
+    shapes = denoiser.network_shapes((1,) * 15 + (3,))
+    tza.write_tza(folder / "mine.tza", {name: np.full(shape, 0.1) for name, shape in shapes.items()})
+    digest = hashlib.sha256((folder / "mine.tza").read_bytes()).hexdigest()
+    write_json(folder / "mine.json", {"sha256": digest})
+
+
+def with_comparator(folder: Path) -> None:
+    write_render(folder, 4)
+    shutil.copy(comparators.weights_path("paper", 4), folder / "w.safetensors")
+
+
+def film(folder: Path) -> None:
+    for number in (1, 2, 3):
+        write_render(folder / f"{number:04}", seed=number, frame=number)
+
+
+def compared(folder: Path) -> None:
+    for name in ("frame", "reference"):
+        (folder / name).mkdir()
+    write_render(folder / "frame")
+    assert main(["upscale", f"{folder}/frame", "--method", "bilinear"]) == 0
+    write_reference(folder / "reference", lens_list=((0, 0), (5, 7), (6, 8)))
+
+
+def views(folder: Path) -> None:
+    """Views of every format, with parameters."""
+    folder.joinpath("views").mkdir()
+    field = to_views(light_field()[..., :3], MINI.lenses)
+    for number, (row, column) in enumerate(itertools.product(range(3), repeat=2)):
+        picture = np.rint(field[row, column] * 255).astype(np.uint8).repeat(4, 0).repeat(4, 1)
+        Image.fromarray(picture).save(folder / "views" / f"input_Cam{number:03}.{ENDINGS[number % len(ENDINGS)]}")
+    (folder / "views" / "parameters.cfg").write_text(PARAMETERS)
+
+
+def photographed(folder: Path) -> None:
+    write_profile(folder / "panel.toml", CYLINDERS)
+    photo = photograph(pattern(CYLINDERS, "phase"), CYLINDERS, (0.0, 0.0, 500.0), size=(450, 320))
+    write_png(folder / "photo.png", np.rint(photo * 255).astype(np.uint8))
+
+
+def parts(folder: Path, **changes: object) -> None:
+    for name, rows in (("a", (1, 6)), ("b", (7, 12))):
+        (folder / name).mkdir()
+        render(dataclasses.replace(JOB, output=str(folder / name), scale=2, rows=rows))
+
+
+def played(folder: Path) -> None:
+    """A rendered animation, and the Blender that plays its part."""
+    (folder / "scene.glb").write_text("a scene")
+    blend(folder / "scene.blend", scene(BASE))
+    assert main(animation_words(folder)) == 0
+
+
+def animation_words(folder: Path) -> list[str]:
+    return ["render", f"{folder}/scene.blend", "-o", f"{folder}/film", "--frames", "1,2", "--display", "mini",
+            "--scale", "2", "--spp", "4", "--seed", "5", "--method", "bilinear",
+            "--blender", played_blender(folder / "blender")]
+
+
+def plan_words(folder: Path) -> list[str]:
+    return ["plan", f"{folder}/scene.glb", *PLAN, "--work", f"{folder}/work", "--json", f"{folder}/plan.json",
+            "--blender", played_blender(folder / "blender")]
+
+
+def planned(folder: Path) -> None:
+    (folder / "scene.glb").write_text("a scene")
+    assert main(plan_words(folder)) == 0
+
+
+def sampled(folder: Path) -> None:
+    """Renders of a plan that was not finished."""
+    planned(folder)
+    (folder / "work" / "sample.json").unlink()
+
+
+def charted(folder: Path) -> None:
+    chart_folder.experiment_folder(folder)
+    assert main(chart_folder.arguments(folder)) == 0
+
+
+def stressed(folder: Path) -> None:
+    source = write_render(folder / "s" / "s2-spp16"), write_reference(folder / "s" / "reference")
+    for value in next(iter(choose_sweeps(("wire",)))).quick:
+        for made in source:
+            shutil.copytree(made, folder / f"wire-{label(value)}" / made.name)
+        (folder / f"wire-{label(value)}" / "scene.blend").touch()
+    assert main(["stress", "-o", str(folder), *STRESS]) == 0
+
+
+def trained(folder: Path) -> None:
+    """Photographs, a config, and a finished epoch of a training of two."""
+    write_photographs(folder / "photographs")
+    shutil.copy(CONFIG_FOLDER / "paper.toml", folder / "config.toml")
+    assert main(train_words(folder, 1)) == 0
+
+
+def train_words(folder: Path, epochs: int) -> list[str]:
+    resumed = ["--resume"] if (folder / "run").exists() else []
+    return ["train", f"{folder}/config.toml", *TRAIN, f"--set=photographs={folder}/photographs", "--set=validation=",
+            f"--set=epochs={epochs}", "--output", f"{folder}/run", *resumed]
+
+
+def scenes(folder: Path) -> None:
+    for number in (1, 9):
+        write_scene(folder, number)
+
+
+def job(folder: Path) -> None:
+    wanted = dataclasses.replace(JOB, layers=("albedo",), lens_list=((0, 0), (1, 1)))
+    write_json(folder / "job.json", to_data(wanted))
+
+
+def export(*words: str) -> Callable[[Path], list[str]]:
+    return lambda folder: ["export", str(folder), "-o", f"{folder}/out", "--format", *words]
+
+
+FRAME = frozenset({"frame.json"})
+ENDINGS = ("png", "jpg", "ppm", "tif")
+CASES = {
+    "upscale": Case(upscaled, {"frame.json": "frame.json", "lr_eia.exr": "lr_eia.exr", "world.exr": "world.exr",
+                               "report.json": "report.json"},
+                    lambda folder: ["upscale", str(folder), "--method", "bilinear+epi", "--linear-exr"],
+                    ("eia.png", "eia.exr"), FRAME),
+    "denoiser": Case(with_weights, {"weights .tza": "mine.tza", "weights' .json": "mine.json"}, lambda folder: [
+        "upscale", str(folder), "--method", "denoise+bilinear", "--weights", f"{folder}/mine.tza"], ("eia.png",)),
+    "comparator": Case(with_comparator, {"weights .safetensors": "w.safetensors"}, lambda folder: [
+        "upscale", str(folder), "--method", "paper", "--weights", f"{folder}/w.safetensors"], ("eia.png",)),
+    "averaging": Case(film, {"neighbour's frame.json": "0001/frame.json", "neighbour's .exr": "0003/lr_eia.exr"},
+                      lambda folder: ["upscale", str(folder), "--frame", "2", "--temporal-averaging", "1", "--method",
+                                      "bilinear"], ("0002/eia.png",), frozenset({"neighbour's frame.json"})),
+    "compare": Case(compared, {"compared report.json": "frame/report.json", "compared frame.json": "frame/frame.json",
+                               "reference's .exr": "reference/reference_a.exr",
+                               "reference's frame.json": "reference/frame.json"},
+                    lambda folder: ["compare", f"{folder}/frame", f"{folder}/reference"]),
+    "view": Case(finished, {"viewed eia.png": "eia.png", "viewed frame.json": "frame.json"},
+                 lambda folder: ["view", str(folder), "-o", f"{folder}/view.html"], ("view.html",),
+                 frozenset({"viewed frame.json"})),
+    "views": Case(finished, {"eia.png in views": "eia.png"}, lambda folder: ["views", str(folder)], ("views/*",)),
+    "export hci": Case(finished, {"exported eia.png": "eia.png", "exported frame.json": "frame.json",
+                                  "exported lr_eia.exr": "lr_eia.exr"}, export("hci"), ("out/*",),
+                       frozenset({"exported frame.json"}), 0.5),
+    "export exr": Case(finished, {"exported eia.exr": "eia.exr"}, export("views", "--type", "exr"), ("out/*",)),
+    "import": Case(views, {f"view .{ending}": f"views/input_Cam{number:03}.{ending}"
+                           for number, ending in enumerate(ENDINGS)} | {"parameters.cfg": "views/parameters.cfg"},
+                   lambda folder: ["import", f"{folder}/views", "-o", f"{folder}/frame"], ("frame/lr_eia.exr",),
+                   frozenset({"view .jpg", "view .ppm", "view .tif", "parameters.cfg"})),
+    "displays": Case(photographed, {"profile .toml": "panel.toml"},
+                     lambda folder: ["displays", f"{folder}/panel.toml"]),
+    "fit": Case(photographed, {"photograph of a panel": "photo.png"}, lambda folder: [
+        "displays", f"{folder}/panel.toml", "--fit", f"{folder}/photo.png", "--from", "0,0,500"]),
+    "calibration": Case(lambda folder: write_json(folder / "visual.json", CALIBRATION),
+                        {"visual.json": "visual.json"}, lambda folder: [
+                            "displays", "--import", f"{folder}/visual.json", "-o", f"{folder}/device.toml"]),
+    "merge": Case(parts, {"part's frame.json": "a/frame.json", "part's .exr": "b/lr_eia.exr"},
+                  lambda folder: ["merge", f"{folder}/a", f"{folder}/b", "-o", f"{folder}/out"], ("out/*.exr",),
+                  frozenset({"part's frame.json"})),
+    "render": Case(played, {"scene .blend": "scene.blend", "kept frame.json": "film/0001/frame.json",
+                            "kept report.json": "film/0002/report.json", "kept lr_eia.exr": "film/0001/lr_eia.exr",
+                            "kept eia.png": "film/0002/eia.png"}, animation_words, part=0.1),
+    "plan": Case(planned, {"plan's frame.json": "work/quick/frame.json", "plan's sample.json": "work/sample.json"},
+                 plan_words, part=0.1),
+    "plan anew": Case(sampled, {"plan's .exr": "work/s2-spp4/lr_eia.exr", "plan's world": "work/quick/lr_eia.exr",
+                                "plan's reference": "work/reference-0/reference_a.exr"}, plan_words, part=0.1),
+    "chart": Case(charted, {"chart.json": "chart.json", "chart's cell": "vase/cells/s2-spp1-bicubic.json",
+                            "chart's process": "fresh-process/bicubic.json",
+                            "chart's frame.json": "vase/s2-spp1/frame.json"}, chart_folder.arguments, part=0.05),
+    "stress": Case(stressed, {"stress settings.json": "settings.json",
+                              "stress cell": "wire-2/cells/bicubic-wire-spp16.json",
+                              "stress frame.json": "wire-2/s2-spp16/frame.json"},
+                   lambda folder: ["stress", "-o", str(folder), *STRESS]),
+    "train": Case(trained, {"config .toml": "config.toml", "training log": "run/log.jsonl",
+                            "checkpoint .pt": "run/checkpoint.pt", "photograph": "photographs/0.png"},
+                  lambda folder: train_words(folder, 2), ("run/*.safetensors",),
+                  frozenset({"config .toml", "photograph"}), 0.3),
+    "denoiser's training": Case(scenes, {"scene .npz": "scene_000001.npz"},
+                                lambda folder: load_scenes(folder, guides=True) and None),
+    "job": Case(job, {"job.json": "job.json"}, lambda folder: read_job(folder / "job.json") and None),
+    "parts": Case(lambda folder: write_json(folder / "parts" / INPUTS_FILE, {"settings": "a", "scene file": "b"}),
+                  {"parts' inputs.json": f"parts/{INPUTS_FILE}"},
+                  lambda folder: remove_others(folder / "parts", {"settings": "a"}) and None),
+}
+PARTS = sum(case.part * len(case.files) for case in CASES.values())
+QUICK = 0.3  # more than this part has a case in the small sample
+
+
+def sampled_inputs() -> Iterator[ParameterSet]:
+    """Each case with its inputs of every kind of file: one, where it is quick, and its part of MANY."""
+    for name, case in CASES.items():
+        if case.part > QUICK:
+            yield pytest.param(case, 1, id=name)
+        yield pytest.param(case, math.ceil(MANY * case.part / PARTS), id=f"{name}-many", marks=pytest.mark.long)
+
+
+@pytest.mark.parametrize(("case", "inputs"), list(sampled_inputs()))
+def test_damaged_files_give_the_same_picture_or_a_sentence(tmp_path, monkeypatch, case, inputs):
+    monkeypatch.setenv("LFSR_CACHE", str(tmp_path / "cache"))
+    found = list(damage.outcomes(case, tmp_path / "case", inputs, SEED))
+    for kind in case.files:
+        print(f"{kind:24}", dict(collections.Counter(result.outcome for name, _, result in found if name == kind)))
+    assert not [each for each in found if each[2].outcome in damage.WRONG]
