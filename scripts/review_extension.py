@@ -23,7 +23,7 @@ MANIFEST = "blender_manifest.toml"
 BLENDER_BRINGS = {"aud", "bl_math", "bl_operators", "bl_ui", "blf", "bmesh", "bpy", "bpy_extras", "gpu", "gpu_extras",
                   "imbuf", "mathutils", "numpy", "OpenImageIO", "PyOpenColorIO", "_cycles"}
 # What a Python of the user's choice may have: imported inside functions, and done without where it is missing.
-OPTIONAL = {"PIL", "av", "flip_evaluator", "threadpoolctl"}
+OPTIONAL = {"PIL", "av", "flip_evaluator", "threadpoolctl", "zstandard"}
 NETWORK = {"aiohttp", "asyncio", "ftplib", "http", "imaplib", "poplib", "requests", "smtplib", "socket", "socketserver",
            "ssl", "telnetlib", "urllib", "urllib3", "webbrowser", "websockets", "xmlrpc"}
 SEARCH_PATH = {"sys.path", "sys.modules", "sys.meta_path", "sys.path_hooks", "site.addsitedir"}
