@@ -141,6 +141,16 @@ def test_a_checkpoint_of_other_content_is_one_sentence(tmp_path, change):
         loop.run(Counter(), loop.Schedule(3), tmp_path, RESUME)
 
 
+def test_a_checkpoint_with_a_changed_number_is_refused(tmp_path):
+    path = tmp_path / "checkpoint.pt"
+    torch.save({"version": 1, "run": "x", "position": {}, "state": torch.full((100,), 0.5)}, path)
+    data = path.read_bytes()
+    at = data.index(torch.full((100,), 0.5).numpy().tobytes()) + 41
+    path.write_bytes(data[:at] + b"\x01" + data[at + 1:])
+    with pytest.raises(LfsrError, match="it is damaged, .*remove it"):
+        loop.load_checkpoint(path)
+
+
 def test_advice_of_pytorch_is_not_passed_on(tmp_path):
     path = tmp_path / "checkpoint.pt"
     torch.save({"version": 1, "run": "x", "position": {}, "state": torch.nn.Linear(1, 1)}, path)
