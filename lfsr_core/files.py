@@ -25,7 +25,12 @@ else:
 
 UNFINISHED, LOCK = ".unfinished", ".lock"  # ends of the names of a file that is being written, and of its lock
 PAUSES = (0.02, 0.1, 0.3, 0.6)  # seconds between attempts to replace a file that a virus scanner may hold
-LONGEST_NAME, LONGEST_PATH = 255, 4095  # bytes, of the usual file systems
+LONGEST_NAME = 255  # bytes, of the usual file systems
+LONGEST_PATH = 259 if sys.platform == "win32" else 4095  # longer ones need a setting of Windows
+# On Windows these are devices, whatever follows a point.
+DEVICES = re.compile(r"(CON|PRN|AUX|NUL|COM[0-9]|LPT[0-9])\s*(\..*)?", re.IGNORECASE)
+FORBIDDEN = re.compile(r'[<>:"|?*\x00-\x1f]|[. ]$')  # in a name on Windows
+IN_USE = (5, 32, 33, 1224)  # errors of Windows: refused, open in another program, locked, mapped
 MOST_JSON_BYTES = 16_000_000
 MOST_BRACKETS = 50  # one inside the other
 ADVICE = {errno.EPIPE: "send it to a file or a terminal",
@@ -53,8 +58,9 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
                 yield temporary
                 replace(temporary, path)
             finally:
-                temporary.unlink(missing_ok=True)
-                remove_locked(lock)
+                with contextlib.suppress(OSError):  # open on Windows after an error: the next run removes both
+                    temporary.unlink(missing_ok=True)
+                    remove_locked(lock)
 
 
 def lock_file(temporary: Path) -> Path:
@@ -107,22 +113,37 @@ def system_errors(path: str | Path | None = None) -> Iterator[None]:
         raise LfsrError("there is too little memory on this machine: choose a smaller display") from None
     except OSError as error:
         name, number = path or error.filename or "the output", error.errno or 0
+        advice = ADVICE.get(number, "check the folder")
+        if getattr(error, "winerror", None) in IN_USE:
+            advice = f"close the program that has it open, or {advice}"
         raise LfsrError(f"{name} cannot be {'written' if path or number in ADVICE else 'used'} "
-                        f"({error.strerror or error}): {ADVICE.get(number, 'check the folder')}") from None
+                        f"({error.strerror or error}): {advice}") from None
 
 
-def check_name(path: Path) -> None:
-    """LfsrError for a path that no file or folder can have: too long, not UTF-8, or a link to nothing."""
+def check_name(path: Path, room: int = 0) -> None:
+    """LfsrError for a path that no file or folder can have: too long, not UTF-8, forbidden, or a link to nothing.
+
+    ``room``: letters by which a path in it, or beside it, is longer.
+    """
     try:
         names = [name.encode() for name in path.parts]
     except UnicodeEncodeError:
         raise LfsrError(f"{str(path)!r} is not UTF-8 text: choose another name") from None
-    if max(map(len, names), default=0) > LONGEST_NAME or len(os.fsencode(path)) > LONGEST_PATH:
-        raise LfsrError(f"{path} is too long, expected names of at most {LONGEST_NAME} bytes: choose a shorter one")
+    if max(map(len, names), default=0) > LONGEST_NAME or len(os.fsencode(path)) + room > LONGEST_PATH:
+        raise LfsrError(f"{path} is too long, expected names of at most {LONGEST_NAME} bytes and "
+                        f"{LONGEST_PATH - room} in all: choose a shorter one")
+    wrong = [name for name in path.parts if name != path.anchor and is_forbidden(name)]
+    if sys.platform == "win32" and wrong:
+        raise LfsrError(f"{path} cannot exist on Windows, which forbids the name {wrong[0]!r}: choose another name")
     for place in (path, *path.parents):
         if place.is_symlink() and not place.exists():
             raise LfsrError(f"{place} is a link to {os.readlink(place)}, which does not exist: remove it or choose "
                             "another name")
+
+
+def is_forbidden(name: str) -> bool:
+    """True for a name that no file or folder can have on Windows."""
+    return name not in (".", "..") and bool(DEVICES.fullmatch(name) or FORBIDDEN.search(name))
 
 
 @contextmanager

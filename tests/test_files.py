@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import resource
 import signal
@@ -12,8 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from lfsr_core import files
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path, read_bytes, read_json, write_json
+from lfsr_core.files import atomic_path, check_name, is_forbidden, read_bytes, read_json, write_json
 
 AS_ROOT = os.geteuid() == 0
 
@@ -81,6 +83,41 @@ def test_read_only_folder_is_named(tmp_path):
     tmp_path.chmod(0o555)
     with pytest.raises(LfsrError, match="choose a folder you may write to"):
         write_json(tmp_path / "data.json", {})
+
+
+def test_a_file_that_is_held_for_a_moment_is_replaced_and_one_that_stays_held_is_told(tmp_path, monkeypatch):
+    """As on Windows, where a virus scanner opens what is new."""
+    real, refusals = os.replace, [2]
+
+    def replaced(source, target):
+        if refusals[0]:
+            refusals[0] -= 1
+            error = PermissionError(errno.EACCES, "The process cannot access the file", str(source))
+            error.winerror = 32
+            raise error
+        real(source, target)
+
+    monkeypatch.setattr(os, "replace", replaced)
+    monkeypatch.setattr(files, "PAUSES", (0.0,) * 4)
+    write_json(tmp_path / "data.json", 1)
+    refusals[0] = 9
+    with pytest.raises(LfsrError, match=r"data\.json cannot be written .*: close the program that has it open"):
+        write_json(tmp_path / "data.json", 2)
+    assert names(tmp_path) == ["data.json"] and read_json(tmp_path / "data.json", "a number") == 1
+
+
+@pytest.mark.parametrize(("name", "forbidden"), [
+    ("CON", True), ("nul.png", True), ("com1 .tar.gz", True), ("a:b", True), ("what?", True), ("end.", True),
+    ("end ", True), ("CONE", False), ("com10", False), ("..", False), (".hidden", False), ("Jürgen's – 光", False)])
+def test_names_that_windows_forbids(tmp_path, monkeypatch, name, forbidden):
+    assert is_forbidden(name) == forbidden
+    check_name(tmp_path / name / "frame")
+    monkeypatch.setattr(sys, "platform", "win32")
+    if forbidden:
+        with pytest.raises(LfsrError, match="which forbids the name"):
+            check_name(tmp_path / name / "frame")
+    else:
+        check_name(tmp_path / name / "frame")
 
 
 # Writes 100 kB over a small old file, and says what happened; run where that much does not fit.

@@ -1,7 +1,8 @@
 """Show the view that an eye in the viewing zone sees, in the Image Editor.
 
 The second stage writes all decoded views of a finished image to one file. The file
-is mapped, so that showing a view reads a few kB and follows a slider.
+is mapped while a view is read, so that showing one reads a few kB and follows a slider;
+only then, because Windows replaces no mapped file.
 """
 
 from __future__ import annotations
@@ -19,40 +20,40 @@ from . import show_image
 
 IMAGE_NAME = "Light Field View"
 LEAST_WIDTH = 480  # in pixels; smaller views are enlarged by repeating pixels
-_views: dict[str, Array] = {}  # mapped views (py, px, sy, sx, 3) of each scene
+_files: dict[str, Path] = {}  # of the views (py, px, sy, sx, 3) of each scene
 
 
 def load(scene: bpy.types.Scene, path: Path) -> None:
     """Preview the decoded views in ``path`` for ``scene``; LfsrError where they cannot be read."""
     try:
-        _views[scene.name_full] = np.load(path, mmap_mode="r")
+        _mapped(path)
+        _files[scene.name_full] = path
     except (OSError, ValueError) as error:
         raise LfsrError(f"decoded views {path} cannot be read ({error}): press Preview View again") from None
 
 
 def unload(scene: bpy.types.Scene) -> None:
     """Forget the views of ``scene``."""
-    _views.pop(scene.name_full, None)
+    _files.pop(scene.name_full, None)
 
 
 def is_loaded(scene: bpy.types.Scene) -> bool:
     """True if there are views of ``scene`` for its sliders to show."""
-    return scene.name_full in _views
+    return scene.name_full in _files
 
 
 @bpy.app.handlers.persistent
 def forget(*_: object) -> None:
     """Forget all views, as when another file is opened."""
-    _views.clear()
+    _files.clear()
 
 
 def show(scene: bpy.types.Scene, eye: tuple[float, float]) -> bpy.types.Image | None:
     """Put the view from ``eye`` (right, up), in [-1, 1], into the preview image; None if no views are loaded."""
-    views = _views.get(scene.name_full)
-    if views is None:
+    if scene.name_full not in _files:
         return None
-    row, column = view_index(views.shape[:2], eye)
-    pixels = to_pixels(views[row, column])
+    views = _mapped(_files[scene.name_full])
+    pixels = to_pixels(views[view_index(views.shape[:2], eye)])
     image = _image(pixels.shape[1], pixels.shape[0])
     image.pixels.foreach_set(pixels.ravel())
     image.update()
@@ -73,6 +74,10 @@ def to_pixels(view: Array) -> Array:
     pixels = np.ones((*view.shape[:2], 4), np.float32)
     np.multiply(view[::-1], np.float32(1 / 255), out=pixels[..., :3])
     return pixels.repeat(times, axis=0).repeat(times, axis=1)
+
+
+def _mapped(path: Path) -> Array:
+    return np.load(path, mmap_mode="r")
 
 
 def _image(width: int, height: int) -> bpy.types.Image:

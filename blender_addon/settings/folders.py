@@ -13,7 +13,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import check_name, read_json, write_json
+from lfsr_core.files import check_name, is_forbidden, read_json, write_json
 from lfsr_core.frames.averaging import seed_in_turn
 from lfsr_core.frames.frame import (
     EIA_FILE,
@@ -160,7 +160,8 @@ def _older_frames(scene: bpy.types.Scene, older: Path) -> list[str]:
 
 def _clean(name: str) -> str:
     """Name of a folder: letters of any language stay, which `bpy.path.clean_name` replaces."""
-    return re.sub(r"[^\w.-]+", "_", name).rstrip(".") or "_"
+    cleaned = re.sub(r"[^\w.-]+", "_", name).rstrip(".") or "_"
+    return f"_{cleaned}" if is_forbidden(cleaned) else cleaned
 
 
 def waits_for_saving(scene: bpy.types.Scene) -> bool:

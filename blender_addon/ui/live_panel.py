@@ -9,8 +9,7 @@ from ..live.scene import EYE
 from ..render import devices
 from .drawing import LightFieldPanel, columns, row_if, sentence
 
-HOW_TO_PLACE = ("Drag the new window to the display and make it full screen: point at it and press Ctrl F11, or "
-                "use the window manager. The window follows all changes here")
+HOW_TO_PLACE = "Drag the new window to the display and make it full screen. It follows all changes here"
 
 
 class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
@@ -24,6 +23,7 @@ class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
         layout, lfsr = self.layout, context.scene.lfsr
         if session.is_on():
             layout.operator("lfsr.live_stop", icon="PAUSE")
+            layout.operator("lfsr.live_full_screen", icon="FULLSCREEN_ENTER")
         else:
             layout.operator("lfsr.live_start", icon="PLAY")
         column = columns(layout)

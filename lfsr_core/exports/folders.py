@@ -72,7 +72,7 @@ def _write_exr(field: LightField, path: Path, options: ExportOptions) -> list[st
     for number, (row, column) in enumerate(parts):
         done = done and (not number or output.open(str(path), specs[number], "AppendSubimage"))
         done = done and output.write_image(np.ascontiguousarray(linear[row, column], np.float32))
-    if not (done and output.close()):
+    if not (output.close() and done):
         raise LfsrError(f"{path.name} cannot be written ({output.geterror().strip()}): choose another folder")
     return ["scene-linear views are not interpolated: each part is the rendered view nearest to the one asked for"] * (
         options.views not in (None, field.count))

@@ -25,6 +25,7 @@ from lfsr_core.exports.frame_folders import frame_folders, one_display
 from lfsr_core.files import atomic_path
 from lfsr_core.frames.frame import EIA_FILE, VIEWER_FILE, Frame, read_frame
 from lfsr_core.images.png import read_png
+from lfsr_core.images.source import opened
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.eye import gap_mm
@@ -139,7 +140,9 @@ def loss(pixels: Array, encoded: bytes, lenses: tuple[int, int]) -> float:
     with tempfile.TemporaryDirectory(prefix="lfsr-") as folder:
         path = Path(folder, "eia.webp")
         path.write_bytes(encoded)
-        decoded = np.asarray(oiio.ImageInput.open(str(path)).read_image("uint8"))[..., :3]
+        with opened(path) as source:
+            assert source is not None
+            decoded = np.asarray(source.read_image("uint8"))[..., :3]
     difference = to_elemental_images(np.where(decoded > pixels, decoded - pixels, pixels - decoded), lenses)
     shows = np.ptp(to_elemental_images(pixels, lenses), axis=(2, 3)).max(-1) > 8
     return float(difference.mean((2, 3, 4))[shows].mean()) if shows.any() else 0.0
@@ -152,7 +155,8 @@ def encode_webp(pixels: Array, quality: int) -> bytes:
     with tempfile.TemporaryDirectory(prefix="lfsr-") as folder:
         path = Path(folder, "eia.webp")
         output = oiio.ImageOutput.create(str(path))
-        written = output and output.open(str(path), spec) and output.write_image(pixels) and output.close()
+        written = output and output.open(str(path), spec) and output.write_image(pixels)
+        written = output and output.close() and written
         encoded = path.read_bytes() if written else b""
         # OpenImageIO overlooks a full disk where it closes the file; bytes 4 to 8 state the size of what follows.
         if not encoded or len(encoded) < 8 + int.from_bytes(encoded[4:8], "little"):

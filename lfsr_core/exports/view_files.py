@@ -14,6 +14,7 @@ import OpenImageIO as oiio
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
+from lfsr_core.images.source import opened
 from lfsr_core.optics.proposal import MAX_PIXELS
 from lfsr_core.progress import Progress, silent
 
@@ -154,20 +155,20 @@ def _one_size(paths: tuple[tuple[Path, ...], ...]) -> tuple[int, int]:
 
 
 def _size(path: Path) -> tuple[int, int]:
-    source = oiio.ImageInput.open(str(path)) if path.is_file() else None
-    if source is None:
-        oiio.geterror()
-        raise LfsrError(f"{path} is no readable image: replace it")
-    spec = source.spec()
-    source.close()
-    return spec.width, spec.height
+    with opened(path) as source:
+        if source is None:
+            oiio.geterror()
+            raise LfsrError(f"{path} is no readable image: replace it")
+        return source.spec().width, source.spec().height
 
 
 def _read(path: Path) -> Array:
     """(height, width, 3) uint8."""
-    source = oiio.ImageInput.open(str(path))
-    pixels = source.read_image("uint8") if source else None
-    if pixels is None or source.has_error:  # a JPEG that was cut short is read, its rest grey
+    with opened(path) as source:
+        pixels = source.read_image("uint8") if source else None
+        if source and source.has_error:  # a JPEG that was cut short is read, its rest grey
+            pixels = None
+    if pixels is None:
         oiio.geterror()
         raise LfsrError(f"{path} is damaged: replace it")
     pixels = np.asarray(pixels).reshape(*pixels.shape[:2], -1)

@@ -12,6 +12,7 @@ import OpenImageIO as oiio
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, reading
+from lfsr_core.images.source import opened
 
 # Names, in lower case, that Blender 4.5, Blender 5.x and this program give the same pass.
 PASS_LAYERS = {
@@ -105,13 +106,10 @@ def join_rows(paths: Sequence[str | Path], path: str | Path, half: bool = False)
 
 def size(path: str | Path) -> tuple[int, int]:
     """Width and height in pixels, from the file's header; LfsrError if it cannot be read."""
-    with reading(path, "an EXR image"):
-        source = oiio.ImageInput.open(str(path))
-    if source is None:
-        raise _unreadable(Path(path), oiio.geterror())
-    width, height = source.spec().width, source.spec().height
-    source.close()
-    return width, height
+    with reading(path, "an EXR image"), opened(path) as source:
+        if source is None:
+            raise _unreadable(Path(path), oiio.geterror())
+        return source.spec().width, source.spec().height
 
 
 def _stacked(layers: Mapping[str, Array], half: bool) -> Array:
@@ -131,8 +129,11 @@ def _output(path: str | Path, layers: Mapping[str, Array], height: int, half: bo
     with atomic_path(path) as temporary:
         output = oiio.ImageOutput.create(str(temporary))
         _check_written(path, output, output.open(str(temporary), spec))
-        yield output
-        _check_written(path, output, output.close())
+        try:
+            yield output
+        finally:  # Windows removes no open file
+            closed = output.close()
+        _check_written(path, output, closed)
         check_complete(temporary, path)  # closing does not tell that the last rows found no space
 
 
@@ -147,17 +148,15 @@ def check_complete(path: str | Path, named: str | Path | None = None) -> None:
 
     ``named``: the file's name in the error, None for ``path``.
     """
-    with reading(path, "an EXR image"):
-        source = oiio.ImageInput.open(str(path))
-    if source is None:
-        raise _truncated(named or path, oiio.geterror())
-    index = 0
-    while source.seek_subimage(index, 0):
-        pixels = source.read_image(index, 0, 0, source.spec().nchannels, "half")
-        if pixels is None or source.has_error:
-            raise _truncated(named or path, source.geterror())
-        index += 1
-    source.close()
+    with reading(path, "an EXR image"), opened(path) as source:
+        if source is None:
+            raise _truncated(named or path, oiio.geterror())
+        index = 0
+        while source.seek_subimage(index, 0):
+            pixels = source.read_image(index, 0, 0, source.spec().nchannels, "half")
+            if pixels is None or source.has_error:
+                raise _truncated(named or path, source.geterror())
+            index += 1
 
 
 def clean(layers: Mapping[str, Array]) -> tuple[Layers, int]:
@@ -195,23 +194,22 @@ def replaced_notes(replaced: int, pixels: int) -> list[str]:
 
 def _read_parts(path: Path) -> Iterator[tuple[tuple[str, ...], Array]]:
     """(channel names, (H, W, C) float32) of every part of the file that has one of PASS_LAYERS."""
-    source = oiio.ImageInput.open(str(path))
-    if source is None:
-        raise _unreadable(path, oiio.geterror())
-    index, left = 0, min(MAX_BYTES, path.stat().st_size * MAX_COMPRESSION)
-    while source.seek_subimage(index, 0):
-        left -= _memory(source.spec())
-        if left < 0 or index >= MAX_PARTS:
-            raise _unreadable(path, "its header asks for more than the file can hold")
-        names = source.spec().channelnames
-        _check_numbers(path, source.spec())
-        pixels = source.read_image(index, 0, 0, len(names), "float") if _layer_columns(names) else None
-        if source.has_error:
-            raise _unreadable(path, source.geterror())
-        if pixels is not None:
-            yield names, pixels.reshape(*pixels.shape[:2], len(names))
-        index += 1
-    source.close()
+    with opened(path) as source:
+        if source is None:
+            raise _unreadable(path, oiio.geterror())
+        index, left = 0, min(MAX_BYTES, path.stat().st_size * MAX_COMPRESSION)
+        while source.seek_subimage(index, 0):
+            left -= _memory(source.spec())
+            if left < 0 or index >= MAX_PARTS:
+                raise _unreadable(path, "its header asks for more than the file can hold")
+            names = source.spec().channelnames
+            _check_numbers(path, source.spec())
+            pixels = source.read_image(index, 0, 0, len(names), "float") if _layer_columns(names) else None
+            if source.has_error:
+                raise _unreadable(path, source.geterror())
+            if pixels is not None:
+                yield names, pixels.reshape(*pixels.shape[:2], len(names))
+            index += 1
 
 
 def _memory(spec: oiio.ImageSpec) -> int:

@@ -19,6 +19,7 @@ import OpenImageIO as oiio
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import atomic_path, reading
+from lfsr_core.images.source import opened
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 BAND_ROWS = 64
@@ -109,8 +110,10 @@ def _sizes_fit(head: bytes, size: int) -> bool:
 def _decode(path: str | Path, grey: bool) -> Array:
     with reading(path, "a PNG image") as file:
         sizes_fit = _sizes_fit(file.read(26), file.seek(0, os.SEEK_END))
-    source = oiio.ImageInput.open(str(path)) if sizes_fit else None
-    pixels = source.read_image("uint8") if source else None
+    pixels = None
+    if sizes_fit:
+        with opened(path) as source:
+            pixels = source.read_image("uint8") if source else None
     if pixels is None:
         oiio.geterror()  # otherwise the library prints the error when the process ends
         raise LfsrError(f"{path} is not a readable 8-bit image: write it again")

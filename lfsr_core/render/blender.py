@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import glob
 import importlib.util
+import os
 import re
 import shutil
 import sys
@@ -15,6 +17,13 @@ from lfsr_core.render.child import output_of
 
 PACKAGES = Path(__file__).resolve().parents[2]  # folder of lfsr_core
 OLDEST_BLENDER, SECONDS_TO_ANSWER = (4, 5), 60
+# Where installers and Steam put Blender. What the Microsoft Store and snap install is on PATH.
+PLACES = {
+    "win32": ("$ProgramFiles/Blender Foundation/Blender */blender.exe",
+              "${ProgramFiles(x86)}/Steam/steamapps/common/Blender/blender.exe"),
+    "darwin": ("/Applications/Blender*.app/Contents/MacOS/Blender", "~/Applications/Blender*.app/Contents/MacOS/Blender",
+               "~/Library/Application Support/Steam/steamapps/common/Blender/Blender.app/Contents/MacOS/Blender"),
+    "linux": ("~/.steam/steam/steamapps/common/Blender/blender",)}
 
 
 class Starts(Protocol):
@@ -44,20 +53,34 @@ class Blender:
 
 
 def find_blender(executable: str | None = None) -> Blender:
-    """Return the Blender asked for, else the bpy wheel, else ``blender`` on PATH; LfsrError if there is none."""
+    """Return the Blender asked for, else the bpy wheel, else ``blender`` on PATH, else the newest that is installed.
+
+    LfsrError if there is none.
+    """
     if executable is None and importlib.util.find_spec("bpy") is not None:
         return Blender()
-    path = shutil.which(executable or "blender")
+    path = shutil.which(executable or "blender") or (None if executable else _installed())
     if path is None:
         raise LfsrError(
             f"blender executable {executable!r} was not found: give the path of Blender 4.5 or newer" if executable
-            else "Blender was not found, neither the bpy package nor `blender` on PATH: "
+            else "Blender was not found, neither the bpy package nor an installed Blender: "
                  "install the 'blender' extra or give --blender PATH")
     version = _version(path)
     if version < OLDEST_BLENDER:
         raise LfsrError(f"{path} is Blender {'.'.join(map(str, version))}, but 4.5 or newer is needed: "
                         "give another with --blender PATH")
     return Blender(path)
+
+
+def _installed() -> str | None:
+    """Path of the newest Blender where this system keeps programs."""
+    patterns = (os.path.expanduser(os.path.expandvars(place)) for place in PLACES.get(sys.platform, ()))
+    found = [path for pattern in patterns for path in glob.glob(pattern)]
+    return max(found, key=_numbers, default=None)
+
+
+def _numbers(path: str) -> list[int]:
+    return [int(number) for pair in re.findall(r"(\d+)\.(\d+)", path) for number in pair]
 
 
 def _entry_script() -> Path:

@@ -22,6 +22,7 @@ from lfsr_core.render.protocol import LAST_STAGES, RENDERED_STAGE
 from lfsr_core.render.staging import parts_folder, parts_sentence, publish, release, remove, staging_folder
 
 LOG_FILE = "blender.log"
+ROOM = 70  # letters that the longest path in a staging folder has more than its target
 RENDERED_FILES = {"render": (frame.LOW_RES_FILE,), "reference": frame.REFERENCE_FILES}
 # Made from an older render of the same folder, so they would no longer match it.
 DERIVED_FILES = (frame.EIA_FILE, frame.EIA_LINEAR_FILE, frame.PANEL_FILE, frame.MASK_FILE, frame.REPORT_FILE,
@@ -70,7 +71,7 @@ def run_jobs(jobs: Sequence[Job], blender: Starts, listener: Listener) -> None:
 
 def check_folder(folder: Path, kind: str) -> None:
     """LfsrError if ``folder`` is a file or holds another kind of render, which must not be lost."""
-    check_name(folder)
+    check_name(folder.absolute(), ROOM)
     if folder.exists() and not folder.is_dir():
         raise LfsrError(f"{folder} is a file, but the output must be a folder: choose another name")
     for other, files in RENDERED_FILES.items():

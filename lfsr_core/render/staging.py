@@ -98,9 +98,10 @@ def parts_sentence(folder: Path) -> str:
 
 def remove_dead(target: Path) -> list[Path]:
     """Remove the staging folders that dead processes left for ``target``, and return those that are in use."""
+    place = _place(target)
     # The end of a name that tempfile.mkdtemp gives.
-    ours = re.compile(re.escape(_prefix(target)) + r"[a-z0-9_]{8}")
-    return [path for path in _place(target).iterdir() if ours.fullmatch(path.name) and _is_held(path)]
+    ours = re.compile(re.escape(_prefix(target)) + r"[a-z0-9_]{8}", re.IGNORECASE if _ignores_case(place) else 0)
+    return [path for path in place.iterdir() if ours.fullmatch(path.name) and _is_held(path)]
 
 
 def _is_held(folder: Path) -> bool:
@@ -126,6 +127,12 @@ def _place(target: Path) -> Path:
     """Folder of the hidden folders: files cannot be moved into another file system, as a mounted ``target`` is."""
     inside = target.is_dir() and (os.path.ismount(target) or not os.access(target.parent, os.W_OK))
     return target if inside else target.parent
+
+
+def _ignores_case(folder: Path) -> bool:
+    """True where names that differ in the case of letters are the same, as on Windows and macOS."""
+    swapped = str(folder).swapcase()
+    return swapped != str(folder) and os.path.exists(swapped)
 
 
 def _prefix(target: Path) -> str:

@@ -5,6 +5,7 @@ import struct
 import subprocess
 import sys
 import zlib
+from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
@@ -13,6 +14,7 @@ import pytest
 from lfsr_core.errors import LfsrError
 from lfsr_core.images import exr, png
 
+OPEN = Path("/proc/self/fd")
 RANDOM = np.random.default_rng(0)
 
 
@@ -289,3 +291,17 @@ def test_rows_that_do_not_fit_are_not_joined(tmp_path, other):
     with pytest.raises(LfsrError, match="b.exr cannot be read .*other layers or another width"):
         exr.join_rows([tmp_path / "a.exr", tmp_path / "b.exr"], tmp_path / "joined.exr")
     assert not (tmp_path / "joined.exr").exists()
+
+
+@pytest.mark.skipif(not OPEN.is_dir(), reason="looks into /proc")
+@pytest.mark.parametrize("read", [exr.check_complete, exr.read_layers, exr.size])
+def test_no_file_stays_open_while_its_error_is_handled(tmp_path, read):
+    """Windows removes and replaces no open file."""
+    path = tmp_path / "a.exr"
+    exr.write_layers(path, some_layers())
+    os.truncate(path, path.stat().st_size - 100)
+    try:
+        read(path)
+    except LfsrError:
+        assert str(path) not in {os.path.realpath(file) for file in OPEN.iterdir()}
+    assert str(path) not in {os.path.realpath(file) for file in OPEN.iterdir()}

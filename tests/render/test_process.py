@@ -20,6 +20,7 @@ from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, REPORT_FILE
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import load_display
 from lfsr_core.records import to_data
+from lfsr_core.render import blender as blender_places
 from lfsr_core.render import process
 from lfsr_core.render.blender import Blender, find_blender
 from lfsr_core.render.process import run_job
@@ -105,10 +106,23 @@ def test_newer_executables_are_accepted(blender, version):
     assert find_blender(path) == Blender(path)
 
 
+def test_the_newest_installed_blender_is_found(monkeypatch, tmp_path, blender):
+    without_wheel(monkeypatch)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setenv("ProgramFiles", f"{tmp_path}/Program Files")
+    monkeypatch.setattr(blender_places, "PLACES", {sys.platform: blender_places.PLACES["win32"]})
+    for version in ("4.5", "10.1", "5.0"):
+        folder = tmp_path / "Program Files" / "Blender Foundation" / f"Blender {version}"
+        folder.mkdir(parents=True)
+        Path(blender(GOOD, f"Blender {version}.2")).rename(folder / "blender.exe")
+    assert find_blender() == Blender(f"{tmp_path}/Program Files/Blender Foundation/Blender 10.1/blender.exe")
+
+
 def test_missing_blender_says_how_to_get_one(monkeypatch, tmp_path):
     without_wheel(monkeypatch)
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(LfsrError, match="neither the bpy package nor `blender` on PATH"):
+    monkeypatch.setattr(blender_places, "PLACES", {})
+    with pytest.raises(LfsrError, match="neither the bpy package nor an installed Blender"):
         find_blender()
     with pytest.raises(LfsrError, match="'/no/blender' was not found"):
         find_blender("/no/blender")

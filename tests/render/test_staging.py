@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.render import staging
 from lfsr_core.render.staging import release, remove_dead, replace_files, staging_folder
 
 HOLDER = """
@@ -104,6 +105,15 @@ def test_a_released_folder_locks_nobody_out_and_goes_with_its_process(tmp_path, 
     process.wait()
     with staging_folder(tmp_path / "frame") as folder:
         assert names(tmp_path) == [folder.name]
+
+
+def test_names_that_a_system_takes_for_the_same_lock_each_other(tmp_path, monkeypatch):
+    with staging_folder(tmp_path / "Frame"):
+        with staging_folder(tmp_path / "frame"):
+            pass
+        monkeypatch.setattr(staging, "_ignores_case", lambda folder: True)
+        with pytest.raises(LfsrError, match="another process is writing"), staging_folder(tmp_path / "frame"):
+            pass
 
 
 @pytest.mark.parametrize("left", [[], ["in-use"], ["in-use", "finished/eia.png"], ["released"]])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ...live import session
+from ...live import session, window
 from ...live.scene import EYE, PANEL
 from .base import Result, reports_errors
 
@@ -56,4 +56,18 @@ class LFSR_OT_live_eye_stop(Stopping, bpy.types.Operator):
     bl_idname, bl_label, kind = "lfsr.live_eye_stop", "Hide Eye", EYE
 
 
-CLASSES = (LFSR_OT_live_start, LFSR_OT_live_stop, LFSR_OT_live_eye_start, LFSR_OT_live_eye_stop)
+class LFSR_OT_live_full_screen(bpy.types.Operator):
+    """Make the live window full screen, or a window again"""
+
+    bl_idname, bl_label = "lfsr.live_full_screen", "Full Screen"
+
+    @reports_errors
+    def execute(self, context: bpy.types.Context) -> Result:
+        """Toggle it: Blender's default keys have no shortcut for that."""
+        with context.temp_override(window=window.find(PANEL)):
+            bpy.ops.wm.window_fullscreen_toggle()
+        return {"FINISHED"}
+
+
+CLASSES = (LFSR_OT_live_start, LFSR_OT_live_stop, LFSR_OT_live_eye_start, LFSR_OT_live_eye_stop,
+           LFSR_OT_live_full_screen)

@@ -31,12 +31,12 @@ def test_on(scene, monkeypatch):
     assert "exact" in labels(draw(live_panel.LFSR_PT_live))
     session._on[PANEL].message = "the live window shows 5×5 pixels"
     drawn = draw(live_panel.LFSR_PT_live)
-    assert operators(drawn) == {"lfsr.live_stop", "lfsr.live_eye_start"}
+    assert operators(drawn) == {"lfsr.live_stop", "lfsr.live_full_screen", "lfsr.live_eye_start"}
     assert "5×5" in labels(drawn) and "full screen" in labels(drawn) and "exact" not in labels(drawn)
     session._on[EYE] = session._Shown(bpy.context.scene.session_uid, message="make the window larger")
     drawn = draw(live_panel.LFSR_PT_live)
     assert "Make the window larger" in labels(drawn)
-    assert operators(drawn) == {"lfsr.live_stop", "lfsr.live_eye_stop"}
+    assert operators(drawn) == {"lfsr.live_stop", "lfsr.live_full_screen", "lfsr.live_eye_stop"}
 
 
 def test_what_this_blender_cannot_do(scene, monkeypatch):
