@@ -21,7 +21,8 @@ OLDEST_BLENDER, SECONDS_TO_ANSWER = (4, 5), 60
 PLACES = {
     "win32": ("$ProgramFiles/Blender Foundation/Blender */blender.exe",
               "${ProgramFiles(x86)}/Steam/steamapps/common/Blender/blender.exe"),
-    "darwin": ("/Applications/Blender*.app/Contents/MacOS/Blender", "~/Applications/Blender*.app/Contents/MacOS/Blender",
+    "darwin": ("/Applications/Blender*.app/Contents/MacOS/Blender",
+               "~/Applications/Blender*.app/Contents/MacOS/Blender",
                "~/Library/Application Support/Steam/steamapps/common/Blender/Blender.app/Contents/MacOS/Blender"),
     "linux": ("~/.steam/steam/steamapps/common/Blender/blender",)}
 
