@@ -29,7 +29,7 @@ from . import folders
 from .displays import profile_items
 from .lights import AUTO_LIGHT, light_items
 from .methods import DIRECT, METHODS, method_items
-from .scene_settings import AUTO_SCALE, SCALES, qualities
+from .scene_settings import AUTO_SCALE, SCALES, offered_scales, qualities
 
 LIVE_SCALES = (1, 2, 4, 8)  # pixel sizes of Blender's viewport
 
@@ -41,8 +41,10 @@ def _draws(_settings: SceneSettings, _context: bpy.types.Context) -> None:
 
 
 def _display_changed(settings: SceneSettings, context: bpy.types.Context) -> None:
-    """Set the preset again: its rays and its method depend on the display."""
+    """Set the preset again: its rays and its method depend on the display. A scale that it lacks becomes Auto."""
     _apply_quality(settings, context)
+    if settings.scale not in offered_scales(settings.id_data):
+        settings.scale = AUTO_SCALE
     _draws(settings, context)
 
 

@@ -147,6 +147,15 @@ def _read_profile(path: str, _changed: int) -> DisplayProfile:
     return load_display(path)
 
 
+def offered_scales(scene: bpy.types.Scene) -> list[str]:
+    """Names of the scales that divide the views of the scene's display; only Auto where it cannot be read."""
+    try:
+        possible = {1, *display_of(scene).scales()}
+    except LfsrError:
+        possible = set()
+    return [AUTO_SCALE, *(f"{scale}" for scale in SCALES if scale in possible)]
+
+
 def qualities(scene: bpy.types.Scene) -> dict[str, tuple[float, int, str]]:
     """Rays per pixel, fixed samples (none) and method of each quality preset, on the scene's display."""
     try:

@@ -13,42 +13,13 @@ from ..background.steps import ALONE
 from ..check import watch
 from ..results import preview
 from ..settings import folders, scene_settings
-from ..settings.displays import PROFILE_FILE
 from ..settings.lights import FILE_LIGHT
-from . import look, summary
+from . import display_panel, look, summary
 from .drawing import LightFieldPanel, columns, facts, row_if, sentence
 from .operators.array import FIT_ITEMS
-from .presets import LFSR_PT_presets
 from .problem_rows import draw_problems
 
 UNSAVED_NOTE = "Images are lost when Blender quits, unless you save the file: they then move beside it"
-
-
-class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
-    """The display that the image is for"""
-
-    bl_label = "Display"
-    bl_order = 0
-
-    def draw_header_preset(self, _context: bpy.types.Context) -> None:
-        """Draw the preset menu."""
-        LFSR_PT_presets.draw_panel_header(self.layout)
-
-    def draw(self, context: bpy.types.Context) -> None:
-        """Draw profile, scale and resolutions."""
-        lfsr, layout = context.scene.lfsr, columns(self.layout)
-        layout.prop(lfsr, "display", text="Display")
-        if lfsr.display == PROFILE_FILE:
-            layout.prop(lfsr, "profile_file", text="File")
-        try:
-            settings = scene_settings.resolve(context.scene)
-            if settings.display.is_woven:
-                # Without a column for labels: its label is as long as the sidebar is wide.
-                self.layout.prop(lfsr, "straight")
-            row_if(not settings.is_direct, columns(self.layout)).prop(lfsr, "scale")
-            facts(self.layout, summary.display_facts(settings))
-        except LfsrError as error:
-            sentence(self.layout, str(error), "ERROR", context)
 
 
 class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
@@ -290,5 +261,5 @@ def _draw_unfinished(layout: bpy.types.UILayout, context: bpy.types.Context) -> 
         layout.operator_menu_enum("lfsr.finish_frame", "method", text="Finish With")
 
 
-CLASSES = (LFSR_PT_display, LFSR_PT_array, LFSR_PT_check, LFSR_PT_quality, LFSR_PT_plan, LFSR_PT_render,
+CLASSES = (*display_panel.CLASSES, LFSR_PT_array, LFSR_PT_check, LFSR_PT_quality, LFSR_PT_plan, LFSR_PT_render,
            LFSR_PT_preview, LFSR_PT_exports, LFSR_PT_reference)

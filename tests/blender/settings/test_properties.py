@@ -8,6 +8,7 @@ import bpy
 import pytest
 
 from blender_addon.settings import displays, scene_settings
+from lfsr_core.optics.display import builtin_names
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from tests.support import panel
 
@@ -97,3 +98,20 @@ def test_saved_scenes_keep_their_displays():
 def test_more_quality_is_more_rays():
     samples = [scene_settings.QUALITY_SAMPLES[name] for name in ("DRAFT", "BALANCED", "FINAL")]
     assert samples == sorted(samples) and len(set(samples)) == 3
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_only_scales_that_divide_the_views_are_offered(scene, name):
+    scene.lfsr.display = name
+    offered = scene_settings.offered_scales(scene)
+    assert offered[:2] == ["AUTO", "1"] and len(offered) > 2
+    for scale in offered[1:]:
+        scene_settings.display_of(scene).low_views(int(scale))
+
+
+def test_a_scale_that_another_display_lacks_becomes_auto(scene):
+    scene.lfsr.display, scene.lfsr.scale = "bupt-32in-8k", "5"
+    scene.lfsr.display = "dense-8k"
+    assert scene.lfsr.scale == "5"
+    scene.lfsr.display = "mini"
+    assert scene.lfsr.scale == "AUTO"

@@ -11,6 +11,7 @@ import pytest
 from blender_addon.background import session
 from blender_addon.settings import folders, scene_settings
 from blender_addon.ui import panels
+from blender_addon.ui.display_panel import LFSR_MT_scale, LFSR_PT_display
 from blender_addon.ui.operators import check
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import LIGHTS
@@ -37,7 +38,7 @@ def draw(cls) -> list:
 
 
 def draw_all() -> dict[str, list]:
-    return {cls.bl_label: draw(cls) for cls in panels.CLASSES}
+    return {cls.bl_label: draw(cls) for cls in panels.CLASSES if issubclass(cls, bpy.types.Panel)}
 
 
 def labels(drawn: list) -> str:
@@ -53,9 +54,10 @@ def properties(drawn: list) -> set[str]:
 
 
 def greyed(drawn: list) -> set[str]:
-    """Properties that begin a row or column that is switched off."""
-    return {named["property"] for (_, before), (name, named) in itertools.pairwise(drawn)
-            if name == "prop" and before == {"enabled": False}}
+    """Properties, and menus with their labels, that begin a row or column that is switched off."""
+    drawn = [call for call in drawn if call[0] in ("prop", "menu", "operator") or call[1] == {"enabled": False}]
+    return {named.get("property") or named["menu"] for (_, before), (name, named) in itertools.pairwise(drawn)
+            if name in ("prop", "menu") and before == {"enabled": False}}
 
 
 def all_greyed(drawn: dict[str, list]) -> set[str]:
@@ -121,6 +123,18 @@ def test_with_a_broken_array(scene):
     assert "no display plane" in labels(draw_all()["Camera Array"])
 
 
+def test_the_menu_of_scales_has_those_of_the_display(scene):
+    def offered() -> list[str]:
+        return [named["value"] for name, named in draw(LFSR_MT_scale) if name == "prop_enum"]
+
+    assert offered() == ["AUTO", "1", "2", "4", "8"]
+    scene.lfsr.display = "bupt-32in-8k"
+    assert offered() == ["AUTO", "1", "2", "4", "5", "8"]
+    assert ("menu", {"menu": "LFSR_MT_scale", "text": "2×"}) in draw(LFSR_PT_display)
+    scene.lfsr.display = "FILE"
+    assert offered() == ["AUTO"]
+
+
 def test_with_a_missing_profile(scene):
     scene.lfsr.display, scene.lfsr.profile_file = "FILE", "//gone.toml"
     drawn = draw_all()
@@ -142,7 +156,7 @@ def test_direct_rendering_is_offered_for_a_lens_sheet_only(scene):
     drawn = draw_all()
     assert "Rendered 11520 × 2160 px Image 3840 × 2160 px" in labels(drawn["Display"])
     assert "Lenses" not in labels(drawn["Display"])
-    assert all_greyed(drawn) == {"eye_right", "scale", "method", "linear_exr", "share_frames"}
+    assert all_greyed(drawn) == {"eye_right", "LFSR_MT_scale", "method", "linear_exr", "share_frames"}
 
 
 def test_with_problems_of_every_kind(scene):

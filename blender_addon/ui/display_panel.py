@@ -1,0 +1,63 @@
+"""Panel of the display: drawing only."""
+
+from __future__ import annotations
+
+import bpy
+
+from lfsr_core.errors import LfsrError
+
+from ..settings import scene_settings
+from ..settings.displays import PROFILE_FILE
+from . import summary
+from .drawing import LightFieldPanel, columns, facts, row_if, sentence
+from .presets import LFSR_PT_presets
+
+
+class LFSR_MT_scale(bpy.types.Menu):
+    """One of this many views in each direction is rendered, the others are reconstructed"""
+
+    bl_label = "Scale"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the scales that divide the display's views."""
+        for name in scene_settings.offered_scales(context.scene):
+            self.layout.prop_enum(context.scene.lfsr, "scale", name)
+
+
+class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
+    """The display that the image is for"""
+
+    bl_label = "Display"
+    bl_order = 0
+
+    def draw_header_preset(self, _context: bpy.types.Context) -> None:
+        """Draw the preset menu."""
+        LFSR_PT_presets.draw_panel_header(self.layout)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw profile, scale and resolutions."""
+        lfsr, layout = context.scene.lfsr, columns(self.layout)
+        layout.prop(lfsr, "display", text="Display")
+        if lfsr.display == PROFILE_FILE:
+            layout.prop(lfsr, "profile_file", text="File")
+        try:
+            settings = scene_settings.resolve(context.scene)
+            if settings.display.is_woven:
+                # Without a column for labels: its label is as long as the sidebar is wide.
+                self.layout.prop(lfsr, "straight")
+            _draw_scale(row_if(not settings.is_direct, self.layout), lfsr)
+            facts(self.layout, summary.display_facts(settings))
+        except LfsrError as error:
+            sentence(self.layout, str(error), "ERROR", context)
+
+
+def _draw_scale(layout: bpy.types.UILayout, lfsr: bpy.types.PropertyGroup) -> None:
+    """The menu, where Blender draws a property's."""
+    split = layout.split(factor=0.4)
+    label = split.row()
+    label.alignment = "RIGHT"
+    label.label(text="Scale")
+    split.menu("LFSR_MT_scale", text=lfsr.bl_rna.properties["scale"].enum_items[lfsr.scale].name)
+
+
+CLASSES = (LFSR_MT_scale, LFSR_PT_display)
