@@ -7,6 +7,7 @@ import functools
 import platform
 import sys
 import threading
+from pathlib import Path
 
 import bpy
 
@@ -28,10 +29,15 @@ PACKAGES = {"fedora": "oidn-libs", "arch": "openimagedenoise", "alpine": "openim
             "void": "openimagedenoise", "gentoo": "media-libs/oidn"}
 
 
-def is_missing() -> bool:
-    """True if the second stage finds no library that loads; LfsrError where its Python cannot be started."""
+def why_missing() -> str:
+    """Why the second stage finds no library that loads, "" where it does; LfsrError where its Python does not start."""
     command = (*runtime.second_stage_command("lfsr_core.tasks.probe"), DENOISER)
-    return bool(_reason(command, runtime.chosen_library()))
+    return _reason(command, runtime.chosen_library())
+
+
+def forget() -> None:
+    """Ask again next time: something may have been installed."""
+    _reason.cache_clear()
 
 
 @functools.lru_cache(maxsize=8)
@@ -65,9 +71,13 @@ def _ask(command: tuple[str, ...], library: str) -> None:
 
 def lacking(settings: Resolved) -> str:
     """Return a sentence if the method of ``settings`` needs the library and it is missing, else ""."""
-    if not settings.method.prefilters or not is_missing():
+    reason = why_missing() if settings.method.prefilters else ""
+    if not reason:
         return ""
     name = "Direct subpixel rendering" if settings.is_direct else f"The method {title(settings.method.text)}"
+    if chosen := runtime.chosen_library():
+        detail = reason.replace(chosen, Path(chosen).name)
+        return f"{name} needs Open Image Denoise, but {detail}"
     return f"{name} needs Open Image Denoise, which {_owner()} does not have"
 
 

@@ -212,6 +212,8 @@ def _foreign(folder: Path) -> str:
     frame = read_part(folder)
     file = frame.scene
     if frame.source:
+        path = Path(os.path.normpath(folder / frame.source))
         is_unsaved = frame.source.startswith(f"{UNSAVED} ")
-        file = "a file that was never saved" if is_unsaved else os.path.normpath(folder / frame.source)
-    return f"{folder} holds the image of scene {frame.scene_name or folder.parent.name!r} of {file}"
+        file = "a file that was never saved" if is_unsaved else f"{path.name} in the folder {path.parent.name}"
+    return (f"frame {folder.name} in the output folder is an image of another scene, "
+            f"{frame.scene_name or folder.parent.name!r} of {file}")

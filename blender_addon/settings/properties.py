@@ -170,7 +170,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Output", description="Folder for the images of this scene; // is the folder of the .blend file",
         subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, default="//lightfield/")
     use_overwrite: BoolProperty(
-        name="Overwrite", description="Also render frames of an animation that are complete", default=False)
+        name="Overwrite", description="Also render frames of an animation that are complete, and overwrite images of "
+        "other files without a question", default=False)
     share_frames: IntProperty(
         name="Temporal Averaging", description="Number of frames before and after each frame of an animation that are "
         "averaged with it against noise, where nothing has changed; 0 for none, 2 is a good value. Frames are not "

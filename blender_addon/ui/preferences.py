@@ -7,7 +7,7 @@ import bpy
 from lfsr_core.errors import LfsrError
 from lfsr_core.render.child import output_of
 
-from ..background import runtime
+from ..background import denoiser, runtime
 from .operators.base import Result, reports_errors
 
 SECONDS_FOR_TEST = 120
@@ -51,6 +51,7 @@ class LFSR_OT_test_python(bpy.types.Operator):
     @reports_errors
     def execute(self, _context: bpy.types.Context) -> Result:
         """Report versions, or the reason why it does not work."""
+        denoiser.forget()
         self.report({"INFO"}, probe())
         return {"FINISHED"}
 

@@ -28,7 +28,7 @@ def _items(_operator: bpy.types.Operator, context: bpy.types.Context | None) -> 
 def methods(scene: bpy.types.Scene) -> list[str]:
     """Names of the methods that can finish the current frame of ``scene``."""
     try:
-        frame, lacks = read_rendered(folders.frame_folder(scene)), denoiser.is_missing()
+        frame, lacks = read_rendered(folders.frame_folder(scene)), bool(denoiser.why_missing())
     except LfsrError:
         return []
     known = [MethodName.parse(name) for name in (*METHODS, *MORE)]

@@ -42,15 +42,21 @@ def found(scene: bpy.types.Scene) -> list[str]:
 
 
 def test_with_the_library_nothing_is_asked(scene):
-    assert not denoiser.is_missing() and "denoise" not in found(scene)
+    assert not denoiser.why_missing() and "denoise" not in found(scene)
 
 
 def test_the_render_is_refused_before_it_starts(scene, without_library):
-    said = "The method Default needs Open Image Denoise, which this Blender does not have: choose the method Bilinear"
+    said = f"The method Default needs Open Image Denoise, but {without_library.name} cannot be loaded: "
     for operator in (bpy.ops.lfsr.render_eia, bpy.ops.lfsr.render_animation):
-        with pytest.raises(RuntimeError, match=f"{said}, or get it. .*blender.org.*preferences"):
+        with pytest.raises(RuntimeError, match=f"{said}.*blender.org.*preferences"):
             operator()
     assert not folders.scene_folder(scene).exists()
+
+
+def test_a_blender_without_it_is_named(scene, monkeypatch):
+    monkeypatch.setattr(denoiser, "why_missing", lambda: "none was found")
+    said = denoiser.lacking(scene_settings.resolve(scene))
+    assert said == "The method Default needs Open Image Denoise, which this Blender does not have"
 
 
 def test_the_check_offers_what_this_blender_has(scene, without_library):
@@ -114,9 +120,9 @@ def test_the_preference_names_the_library(addon, tmp_path):
     with pytest.raises(LfsrError, match=r"the library .*gone.so' of Open Image Denoise does not exist: choose another"):
         runtime.environment()
     (tmp_path / "gone.so").write_bytes(b"")
-    assert runtime.environment()[LIBRARY_VARIABLE] == str(tmp_path / "gone.so") and denoiser.is_missing()
+    assert runtime.environment()[LIBRARY_VARIABLE] == str(tmp_path / "gone.so") and denoiser.why_missing()
     addon.oidn_path = ""
-    assert LIBRARY_VARIABLE not in runtime.environment() and not denoiser.is_missing()
+    assert LIBRARY_VARIABLE not in runtime.environment() and not denoiser.why_missing()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="distributions are those of Linux")

@@ -1,0 +1,187 @@
+"""In a real window without Open Image Denoise: whose image it is, what a method needs, and a linked scene."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from lfsr_core.files import read_json, write_json
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.report import read_report
+from lfsr_core.images.png import read_png
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.reconstruct.methods import oidn
+from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
+from tests.support.window.desktop import VARIABLE, blender_window
+
+pytestmark = [pytest.mark.window, pytest.mark.skipif(
+    VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
+TASK, MESSAGE = "addon.background.session.current()", "bpy.context.window_manager.lfsr.message"
+LFSR = "bpy.context.scene.lfsr"
+LIBRARIES = ("libOpenImageDenoise.so.2", "libOpenImageDenoise_core.so.*", "libOpenImageDenoise_device_cpu.so.*",
+             "libtbb.so.12")
+CLOSE_OTHERS = """
+for other in list(bpy.context.window_manager.windows)[1:]:
+    with bpy.context.temp_override(window=other):
+        bpy.ops.wm.window_close()
+"""
+
+
+@pytest.fixture(scope="module")
+def window(tmp_path_factory):
+    """One Blender with the tab open and an array fitted to the monkey."""
+    folder = tmp_path_factory.mktemp("gui")
+    with blender_window(folder) as window:
+        window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
+        window.open_tab()
+        window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True)")
+        yield window
+    kept = os.environ.get("LFSR_SCREENSHOTS")
+    for picture in folder.glob("*.png") if kept else ():
+        shutil.copy(picture, kept)
+
+
+def press_render(window) -> list[str]:
+    window.xdotool("mousemove", 500, 450)
+    return window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))")
+
+
+def until_done(window) -> None:
+    window.until(f"{TASK} is None", SECONDS_TO_RENDER)
+    window.run(CLOSE_OTHERS)
+
+
+def save(window, path: Path) -> None:
+    path.parent.mkdir(exist_ok=True)
+    window.run(f"bpy.ops.wm.save_as_mainfile(filepath={str(path)!r})")
+
+
+def test_another_files_image_is_not_shown_and_overwritten_only_after_a_question(window):
+    renders = window.folder / "renders"
+    window.run(f"{LFSR}.output = {str(renders)!r}")
+    save(window, window.folder / "one" / "shot.blend")
+    assert press_render(window) == ["FINISHED"]
+    until_done(window)
+    folder = renders / "shot" / "Scene" / "0001"
+    first = read_png(folder / "eia.png")
+
+    window.run("bpy.data.objects['Suzanne'].rotation_euler.z = 1")
+    save(window, window.folder / "two" / "shot.blend")
+    said = window.run("""
+try:
+    bpy.ops.lfsr.preview_view('INVOKE_DEFAULT', True)
+except RuntimeError as error:
+    value = str(error)
+""")
+    assert "is an image of another scene, 'Scene' of shot.blend in the folder one: render the EIA first" in said
+
+    assert press_render(window) == ["RUNNING_MODAL"]
+    window.screenshot("ident-1-overwrite")
+    window.xdotool("key", "Escape")
+    assert window.get(f"{TASK} is None") and (read_png(folder / "eia.png") == first).all()
+    assert press_render(window) == ["RUNNING_MODAL"]
+    window.xdotool("key", "Return")
+    until_done(window)
+    assert window.get(MESSAGE) == "" and (read_png(folder / "eia.png") != first).any()
+    assert read_frame(folder).source == "../../../../two/shot.blend"
+    assert press_render(window) == ["FINISHED"], "it is this file's now"
+    until_done(window)
+
+
+def test_what_the_method_needs_is_asked_before_the_render(window):
+    window.run(f"{LFSR}.output = '//lightfield/'; {LFSR}.method = {DEFAULT_METHOD!r}")
+    window.run("bpy.ops.lfsr.check_scene('INVOKE_DEFAULT', True)")
+    found = window.get("[(p.code, p.fix) for p in bpy.context.window_manager.lfsr.problems]")
+    assert found[0] == ["denoise", "Use Bilinear"]
+    window.screenshot("ident-2-check")
+    assert press_render(window) == ["RUNNING_MODAL"]
+    window.screenshot("ident-3-asked")
+    window.xdotool("key", "Escape")
+    folder = window.folder / "two" / "lightfield"
+    assert not folder.exists() and window.get(f"{LFSR}.method") == DEFAULT_METHOD
+    assert press_render(window) == ["RUNNING_MODAL"]
+    window.xdotool("key", "Return")
+    until_done(window)
+    assert window.get(f"{LFSR}.method") == "bilinear"
+    assert read_report(folder / "shot" / "Scene" / "0001").method == "bilinear"
+
+
+def test_results_of_an_older_version_are_found_once_and_said(window):
+    images = window.folder / "two" / "lightfield"
+    data = read_json(images / "shot" / "Scene" / "0001" / "frame.json", "a frame")
+    write_json(images / "shot" / "Scene" / "0001" / "frame.json",
+               {name: value for name, value in data.items() if name not in ("source", "scene_name")})
+    (images / "shot" / "Scene").rename(images / "Scene")
+    (images / "shot").rmdir()
+    assert window.get("list(bpy.ops.lfsr.preview_view('INVOKE_DEFAULT', True))") == ["FINISHED"]
+    window.until(f"{TASK} is None", SECONDS_TO_RENDER)
+    window.screenshot("ident-8-moved")
+    assert (images / "shot" / "Scene" / "0001" / "eia.png").is_file() and not (images / "Scene").exists()
+    window.run(CLOSE_OTHERS)
+
+
+def test_a_render_whose_second_stage_failed_is_finished_by_another_method(window):
+    window.run(f"{LFSR}.method = {DEFAULT_METHOD!r}; bpy.context.scene.frame_set(2)\n"
+               "from bl_ext.user_default.lfsr.background import denoiser\n"
+               "why_missing, denoiser.why_missing = denoiser.why_missing, lambda: ''  # it was there a moment ago")
+    assert press_render(window) == ["FINISHED"]
+    window.until(f"{TASK} is None", SECONDS_TO_RENDER)
+    assert "The render is kept: finish it with another method" in window.get(MESSAGE)
+    folder = window.folder / "two" / "lightfield" / "shot" / "Scene" / "0002"
+    assert {path.name for path in folder.iterdir()} == {"frame.json", "lr_eia.exr", "world.exr"}
+    window.run("denoiser.why_missing = why_missing")
+    window.xdotool("key", "Escape")  # the popup
+    x, width = window.get("[(r.x, r.width) for r in bpy.context.area.regions if r.type == 'UI'][0]")
+    window.xdotool("mousemove", x + width // 2, 600)
+    window.xdotool("click", "--repeat", 30, "--delay", 20, 5)
+    window.screenshot("ident-4-kept")
+    items = window.get("[item[0] for item in __import__('sys').modules['bl_ext.user_default.lfsr.ui.operators.finish']"
+                       "._items(None, bpy.context)]")
+    assert items == ["bilinear", "bicubic", "lanczos", "nearest"]
+    assert window.get("list(bpy.ops.lfsr.finish_frame('INVOKE_DEFAULT', True, method='bicubic'))") == ["FINISHED"]
+    until_done(window)
+    assert read_report(folder).method == "bicubic" and window.get(f"{LFSR}.method") == "bicubic"
+    window.screenshot("ident-5-finished")
+
+
+def test_a_library_of_the_preferences_denoises(window):
+    library = next(path for path in oidn.find_libraries() if path.is_file())
+    (window.folder / "oidn" / "lib").mkdir(parents=True)  # where the libraries look for each other
+    for name in LIBRARIES:
+        for path in library.parent.glob(name):
+            shutil.copy(path, window.folder / "oidn" / "lib")
+    chosen = str(window.folder / "oidn" / "lib" / library.name)
+    window.run(f"bpy.context.preferences.addons['bl_ext.user_default.lfsr'].preferences.oidn_path = {chosen!r}\n"
+               f"{LFSR}.method = {DEFAULT_METHOD!r}; bpy.context.scene.frame_set(3)")
+    assert press_render(window) == ["FINISHED"]
+    until_done(window)
+    assert window.get(MESSAGE) == ""
+    assert read_report(window.folder / "two" / "lightfield" / "shot" / "Scene" / "0003").method == DEFAULT_METHOD
+    window.screenshot("ident-6-denoised")
+
+
+def test_a_linked_scene_is_rendered(window):
+    window.run(f"{LFSR}.method, {LFSR}.seed = 'bilinear', 3; bpy.context.scene.frame_set(1)")
+    save(window, window.folder / "set.blend")
+    assert press_render(window) == ["FINISHED"]
+    until_done(window)
+    own = read_png(window.folder / "lightfield" / "set" / "Scene" / "0001" / "eia.png")
+    window.run(f"""
+path = {str(window.folder / 'set.blend')!r}
+bpy.ops.wm.save_as_mainfile(filepath=path.replace("set.blend", "main.blend"))
+for item in list(bpy.context.scene.objects):
+    bpy.data.objects.remove(item)
+with bpy.data.libraries.load(path, link=True) as (_, wanted):
+    wanted.scenes = ["Scene"]
+bpy.context.window.scene = wanted.scenes[0]
+bpy.ops.wm.save_mainfile()
+""")
+    assert press_render(window) == ["FINISHED"]
+    until_done(window)
+    assert window.get(MESSAGE) == ""
+    window.screenshot("ident-7-linked")
+    linked = read_png(window.folder / "lightfield" / "main" / "Scene_set.blend_" / "0001" / "eia.png")
+    assert (linked == own).all()
