@@ -142,6 +142,8 @@ def _render_frame(recipe: Recipe, copy: Path, fraction: float, stage: str = "") 
         try:
             yield dataclasses.replace(finish, seconds=seconds)
         except LfsrError as error:
+            if stage:
+                raise  # a proof is quickly made again
             publish(staged, recipe.folder, DERIVED_FILES)
             raise LfsrError(f"{error}. The render is kept: finish it with another method") from None
         publish(staged, recipe.folder, DERIVED_FILES)

@@ -146,7 +146,8 @@ def move_older(scene: bpy.types.Scene) -> str:
             older.rmdir()
     except OSError as error:
         return f"{older} holds {count} of this file that cannot be moved to {folder} ({error.strerror})"
-    return f"{count} of an older version moved from {older} to {folder}"
+    new = folder.relative_to(_output(scene)).as_posix()
+    return f"{count} of an older version moved from {older.name} to {new} in the output folder"
 
 
 def _older_frames(scene: bpy.types.Scene, older: Path) -> list[str]:

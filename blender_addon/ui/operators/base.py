@@ -62,6 +62,7 @@ class TaskOperator:
     report: Callable[[set[str], str], None]
     layout: bpy.types.UILayout
     asked: list[Question] | None = None  # in the dialog
+    moved = ""  # what is said of results of an older version
 
     def questions(self, _context: bpy.types.Context) -> list[Question]:
         """Return what to ask before the task starts."""
@@ -98,7 +99,9 @@ class TaskOperator:
         session.check_idle()
         prepared = self.prepare(context)
         if prepared is not None:
-            session.start(self.bl_label, *prepared)
+            session.start(self.bl_label, *prepared).warnings += [self.moved] if self.moved else []
+        elif self.moved:
+            session.say(self.moved)
         return {"FINISHED"}
 
     @reports_errors
@@ -123,7 +126,8 @@ class TaskOperator:
     def _questions(self, context: bpy.types.Context) -> list[Question]:
         session.check_idle()
         if moved := folders.move_older(context.scene):
-            self.report({"INFO"}, capitalized(moved))
+            self.moved = capitalized(moved)
+            self.report({"INFO"}, self.moved)
         return self.questions(context)
 
 

@@ -44,6 +44,13 @@ def window(tmp_path_factory):
         shutil.copy(picture, kept)
 
 
+def scroll_down(window) -> None:
+    """Turn the wheel over the sidebar until its end."""
+    x, width = window.get("[(r.x, r.width) for r in bpy.context.area.regions if r.type == 'UI'][0]")
+    window.xdotool("mousemove", x + width // 2, 600)
+    window.xdotool("click", "--repeat", 30, "--delay", 20, 5)
+
+
 def press_render(window) -> list[str]:
     window.xdotool("mousemove", 500, 450)
     return window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))")
@@ -118,9 +125,12 @@ def test_results_of_an_older_version_are_found_once_and_said(window):
     (images / "shot").rmdir()
     assert window.get("list(bpy.ops.lfsr.preview_view('INVOKE_DEFAULT', True))") == ["FINISHED"]
     window.until(f"{TASK} is None", SECONDS_TO_RENDER)
-    window.screenshot("ident-8-moved")
+    said = "1 frame of an older version moved from Scene to shot/Scene in the output folder"
+    assert window.get(MESSAGE) == said
     assert (images / "shot" / "Scene" / "0001" / "eia.png").is_file() and not (images / "Scene").exists()
     window.run(CLOSE_OTHERS)
+    scroll_down(window)
+    window.screenshot("ident-8-moved")
 
 
 def test_a_render_whose_second_stage_failed_is_finished_by_another_method(window):
@@ -134,9 +144,7 @@ def test_a_render_whose_second_stage_failed_is_finished_by_another_method(window
     assert {path.name for path in folder.iterdir()} == {"frame.json", "lr_eia.exr", "world.exr"}
     window.run("denoiser.why_missing = why_missing")
     window.xdotool("key", "Escape")  # the popup
-    x, width = window.get("[(r.x, r.width) for r in bpy.context.area.regions if r.type == 'UI'][0]")
-    window.xdotool("mousemove", x + width // 2, 600)
-    window.xdotool("click", "--repeat", 30, "--delay", 20, 5)
+    scroll_down(window)
     window.screenshot("ident-4-kept")
     items = window.get("[item[0] for item in __import__('sys').modules['bl_ext.user_default.lfsr.ui.operators.finish']"
                        "._items(None, bpy.context)]")
