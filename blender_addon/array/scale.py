@@ -16,16 +16,21 @@ from lfsr_core.optics.display import DisplayProfile
 from ..scene.subject import find_subject
 from . import motion, placement
 
-CHOOSE = "scale"  # the headless Blender's word for this job
+CHOOSE, LOOK = "scale", "depth"  # the headless Blender's words for these jobs
 
 
 def scale_of(scene: bpy.types.Scene, job: Job) -> ScaleChoice:
     """Choose one of the job's scales by the depth at which the middle of the array sees the subject in its frames."""
+    return choose_scale(job.display, all_moves(scene, job), job.scales, job.judged_rays)
+
+
+def all_moves(scene: bpy.types.Scene, job: Job) -> Array:
+    """Disparities (n,), in lenses, of what the middle of the array sees of the subject in the job's frames."""
     subject, moves = find_subject(scene, job.subject), [np.empty(0)]
     for _ in motion.visited(scene, job.scale_frames):
         with suppress(LfsrError):  # no array where the subject is out of sight: its frame says so when it is rendered
             moves.append(moves_of(scene, job.display, subject))
-    return choose_scale(job.display, np.concatenate(moves), job.scales, job.judged_rays)
+    return np.concatenate(moves)
 
 
 def moves_of(scene: bpy.types.Scene, display: DisplayProfile, subject: set[bpy.types.Object]) -> Array:

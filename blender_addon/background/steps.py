@@ -23,7 +23,7 @@ from lfsr_core.frames.job import Job
 from lfsr_core.records import to_data
 from lfsr_core.render.staging import has_parts
 
-from ..array.scale import CHOOSE
+from ..array.scale import CHOOSE, LOOK
 from ..render.overrides import overridden
 from ..results import show_image
 from ..settings import folders
@@ -190,6 +190,13 @@ def scale_step(job: Job, folder: Path, fraction: float) -> Step:
     path = _write(folder / "scale.json", to_data(job))
     return Step("Looking at the depth", fraction, "The choice of a scale",
                 [*_render_command(Path(CHOOSE)), str(path)], message=OPENING)
+
+
+def depth_step(job: Job, folder: Path, fraction: float) -> Step:
+    """Look at the subject's depth in a background Blender; its disparities are sent into the steps as "moves"."""
+    path = _write(folder / "depth.json", to_data(job))
+    return Step("Looking at the depth", fraction, "The look at the depth",
+                [*_render_command(Path(LOOK)), str(path)], message=OPENING)
 
 
 def second_stage_step(stage: str, fraction: float, work: Path, task: str, /, **arguments: Any) -> Step:

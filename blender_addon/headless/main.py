@@ -60,8 +60,11 @@ def _run(arguments: Sequence[str]) -> dict[str, object]:
         case [scale.CHOOSE, path]:
             job = read_job(path)
             return dataclasses.asdict(scale.scale_of(_chosen_scene(job), job))
-        case [] | [encode.NAME | scale.CHOOSE, *_]:
-            raise LfsrError("expected job files, encode and two paths, or scale and a job file, but got "
+        case [scale.LOOK, path]:
+            job = read_job(path)
+            return {"moves": scale.all_moves(_chosen_scene(job), job).tolist()}
+        case [] | [encode.NAME | scale.CHOOSE | scale.LOOK, *_]:
+            raise LfsrError("expected job files, encode and two paths, or scale or depth and a job file, but got "
                             f"{len(arguments)} arguments")
     return {"folder": str(run_all([read_job(path) for path in arguments]))}
 

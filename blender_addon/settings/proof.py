@@ -19,7 +19,7 @@ LEAST_PATHS = 10**6  # of an image, below which it needs no proof
 
 def proof_of(settings: Resolved) -> Resolved | None:
     """Return the settings of the proof of an image; None where the image itself is small, or has no lenses."""
-    if settings.is_direct or _paths(settings) < LEAST_PATHS:
+    if settings.is_direct or paths_of(settings) < LEAST_PATHS:
         return None
     display = proof_display(settings.display)
     scales = settings.method.scales_of(scales_up_to(display))
@@ -52,8 +52,8 @@ def _pair(values: Iterable[Number]) -> tuple[Number, Number]:
     return across, down
 
 
-def _paths(settings: Resolved) -> float:
-    """Paths of a finished image, about."""
+def paths_of(settings: Resolved) -> float:
+    """Return the paths of a finished image, about."""
     pixels = math.prod(settings.display.eia_pixels)
     if settings.rays is not None:
         return pixels * settings.rays

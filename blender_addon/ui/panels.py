@@ -119,6 +119,7 @@ class LFSR_PT_plan(LightFieldPanel, bpy.types.Panel):
         state = context.window_manager.lfsr
         columns(self.layout).prop(context.scene.lfsr, "plan_target")
         row_if(session.current() is None, self.layout).operator("lfsr.plan", text="Find", icon="VIEWZOOM")
+        sentence(self.layout, summary.plan_cost(context.scene), "NONE", context)
         if state.plan_scene != context.scene.name_full:
             return
         sentence(self.layout, state.plan_text, "CHECKMARK" if state.plan_method else "INFO", context)

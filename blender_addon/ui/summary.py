@@ -12,12 +12,17 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import REPORT_FILE, SUBPIXELS
 from lfsr_core.frames.report import read_report
 from lfsr_core.optics.depth_scale import samples_at
+from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.panel_rays import rendered_size
+from lfsr_core.plan.first import most_paths
+from lfsr_core.plan.options import PlanOptions
+from lfsr_core.progress import duration
 
 from ..array import known, rig
 from ..render import devices
-from ..settings import folders, scene_settings
+from ..settings import folders, proof, scene_settings
 from ..settings.scene_settings import Resolved, length
+from ..settings.words import counted
 
 Facts = list[tuple[str, str]]
 METRICS = {"ssim_eia_fg": "SSIM Foreground", "ssim_lens_fg": "SSIM per Lens", "ssim_views_fg": "SSIM Views",
@@ -52,6 +57,25 @@ def sample_facts(settings: Resolved) -> Facts:
         return [("", f"{' to '.join(dict.fromkeys((rays[0], rays[-1])))} rays per pixel")]
     samples = [f"{samples_at(display, scale, settings.rays)}" for scale in scales]
     return [("", f"{' to '.join(dict.fromkeys((samples[-1], samples[0])))} samples")]
+
+
+def plan_cost(scene: bpy.types.Scene) -> str:
+    """A sentence on what finding the cheapest settings may cost; empty where the settings are wrong."""
+    try:
+        settings = scene_settings.resolve(scene)
+        paths = _most_paths(settings.display, round(scene.lfsr.plan_target, 4))
+    except LfsrError:
+        return ""  # the panel Display says what is wrong
+    state = bpy.context.window_manager.lfsr
+    if state.probe_scene == scene.name_full:
+        return f"Takes {duration(paths * state.probe_per_path)} at most. A first guess comes at once"
+    images = max(1, round(paths / proof.paths_of(settings)))
+    return f"Takes as long as {counted(images, 'image')} at most. A first guess comes at once"
+
+
+@functools.lru_cache(maxsize=8)
+def _most_paths(display: DisplayProfile, target: float) -> float:
+    return most_paths(display, PlanOptions(target=target))
 
 
 def depth_facts(scene: bpy.types.Scene) -> Facts:

@@ -107,6 +107,7 @@ class Looking:
         self.seconds = 0.0  # of second stages
         self._renders, self._model, self._report = renders, model, report
         self._stages = dict[tuple[int, str], StageTime]()
+        self._so_far = ""  # the choice that the looks before have led to
 
     def look(self, group: Group) -> None:
         """Render the lenses of the next look at one scale and sample count, and measure every candidate on them."""
@@ -126,6 +127,9 @@ class Looking:
         self._measure(group, folder, blocks, spent)
         self.seconds += time.perf_counter() - started
         measured.model = self._times()
+        options = measured.question.options
+        chosen = choose(measured.rated(), options.target, options.limit).chosen
+        self._so_far = f"scale {chosen.scale} with {chosen.spp} samples so far; " if chosen else ""
 
     def _measure(self, group: Group, folder: Path, blocks: Array, spent: float) -> None:
         """Measure a group's candidates on the render of ``blocks`` of lenses in ``folder``."""
@@ -171,7 +175,7 @@ class Looking:
         sample = self.measured.sample
         one, all_ = (sample.cost(dict.fromkeys(self.measured.looks, looks)) for looks in (1, len(sample.added)))
         whole = min(max(sample.limit, one), all_)
-        self._report(message, spent / whole, None if until is None else until / whole)
+        self._report(f"{self._so_far}{message}", spent / whole, None if until is None else until / whole)
 
     def _times(self) -> TimeModel:
         """Time model of all renders so far."""

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
+from lfsr_core.plan.candidates import METRICS, Candidate
+from lfsr_core.plan.first import first_guess
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.records import from_data, to_data
 from lfsr_core.tasks.blender_tasks import Found
@@ -17,7 +22,12 @@ from lfsr_core.tasks.blender_tasks import Found
 from ...background import recipes, session, steps
 from ...background.steps import Steps
 from ...settings import scene_settings
+from ...settings.methods import title
+from ...settings.words import counted
 from .base import UNDO, Prepared, Result, TaskOperator, reports_errors
+
+LOOK_FRACTION = 0.03  # of a plan's time
+CANDIDATE = re.compile(r"s(\d+)-spp(\d+) ([^\s,;]+)")  # a candidate's name in a sentence
 
 
 class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
@@ -34,7 +44,8 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
         job = recipes.frame_recipe(scene).job
         state = context.window_manager.lfsr
         state.plan_scene = state.plan_text = state.plan_method = ""  # the last result must not seem to be this one's
-        return find(job, options), functools.partial(show, scene.name_full)
+        name = scene.name_full
+        return find(job, options, functools.partial(guess, name)), functools.partial(show, name)
 
 
 class LFSR_OT_plan_use(bpy.types.Operator):
@@ -61,23 +72,40 @@ def wanted(scene: bpy.types.Scene) -> PlanOptions:
     return PlanOptions(target=round(scene.lfsr.plan_target, 4))
 
 
-def find(job: Job, options: PlanOptions) -> Steps:
-    """Plan for a copy of this file; the result is a ``Found``."""
+def find(job: Job, options: PlanOptions, tell: Callable[[Candidate], None] = lambda _: None) -> Steps:
+    """Plan for a copy of this file; the result is a ``Found``. ``tell`` is called with a first guess."""
     yield steps.SAVING
     with steps.file_copy() as copy:
         job = dataclasses.replace(job, scene=str(copy), output=str(copy.parent))
-        done = yield steps.rendering_step("Measuring lenses", 1.0, copy.parent, "plan", job=to_data(job),
+        looked = yield steps.depth_step(job, copy.parent, LOOK_FRACTION)
+        tell(first_guess(job.display, np.array(looked["moves"]), options))
+        done = yield steps.rendering_step("Measuring lenses", 1 - LOOK_FRACTION, copy.parent, "plan", job=to_data(job),
                                           options=to_data(options), work=str(Path(copy.parent, "plan")))
     return from_data(Found, done, "the plan's result")
 
 
+def guess(scene_name: str, chosen: Candidate) -> None:
+    """Store what is expected before anything was measured."""
+    _store(scene_name, f"First guess, from the depth: {in_words(chosen)}. Not measured", chosen)
+
+
 def show(scene_name: str, found: Found) -> None:
     """Store the result for the panel."""
-    state, chosen = bpy.context.window_manager.lfsr, found.chosen
-    state.plan_scene, state.plan_text = scene_name, found.sentence
+    text = CANDIDATE.sub(lambda match: in_words(Candidate(int(match[1]), int(match[2]), match[3])), found.sentence)
+    _store(scene_name, text.replace(METRICS[0], "SSIM"), found.chosen)
+
+
+def in_words(candidate: Candidate) -> str:
+    """Return what the panel calls a candidate, as in "scale 4×, 16 samples, Fast"."""
+    return f"scale {candidate.scale}×, {counted(candidate.spp, 'sample')}, {title(candidate.method)}"
+
+
+def _store(scene_name: str, text: str, chosen: Candidate | None) -> None:
+    state = bpy.context.window_manager.lfsr
+    state.plan_scene, state.plan_text, state.plan_method = scene_name, text, ""
     if chosen is not None:
         state.plan_scale, state.plan_samples, state.plan_method = chosen.scale, chosen.spp, chosen.method
-    print(f"Light Field: {found.sentence}")
+    print(f"Light Field: {text}")
     session.redraw()
 
 

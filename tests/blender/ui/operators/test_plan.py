@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.background import session
+from blender_addon.background import recipes, session
 from blender_addon.settings import methods, scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.operators import plan
@@ -41,9 +41,9 @@ def test_plan_is_found_shown_and_used(scene):
     assert bpy.ops.lfsr.plan() == {"FINISHED"}
     assert panel.snapshot(scene) == before
     state = bpy.context.window_manager.lfsr
-    assert state.plan_scene == scene.name and "ssim_lens_fg 0.5" in state.plan_text
+    assert state.plan_scene == scene.name and "SSIM 0.5" in state.plan_text
     drawn = draw(panels.LFSR_PT_plan)
-    assert "s2-spp1" in labels(drawn) and operators(drawn) == {"lfsr.plan", "lfsr.plan_use"}
+    assert "cale 2×, 1 sample, " in labels(drawn) and operators(drawn) == {"lfsr.plan", "lfsr.plan_use"}
     assert bpy.ops.lfsr.plan_use() == {"FINISHED"}
     assert (scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method) == ("2", 0, state.plan_method)
     assert (scene.lfsr.rays, scene_settings.resolve(scene).samples) == (0.25, 1)
@@ -61,7 +61,7 @@ def test_a_plan_that_finds_nothing_has_nothing_to_use(scene):
 def test_a_plan_of_another_scene_is_not_shown(scene):
     plan.show("Other", Found("found", Candidate(2, 4, DEFAULT_METHOD)))
     drawn = draw(panels.LFSR_PT_plan)
-    assert properties(drawn) == {"plan_target"} and not labels(drawn)
+    assert properties(drawn) == {"plan_target"} and "found" not in labels(drawn)
     with pytest.raises(RuntimeError, match="No settings were found for scene 'Scene'"):
         bpy.ops.lfsr.plan_use()
 
@@ -78,7 +78,7 @@ def test_cancel_ends_the_render_it_started(scene):
     assert time.perf_counter() - started < 5 and session.current() is None
     wait_for(lambda: not children(work), seconds=3)
     assert not list(work.glob("lfsr-*/*")) and not task.worker
-    assert context.window_manager.lfsr.plan_text == ""
+    assert not context.window_manager.lfsr.plan_text or "Not measured" in context.window_manager.lfsr.plan_text
 
 
 def test_every_method_tried_can_be_set(scene):
@@ -106,3 +106,24 @@ def wait_for(condition, seconds: float = SECONDS_TO_START) -> None:
         assert time.monotonic() < ends
         session._look()
         time.sleep(0.05)
+
+
+def test_a_first_guess_comes_before_anything_is_measured(scene, monkeypatch):
+    job, told = recipes.frame_recipe(scene).job, []
+    found = plan.find(job, plan.wanted(scene), told.append)
+    task = session.start("Find Cheapest Settings", found, lambda _: None)
+    try:
+        panel.wait_for(lambda: bool(told))
+        assert task.stage == "Measuring lenses" and (told[0].scale, told[0].spp) == (2, 1)
+        plan.guess(scene.name, told[0])
+        drawn = draw(panels.LFSR_PT_plan)
+        assert "First guess" in labels(drawn) and "lfsr.plan_use" in operators(drawn)
+    finally:
+        session.cancel()
+
+
+def test_what_it_costs_is_said_before(scene):
+    assert "as long as" in labels(draw(panels.LFSR_PT_plan)) and "images at most" in labels(draw(panels.LFSR_PT_plan))
+    state = bpy.context.window_manager.lfsr
+    state.probe_scene, state.probe_per_path = scene.name_full, 1e-6
+    assert "Takes 1 min 40 s at most" in labels(draw(panels.LFSR_PT_plan))

@@ -1,0 +1,31 @@
+"""Before a plan has measured anything: what it may cost, and a first guess from the depth of the scene."""
+
+from __future__ import annotations
+
+from lfsr_core.arrays import Array
+from lfsr_core.optics.depth_scale import MODEL, LossModel
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.plan.candidates import Candidate, samples_of
+from lfsr_core.plan.options import PlanOptions
+from lfsr_core.plan.planner import FREE_SAMPLES
+
+
+def most_paths(display: DisplayProfile, options: PlanOptions) -> float:
+    """Return the most path samples that a plan may take, unless the fewest lenses take more."""
+    costliest = max(samples_of(candidate, display) for candidate in options.candidates(display))
+    return max(options.budget * costliest, FREE_SAMPLES)
+
+
+def first_guess(display: DisplayProfile, moves: Array, options: PlanOptions, model: LossModel = MODEL) -> Candidate:
+    """Return the cheapest candidate that is predicted to reach the target, else the one predicted to lose least.
+
+    ``moves`` (n,): disparities of points of the subject, as of ``optics.depth_scale.disparities``. Of the methods at
+    one scale and sample count, which the model does not tell apart, the one with most steps is taken.
+    """
+    found = options.candidates(display)
+    loss = {candidate: model.loss(moves, candidate.scale, candidate.spp) for candidate in found}
+    enough = [candidate for candidate in found if loss[candidate] <= 1 - options.target]
+    # Candidates come in the order of their cost.
+    chosen = enough[0] if enough else min(found, key=loss.__getitem__)
+    return max((candidate for candidate in found if (candidate.scale, candidate.spp) == (chosen.scale, chosen.spp)),
+               key=lambda candidate: candidate.steps)
