@@ -8,7 +8,7 @@ from lfsr_core.optics.display import DisplayProfile
 
 LEAST_LEFT = 0.5  # seconds
 # Seconds of the second stage on two cores: its start, per million finished pixels, and per million rendered ones.
-START, PER_FINISHED, PER_RENDERED, PER_DENOISED = 1.8, 0.07, 0.05, 0.5
+START, PER_FINISHED, PER_RENDERED, PER_DENOISED = 0.8, 0.07, 0.05, 0.5
 _slower: dict[str, float] = {}  # seconds that steps took as multiples of those expected, in this session
 
 

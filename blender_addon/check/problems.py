@@ -29,9 +29,10 @@ def check_scene(scene: bpy.types.Scene) -> list[Problem]:
     return _sorted(problem for check in (*QUICK, _denoiser, _geometry) for problem in check(scene))
 
 
-def to_ask(scene: bpy.types.Scene) -> list[Problem]:
-    """Return what an artist is asked about before a render, worst first."""
-    return _sorted(problem for check in QUICK for problem in check(scene) if problem.asks)
+def to_ask(scene: bpy.types.Scene, frames: int = 1) -> list[Problem]:
+    """Return what an artist is asked about before a render of ``frames`` images, worst first."""
+    found = [problem for check in QUICK if check is not disk.find for problem in check(scene) if problem.asks]
+    return _sorted([*found, *disk.find(scene, frames)])
 
 
 def _sorted(problems: Iterable[Problem]) -> list[Problem]:

@@ -125,24 +125,25 @@ def refresh(scene: bpy.types.Scene) -> list[Problem]:
     return problems
 
 
-def questions(scene: bpy.types.Scene) -> list[Question]:
-    """Return what an artist is asked before a render of ``scene``, once for each thing in a session."""
-    new = [problem for problem in to_ask(scene) if _key(scene, problem) not in _accepted]
+def questions(scene: bpy.types.Scene, frames: int = 1) -> list[Question]:
+    """Return what an artist is asked before ``frames`` images of ``scene``, once for each thing in a file."""
+    new = [problem for problem in to_ask(scene, frames) if _key(scene, problem) not in _accepted]
     accept = functools.partial(_accepted.update, [_key(scene, problem) for problem in new])
     rows = grouped(new)
-    asked = [*_long(scene), *(Question(_sentence(row), "Render", accept=accept) for row in rows[:MOST_ROWS])]
+    asked = [*_long(scene, frames), *(Question(_sentence(row), "Render", accept=accept) for row in rows[:MOST_ROWS])]
     if len(rows) > MOST_ROWS:
         asked.append(Question(f"Scene Check lists {len(rows) - MOST_ROWS} more", "Render", accept=accept))
     return asked
 
 
-def _long(scene: bpy.types.Scene) -> list[Question]:
-    """Ask before an image that will take long, again where it will take longer than was accepted."""
-    seconds = probe.expected_seconds(scene) or 0.0
+def _long(scene: bpy.types.Scene, frames: int) -> list[Question]:
+    """Ask before images that will take long, again where they will take longer than was accepted."""
+    seconds = frames * (probe.expected_seconds(scene) or 0.0)
+    what = "The image" if frames == 1 else f"{frames} images"
     key = scene.name_full, "time", f"{max(seconds, 1.0):.0e}"
     if seconds < LONG or key in _accepted:
         return []
-    return [Question(f"The image will take about {duration(seconds)}", "Render",
+    return [Question(f"{what} will take about {duration(seconds)}", "Render",
                      accept=functools.partial(_accepted.add, key))]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -114,8 +114,8 @@ def show_image_of(scene: bpy.types.Scene) -> Callable[[Path], None]:
     return functools.partial(_show_image, scene.name_full)
 
 
-def _asked(scene: bpy.types.Scene, frames: Iterable[int]) -> list[Question]:
-    return [*_denoising(scene), *_overwriting(scene, frames), *check.questions(scene)]
+def _asked(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
+    return [*_denoising(scene), *_overwriting(scene, frames), *check.questions(scene, len(frames))]
 
 
 def _denoising(scene: bpy.types.Scene) -> list[Question]:
@@ -149,7 +149,7 @@ def _show_proof_of(scene: bpy.types.Scene, recipe: recipes.Recipe) -> Callable[[
     return show
 
 
-def _overwriting(scene: bpy.types.Scene, frames: Iterable[int]) -> list[Question]:
+def _overwriting(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
     taken = "" if scene.lfsr.use_overwrite else folders.first_foreign(scene, frames)
     return [Question(taken, "Overwrite", "turn on Overwrite, or choose another output folder")] if taken else []
 

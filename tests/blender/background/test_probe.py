@@ -67,3 +67,6 @@ def test_a_long_image_is_asked_about_until_it_is_accepted(scene):
     assert check.questions(scene) == []
     remembered(scene, per_path=30.0)
     assert len(check.questions(scene)) == 1
+    remembered(scene, per_path=1e-2)
+    assert check.questions(scene) == []
+    assert [question.sentence[:9] for question in check.questions(scene, 250)] == ["250 image"], "each takes little"

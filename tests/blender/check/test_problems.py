@@ -129,6 +129,9 @@ def test_too_little_room(scene, monkeypatch):
         seen = [problem for problem in problems.to_ask(scene) if problem.target == "Disk Space"]
         assert [problem.code for problem in seen] == codes
         assert all(problem.code in OPERATORS and problem.severity == "ERROR" for problem in seen)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=10 * needed))
+    assert problems.to_ask(scene, 10) == [] and [problem.code for problem in problems.to_ask(scene, 11)] == ["disk"]
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=0))
     assert disk.free(Path(bpy.app.tempdir, "not", "there")) == 0
 
 

@@ -31,6 +31,11 @@ for number in range(300):
     rod.scale, rod.location = (0.001, 0.001, 0.3), (number % 20 / 20 - 0.5, 0, 0.5 + number // 20 / 20)
     bpy.context.scene.collection.objects.link(rod)
 """
+CLOSE_OTHERS = """
+for other in list(bpy.context.window_manager.windows)[1:]:
+    with bpy.context.temp_override(window=other):
+        bpy.ops.wm.window_close()
+"""
 SECONDS_TO_CHECK = 30  # on a busy machine
 
 
@@ -96,3 +101,15 @@ def test_a_render_asks_first_and_only_once(window):
     assert window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))") == ["FINISHED"]
     window.until(f"{TASK} is None", SECONDS_TO_RENDER)
     window.settle()
+
+
+def test_the_time_is_measured_with_a_few_lenses(window):
+    assert window.get("list(bpy.ops.lfsr.estimate_time('INVOKE_DEFAULT', True))") == ["FINISHED"]
+    window.until(f"{TASK} is None", SECONDS_TO_RENDER)
+    assert window.get("bpy.context.window_manager.lfsr.message") == ""
+    seconds = window.get("addon.background.probe.expected_seconds(bpy.context.scene)")
+    window.run("bpy.context.scene.lfsr.samples *= 1000")
+    assert 0 < seconds < window.get("addon.background.probe.expected_seconds(bpy.context.scene)")
+    window.run(CLOSE_OTHERS + "addon.check.watch.redraw()")
+    window.screenshot("check-time")
+    window.run("bpy.context.scene.lfsr.samples //= 1000")
