@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 
+from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile
 
 LEAST_LEFT = 0.5  # seconds
 # Seconds of the second stage on two cores: its start, per million finished pixels, and per million rendered ones.
-START, PER_FINISHED, PER_RENDERED, PER_DENOISED = 0.8, 0.07, 0.05, 0.5
+START, PER_FINISHED, PER_RENDERED, PER_DENOISED = 1.2, 0.07, 0.05, 0.5
+# Cycles reports its first sample early and the next ones rarely: a speed of the same scene before counts as if so much
+# of the work had been done at it.
+TRUST = 0.15
+_speeds: dict[tuple[str, str | None], float] = {}  # seconds per path sample of scenes, in this session
 _slower: dict[str, float] = {}  # seconds that steps took as multiples of those expected, in this session
 
 
@@ -23,9 +28,12 @@ class Moment:
 class StepClock:
     """Follows one step; every ``now`` is of the same clock."""
 
-    def __init__(self, now: float, expected: float | None = None) -> None:
-        """``expected``: seconds that the step will take, None where only its progress tells."""
-        self.started, self.expected = now, expected
+    def __init__(self, now: float, expected: float | None = None, before: float | None = None) -> None:
+        """``expected``: seconds that the step will take, None where only its progress tells.
+
+        ``before``: seconds that the work itself would take at the speed of an earlier step, None where there was none.
+        """
+        self.started, self.expected, self.before = now, expected, before
         # When the work itself began, after scenes were opened and prepared, and when it was last heard of.
         self._first: Moment | None = None
         self._last: Moment | None = None
@@ -43,6 +51,10 @@ class StepClock:
         # A step that is late by some seconds is expected to take as many more.
         return None if total is None else max(abs(total - (now - begun.time)), LEAST_LEFT)
 
+    def worked(self, now: float) -> float | None:
+        """Seconds since the work itself began, None where an earlier run has done some of it."""
+        return now - self._first.time if self._first and not self._first.done else None
+
     def share(self, now: float) -> float:
         """Fraction of the step that is done by now, as its time goes, and at least what was reported."""
         left, reported = self.left(now), self._last.done if self._last else 0.0
@@ -55,9 +67,13 @@ class StepClock:
     def _work(self) -> tuple[float | None, Moment]:
         """Seconds of the work from its beginning to its end, and that beginning."""
         first, last = self._first, self._last
-        if first is not None and last is not None and last.done > first.done and self.expected is None:
-            return (last.time - first.time) * (1 - first.done) / (last.done - first.done), first
-        return self.expected, Moment(self.started, 0.0)
+        if first is None or last is None or self.expected is not None:
+            return self.expected, Moment(self.started, 0.0)
+        rest, known = 1 - first.done, last.done - first.done
+        seen = (last.time - first.time) * rest / known if known else None
+        if self.before is None or seen is None:
+            return (seen if self.before is None else self.before * rest), first
+        return (known * seen + TRUST * self.before * rest) / (known + TRUST), first
 
 
 def expected(stage: str, seconds: float) -> float:
@@ -69,6 +85,28 @@ def learn(stage: str, seconds: float, took: float) -> None:
     """Note how long a step took for which ``seconds`` were expected."""
     if seconds > 0 and took > 0:
         _slower[stage] = _slower.get(stage, 1.0) * took / seconds
+
+
+def sampling(job: Job) -> float | None:
+    """Seconds of the path samples of ``job`` at the speed at which its scene was rendered before, if it was."""
+    speed = _speeds.get((job.source, job.scene_name))
+    return None if speed is None else speed * paths(job)
+
+
+def learn_sampling(job: Job, seconds: float) -> None:
+    """Note how long the samples of ``job`` took."""
+    _speeds[job.source, job.scene_name] = seconds / paths(job)
+
+
+def forget_speeds() -> None:
+    """Forget the speeds of all scenes: files in two folders can have one name."""
+    _speeds.clear()
+
+
+def paths(job: Job) -> float:
+    """Path samples of all lenses of ``job``, whatever scale it chooses."""
+    finished = job.display.eia_pixels[0] * job.display.eia_pixels[1]
+    return finished * (job.rays or job.spp / job.display.finished_pixels(job.scale))
 
 
 def second_stage(display: DisplayProfile, scale: int, method: str) -> float:

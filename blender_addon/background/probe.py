@@ -50,7 +50,9 @@ def measure(job: Job) -> Steps:
         others = [str(write_job(jobs[name], folder / f"{name}.json")) for name in NAMES[1:]]
         yield dataclasses.replace(step, command=[*step.command, *others], seconds=SECONDS)
         frames = {name: read_part(folder / name) for name in NAMES}
-    return _measured(frames, time.monotonic() - started)
+    measured = _measured(frames, time.monotonic() - started)
+    estimate.learn_sampling(job, measured.per_path * estimate.paths(job))
+    return measured
 
 
 def _measured(frames: dict[str, Frame], wall: float) -> Measured:

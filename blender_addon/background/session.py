@@ -14,6 +14,7 @@ from lfsr_core.files import system_errors
 
 from ..results import show_image
 from ..settings.words import capitalized, clock
+from . import estimate
 from .steps import ALONE, Steps, Task
 
 SECONDS_BETWEEN_LOOKS = 0.1
@@ -173,6 +174,7 @@ def _opened(*_: object) -> None:
     """Another file was opened: the old one's task must change nothing in it, but its images are saved."""
     global _finish
     _finish = None
+    estimate.forget_speeds()
 
 
 def register() -> None:

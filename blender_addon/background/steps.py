@@ -46,6 +46,7 @@ class Step:
     parts: Path | None = None  # folder in which it caches parts of a long render
     seconds: float | None = None  # that it takes on a usual machine, None where only its progress tells
     after: float = 0.0  # seconds of the steps after it
+    job: Job | None = None  # that it renders with all its lenses
     message: str = ""  # what is shown until it reports
     resumes: bool = False  # whether the same step continues where it was stopped, also without parts
 
@@ -157,9 +158,7 @@ class Task:
     def _advance(self, record: dict[str, Any] | None) -> None:
         if self._step is not None:
             self._before += self._step.fraction
-            if self._step.seconds is not None:
-                took = time.monotonic() - self._clock.started
-                estimate.learn(self._step.stage, self._clock.expected or 0.0, took)
+            self._learn(self._step)
         try:
             self._step = next(self._steps) if record is None else self._steps.send(record)
         except StopIteration as end:
@@ -168,16 +167,27 @@ class Task:
         self.message, self.stage = self._step.message, self._step.stage
         seconds = self._step.seconds
         self._clock = estimate.StepClock(
-            time.monotonic(), seconds if seconds is None else estimate.expected(self.stage, seconds))
+            time.monotonic(), seconds if seconds is None else estimate.expected(self.stage, seconds),
+            estimate.sampling(self._step.job) if self._step.job else None)
         self._parts = self._step.parts or self._parts
         self.worker = Worker(self._step.worker, self._step.command) if self._step.command else None
+
+
+    def _learn(self, step: Step) -> None:
+        """Note how long a step has taken, for the next of its kind."""
+        now = time.monotonic()
+        if step.seconds is not None:
+            estimate.learn(step.stage, self._clock.expected or 0.0, now - self._clock.started)
+        worked = self._clock.worked(now)
+        if step.job is not None and worked is not None:
+            estimate.learn_sampling(step.job, worked)
 
 
 def render_step(job: Job, folder: Path, fraction: float, stage: str, after: float = 0.0) -> Step:
     """Render ``job`` in a background Blender; the job file goes into ``folder``. Else as of ``Step``."""
     path = write_job(job, folder / "job.json")
     return Step(stage, fraction, "The render", _render_command(path), Path(job.parts) if job.parts else None,
-                after=after, message=OPENING)
+                after=after, message=OPENING, job=None if job.lens_list else job)
 
 
 def write_job(job: Job, path: Path) -> Path:

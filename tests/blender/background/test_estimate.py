@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 
 from blender_addon.background import estimate
 from blender_addon.background.estimate import StepClock
+from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import load_display
 
 OPENING = 30.0  # seconds before the work begins
@@ -59,3 +62,29 @@ def test_a_larger_image_and_a_denoiser_take_longer():
     seconds = [estimate.second_stage(small, 2, "bilinear"), estimate.second_stage(large, 4, "bilinear"),
                estimate.second_stage(large, 4, "denoise+bilinear+epi"), estimate.second_stage(large, 1, "denoise")]
     assert seconds == sorted(seconds) and seconds[-1] > 2 * seconds[-2]
+
+
+def test_the_speed_of_an_earlier_render_steadies_the_first_report():
+    clock = StepClock(0.0, before=100.0)
+    clock.take(10.0, 0.0)
+    assert clock.left(10.0) == pytest.approx(100.0) and clock.worked(30.0) == pytest.approx(20.0)
+    clock.take(13.0, 0.01)  # by itself it would make 300 seconds of it
+    assert 97.0 < clock.left(13.0) < 115.0
+    clock.take(160.0, 0.5)
+    assert clock.left(160.0) == pytest.approx(150 - 200 * estimate.TRUST / (0.5 + estimate.TRUST), rel=0.01)
+    resumed = StepClock(0.0, before=100.0)
+    resumed.take(10.0, 0.6)
+    assert resumed.left(10.0) == pytest.approx(40.0) and resumed.worked(30.0) is None
+
+
+def test_a_scenes_speed_holds_for_other_settings_of_it(monkeypatch, tmp_path):
+    monkeypatch.setattr(estimate, "_speeds", {})
+    job = Job(output=str(tmp_path), display=load_display("mini"), scale=2, spp=4, source="a.blend", scene_name="Scene")
+    assert estimate.sampling(job) is None
+    estimate.learn_sampling(job, 10.0)
+    assert estimate.sampling(dataclasses.replace(job, spp=12)) == pytest.approx(30.0)
+    # Four times the pixels, at a quarter of the samples.
+    assert estimate.sampling(dataclasses.replace(job, scale=1, spp=1)) == pytest.approx(10.0)
+    auto = dataclasses.replace(job, scale=2, scales=(2, 1), rays=1.0)
+    assert estimate.sampling(auto) == pytest.approx(10.0)
+    assert estimate.sampling(dataclasses.replace(job, source="b.blend")) is None

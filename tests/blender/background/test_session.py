@@ -96,6 +96,8 @@ def test_a_copy_that_cannot_be_saved_ends_the_task(scene, monkeypatch):
 
 
 def test_progress_and_time_left(scene, monkeypatch):
+    bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)  # no speed of an earlier render is known
+    scene = bpy.context.scene
     task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
     panel.wait_for(lambda: task.worker)
     assert session.progress_text(task) == "Opening the scene"
