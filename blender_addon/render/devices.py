@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
@@ -15,6 +16,7 @@ from .overrides import overridden
 # The fastest first: "auto" is the first that this machine has.
 GPU_TYPES = ("OPTIX", "CUDA", "HIP", "ONEAPI", "METAL")
 WITH_OSL_CAMERA = ("CPU", "OPTIX")
+ADDRESS = re.compile(r"[0-9a-f]{4}:[0-9a-f]{2}:[0-9a-f]{2}")
 
 
 def has_osl() -> bool:
@@ -75,6 +77,17 @@ def enabled(device: str) -> Iterator[None]:
         for item in preferences.devices:
             stack.enter_context(overridden(item, {"use": item.type == device}))
         yield
+
+
+def gpu_addresses(device: str) -> tuple[str, ...]:
+    """Return the PCI addresses, as "0000:65:00", of the devices of the GPU type ``device``; () for the CPU.
+
+    Cycles writes them into the ids of its devices, but for Metal.
+    """
+    if device == "CPU":
+        return ()
+    found = (ADDRESS.search(item.id) for item in cycles_preferences().get_devices_for_type(device))
+    return tuple(dict.fromkeys(match[0] for match in found if match))
 
 
 def cycles_preferences() -> bpy.types.AddonPreferences:

@@ -119,7 +119,8 @@ def _frame(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object]) -> 
         layout=layout, layers=layers, clip=placement.clip_of(scene), world_visible=world_visible,
         color=color_settings(scene, world_visible), scene=os.path.basename(job.scene or bpy.data.filepath),
         scene_name=job.scene_name or scene.name_full, source=job.source, subject=job.subject or "",
-        camera=job.camera or "", light=job.light, blender=bpy.app.version_string, device=job.device)
+        camera=job.camera or "", light=job.light, blender=bpy.app.version_string, device=job.device,
+        gpus=devices.gpu_addresses(job.device))
 
 
 def _world_visible(scene: bpy.types.Scene, job: Job) -> bool:

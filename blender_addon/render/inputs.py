@@ -44,7 +44,7 @@ def inputs_before_opening(job: Job, content: str) -> dict[str, str]:
 
 def inputs(scene: bpy.types.Scene, job: Job, frame: Frame, content: str) -> dict[str, str]:
     """Return a digest of each kind of input, by a name for messages; ``content``: digest of the scene's file."""
-    resolved = to_data(dataclasses.replace(frame, seconds={}))
+    resolved = to_data(dataclasses.replace(frame, seconds={}, gpus=()))
     resolved |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail, "light": job.light}
     files = {*map(Path, bpy.utils.blend_paths(absolute=True, packed=False, local=False)), *image_files()}
     return inputs_before_opening(job, content) | {

@@ -20,6 +20,7 @@ from lfsr_core.records import from_data, to_data
 
 FORMAT = 1
 SUBPIXELS = "subpixels"
+DEVICES_JOINED = "+"  # between the devices of a frame that several machines rendered
 # The OSL camera, or the lens card on devices that cannot run it; the lens card; one ordinary camera per view; a card
 # with the rays of a panel's subpixels (direct subpixel rendering) instead of those of a light field.
 LAYOUTS = ("one-pass", "lens-card", "view-by-view", SUBPIXELS)
@@ -69,9 +70,10 @@ class Frame:
     content: str = ""  # digest of the scene's file, see render.content; empty where it is not known
     camera: str = ""  # name of the camera that was asked for, empty for the scene's own
     light: str = ""  # its own, the name or file of a world image, or even, see ``job.LIGHTS``; empty where not known
-    # blender, device: version and device that rendered it
+    # blender, device, gpus: version and device that rendered it, with the PCI addresses of the GPUs where known
     blender: str = ""
     device: str = "CPU"
+    gpus: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()  # what the user was told of this render
     # of the render stage: "open" and "render", which includes that of the "world"
     seconds: dict[str, float] = dataclasses.field(default_factory=dict)

@@ -34,6 +34,10 @@ class LowResEIA:
     noisy: Array | None = None  # colour as rendered, where a denoiser has changed ``color``
     parallax: tuple[bool, bool] = (True, True)  # axes, (horizontal, vertical), along which the display's views differ
     exposure: float = 0.0  # of the view transform, in stops
+    # device, gpus: on which the frame was rendered
+    device: str = "CPU"
+    gpus: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # sentences for the report, on what was done to it
     # For a world that is put behind the finished elemental images: how much of it is covered (C = 3, in [0, 1]), the
     # row and column of each lens on the display (sy, sx, 2), and what the lenses see of the world.
     opacity: Array | None = None
@@ -99,7 +103,7 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
         images["opacity"] = 1 - np.clip(layers["environment"], 0, 1)
     tiles: dict[str, Any] = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
     return LowResEIA(**tiles, samples=frame.samples, scale=frame.scale, parallax=frame.display.parallax, world=world,
-                     exposure=frame.color.exposure,
+                     exposure=frame.color.exposure, device=frame.device, gpus=frame.gpus,
                      places=frame.rays.shown_lenses if frame.world_apart else None)
 
 

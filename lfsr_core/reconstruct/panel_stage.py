@@ -6,7 +6,7 @@ it has one: three times the pixels, but 1.6 to 3.2 dB more accurate (docs/notebo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -28,6 +28,7 @@ from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.clock import StageClock, peak_bytes
 from lfsr_core.reconstruct.method_name import AS_RENDERED, PANEL_METHODS, MethodName
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, span
+from lfsr_core.reconstruct.methods.oidn_devices import Wanted
 from lfsr_core.reconstruct.options import UpscaleOptions
 
 NEED_LENSES = ("dilate", "weights", "step", "linear_exr", "temporal_averaging")
@@ -46,13 +47,13 @@ def check_panel_finish(method: MethodName, options: UpscaleOptions) -> None:
 
 def finish_panel(folder: Path, staged: Path, frame: Frame, method: MethodName, progress: Progress = silent) -> Report:
     """Write the panel.png of a frame folder after direct subpixel rendering into the folder ``staged``."""
-    clock = StageClock(frame.seconds)
+    clock, said = StageClock(frame.seconds), list[str]()
     progress("load", 0.0, LOW_RES_FILE)
     with clock("load"):
         layers, replaced = read_finite(folder / LOW_RES_FILE)
     progress("upscale", 0.0, method.text)
     with clock("upscale"):
-        image = linear_panel_image(layers, frame, method)
+        image = linear_panel_image(layers, frame, method, said.append)
     progress("color", 0.0, PANEL_FILE)
     with clock("color"):
         show = ViewTransform(frame.color, image.shape[0] * image.shape[1])
@@ -60,7 +61,7 @@ def finish_panel(folder: Path, staged: Path, frame: Frame, method: MethodName, p
     with clock("write"):
         write_png(staged / PANEL_FILE, pixels)
     background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]
-    notes = (*frame.notes, *replaced_notes(replaced, layers["color"][..., 3].size),
+    notes = (*frame.notes, *replaced_notes(replaced, layers["color"][..., 3].size), *said,
              *(unseen_notes(layers) or exposure_notes(pixels, background)))
     return Report(
         method=method.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
@@ -69,8 +70,9 @@ def finish_panel(folder: Path, staged: Path, frame: Frame, method: MethodName, p
         replaced_pixels=replaced, layout=frame.layout, device=frame.device)
 
 
-def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: MethodName) -> Array:
-    """Panel image (H, W, 3), scene-linear, from the layers of a direct subpixel rendering.
+def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: MethodName,
+                       note: Callable[[str], object] = str) -> Array:
+    """Panel image (H, W, 3), scene-linear, from the layers of a direct subpixel rendering; ``note``: see ``oidn``.
 
     LfsrError where the layers and the frame differ in size.
     """
@@ -81,17 +83,17 @@ def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: Method
                         "render the frame again")
     traced = over_background(layers, frame)
     if method.text != AS_RENDERED:
-        traced = _denoised(traced, np.asarray(frame.display.background, np.float32))
+        traced = _denoised(traced, frame, note)
     return panel_image(frame.panel_rays, traced)
 
 
-def _denoised(traced: Array, background: Array) -> Array:
+def _denoised(traced: Array, frame: Frame, note: Callable[[str], object]) -> Array:
     """Denoise the rectangle that shows more than the background."""
-    seen = (traced != background).any(-1)
+    seen = (traced != np.asarray(frame.display.background, np.float32)).any(-1)
     part = span(seen.any(1), 1), span(seen.any(0), 1)
     if traced[part].size:
         traced = traced.copy()
-        traced[part] = denoise_eia(traced[part])
+        traced[part] = denoise_eia(traced[part], device=Wanted.of(frame.device, frame.gpus), note=note)
     return traced
 
 

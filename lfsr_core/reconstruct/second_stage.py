@@ -257,4 +257,4 @@ def _report(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> R
 def _notes(run: _Run, assembly: Assembly, replaced: int, notes: list[str]) -> tuple[str, ...]:
     frame, low = run.frame, assembly.low
     return (*filter(None, [frame.scale_reason]), *frame.notes, *replaced_notes(replaced, low.alpha.size), *notes,
-            *assembly.upscaler.notes, *averaging_notes(run.neighbours))
+            *low.notes, *assembly.upscaler.notes, *averaging_notes(run.neighbours))

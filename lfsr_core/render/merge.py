@@ -14,7 +14,15 @@ import numpy as np
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
-from lfsr_core.frames.frame import FRAME_FILE, REFERENCE_FILES, WORLD_FILE, Frame, read_part, write_frame
+from lfsr_core.frames.frame import (
+    DEVICES_JOINED,
+    FRAME_FILE,
+    REFERENCE_FILES,
+    WORLD_FILE,
+    Frame,
+    read_part,
+    write_frame,
+)
 from lfsr_core.frames.identity import first_difference, phrases
 from lfsr_core.images import exr
 from lfsr_core.optics.lens_rows import Rows, check_cover, pixel_rows, rows_text
@@ -22,8 +30,7 @@ from lfsr_core.progress import Progress, silent
 from lfsr_core.render.process import DERIVED_FILES, RENDERED_FILES, check_folder
 from lfsr_core.render.staging import publish, staging_folder
 
-FREE = {"rows", "seconds", "device", "content", "notes"}  # fields in which the parts of one frame may differ
-DEVICES_JOINED = "+"
+FREE = {"rows", "seconds", "device", "gpus", "content", "notes"}  # fields in which the parts of one frame may differ
 
 
 def part_folders(folders: Sequence[Path]) -> list[Path]:
@@ -115,7 +122,9 @@ def _merged(parts: list[_Part], **changes: int | None) -> Frame:
     seconds = {name: round(sum(frame.seconds.get(name, 0.0) for frame in frames), 3) for name in frames[0].seconds}
     devices = {name for frame in frames for name in frame.device.split(DEVICES_JOINED)}
     notes = tuple(dict.fromkeys(note for frame in frames for note in frame.notes))
-    fields = {**changes, "notes": notes, "seconds": seconds, "device": DEVICES_JOINED.join(sorted(devices))}
+    gpus = tuple(sorted({address for frame in frames for address in frame.gpus}))
+    fields = {**changes, "notes": notes, "seconds": seconds, "device": DEVICES_JOINED.join(sorted(devices)),
+              "gpus": gpus}
     return Frame(**(vars(frames[0]) | fields))
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames import low_res
-from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
+from lfsr_core.frames.frame import LOW_RES_FILE, read_frame, write_frame
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.images.exr import read_layers, write_layers
@@ -47,6 +47,23 @@ def test_upscaling_comes_near_the_true_light_field(tmp_path, display, shape):
     assert error["bicubic+epi"] <= error["bicubic"] * 1.05
     second_stage.upscale_frame(tmp_path, "oidn+bilinear+epi")
     assert read_png(tmp_path / "eia.png").shape == shape
+
+
+def test_a_frame_of_a_device_that_is_not_here_is_denoised_on_the_cpu_and_says_so(tmp_path):
+    """The same image as a frame that the CPU rendered, with one sentence in the report."""
+    refused = "HIP" if sys.platform == "darwin" else "METAL"
+    images = {}
+    for device in ("CPU", f"CPU+{refused}"):
+        folder = tmp_path / device
+        folder.mkdir()
+        write_render(folder)
+        write_frame(folder, dataclasses.replace(read_frame(folder), device=device, gpus=("0000:65:00",)))
+        images[device] = second_stage.finished_linear(folder, "denoise+bilinear")
+        report = second_stage.upscale_frame(folder, "denoise+bilinear")
+        said = [note for note in report.notes if "denoised on the CPU" in note]
+        assert (len(said), report.device) == (device != "CPU", device)
+        assert all(f"the {refused} device of the render cannot be used here (" in note for note in said)
+    np.testing.assert_array_equal(*images.values())
 
 
 def test_a_network_says_that_it_wants_views_along_both_axes(tmp_path):

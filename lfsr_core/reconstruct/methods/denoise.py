@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.methods import oidn
+from lfsr_core.reconstruct.methods.oidn_devices import CPU, Wanted
 
 CONTEXT = 32  # pixels around the wanted ones that the denoiser sees too
 POOLED = 16  # pixels that the denoiser's network pools into one
@@ -27,18 +29,19 @@ VERSION = 9  # of the result: figures measured with another version are out of d
 Box = tuple[slice, slice]  # rows and columns of lenses
 
 
-def denoise_eia(color: Array, *, weights: bytes | None = None, exposure: float = 0.0) -> Array:
+def denoise_eia(color: Array, *, weights: bytes | None = None, exposure: float = 0.0, device: Wanted = CPU,
+                note: Callable[[str], object] = str) -> Array:
     """Denoise one image (H, W, 3), scene-linear >= 0, from its colour; LfsrError where the library is missing or fails.
 
     ``weights``: of ``denoiser.load``, which see display white as 1; None for the library's own, which expose by
-    themselves. ``exposure``: of the view transform in stops, for the first.
+    themselves. ``exposure``: of the view transform in stops, for the first. ``device``, ``note``: see ``oidn.denoise``.
     """
     if reason := oidn.why_missing():
         raise LfsrError(f"Open Image Denoise is not available ({reason}): install the package pyoidn, or choose a "
                         "method without a denoiser, such as 'bilinear'")
     try:
         denoised = oidn.denoise(np.asarray(color, np.float32), hdr=True, quality="high", weights=weights,
-                                input_scale=None if weights is None else 2.0 ** exposure)
+                                input_scale=None if weights is None else 2.0 ** exposure, device=device, note=note)
     except (ImportError, RuntimeError) as error:
         raise LfsrError(f"Open Image Denoise failed on an image of shape {color.shape} ({error}): "
                         "choose a method without a denoiser, such as 'bilinear'") from None
@@ -52,12 +55,14 @@ def denoise_low_resolution(low: LowResEIA, weights: str | Path | None = denoiser
     where the file is missing or damaged.
     """
     content, part = None if weights is None else denoiser.load(weights), shown_part(low.color)
+    notes = list(low.notes)
     images = mirrored(low.color)
     rows, columns = images[part].shape[:2]
     if rows * columns:
-        denoised = denoise_eia(from_elemental_images(images[part]), weights=content, exposure=low.exposure)
+        denoised = denoise_eia(from_elemental_images(images[part]), weights=content, exposure=low.exposure,
+                               device=Wanted.of(low.device, low.gpus), note=notes.append)
         images[part] = to_elemental_images(denoised, (columns, rows))
-    return dataclasses.replace(low, color=mirrored(images), noisy=low.color)
+    return dataclasses.replace(low, color=mirrored(images), noisy=low.color, notes=tuple(notes))
 
 
 def mirrored(images: Array) -> Array:

@@ -7,18 +7,21 @@ PyTorch. Only the functions that ``denoise.py`` needs are bound (OpenImageDenois
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import dataclasses
 import functools
 import importlib.util
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 
 from lfsr_core.arrays import Array
+from lfsr_core.reconstruct.methods import oidn_devices
+from lfsr_core.reconstruct.methods.oidn_devices import CPU, Wanted, check
 from lfsr_core.render.protocol import BLENDER_FOLDER
 
 # Relative to pyoidn's folder or Blender's: Linux, macOS, Windows (pyoidn, Blender, the bpy wheel).
@@ -28,18 +31,19 @@ PLACES = ("lib/libOpenImageDenoise.so.2", "lib/libOpenImageDenoise.dylib", "bin/
 SYSTEM_LIBRARIES = {"linux": ("libOpenImageDenoise.so.2",), "darwin": (
     "/opt/homebrew/lib/libOpenImageDenoise.dylib", "/usr/local/lib/libOpenImageDenoise.dylib")}
 LIBRARY_VARIABLE = "LFSR_OIDN"  # environment variable: the library to use
-CPU_MODULE = "OpenImageDenoise_device_cpu.dll"  # Windows finds what it needs only if it is loaded by its path
-CPU_DEVICE, FLOAT3 = 1, 3  # OIDNDeviceType, OIDNFormat
+MODULES = "OpenImageDenoise_device_*.dll"  # Windows finds what these need only if they are loaded by their paths
+FLOAT3 = 3  # OIDNFormat
 QUALITIES = {"fast": 4, "balanced": 5, "high": 6}  # OIDNQuality; "fast" exists since library 2.3
 
 _HANDLE, _SIZE, _NAME = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
 SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
-    "oidnNewDevice": (_HANDLE, (ctypes.c_int,)),
-    "oidnCommitDevice": (None, (_HANDLE,)),
-    "oidnGetDeviceError": (ctypes.c_int, (_HANDLE, ctypes.POINTER(_NAME))),
-    "oidnReleaseDevice": (None, (_HANDLE,)),
+    **oidn_devices.SIGNATURES,
+    "oidnNewBuffer": (_HANDLE, (_HANDLE, _SIZE)),
+    "oidnWriteBuffer": (None, (_HANDLE, _SIZE, _SIZE, _HANDLE)),
+    "oidnReadBuffer": (None, (_HANDLE, _SIZE, _SIZE, _HANDLE)),
+    "oidnReleaseBuffer": (None, (_HANDLE,)),
     "oidnNewFilter": (_HANDLE, (_HANDLE, _NAME)),
-    "oidnSetSharedFilterImage": (None, (_HANDLE, _NAME, _HANDLE, ctypes.c_int, *(_SIZE,) * 5)),
+    "oidnSetFilterImage": (None, (_HANDLE, _NAME, _HANDLE, ctypes.c_int, *(_SIZE,) * 5)),
     "oidnSetSharedFilterData": (None, (_HANDLE, _NAME, _HANDLE, _SIZE)),
     "oidnSetFilterBool": (None, (_HANDLE, _NAME, ctypes.c_bool)),
     "oidnSetFilterInt": (None, (_HANDLE, _NAME, ctypes.c_int)),
@@ -52,26 +56,27 @@ SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
 
 def denoise(color: Array, albedo: Array | None = None, normal: Array | None = None, *,
             hdr: bool = False, srgb: bool = False, clean_aux: bool = False, quality: str = "high",
-            weights: bytes | None = None, input_scale: float | None = None) -> Array:
-    """Denoise an image (H, W, 3) on the CPU, float32; a normal needs an albedo.
+            weights: bytes | None = None, input_scale: float | None = None, device: Wanted = CPU,
+            note: Callable[[str], object] = str) -> Array:
+    """Denoise an image (H, W, 3), float32; a normal needs an albedo.
 
     ``hdr``: values may exceed 1; they are multiplied by ``input_scale`` before the network, None to let the library
     expose by itself. ``srgb``: values in [0, 1] that are encoded already. ``clean_aux``: albedo and normal have no
     noise. ``weights``: content of a checked TZA file (``reconstruct/denoiser.py``) instead of the library's own.
-    ImportError where no library is found or loads, RuntimeError where it fails.
+    ``device``: the one that rendered; where it cannot be had or fails, ``note`` gets a sentence and the CPU denoises.
+    ImportError where no library is found or loads, RuntimeError where it fails on the CPU.
     """
     library = _load(tuple(find_libraries()))
-    given = {"color": color, "albedo": albedo, "normal": normal, "output": np.empty(color.shape, np.float32)}
+    given = {"color": color, "albedo": albedo, "normal": normal}
     images = {name: np.ascontiguousarray(image, np.float32) for name, image in given.items() if image is not None}
     settings = Settings(hdr, srgb, clean_aux, QUALITIES[quality], weights, input_scale)
-    device = library.oidnNewDevice(CPU_DEVICE)
-    try:
-        library.oidnCommitDevice(device)
-        _run(library, device, images, settings)
-        _check(library, device)
-    finally:
-        library.oidnReleaseDevice(device)
-    return images["output"]
+    if device.kind != "CPU":
+        try:
+            return _run(library, oidn_devices.kept(library, device), images, settings)
+        except RuntimeError as error:
+            note(f"denoised on the CPU, since the {device.kind} device of the render cannot be used here ({error}): "
+                 "check its driver, or finish the frame where it was rendered")
+    return _run(library, oidn_devices.kept(library, CPU), images, settings)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,8 +140,9 @@ def _load(paths: tuple[Path, ...]) -> ctypes.CDLL:
 
 
 def _bound(path: Path) -> ctypes.CDLL:
-    if path.with_name(CPU_MODULE).is_file():
-        ctypes.CDLL(str(path.with_name(CPU_MODULE)))
+    for module in path.parent.glob(MODULES):
+        with contextlib.suppress(OSError):  # of a GPU whose driver is not installed
+            ctypes.CDLL(str(module))
     library = ctypes.CDLL(str(path))
     for name, (result, arguments) in SIGNATURES.items():
         function = getattr(library, name)
@@ -144,30 +150,41 @@ def _bound(path: Path) -> ctypes.CDLL:
     return library
 
 
-def _run(library: ctypes.CDLL, device: int, images: dict[str, Array], settings: Settings) -> None:
-    height, width, _ = images["color"].shape
-    work = library.oidnNewFilter(device, b"RT")
-    _check(library, device)
-    try:
-        for name, image in images.items():
-            library.oidnSetSharedFilterImage(work, name.encode(), image.ctypes.data, FLOAT3, width, height, 0, 0, 0)
-        library.oidnSetFilterBool(work, b"hdr", settings.hdr)
-        library.oidnSetFilterBool(work, b"srgb", settings.srgb)
-        library.oidnSetFilterBool(work, b"cleanAux", settings.clean_aux)
-        library.oidnSetFilterInt(work, b"quality", settings.quality)
-        if settings.weights is not None:  # not copied: they must outlive the filter
-            library.oidnSetSharedFilterData(work, b"weights", settings.weights, len(settings.weights))
-        if settings.input_scale is not None:
-            library.oidnSetFilterFloat(work, b"inputScale", settings.input_scale)
+def _run(library: ctypes.CDLL, device: int, images: dict[str, Array], settings: Settings) -> Array:
+    """The denoised image: copied to the device, filtered there, copied back."""
+    (height, width, _), result = images["color"].shape, np.empty(images["color"].shape, np.float32)
+    with contextlib.ExitStack() as stack:
+        work = library.oidnNewFilter(device, b"RT")
+        check(library, device)
+        stack.callback(library.oidnReleaseFilter, work)
+        buffers = {name: _buffer(library, device, result.nbytes, stack) for name in (*images, "output")}
+        for name, buffer in buffers.items():
+            if name in images:
+                library.oidnWriteBuffer(buffer, 0, result.nbytes, images[name].ctypes.data)
+            library.oidnSetFilterImage(work, name.encode(), buffer, FLOAT3, width, height, 0, 0, 0)
+        _set(library, work, settings)
         library.oidnCommitFilter(work)
         library.oidnExecuteFilter(work)
-    finally:
-        library.oidnReleaseFilter(work)
+        check(library, device)
+        library.oidnReadBuffer(buffers["output"], 0, result.nbytes, result.ctypes.data)
+        check(library, device)
+    return result
 
 
-def _check(library: ctypes.CDLL, device: int) -> None:
-    message = ctypes.c_char_p()
-    code = library.oidnGetDeviceError(device, ctypes.byref(message))
-    if code:
-        reason = (message.value or b"no reason given").decode(errors="replace")
-        raise RuntimeError(f"error {code}: {reason}")
+def _buffer(library: ctypes.CDLL, device: int, size: int, stack: contextlib.ExitStack) -> int:
+    """A buffer of ``size`` bytes on the device, released with the ``stack``."""
+    buffer: int = library.oidnNewBuffer(device, size)
+    check(library, device)
+    stack.callback(library.oidnReleaseBuffer, buffer)
+    return buffer
+
+
+def _set(library: ctypes.CDLL, work: int, settings: Settings) -> None:
+    library.oidnSetFilterBool(work, b"hdr", settings.hdr)
+    library.oidnSetFilterBool(work, b"srgb", settings.srgb)
+    library.oidnSetFilterBool(work, b"cleanAux", settings.clean_aux)
+    library.oidnSetFilterInt(work, b"quality", settings.quality)
+    if settings.weights is not None:  # not copied: they must outlive the filter
+        library.oidnSetSharedFilterData(work, b"weights", settings.weights, len(settings.weights))
+    if settings.input_scale is not None:
+        library.oidnSetFilterFloat(work, b"inputScale", settings.input_scale)

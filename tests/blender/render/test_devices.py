@@ -1,0 +1,22 @@
+"""GPUs that Cycles finds; this machine has none, so their ids are played."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from blender_addon.render import devices
+
+
+@pytest.mark.parametrize(("ids", "addresses"), [
+    (["CUDA_NVIDIA H100_0000:65:00"], ("0000:65:00",)),
+    (["CUDA_NVIDIA RTX_0000:01:00_OptiX", "CUDA_NVIDIA RTX_0000:02:00_OptiX"], ("0000:01:00", "0000:02:00")),
+    (["HIP_AMD Radeon RX 7900 XTX_0000:0c:00"], ("0000:0c:00",)),
+    (["ONEAPI_Intel Arc A770_0000:03:00.0"], ("0000:03:00",)),
+    (["METAL_Apple M4"], ()), ([], ())])
+def test_addresses_are_in_the_ids_of_cycles_devices(monkeypatch, ids, addresses):
+    preferences = SimpleNamespace(get_devices_for_type=lambda kind: [SimpleNamespace(id=each) for each in ids])
+    monkeypatch.setattr(devices, "cycles_preferences", lambda: preferences)
+    assert devices.gpu_addresses("OPTIX") == addresses
+    assert devices.gpu_addresses("CPU") == ()
