@@ -39,6 +39,7 @@ _HANDLE, _SIZE, _NAME = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
 SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
     **oidn_devices.SIGNATURES,
     "oidnNewBuffer": (_HANDLE, (_HANDLE, _SIZE)),
+    "oidnNewSharedBuffer": (_HANDLE, (_HANDLE, _HANDLE, _SIZE)),
     "oidnWriteBuffer": (None, (_HANDLE, _SIZE, _SIZE, _HANDLE)),
     "oidnReadBuffer": (None, (_HANDLE, _SIZE, _SIZE, _HANDLE)),
     "oidnReleaseBuffer": (None, (_HANDLE,)),
@@ -72,11 +73,11 @@ def denoise(color: Array, albedo: Array | None = None, normal: Array | None = No
     settings = Settings(hdr, srgb, clean_aux, QUALITIES[quality], weights, input_scale)
     if device.kind != "CPU":
         try:
-            return _run(library, oidn_devices.kept(library, device), images, settings)
+            return _run(library, oidn_devices.kept(library, device), images, settings, copies=True)
         except RuntimeError as error:
             note(f"denoised on the CPU, since the {device.kind} device of the render cannot be used here ({error}): "
                  "check its driver, or finish the frame where it was rendered")
-    return _run(library, oidn_devices.kept(library, CPU), images, settings)
+    return _run(library, oidn_devices.kept(library, CPU), images, settings, copies=False)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -150,30 +151,33 @@ def _bound(path: Path) -> ctypes.CDLL:
     return library
 
 
-def _run(library: ctypes.CDLL, device: int, images: dict[str, Array], settings: Settings) -> Array:
-    """The denoised image: copied to the device, filtered there, copied back."""
+def _run(library: ctypes.CDLL, device: int, images: dict[str, Array], settings: Settings, *, copies: bool) -> Array:
+    """The denoised image; ``copies``: the device has memory of its own, so the images are copied to it and back."""
     (height, width, _), result = images["color"].shape, np.empty(images["color"].shape, np.float32)
     with contextlib.ExitStack() as stack:
         work = library.oidnNewFilter(device, b"RT")
         check(library, device)
         stack.callback(library.oidnReleaseFilter, work)
-        buffers = {name: _buffer(library, device, result.nbytes, stack) for name in (*images, "output")}
+        buffers = {name: _buffer(library, device, image, copies, stack)
+                   for name, image in {**images, "output": result}.items()}
         for name, buffer in buffers.items():
-            if name in images:
+            if copies and name in images:
                 library.oidnWriteBuffer(buffer, 0, result.nbytes, images[name].ctypes.data)
             library.oidnSetFilterImage(work, name.encode(), buffer, FLOAT3, width, height, 0, 0, 0)
         _set(library, work, settings)
         library.oidnCommitFilter(work)
         library.oidnExecuteFilter(work)
         check(library, device)
-        library.oidnReadBuffer(buffers["output"], 0, result.nbytes, result.ctypes.data)
-        check(library, device)
+        if copies:
+            library.oidnReadBuffer(buffers["output"], 0, result.nbytes, result.ctypes.data)
+            check(library, device)
     return result
 
 
-def _buffer(library: ctypes.CDLL, device: int, size: int, stack: contextlib.ExitStack) -> int:
-    """A buffer of ``size`` bytes on the device, released with the ``stack``."""
-    buffer: int = library.oidnNewBuffer(device, size)
+def _buffer(library: ctypes.CDLL, device: int, image: Array, copies: bool, stack: contextlib.ExitStack) -> int:
+    """A buffer of the device for an image, or the image's own memory; released with the ``stack``."""
+    buffer: int = (library.oidnNewBuffer(device, image.nbytes) if copies
+                   else library.oidnNewSharedBuffer(device, image.ctypes.data, image.nbytes))
     check(library, device)
     stack.callback(library.oidnReleaseBuffer, buffer)
     return buffer

@@ -41,16 +41,32 @@ def test_a_device_that_refuses_gives_way_to_the_cpu_with_one_sentence():
 def test_a_device_that_fails_while_it_works_gives_way_too(monkeypatch):
     real, said = oidn._run, []
 
-    def out_of_memory(*arguments):
+    def out_of_memory(*_, **__):
         monkeypatch.setattr(oidn, "_run", real)
         raise RuntimeError("error 4: out of memory")
 
-    # The CPU plays a GPU: it is found, copies are made, and the filter fails.
+    # The CPU plays a GPU that is found, and the filter fails.
     monkeypatch.setitem(TYPES, "CUDA", TYPES["CPU"])
     monkeypatch.setattr(oidn, "_run", out_of_memory)
     denoised = oidn.denoise(COLOR, hdr=True, device=Wanted("CUDA"), note=said.append)
     np.testing.assert_array_equal(denoised, oidn.denoise(COLOR, hdr=True))
     assert len(said) == 1 and "out of memory" in said[0]
+
+
+@pytest.mark.parametrize("guides", [(), (COLOR / 20,)])
+def test_images_are_copied_to_a_gpu_and_back(monkeypatch, guides):
+    """The CPU plays one, with memory of its own: the same image, and nothing is said."""
+    expected = oidn.denoise(COLOR, *guides, hdr=True)
+    monkeypatch.setitem(TYPES, "CUDA", TYPES["CPU"])
+    copied: list[str] = []
+    library = oidn._load(tuple(oidn.find_libraries()))
+    for name in ("oidnWriteBuffer", "oidnReadBuffer"):
+        real = getattr(library, name)
+        monkeypatch.setattr(library, name, lambda *words, name=name, real=real: (copied.append(name), real(*words)))
+    said: list[str] = []
+    denoised = oidn.denoise(COLOR, *guides, hdr=True, device=Wanted("CUDA"), note=said.append)
+    np.testing.assert_array_equal(denoised, expected)
+    assert (said, copied) == ([], ["oidnWriteBuffer"] * (1 + len(guides)) + ["oidnReadBuffer"])
 
 
 def test_the_cpu_has_nothing_to_give_way_to():
