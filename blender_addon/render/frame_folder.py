@@ -12,8 +12,8 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, WORLD_FILE, Frame, write_frame
-from lfsr_core.frames.job import AUTO, OWN, Job
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, write_frame
+from lfsr_core.frames.job import AUTO, GUIDES, OWN, Job
 from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.optics.lens_rows import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
@@ -106,7 +106,7 @@ def settled_light(scene: bpy.types.Scene, job: Job, warn: Warn) -> str:
 def _frame(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object]) -> Frame:
     """The frame that ``job`` asks for; LfsrError if the array cannot be placed or colours cannot be reproduced."""
     array, matrix_world = placement.place_array(scene, job.display, subject)
-    layers = job.layers
+    layers = tuple(dict.fromkeys((*job.layers, *(GUIDES if _has_guides(job) else ()))))
     world_visible = _world_visible(scene, job)
     if "index" not in layers and has_background_meshes(scene, subject):
         layers = (*layers, "index")
@@ -121,6 +121,11 @@ def _frame(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object]) -> 
         scene_name=job.scene_name or scene.name_full, source=job.source, subject=job.subject or "",
         camera=job.camera or "", light=job.light, blender=bpy.app.version_string, device=job.device,
         gpus=devices.gpu_addresses(job.device))
+
+
+def _has_guides(job: Job) -> bool:
+    """Whether the denoiser is given more than colours; every view at scale 1 would take as much memory again."""
+    return job.kind == "render" and job.scale > 1 and job.layout != SUBPIXELS
 
 
 def _world_visible(scene: bpy.types.Scene, job: Job) -> bool:

@@ -24,7 +24,8 @@ OWN, EVEN = "own", "even"
 WORLD_IMAGES = ("city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset")
 LIGHTS = (AUTO, OWN, EVEN, *WORLD_IMAGES)
 LIGHT_SUFFIXES = (".hdr", ".exr")  # of a world image of the user's
-LAYERS = ("albedo", "normal", "position", "index")
+GUIDES = ("albedo", "normal")  # layers that the denoiser sees beside the colour
+LAYERS = (*GUIDES, "position", "index")
 # Blender's own limits: it would silently clip larger numbers.
 MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**31 - 1, 1_048_574, 10**8
 MOST_DIGITS = 30

@@ -12,11 +12,12 @@ import numpy as np
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, Frame
+from lfsr_core.frames.job import GUIDES
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.rays import RayLayout
 from lfsr_core.optics.world_view import WorldImage, WorldView
 
-ARRAYS = ("color", "alpha", "position", "noisy", "opacity", "places")
+ARRAYS = ("color", "alpha", "guides", "position", "noisy", "opacity", "places")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,6 +31,7 @@ class LowResEIA:
     alpha: Array  # coverage in [0, 1], C = 1
     samples: int  # per pixel, the noise level
     scale: int  # s, high-resolution views per low-resolution view along each axis with parallax
+    guides: Array | None = None  # albedo in [0, 1] and normal in [-1, 1], C = 6, where rendered
     position: Array | None = None  # where rendered
     noisy: Array | None = None  # colour as rendered, where a denoiser has changed ``color``
     parallax: tuple[bool, bool] = (True, True)  # axes, (horizontal, vertical), along which the display's views differ
@@ -97,6 +99,11 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
         raise LfsrError(f"{LOW_RES_FILE} has {shape[1]}×{shape[0]} pixels, but frame.json says {width}×{height}: "
                         "render the frame again")
     images = {"color": over_background(layers, frame), "alpha": np.clip(layers["color"][..., 3:], 0, 1)}
+    if all(name in layers for name in GUIDES):
+        albedo, normal = (layers[name] for name in GUIDES)
+        if frame.world_apart:
+            albedo = albedo - layers["environment"]  # Cycles adds what shows of the world
+        images["guides"] = np.concatenate([np.clip(albedo, 0, 1), np.clip(normal, -1, 1)], -1)
     if "position" in layers:
         images["position"] = layers["position"]
     if frame.world_apart:

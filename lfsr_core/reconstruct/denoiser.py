@@ -7,6 +7,7 @@ tensors.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -29,6 +30,14 @@ SKIPS = {"dec_conv4a": "enc_conv3", "dec_conv3a": "enc_conv2", "dec_conv2a": "en
 BASE = (32, 32, 48, 64, 80, 96, 96, 112, 112, 96, 96, 64, 64, 64, 32, 3)  # widths of the library's own networks,
 SMALL = (32, 32, 32, 32, 32, 32, 32, 64, 64, 64, 64, 64, 32, 32, 32, 3)  # one channel count per layer
 COLOR_INPUTS, GUIDED_INPUTS = 3, 9  # colour; colour, albedo and normal
+
+
+@dataclasses.dataclass(frozen=True)
+class Weights:
+    """A checked file for the library."""
+
+    content: bytes
+    guided: bool  # whether the network sees albedo and normal too
 
 
 def network_shapes(widths: Sequence[int], inputs: int = COLOR_INPUTS) -> dict[str, tuple[int, ...]]:
@@ -55,25 +64,27 @@ def check_network(tensors: Mapping[str, Array], origin: object, inputs: int = CO
     return tuple(widths)
 
 
-def load(path: str | Path = WEIGHTS) -> bytes:
-    """Content of a file of weights for colour alone, checked; LfsrError where it is missing, damaged or of another.
+def load(path: str | Path = WEIGHTS) -> Weights:
+    """Checked weights for colour, or for colour, albedo and normal; LfsrError where the file is missing or damaged.
 
-    The library takes half floats alone.
+    The library takes half floats alone, and other tensors are refused.
     """
     path = Path(path)
     return _load(path, path.stat().st_mtime_ns if path.exists() else 0)
 
 
 @functools.lru_cache(maxsize=4)
-def _load(path: Path, _written: int) -> bytes:
+def _load(path: Path, _written: int) -> Weights:
     content = tza.read_content(path)
     tensors = tza.parse(content, path)
-    check_network(tensors, path)
+    entering = tensors[f"{LAYERS[0]}.weight"].shape[1:2] if f"{LAYERS[0]}.weight" in tensors else ()
+    inputs = GUIDED_INPUTS if entering == (GUIDED_INPUTS,) else COLOR_INPUTS
+    check_network(tensors, path, inputs)
     _check_digest(path, content)
     if any(tensor.dtype != np.float16 for tensor in tensors.values()):
         raise LfsrError(f"{path} holds single floats, but Open Image Denoise takes half floats: write them with "
                         "write_tza(half=True)")
-    return content
+    return Weights(content, inputs == GUIDED_INPUTS)
 
 
 def _check_digest(path: Path, content: bytes) -> None:

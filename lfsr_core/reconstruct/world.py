@@ -32,7 +32,7 @@ def prepared(low: LowResEIA, method: Method) -> LowResEIA:
         raise LfsrError("the world is known, but not the subject's opacity: render the frame again")
     if not method.name.prefilters:
         return dataclasses.replace(ready, opacity=low.opacity)
-    alone = dataclasses.replace(low, color=low.opacity, noisy=None, exposure=0.0)
+    alone = dataclasses.replace(low, color=low.opacity, guides=None, noisy=None, exposure=0.0)
     cleaned = np.clip(denoise_low_resolution(alone).color, 0, 1)
     # A denoiser must not spread opacity into elemental images without any.
     return dataclasses.replace(ready, opacity=cleaned * low.opacity.any((2, 3, 4), keepdims=True))

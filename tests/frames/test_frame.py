@@ -23,7 +23,7 @@ FRAME = Frame(
     display=MINI, scale=2, array=CameraArray.for_display(MINI, 2.0), matrix_world=IDENTITY, samples=7, seed=3, frame=5,
     convention="paper", view_aperture=0.5, lens_list=((1, 2), (3, 4)), rows=(2, 3), layout="view-by-view",
     clip=(0.25, 30.0),
-    layers=("albedo", "normal"), world_visible=True, world_apart=True, scale_reason="it is deep",
+    gpus=("0000:01:00",), layers=("albedo", "normal"), world_visible=True, world_apart=True, scale_reason="it is deep",
     color=ColorSettings("Rec.2020", "AgX", "AgX - Punchy", 0.5, 1.1, "config.ocio"),
     scene="scene.blend", scene_name="Set", source="../shot.blend", subject="Things", camera="Left", content="abc",
     blender="5.0.1", device="OPTIX", notes=("a note",), light="city", seconds={"render": 1.5})

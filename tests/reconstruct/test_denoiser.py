@@ -1,5 +1,6 @@
 """Weights of ours: what is checked before the library sees them, and the prefilter that uses them."""
 
+import dataclasses
 import hashlib
 import json
 import os
@@ -14,6 +15,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images
 from lfsr_core.reconstruct import denoiser
+from lfsr_core.reconstruct.methods import oidn
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_low_resolution, mirrored
 from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.tza import write_tza
@@ -63,7 +65,7 @@ def test_a_file_is_read_again_when_it_has_changed(weights):
     assert denoiser.load(weights) is first
     write_tza(weights, tensors(seed=1))
     os.utime(weights, ns=(1, 1))
-    assert denoiser.load(weights) == weights.read_bytes() != first
+    assert denoiser.load(weights).content == weights.read_bytes() != first.content
 
 
 def test_single_floats_are_refused_before_the_library_sees_them(tmp_path):
@@ -75,13 +77,13 @@ def test_single_floats_are_refused_before_the_library_sees_them(tmp_path):
 def test_weights_that_changed_since_their_training_are_refused(weights):
     content = weights.read_bytes()
     weights.with_suffix(".json").write_text(json.dumps({"sha256": hashlib.sha256(content).hexdigest()}))
-    assert denoiser.load(weights) == content
+    assert denoiser.load(weights).content == content
     weights.write_bytes(content[:100] + bytes([content[100] ^ 1]) + content[101:])
     os.utime(weights, ns=(1, 1))
     with pytest.raises(LfsrError, match=r"some.tza does not have the SHA-256 in some.json: .*get both again"):
         denoiser.load(weights)
     weights.with_suffix(".json").unlink()
-    assert len(denoiser.load(weights)) == len(content)
+    assert len(denoiser.load(weights).content) == len(content)
 
 
 def test_missing_weights_are_one_sentence(tmp_path):
@@ -111,6 +113,23 @@ def test_neighbours_meet_at_the_same_view_once_mirrored(sy, sx, h, w):
     np.testing.assert_array_equal(mirrored(mirrored(views)), views)
 
 
+def test_guided_weights_see_albedo_and_normal_mirrored_like_the_colour(tmp_path):
+    path = tmp_path / "guided.tza"
+    write_tza(path, tensors(inputs=9))
+    low = low_resolution()
+    guides = np.random.default_rng(2).uniform(-1, 1, (*low.color.shape[:4], 6)).astype(np.float32)
+    guides[..., :3] = np.abs(guides[..., :3])
+    found = denoise_low_resolution(dataclasses.replace(low, guides=guides), path)
+    color, albedo, normal = (mirrored(image).swapaxes(1, 2).reshape(30, 40, 3)
+                             for image in (low.color, guides[..., :3], guides[..., 3:]))
+    expected = oidn.denoise(color, albedo, normal, hdr=True, weights=path.read_bytes(), input_scale=1.0)
+    np.testing.assert_allclose(mirrored(found.color).swapaxes(1, 2).reshape(30, 40, 3), np.maximum(expected, 0))
+    without = denoise_low_resolution(low, path)
+    black = denoise_low_resolution(dataclasses.replace(low, guides=np.zeros_like(guides)), path)
+    np.testing.assert_array_equal(without.color, black.color)
+    assert not np.array_equal(without.color, found.color)
+
+
 def test_a_lamp_far_away_changes_nothing(weights):
     """The library does not expose by itself, so that frames of an animation agree."""
     dark = np.random.default_rng(1).gamma(1, 0.1, (32, 400, 3)).astype(np.float32)
@@ -131,7 +150,7 @@ def test_library_of_blender_takes_our_weights(monkeypatch, weights):
 
 def test_shipped_weights_are_those_of_their_provenance():
     facts = json.loads(denoiser.WEIGHTS.with_suffix(".json").read_text(encoding="utf-8"))
-    content = denoiser.load()
+    content = denoiser.load().content
     assert facts["sha256"] == hashlib.sha256(content).hexdigest() and len(content) < 2_000_000
     assert facts["command"].startswith("lfsr train denoiser") and facts["data"]["scenes"] > 200
     assert "Apache License" in (denoiser.WEIGHTS.parent / "NOTICE.txt").read_text(encoding="utf-8")

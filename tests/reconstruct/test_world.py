@@ -12,6 +12,7 @@ from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.second_stage import finished_lenses, finished_linear
+from lfsr_core.reconstruct.world import prepared
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import MINI, write_apart
 
@@ -48,6 +49,20 @@ def test_a_subject_of_the_worlds_colour_is_not_seen(tmp_path, name):
     """Colour and what it hides are upscaled alike: no seam is left where they meet."""
     write_apart(tmp_path, world=1.0, paint=lambda color: np.repeat(color[..., 3:], 4, -1))
     np.testing.assert_allclose(finished_linear(tmp_path, name), 1.0, atol=1e-5)
+
+
+def test_guides_do_not_show_the_world(tmp_path):
+    """Cycles adds to the albedo what shows of a world that is rendered apart; opacity is denoised without guides."""
+    frame = read_frame(write_apart(tmp_path))
+    layers = read_layers(tmp_path / LOW_RES_FILE)
+    world = layers["environment"]
+    guided = layers | {"albedo": 0.5 * (1 - world) + world, "normal": np.zeros_like(world)}
+    low = low_resolution(guided, frame, read_world(tmp_path, frame))
+    np.testing.assert_allclose(low.guides[..., :3], 0.5 * low.opacity, atol=1e-6)
+    assert low.guides.shape == (*low.color.shape[:4], 6)
+    found, plain = (prepared(each, method("denoise+bilinear")) for each in (low, dataclasses.replace(low, guides=None)))
+    np.testing.assert_array_equal(found.opacity, plain.opacity)
+    assert not np.array_equal(found.color, plain.color)
 
 
 def test_sampled_lenses_are_finished_as_those_of_a_frame(tmp_path):

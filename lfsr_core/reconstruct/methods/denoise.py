@@ -19,28 +19,34 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct import denoiser
+from lfsr_core.reconstruct.denoiser import Weights
 from lfsr_core.reconstruct.methods import oidn
 from lfsr_core.reconstruct.methods.oidn_devices import CPU, Wanted
 
 CONTEXT = 32  # pixels around the wanted ones that the denoiser sees too
 POOLED = 16  # pixels that the denoiser's network pools into one
-VERSION = 9  # of the result: figures measured with another version are out of date
+VERSION = 10  # of the result: figures measured with another version are out of date
 
 Box = tuple[slice, slice]  # rows and columns of lenses
 
 
-def denoise_eia(color: Array, *, weights: bytes | None = None, exposure: float = 0.0, device: Wanted = CPU,
-                note: Callable[[str], object] = str) -> Array:
-    """Denoise one image (H, W, 3), scene-linear >= 0, from its colour; LfsrError where the library is missing or fails.
+def denoise_eia(color: Array, guides: Array | None = None, *, weights: Weights | None = None, exposure: float = 0.0,
+                device: Wanted = CPU, note: Callable[[str], object] = str) -> Array:
+    """Denoise one image (H, W, 3), scene-linear >= 0; LfsrError where the library is missing or fails.
 
-    ``weights``: of ``denoiser.load``, which see display white as 1; None for the library's own, which expose by
-    themselves. ``exposure``: of the view transform in stops, for the first. ``device``, ``note``: see ``oidn.denoise``.
+    ``guides``: albedo and normal (H, W, 6) for guided weights, None for zeros. ``weights``: they see display white as
+    1; None for the library's own, which see colour alone and expose by themselves. ``exposure``: of the view
+    transform in stops, for the first. ``device``, ``note``: see ``oidn.denoise``.
     """
     if reason := oidn.why_missing():
         raise LfsrError(f"Open Image Denoise is not available ({reason}): install the package pyoidn, or choose a "
                         "method without a denoiser, such as 'bilinear'")
+    seen = [color]
+    if weights is not None and weights.guided:
+        guides = np.zeros((*color.shape[:2], 6), np.float32) if guides is None else guides
+        seen += [guides[..., :3], guides[..., 3:]]
     try:
-        denoised = oidn.denoise(np.asarray(color, np.float32), hdr=True, quality="high", weights=weights,
+        denoised = oidn.denoise(*seen, hdr=True, quality="high", weights=None if weights is None else weights.content,
                                 input_scale=None if weights is None else 2.0 ** exposure, device=device, note=note)
     except (ImportError, RuntimeError) as error:
         raise LfsrError(f"Open Image Denoise failed on an image of shape {color.shape} ({error}): "
@@ -54,12 +60,13 @@ def denoise_low_resolution(low: LowResEIA, weights: str | Path | None = denoiser
     ``weights``: a TZA file, None for the library's own. Lenses that show only the background are left out. LfsrError
     where the file is missing or damaged.
     """
-    content, part = None if weights is None else denoiser.load(weights), shown_part(low.color)
+    loaded, part = None if weights is None else denoiser.load(weights), shown_part(low.color)
     notes = list(low.notes)
     images = mirrored(low.color)
     rows, columns = images[part].shape[:2]
     if rows * columns:
-        denoised = denoise_eia(from_elemental_images(images[part]), weights=content, exposure=low.exposure,
+        guides = None if low.guides is None else from_elemental_images(mirrored(low.guides)[part])
+        denoised = denoise_eia(from_elemental_images(images[part]), guides, weights=loaded, exposure=low.exposure,
                                device=Wanted.of(low.device, low.gpus), note=notes.append)
         images[part] = to_elemental_images(denoised, (columns, rows))
     return dataclasses.replace(low, color=mirrored(images), noisy=low.color, notes=tuple(notes))

@@ -55,6 +55,17 @@ def test_halves_and_candidates_have_independent_noise(noisy, tmp_path):
     assert max(correlation(low, image) for image in (first, second, other)) < edges + 0.1
 
 
+@pytest.mark.parametrize(("options", "expected"), [
+    ({"scale": 4}, ("albedo", "normal")),
+    ({"scale": 4, "layers": ("normal", "position")}, ("normal", "position", "albedo")),
+    ({"scale": 1}, ()), ({"scale": 1, "kind": "reference"}, ())])
+def test_the_denoiser_gets_albedo_and_normal_where_views_are_left_out(noisy, tmp_path, options, expected):
+    rendered(noisy, tmp_path, **options)
+    assert read_frame(tmp_path).layers == expected
+    files = [exr.read_layers(path) for path in tmp_path.glob("*.exr")]
+    assert all({"albedo", "normal"} & set(layers) == {"albedo", "normal"} & set(expected) for layers in files)
+
+
 def test_samples_are_split_evenly(noisy, tmp_path, monkeypatch):
     settings = []
     render = frame_folder.render_encoded

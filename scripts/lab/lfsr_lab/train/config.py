@@ -64,7 +64,7 @@ class DenoiserConfig:
     count: int = 0  # of scenes to train on, 0 for all
     size: str = "base"  # or "small"
     start: str = "stock"  # the library's own weights, a TZA file, or "" for random ones
-    guides: bool = False  # whether it sees albedo and normal as rendered
+    guides: bool = True  # whether it sees albedo and normal as rendered
     mirror: bool = True  # every other elemental image, as the product does
     adversarial: float = 0.0  # weight of the adversarial term
     error_weight: float = 2.0  # of the absolute error beside 1 - SSIM

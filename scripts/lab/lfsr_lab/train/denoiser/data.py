@@ -21,6 +21,7 @@ from lfsr_lab.train.reading import open_data
 
 SAMPLES = (1, 4, 16)  # of the renders in a file
 CLEANEST = 32  # samples of the cleanest render; more are simulated
+WITHOUT_GUIDES = 0.15  # of the crops
 AROUND = 12  # pixels that the network may see around a crop
 EXPOSURE, MOST_EXPOSURE = 1.2, 3.0  # stops, standard deviation and limit
 SHOWN_AROUND = 5  # pixels whose neighbours count as shown
@@ -128,7 +129,9 @@ def crop(scene: Scene, samples: int, rng: np.random.Generator, side: int, *, mir
     images = [noisy(scene, samples, rng), clean[..., :3], clean[..., 3:]]
     if guides := [name for name in scene.layers if name.startswith("guides") and name != "guides_target"]:
         near = min(guides, key=lambda name: abs(int(name.split("_")[1]) - samples))
-        images.append(scene.layers[near].astype(np.float32))
+        # Imported light fields have none, and the same weights are to denoise them.
+        kept = not augment or rng.random() >= WITHOUT_GUIDES
+        images.append(scene.layers[near].astype(np.float32) * np.float32(kept))
     if mirror:
         images = [mirrored(image, scene.ei) for image in images]
     images, margins = _cut(images, scene.ei, side, rng if augment else None)
