@@ -128,6 +128,8 @@ def blender_window(folder: Path) -> Iterator[Window]:
         start = inside("blender", "--gpu-backend", "opengl", "--window-geometry", 0, 0, *SIZE,
                        "--python", folder / AGENT.name, "--", server.getsockname()[1])
         with (folder / "blender.log").open("w") as log:
+            subprocess.run(inside("blender", "--command", "extension", "validate", archive), env=environment,
+                           stdout=log, stderr=subprocess.STDOUT, check=True, timeout=SECONDS_TO_INSTALL)
             subprocess.run(install, env=environment, stdout=log, stderr=subprocess.STDOUT, check=True,
                            timeout=SECONDS_TO_INSTALL)
             process = subprocess.Popen(start, env=environment, stdout=log, stderr=subprocess.STDOUT)
