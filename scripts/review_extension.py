@@ -33,9 +33,9 @@ HIDDEN = {"eval", "exec", "compile", "__import__", "marshal", "pickle", "zlib.de
 INSTALLERS = {"pip", "ensurepip", "venv"}
 # Modules that read data beside them; a new one is to be looked at, because an add-on's folder may be read-only.
 READS_ITS_FOLDER = {"background/runtime.py", "headless/entry.py", "render/inputs.py", "render/osl_camera.py",
-                    "render/panel_camera.py", "packages/lfsr_core/exports/page.py",
-                    "packages/lfsr_core/optics/display.py", "packages/lfsr_core/reconstruct/denoiser.py",
-                    "packages/lfsr_core/render/blender.py", "packages/lfsr_core/sequence/farms.py"}
+                    "packages/lfsr_core/exports/page.py", "packages/lfsr_core/optics/display.py",
+                    "packages/lfsr_core/reconstruct/denoiser.py", "packages/lfsr_core/render/blender.py",
+                    "packages/lfsr_core/sequence/farms.py"}
 KINDS = {".css", ".glsl", ".html", ".js", ".json", ".osl", ".py", ".toml", ".txt", ".tza", ".yaml"}
 DEVELOPERS = {"commands", "docs", "lfsr_lab", "scripts", "tests"}
 PERMISSIONS = {"files", "clipboard"}

@@ -6,8 +6,7 @@ from lfsr_core.arrays import Array
 from lfsr_core.optics.depth_scale import MODEL, LossModel
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import Candidate, samples_of
-from lfsr_core.plan.options import PlanOptions
-from lfsr_core.plan.planner import FREE_SAMPLES
+from lfsr_core.plan.options import FREE_SAMPLES, PlanOptions
 
 
 def most_paths(display: DisplayProfile, options: PlanOptions) -> float:

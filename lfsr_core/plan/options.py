@@ -9,6 +9,8 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import METRICS, SAMPLES, Candidate, candidates
 
+FREE_SAMPLES = 10**8  # path samples, a minute or two of most scenes, that a plan may take beyond its budget
+
 
 @dataclasses.dataclass(frozen=True)
 class PlanOptions:

@@ -22,7 +22,7 @@ from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.plan import sample as plan_sample
 from lfsr_core.plan.candidates import Candidate, Choice, Rated, choose, low_pixels, samples_of
 from lfsr_core.plan.measurements import LensSample, Measurements, Question
-from lfsr_core.plan.options import PlanOptions
+from lfsr_core.plan.options import FREE_SAMPLES, PlanOptions
 from lfsr_core.plan.renders import REFERENCE_PARTS, Moving, SampleRenders
 from lfsr_core.plan.sample import STRATA, Mosaic, reach, with_neighbours
 from lfsr_core.plan.score import QuickLook, SampledReference, Scores, quick_look, score, stage_time
@@ -33,7 +33,6 @@ from lfsr_core.progress import Progress, silent
 
 PILOT_LENSES = 64
 QUICK_FRACTION = 0.05  # of the plan, a guess until costs are known
-FREE_SAMPLES = 10**8  # path samples, a minute or two of most scenes, that a plan may take beyond its budget
 SAMPLE_FILE = "sample.json"
 
 

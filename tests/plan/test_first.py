@@ -9,8 +9,7 @@ from lfsr_core.optics.depth_scale import MODEL
 from lfsr_core.optics.display import load_display
 from lfsr_core.plan.candidates import samples_of
 from lfsr_core.plan.first import first_guess, most_paths
-from lfsr_core.plan.options import PlanOptions
-from lfsr_core.plan.planner import FREE_SAMPLES
+from lfsr_core.plan.options import FREE_SAMPLES, PlanOptions
 
 DISPLAY = load_display("bupt-32in-8k")
 
