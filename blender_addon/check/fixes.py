@@ -14,7 +14,7 @@ from ..background import denoiser
 from ..scene.light import add_light
 from ..scene.notices import SWITCHES, switched
 from ..scene.subject import BACKGROUND_COLLECTION, GEOMETRY
-from ..settings import scene_settings
+from ..settings import renamed, scene_settings
 
 Fix = Callable[[bpy.types.Scene, str], None]
 
@@ -122,6 +122,7 @@ FIXES: dict[str, Fix] = {
     "engine": _setting("render", engine="CYCLES"),
     "script": _setting("cycles", device="CPU", shading_system=True), "dirty": _pack, "background": _to_background,
     "denoise": lambda scene, _target: denoiser.use_replacement(scene, scene_settings.resolve(scene)),
+    "renamed": lambda scene, _target: renamed.take_over(scene),
     "display": _defaults, "subject": _show_subject, "rig": _array_again,
     "filter": _setting("cycles", pixel_filter_type="BOX"),
     "motion": _setting("render", use_motion_blur=False), "focus": _no_focus,
@@ -130,7 +131,7 @@ FIXES: dict[str, Fix] = {
     "compositor": _setting("render", use_compositing=False), "sequencer": _setting("render", use_sequencer=False),
     "view": _setting("view_settings", use_curve_mapping=False, use_white_balance=False),
     "catcher": _setting("render", film_transparent=True)}
-OUTSIDE_SCENE = ("dirty", "focus", "shift")  # fixes that change more than the scene
+OUTSIDE_SCENE = ("dirty", "renamed", "focus", "shift")  # fixes that change more than the scene
 # Fixes that Blender's own operators do, some after asking for a file.
 OPERATORS: dict[str, tuple[str, dict[str, object]]] = {
     "cycles": ("screen.userpref_show", {"section": "ADDONS"}),

@@ -16,7 +16,7 @@ from ..results import preview
 from ..scene.light import has_light, is_dim
 from ..scene.notices import missing_images
 from ..scene.subject import find_subject
-from ..settings import folders, scene_settings
+from ..settings import folders, renamed, scene_settings
 from ..settings.lights import AUTO_LIGHT, SCENE_LIGHTS
 from ..settings.methods import title
 from ..settings.words import capitalized
@@ -134,6 +134,16 @@ def _denoiser(scene: bpy.types.Scene) -> Iterator[Problem]:
                       f"Use {title(denoiser.replacement(settings).text)}", ERROR)
 
 
+def _renamed(scene: bpy.types.Scene) -> Iterator[Problem]:
+    try:
+        found = renamed.former(scene)
+    except LfsrError:
+        return  # said by _settings
+    if found:
+        yield Problem("renamed", found[1], f"The output folder has images of {found[1]}, which is gone, and none of "
+                      "this file. Take them over if this is that file with a new name.", "Take Over", INFO, asks=True)
+
+
 def _has_cycles() -> bool:
     return bpy.context.preferences.addons.get("cycles") is not None
 
@@ -144,4 +154,4 @@ def _has_script(tree: bpy.types.NodeTree | None) -> bool:
 
 
 # What takes no longer in a scene of many objects than looking at each of them once.
-QUICK = (_renderer, _settings, _array, _light, _scripts, _images, disk.find, ignored.find)
+QUICK = (_renderer, _settings, _array, _light, _scripts, _images, _renamed, disk.find, ignored.find)

@@ -80,7 +80,7 @@ def is_own(scene: bpy.types.Scene, folder: Path) -> bool:
 
 def holds(folder: Path, source: str, scene_name: str) -> bool:
     """False if the frame in ``folder`` is known to be of another file than ``source``, or of another scene."""
-    frame = _frame_in(folder)
+    frame = frame_in(folder)
     return frame is None or is_of(frame, source, scene_name)
 
 
@@ -154,7 +154,7 @@ def _older_frames(scene: bpy.types.Scene, older: Path) -> list[str]:
     """Names of the frame folders in ``older`` that are of this file and do not know their source."""
     if not bpy.data.filepath or scene.library is not None or not older.is_dir():
         return []
-    found = {path.name: _frame_in(path) for path in sorted(older.iterdir()) if path.name.lstrip("-").isdigit()}
+    found = {path.name: frame_in(path) for path in sorted(older.iterdir()) if path.name.lstrip("-").isdigit()}
     return [name for name, frame in found.items()
             if frame and frame.scene and not frame.source and is_of(frame, source_of(scene), scene.name_full)]
 
@@ -202,7 +202,8 @@ def _output(scene: bpy.types.Scene) -> Path:
     return absolute(scene.lfsr.output or "//", "the output folder")
 
 
-def _frame_in(folder: Path) -> Frame | None:
+def frame_in(folder: Path) -> Frame | None:
+    """The frame, or part of one, in ``folder``; None where there is none that can be read."""
     with contextlib.suppress(LfsrError):
         return read_part(folder)
     return None

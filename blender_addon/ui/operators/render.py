@@ -123,8 +123,13 @@ def _denoising(scene: bpy.types.Scene) -> list[Question]:
     lacking = denoiser.lacking(settings)
     name = title(denoiser.replacement(settings).text)
     return [Question(lacking, f"Use {name}", f"choose the method {name}, or get it. {denoiser.where_to_get()}",
-                     denoiser.where_to_get(), functools.partial(denoiser.use_replacement, scene, settings))
+                     denoiser.where_to_get(), functools.partial(_use_replacement, scene, settings))
             ] if lacking else []
+
+
+def _use_replacement(scene: bpy.types.Scene, settings: scene_settings.Resolved) -> None:
+    denoiser.use_replacement(scene, settings)
+    bpy.ops.ed.undo_push(message="Set Method")
 
 
 def _is_first(scene: bpy.types.Scene, recipe: recipes.Recipe) -> bool:

@@ -10,6 +10,7 @@ import bpy
 import pytest
 
 from blender_addon.background import recipes
+from blender_addon.check.problems import check_scene
 from blender_addon.settings import folders
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
@@ -106,6 +107,31 @@ def test_a_renamed_file_does_not_take_the_results_of_the_one_that_has_its_name_n
     assert not is_mine()
     (project / "lightfield" / "shot").rename(project / "lightfield" / "hero")
     assert not is_mine()  # whether it is the same file cannot be known
+
+
+def found(code: str) -> list[str]:
+    return [problem.target for problem in check_scene(bpy.context.scene) if problem.code == code]
+
+
+def test_images_of_a_renamed_file_are_offered_to_it(project):
+    assert found("renamed") == []
+    (project / "shot.blend").rename(project / "hero.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(project / "hero.blend"))
+    assert found("renamed") == ["shot.blend"] and not is_mine()
+    assert bpy.ops.lfsr.check_fix(code="renamed", target="shot.blend") == {"FINISHED"}
+    assert is_mine() and recipes.frame_recipe(bpy.context.scene).is_complete and found("renamed") == []
+    assert [path.name for path in (project / "lightfield").iterdir()] == ["hero"]
+    with pytest.raises(RuntimeError, match="The images of the renamed file are not there any more: check the scene"):
+        bpy.ops.lfsr.check_fix(code="renamed", target="shot.blend")
+
+
+def test_images_of_a_copied_file_are_not_offered_to_the_copy(project):
+    shutil.copy(project / "shot.blend", project / "copy.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(project / "copy.blend"))
+    assert found("renamed") == [] and not is_mine()
+    render()
+    (project / "shot.blend").unlink()
+    assert found("renamed") == [], "it has images of its own"
 
 
 def test_scenes_whose_names_are_cleaned_to_one_are_told_apart(project):
