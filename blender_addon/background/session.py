@@ -13,7 +13,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import system_errors
 
 from ..results import show_image
-from ..settings.words import capitalized, clock
+from ..settings.words import capitalized, clock, for_panel
 from . import estimate
 from .steps import ALONE, Steps, Task
 
@@ -127,7 +127,7 @@ def tell(message: str, icon: str) -> None:
         return
 
     def draw(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
-        for line in textwrap.wrap(capitalized(message), POPUP_COLUMNS):
+        for line in textwrap.wrap(for_panel(message), POPUP_COLUMNS):
             menu.layout.label(text=line)
 
     with bpy.context.temp_override(window=windows[0]):

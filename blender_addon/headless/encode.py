@@ -23,8 +23,7 @@ def run(arguments: Sequence[str]) -> Path:
     if not frames:
         raise LfsrError(f"{folder} has no PNG frames to encode: export again")
     if not bpy.app.ffmpeg.supported:
-        raise LfsrError("this Blender was built without FFmpeg and cannot write MP4: use `lfsr export --format sway` "
-                        "outside Blender")
+        raise LfsrError("this Blender was built without FFmpeg and cannot write MP4: choose another format")
     scene = _scene(frames)
     _set_output(scene, film)
     bpy.app.handlers.render_write.append(

@@ -6,7 +6,7 @@ import textwrap
 
 import bpy
 
-from ..settings.words import capitalized
+from ..settings.words import for_panel
 
 PIXELS_PER_LETTER = 6.6
 
@@ -55,5 +55,5 @@ def sentence(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.type
     letters = max(20, int(pixels / (scale * PIXELS_PER_LETTER)) - 6)
     column = layout.column(align=True)
     column.scale_y = 0.75
-    for number, line in enumerate(textwrap.wrap(capitalized(text), letters)):
+    for number, line in enumerate(textwrap.wrap(for_panel(text), letters)):
         column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))

@@ -54,9 +54,15 @@ def sample_facts(settings: Resolved) -> Facts:
     display, scales = settings.display, settings.scales or (settings.scale,)
     if settings.rays is None:
         rays = [f"{settings.samples / display.finished_pixels(scale):.3g}" for scale in scales]
-        return [("", f"{' to '.join(dict.fromkeys((rays[0], rays[-1])))} rays per pixel")]
+        return [("", _up_to(rays[0], rays[-1], "ray") + " per pixel")]
     samples = [f"{samples_at(display, scale, settings.rays)}" for scale in scales]
-    return [("", f"{' to '.join(dict.fromkeys((samples[-1], samples[0])))} samples")]
+    return [("", _up_to(samples[-1], samples[0], "sample"))]
+
+
+def _up_to(least: str, most: str, noun: str) -> str:
+    """Two numbers with their noun, as in "4 to 16 samples" or "1 sample"."""
+    numbers = " to ".join(dict.fromkeys((least, most)))
+    return f"{numbers} {noun}" if numbers == "1" else f"{numbers} {noun}s"
 
 
 def plan_cost(scene: bpy.types.Scene) -> str:

@@ -124,7 +124,8 @@ class DisplayProfile:
         if scale < 1 or any(count % scale for count in self._view_counts):
             raise LfsrError(
                 f"scale is {scale}, but display {self.name!r} has {self.views[0]}×{self.views[1]} views per "
-                f"lens: choose a scale that divides {'both' if all(self.parallax) else 'them'}, one of {self.scales()}")
+                f"lens: choose a scale that divides {'both' if all(self.parallax) else 'them'}: "
+                f"{self._scales_in_words()}")
         across, down = (count // scale if many else 1 for count, many in zip(self.views, self.parallax, strict=True))
         return across, down
 
@@ -136,6 +137,10 @@ class DisplayProfile:
         """Scale factors from 2 to 10 that divide the views of every axis with several."""
         counts = self._view_counts
         return [scale for scale in range(2, 11) if counts and not any(count % scale for count in counts)]
+
+    def _scales_in_words(self) -> str:
+        *others, last = [1, *self.scales()]
+        return f"{', '.join(map(str, others))} or {last}" if others else f"{last}"
 
     @property
     def _view_counts(self) -> list[int]:

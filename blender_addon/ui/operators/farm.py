@@ -43,7 +43,9 @@ class LFSR_OT_submit(bpy.types.Operator):
         folder = submission.chosen_folder(self.directory)
         written = submission.submit(context.scene, self.farm, folder, self.parts)
         context.window_manager.clipboard = written.command
-        session.tell(f"The job is in {folder}. Next (in the clipboard): {written.command} . {written.note}", "INFO")
+        print(f"Light Field: the job is in {folder}. Next (in the clipboard): {written.command}")
+        session.tell(f"The job is in the folder {folder.name}, and its next command in the clipboard. {written.note}",
+                     "INFO")
         return {"FINISHED"}
 
 

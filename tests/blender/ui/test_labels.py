@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
 import bpy
 import pytest
 
 import blender_addon
 from blender_addon.settings import words
-from blender_addon.ui import summary
+from blender_addon.ui import live_panel, summary
 from blender_addon.ui.operators import check
-from tests.blender.ui.test_panels import draw_all
+from tests.blender.ui.test_panels import draw, draw_all
 from tests.support import panel
 
 CLASSES = [cls for module in blender_addon._modules() for cls in getattr(module, "CLASSES", ())]
@@ -71,6 +73,74 @@ def test_texts_of_buttons_follow_them_too(tmp_path):
         texts = {named["text"] for name, named in drawn if name in ("operator", "prop", "menu") and named.get("text")}
     assert {"Use Box", "Selection", "View", "Camera"} <= texts
     assert [wrong_label(text) for text in texts if wrong_label(text)] == []
+
+
+PLAIN = re.compile(r"--[a-z]|\[.*\]|(?<![\w/:.])/(?!lightfield)\w+/|\b1 [a-z]+s\b")
+
+
+def wrong_message(text: str) -> str:
+    """What is wrong with a text of a panel: an option, a list of Python, a path, or one of many things."""
+    found = PLAIN.search(text.removesuffix("."))
+    return f"{text!r} has {found[0]!r}" if found else ""
+
+
+def texts_in(drawn: list) -> list[str]:
+    """Texts that are drawn, with the lines of one sentence in one piece."""
+    return [named["text"] for name, named in drawn if name in ("label", "operator", "prop", "menu", "progress")
+            and named.get("text")]
+
+
+def spoiled(scene, name: str) -> None:
+    """Bring the scene into a state in which the panel has something to say."""
+    lfsr, state = scene.lfsr, bpy.context.window_manager.lfsr
+    if name == "profile":
+        lfsr.display, lfsr.profile_file = "FILE", "/no/such/profile.toml"
+    elif name == "scale":
+        lfsr.scale = "5"
+    elif name == "texture":
+        image = bpy.data.images.new("wood", 1, 1)
+        image.source, image.filepath, image.use_fake_user = "FILE", "/no/such/folder/wood.png", True
+    elif name == "lens sheet":
+        lfsr.display, lfsr.straight = "looking-glass-16-gen3", True
+    elif name == "one sample":
+        lfsr.samples = 1
+    elif name == "one ray":
+        lfsr.display, lfsr.scale, lfsr.samples = "bupt-32in-8k", "1", 1
+    elif name == "warning":
+        state.message = "The scene is dark (--light). Choose another light with --light, or see /tmp/lfsr-1/log.txt"
+    check.refresh(scene)
+
+
+STATES = ("as it is", "profile", "scale", "texture", "lens sheet", "one sample", "one ray", "warning")
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_the_panels_texts_are_plain(tmp_path, state):
+    with panel.registered():
+        spoiled(panel.artist_scene(tmp_path), state)
+        everything = [*draw_all().values(), draw(live_panel.LFSR_PT_live)]
+        wrong = [wrong_message(text) for drawn in everything for text in texts_in(drawn)]
+        starts = [texts_in(drawn)[0] for drawn in everything if texts_in(drawn)]
+    assert [text for text in wrong if text] == []
+    assert [text for text in starts if text[:1].islower()] == []
+
+
+@pytest.mark.parametrize("wrong", ["give --overwrite", "choose one of [2, 4]", "see /home/me/log.txt", "1 samples"])
+def test_a_text_that_is_not_plain_is_noticed(wrong):
+    assert wrong_message(wrong)
+
+
+@pytest.mark.parametrize(("message", "shown"), [
+    ("no image in /tmp/a/b.c/0001 to preview", "No image in 0001 to preview"),
+    (r"file C:\Users\me\wood.png is missing", "File wood.png is missing"),
+    ("choose another light with --light", "Choose another light under Quality"),
+    ("look at more lenses (--lenses)", "Look at more lenses"),
+    ("give --overwrite, or choose another folder", "Turn on Overwrite, or choose another folder"),
+    ("render with --temporal-averaging", "Render with Temporal Averaging"),
+    ("see https://www.openimagedenoise.org/downloads.html", "See https://www.openimagedenoise.org/downloads.html"),
+    ("the output folder is '//lightfield/', 1/2 of it", "The output folder is '//lightfield/', 1/2 of it")])
+def test_messages_of_the_command_line_become_those_of_the_panel(message, shown):
+    assert words.for_panel(message) == shown
 
 
 def test_names_of_numbers_are_labels():

@@ -51,7 +51,7 @@ def test_the_openjd_job_is_valid_and_says_what_the_panel_says(scene, tmp_path, c
     bundle = read_json(job / "parameter_values.json", "parameters")["parameterValues"]
     assert {entry["name"]: entry["value"] for entry in bundle} == values
     said = capsys.readouterr().out
-    assert f"The job is in {job}" in said and "deadline bundle gui-submit" in said
+    assert f"the job is in {job}" in said and "deadline bundle gui-submit" in said
 
 
 @pytest.mark.skipif(not OPENJD.exists() and not os.environ.get("CI"), reason="needs openjd-cli")
@@ -76,7 +76,7 @@ def test_flamencos_job_compiles_to_its_tasks(scene, tmp_path, capsys):
     assert set(job["settings"]) == {setting["key"] for setting in compiled["type"]["settings"]}
     words = [word for task in compiled["tasks"] for word in task["commands"][0]["parameters"]["args"]]
     assert len(compiled["tasks"]) == 3 * 4 and "undefined" not in words and "--linear-exr" in words
-    command = shlex.split(capsys.readouterr().out.split("clipboard): ")[1].split(" . ")[0])
+    command = shlex.split(capsys.readouterr().out.split("clipboard): ")[1].split("\n")[0])
     assert command[-2] == f"@{tmp_path / 'job' / 'flamenco-job.json'}"
 
 
