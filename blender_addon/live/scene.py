@@ -1,4 +1,4 @@
-"""The live scenes: they show the artist's scene, as their background set, through a lens card, and never change it.
+"""The live scenes: they show the artist's scene, as their background set, through a card, and never change it.
 
 One shows the panel's image, the other what an eye in front of the display sees. All their data is marked, so that it
 can be found and removed, also after an undo or in a file that was recovered from a crash.
@@ -21,6 +21,8 @@ from lfsr_core.optics.eye import Point
 from lfsr_core.optics.eye_card import eye_card, eye_place, eye_region
 from lfsr_core.optics.lens_card import LensCard, lens_card
 from lfsr_core.optics.live_region import LiveRegion
+from lfsr_core.optics.panel.panel_card import PanelCard, panel_card
+from lfsr_core.optics.panel.panel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
 
 from .. import compat
@@ -29,15 +31,16 @@ from ..array.spaces import is_mirrored
 from ..render import devices
 from ..render.card_parts import new_camera, place_of
 from ..render.lens_card import new_card
+from ..render.panel_card import new_panel_card
 from ..scene.volumes import distance_to_volume
-from ..settings.scene_settings import display_of, live_samples
+from ..settings.scene_settings import display_of, live_samples, live_scale
 from . import nodes
 
 MARK = "lfsr_live"
 # Kinds of live view, and values of MARK.
 PANEL, EYE = "panel", "eye"
 NAMES = {PANEL: "LFSR Live", EYE: "LFSR Live Eye"}
-KINDS = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups")
+KINDS = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups", "images")
 # Settings of the artist's scene that decide how Cycles and Blender show it.
 COPIED = ("render", "cycles", "view_settings", "display_settings")
 
@@ -47,7 +50,7 @@ class View:
     """What a live view shows; a change rebuilds the live scene."""
 
     region: LiveRegion
-    layout: RayLayout  # the rendered views
+    layout: RayLayout | PanelLayout  # the rendered views, or the subpixels of a panel with a lens sheet
     profile: DisplayProfile
     follows: str  # name of the array's viewing position, which the card follows
     far: float  # distance from the world's origin, rounded up to a power of two
@@ -63,10 +66,7 @@ class View:
 def view_of(scene: bpy.types.Scene, size: tuple[int, int], kind: str = PANEL) -> View:
     """Return the view of ``scene`` in a region of ``size``; LfsrError if it cannot be shown."""
     lfsr, profile = scene.lfsr, display_of(scene)
-    if kind == PANEL and profile.is_woven:
-        raise LfsrError(f"display {profile.name!r} weaves its panel's image from the light field, which the live view "
-                        "cannot do: choose another display, or press Show One Eye")
-    scale = int(lfsr.live_scale)
+    scale = live_scale(scene, profile, kind == EYE)
     profile.low_views(scale)
     placed, found = rig.placement(scene, profile), rig.find(scene)
     if placed is None or found is None:
@@ -79,7 +79,9 @@ def view_of(scene: bpy.types.Scene, size: tuple[int, int], kind: str = PANEL) ->
         region = eye_region(profile, size)
         eye = eye_place(profile, lfsr.live_eye_right, lfsr.live_eye_up, lfsr.live_eye_near)
     place = found.matrix_world.translation
-    return View(region, RayLayout.for_display(profile, placed[0], scale), profile, found.name, _above(place.length),
+    direct = kind == PANEL and profile.is_woven
+    layout = PanelLayout(profile, placed[0]) if direct else RayLayout.for_display(profile, placed[0], scale)
+    return View(region, layout, profile, found.name, _above(place.length),
                 _above(distance_to_volume(scene, place)) / 2, eye)
 
 
@@ -103,9 +105,9 @@ def make(scene: bpy.types.Scene, view: View) -> bpy.types.Scene:
 def show(live: bpy.types.Scene, view: View) -> None:
     """Let ``live`` show ``view`` instead of what it showed."""
     _remove([item for item in marked(view.kind) if not isinstance(item, bpy.types.Scene)])
-    follow(live)
     region = view.region
     live.render.preview_pixel_size = str(region.scale)
+    follow(live)
     live.render.resolution_x, live.render.resolution_y = region.size
     live.render.use_border = region.drawn != region.size
     # Half a pixel more, since Cycles rounds down.
@@ -124,8 +126,9 @@ def show(live: bpy.types.Scene, view: View) -> None:
 def follow(live: bpy.types.Scene) -> None:
     """Copy what may have changed in the artist's scene and needs no new card."""
     scene = live.background_set
+    own = _own_values(scene, live[MARK] == EYE)
     for name in COPIED:
-        _copy(getattr(scene, name), getattr(live, name), _own_values(scene).get(name, {}))
+        _copy(getattr(scene, name), getattr(live, name), own.get(name, {}))
     for name, value in (("world", scene.world), ("frame_current", scene.frame_current)):
         if getattr(live, name) != value:
             setattr(live, name, value)
@@ -147,14 +150,14 @@ def _remove(items: list[bpy.types.ID]) -> None:
         bpy.data.batch_remove(items)
 
 
-def _own_values(scene: bpy.types.Scene) -> dict[str, dict[str, Any]]:
+def _own_values(scene: bpy.types.Scene, is_eye: bool) -> dict[str, dict[str, Any]]:
     """Settings in which the live scene differs from the artist's; None: the live scene keeps its value."""
     lfsr = scene.lfsr
     kept = ("preview_pixel_size", "use_border", "resolution_x", "resolution_y", "border_max_x", "border_max_y")
     render = {"engine": "CYCLES", "film_transparent": scene.render.film_transparent or scene.world is None,
               "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0, "resolution_percentage": 100, "use_multiview": False,
               "border_min_x": 0.0, "border_min_y": 0.0} | dict.fromkeys(kept) | compat.whole_textures()
-    cycles = {"preview_samples": live_samples(scene), "use_preview_adaptive_sampling": False,
+    cycles = {"preview_samples": live_samples(scene, is_eye), "use_preview_adaptive_sampling": False,
               "use_preview_denoising": lfsr.live_denoise and devices.has_denoiser(),
               "preview_denoising_start_sample": lfsr.live_denoise_start, "preview_denoising_input_passes": "RGB",
               "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0, "sample_clamp_indirect": CLAMP_INDIRECT,
@@ -181,18 +184,23 @@ def _copy(source: bpy.types.bpy_struct, target: bpy.types.bpy_struct, own: dict[
 
 
 def _add_card(live: bpy.types.Scene, view: View) -> None:
-    card, distance = _card(view), view.layout.array.distance
-    made: list[bpy.types.ID] = []
+    array, made = view.layout.array, list[bpy.types.ID]()
+    place = place_of(array, view.far)
     try:
-        place = place_of(view.layout.array, view.far)
-        camera = new_camera(made, view.layout.size[0] * card.pixel, card.spreads, place)
-        screen = new_card(made, card, distance, place)
+        card: PanelCard | LensCard
+        if isinstance(view.layout, PanelLayout):
+            card = panel = panel_card(view.layout, view.clear, of_subpixels=False)
+            screen = new_panel_card(made, panel, array.distance, place)
+        else:
+            card = lenses = _card(view, view.layout)
+            screen = new_card(made, lenses, array.distance, place)
+        camera = new_camera(made, view.region.size[0] * card.pixel / view.region.scale, card.spreads, place)
     finally:
         for item in made:
             item[MARK] = view.kind
     for item in (camera, screen):
         live.collection.objects.link(item)
-    _aim(camera, view.region, card.pixel / view.region.scale)
+    _aim(camera, view.region)
     # The card follows the array; the distances behind it are in the mesh and in the camera's own location.
     screen.data.transform(mathutils.Matrix.Translation((0, 0, place.gap / 2)))
     camera.parent, camera.location = screen, (0, 0, place.gap)
@@ -202,8 +210,7 @@ def _add_card(live: bpy.types.Scene, view: View) -> None:
     live.camera = camera
 
 
-def _card(view: View) -> LensCard:
-    layout = view.layout
+def _card(view: View, layout: RayLayout) -> LensCard:
     if view.eye is not None:
         return eye_card(layout, view.profile, view.eye, view.region, view.clear)
     card = lens_card(layout, view.clear)
@@ -212,8 +219,7 @@ def _card(view: View) -> LensCard:
     return card
 
 
-def _aim(camera: bpy.types.Object, region: LiveRegion, pixel: float) -> None:
-    """Fit the camera's frame to the region, with the card in the panel's place; ``pixel``: size of the panel's."""
-    camera.data.ortho_scale = region.size[0] * pixel
+def _aim(camera: bpy.types.Object, region: LiveRegion) -> None:
+    """Move the camera's frame so that the card is in the panel's place."""
     # Both are fractions of the frame's width. The camera must not move: its place is the rays' origin.
     camera.data.shift_x, camera.data.shift_y = (-length / region.size[0] for length in region.shift)

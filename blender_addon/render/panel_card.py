@@ -11,26 +11,23 @@ import bpy
 import numpy as np
 
 from lfsr_core.arrays import Array
-from lfsr_core.optics.panel.panel_card import Linear, PanelCard, Rows
+from lfsr_core.optics.panel.panel_card import PARTS, Linear, PanelCard, Rows
 
 from .card_parts import SLANT, Place, add_quads, random_pair, sent, with_z
 from .wiring import Wiring, new_screen
 
 NAME = "LFSR Panel Card"
-SUBPIXEL, COUNT, START, WAY = "subpixel", "count", "start", "way"  # attributes of the mesh
+PLACE, COUNT, START, WAY = "place", "count", "start", "way"  # attributes of the mesh
+NEAR = 2e-3   # pixels from the middle of a pixel to where Cycles puts its first sample, at most
 STILL = 1e-9  # of the largest element of a matrix: smaller ones are rounding errors
 
 
-def new_panel_card(made: list[bpy.types.ID], card: PanelCard, distance: float, place: Place,
-                   of_subpixels: bool = True) -> bpy.types.Object:
-    """Return the card, placed as a camera of ``new_camera``; ``distance`` is the display plane's.
-
-    Unless ``of_subpixels`` a pixel of the image shows the three subpixels, each ray one of them in its colour.
-    """
-    screen = new_screen(made, NAME, lambda wiring: _Ray(wiring, card, made).inputs(distance, place, of_subpixels))
+def new_panel_card(made: list[bpy.types.ID], card: PanelCard, distance: float, place: Place) -> bpy.types.Object:
+    """Return the card, placed as a camera of ``new_camera``; ``distance`` is the display plane's."""
+    screen = new_screen(made, NAME, lambda wiring: _Ray(wiring, card, made).inputs(distance, place))
     mesh = screen.data
     add_quads(mesh, card.corners[None])
-    for name, values, z in ((SUBPIXEL, card.subpixels, 0.0), (COUNT, card.counts.corners, 0.0),
+    for name, values, z in ((PLACE, card.places, 0.0), (COUNT, card.counts.corners, 0.0),
                             (START, card.starts.corners, place.gap), (WAY, card.ways.corners, distance)):
         mesh.attributes.new(name, "FLOAT_VECTOR", "CORNER").data.foreach_set("vector", with_z(values, z))
     mesh.update(calc_edges=True)
@@ -59,26 +56,28 @@ class _Ray:
         self.wiring, self.card, self.made = wiring, card, made
         self.off: _Pair | None = None
 
-    def inputs(self, distance: float, place: Place, of_subpixels: bool) -> dict[str, bpy.types.NodeSocket]:
+    def inputs(self, distance: float, place: Place) -> dict[str, bpy.types.NodeSocket]:
         """Return the portal's inputs."""
-        card, color = self.card, {}
-        if card.stretch is not None or not of_subpixels:
-            entry = self.entry()
-            if not of_subpixels:
-                color["Color"] = self.color(_Pair(self.wiring, entry))
+        card, color, numbers = self.card, {}, self.numbers()
+        if card.stretch is not None or card.mixes:
+            entry = self.entry(numbers)
+            if card.mixes:
+                color["Color"] = self.color(entry)
         away = self.nearest(self.linear(COUNT, card.counts, 0.0), card.images)
         start = self.plus(self.linear(START, card.starts, place.gap), card.start_steps, away)
         way = self.plus(self.linear(WAY, card.ways, distance), card.way_steps, away)
-        if card.spreads:
-            numbers = _Pair(self.wiring, random_pair(self.wiring))
-            if card.lenses.shift:
-                spread = self.wiring.vector("MULTIPLY", numbers.vector, (1 / (2 * SLANT),) * 3)
-                way = self.plus(way, card.lens_steps, self.nearest(spread, card.lenses))
-            else:
-                way = self.plus(way, card.lens_steps / (2 * SLANT), numbers)
+        if numbers is not None:
+            way = self.plus(way, card.lens_steps, self.nearest(numbers, card.lenses) if card.lenses.shift else
+                            _Pair(self.wiring, numbers))
         if place.start:
             start = self.wiring.vector("MULTIPLY_ADD", way, (place.start,) * 3, start)
         return sent(self.wiring, start, way) | color
+
+    def numbers(self) -> bpy.types.NodeSocket | None:
+        """Return two random numbers from -0.5 to 0.5 for the point on the lens, None if it is always the middle."""
+        if not self.card.spreads:
+            return None
+        return self.wiring.vector("MULTIPLY", random_pair(self.wiring), (1 / (2 * SLANT),) * 3)
 
     def linear(self, name: str, quantity: Linear, z: float) -> Any:
         """Return ``quantity`` where the light of the place comes from, a socket or a constant; ``z``: of its vector."""
@@ -120,20 +119,35 @@ class _Ray:
     def _wrapped(self, value: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         return self.wiring.scalar("WRAP", value, 0.5, -0.5)
 
-    def entry(self) -> bpy.types.NodeSocket:
+    def entry(self, numbers: bpy.types.NodeSocket | None) -> bpy.types.NodeSocket:
         """Return the entry of the card's table for the place, and move the place to its subpixel."""
         wiring = self.wiring
         attribute = wiring.node("ShaderNodeAttribute")
-        attribute.attribute_name = SUBPIXEL
+        attribute.attribute_name = PLACE
         at = attribute.outputs["Vector"]
+        moved = None
+        if self.card.mixes and numbers is not None:
+            moved = self.moved(at, numbers)
+            at = wiring.vector("MULTIPLY_ADD", moved, (PARTS, 0, 0), at)
         rows, columns = self.card.table.shape[:2]
         image = wiring.node("ShaderNodeTexImage", Vector=wiring.vector(
             "MULTIPLY_ADD", wiring.vector("FLOOR", at), (1 / columns, 1 / rows, 0), (0.5 / columns, 0.5 / rows, 0)))
         image.image, image.interpolation, image.extension = self.table(), "Closest", "REPEAT"
+        off = image.outputs["Color"]
         if self.card.stretch is not None:
-            self.off = _Pair(wiring, wiring.vector(
-                "MULTIPLY_ADD", wiring.vector("FRACTION", at), (*self.card.stretch, 0), image.outputs["Color"]))
+            off = wiring.vector("MULTIPLY_ADD", wiring.vector("FRACTION", at), (*self.card.stretch, 0), off)
+        self.off = _Pair(wiring, off if moved is None else wiring.vector("MULTIPLY_ADD", moved, (1, 0, 0), off))
         return image.outputs["Color"]
+
+    def moved(self, at: bpy.types.NodeSocket, numbers: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+        """Return the pixels by which the first sample of a pixel moves to the right, 0 for the others.
+
+        Cycles puts the first sample into the pixel's middle, so that all pixels would show the same subpixel.
+        """
+        wiring = self.wiring
+        place = wiring.vector("FRACTION", wiring.vector("MULTIPLY", at, (1 / PARTS, 1, 0)))
+        away = wiring.vector("DISTANCE", place, (0.5, 0.5, 0)).node.outputs["Value"]
+        return wiring.scalar("MULTIPLY", wiring.scalar("LESS_THAN", away, NEAR), _Pair(wiring, numbers).apart[1])
 
     def table(self) -> bpy.types.Image:
         """Return the card's table as an image."""
@@ -143,13 +157,13 @@ class _Ray:
         image.alpha_mode = "CHANNEL_PACKED"
         opaque = np.concatenate([self.card.table, np.ones((rows, columns, 1))], -1)
         image.pixels.foreach_set(opaque.astype("f4").ravel())
-        image.update()
+        image.pack()  # which no user is then asked to do
         return image
 
-    def color(self, entry: _Pair) -> bpy.types.NodeSocket:
+    def color(self, entry: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         """Return three times the colour of the subpixel."""
         wiring = self.wiring
-        channel = wiring.node("ShaderNodeSeparateXYZ", Vector=entry.vector).outputs["Z"]
+        channel = wiring.node("ShaderNodeSeparateXYZ", Vector=entry).outputs["Z"]
         away = wiring.vector("ABSOLUTE", wiring.vector("SUBTRACT", channel, (0, 1, 2)))
         return wiring.vector("MULTIPLY_ADD", wiring.vector("MINIMUM", away, (1, 1, 1)), (-3,) * 3, (3,) * 3)
 

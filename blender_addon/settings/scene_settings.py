@@ -167,13 +167,27 @@ def qualities(scene: bpy.types.Scene) -> dict[str, tuple[float, int, str]]:
             for name, samples in QUALITY_SAMPLES.items()}
 
 
-def live_samples(scene: bpy.types.Scene) -> int:
-    """Samples per pixel after which the live view stops, 0 for no limit."""
+def is_woven(scene: bpy.types.Scene) -> bool:
+    """True if the display has a lens sheet; False also where it cannot be read."""
+    try:
+        return display_of(scene).is_woven
+    except LfsrError:
+        return False
+
+
+def live_scale(scene: bpy.types.Scene, display: DisplayProfile, is_eye: bool) -> int:
+    """Scale of the live view, or of the eye's; a panel with a lens sheet shows its subpixels."""
+    return 1 if display.is_woven and not is_eye else int(scene.lfsr.live_scale)
+
+
+def live_samples(scene: bpy.types.Scene, is_eye: bool) -> int:
+    """Samples per pixel after which the live view, or the eye's, stops; 0 for no limit."""
     lfsr = scene.lfsr
     if lfsr.live_samples or not lfsr.live_rays:
         return int(lfsr.live_samples)
     try:
-        return samples_at(display_of(scene), int(lfsr.live_scale), lfsr.live_rays)
+        display = display_of(scene)
+        return samples_at(display, live_scale(scene, display, is_eye), lfsr.live_rays)
     except LfsrError:
         return 0  # the live view says what is wrong with the display
 

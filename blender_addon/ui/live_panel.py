@@ -7,6 +7,7 @@ import bpy
 from ..live import nodes, session
 from ..live.scene import EYE
 from ..render import devices
+from ..settings import scene_settings
 from .drawing import LightFieldPanel, columns, row_if, sentence
 
 HOW_TO_PLACE = "Drag the new window to the display and make it full screen. It follows all changes here"
@@ -26,11 +27,11 @@ class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
             layout.operator("lfsr.live_full_screen", icon="FULLSCREEN_ENTER")
         else:
             layout.operator("lfsr.live_start", icon="PLAY")
-        column = columns(layout)
-        column.prop(lfsr, "live_scale")
+        column, woven = columns(layout), scene_settings.is_woven(context.scene)
+        row_if(not woven, column).prop(lfsr, "live_scale")
         row_if(not lfsr.live_samples, column).prop(lfsr, "live_rays")
         column.prop(lfsr, "live_samples")
-        row_if(nodes.can_interpolate(), column).prop(lfsr, "live_smooth")
+        row_if(nodes.can_interpolate() and not woven, column).prop(lfsr, "live_smooth")
         row_if(devices.has_denoiser(), column).prop(lfsr, "live_denoise")
         row_if(devices.has_denoiser() and lfsr.live_denoise, column).prop(lfsr, "live_denoise_start")
         for text, icon in notes(context.scene):

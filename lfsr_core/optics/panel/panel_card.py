@@ -46,7 +46,8 @@ class PanelCard:
 
     pixel: float  # side of the image's pixels on the card
     corners: Array  # (4, 2) around the card's centre: upper left, lower left, lower right, upper right
-    subpixels: Array  # (4, 2) thirds of pixels from the panel's left edge, rows of pixels from its lower edge
+    places: Array  # (4, 2) thirds of pixels from the panel's left edge, rows of pixels from its lower edge
+    mixes: bool  # whether a pixel of the image shows three subpixels, each ray that of its place in its colour
     counts: Linear  # elemental images: along a row, and rows; whole at their centres
     starts: Linear  # where rays begin on the camera plane
     ways: Linear  # from there to the display plane
@@ -107,7 +108,7 @@ def panel_card(layout: PanelLayout, radius: float = math.inf, of_subpixels: bool
     ways, millimetres = ends - starts, shown @ pitch
     return PanelCard(
         pixel=pixel, corners=(places - size / 2) * (1, -1) * pixel,
-        subpixels=(shown + panel / 2) * (PARTS, 1),
+        places=(shown + panel / 2) * (PARTS, 1), mixes=not of_subpixels and display.pixel_layout.count > 1,
         counts=Linear(millimetres @ sheet.waves.T - sheet.phases, sheet.waves @ pitch),
         starts=Linear(millimetres @ starts.T + sheet.start_shift * start_unit, starts @ pitch),
         ways=Linear(millimetres @ ways.T + sheet.lens_shift * end_units - sheet.start_shift * start_unit, ways @ pitch),
@@ -240,7 +241,7 @@ class _Places:
         return mixed
 
     def _off(self, card: PanelCard, stretch: tuple[float, float]) -> Array:
-        at = self._corners(card.subpixels)
+        at = self._corners(card.places)
         column, row = np.moveaxis(np.floor(at).astype(int), -1, 0)
         entry = card.table[row % PERIOD, column % (PERIOD * PARTS), :2].astype(self.precision)
         moved: Array = (at - np.floor(at)) * np.array(stretch, self.precision) + entry

@@ -7,16 +7,21 @@ import numpy as np
 import pytest
 
 from blender_addon.array import rig
+from blender_addon.check.problems import check_scene
 from blender_addon.live import nodes, session
 from blender_addon.live import scene as live_scene
 from blender_addon.render import cycles, output
 from blender_addon.render.lens_card import CELL
 from lfsr_core.errors import LfsrError
+from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.images import exr
 from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.lens_card import RIM
+from lfsr_core.optics.panel.panel_rays import panel_image
+from lfsr_core.optics.profile_file import write_profile
 from lfsr_core.reconstruct.encoding import decode, encode
 from tests.support import panel
+from tests.support.panels import cells, hexagonal, small
 from tests.support.scenes import encoded
 
 SIZE = (128, 96)
@@ -142,10 +147,32 @@ def cell_of(live):
     return tuple(mesh.attributes[CELL].data[0].vector)
 
 
-def test_a_woven_panel_is_not_shown_but_what_an_eye_sees(scene):
+@pytest.mark.parametrize("make", [cells, hexagonal])
+def test_a_panel_with_a_lens_sheet_shows_its_subpixels(scene, tmp_path, make):
+    """The panel's image as direct subpixel rendering makes it, from a pixel per pixel."""
+    display = small(make())
+    write_profile(tmp_path / "own.toml", display)
+    scene.lfsr.display, scene.lfsr.profile_file, scene.lfsr.live_scale = "FILE", str(tmp_path / "own.toml"), "4"
+    before = panel.snapshot(scene)
+    view = live_scene.view_of(scene, display.panel_pixels)
+    shown = live_scene.make(scene, view)
+    assert shown.render.preview_pixel_size == "1" and view.region.sentence() is None
+    assert "dirty" not in {problem.code for problem in check_scene(scene)}
+    live = rendered(shown, display.panel_pixels, 128, tmp_path)[..., :3]
+    traced = encoded(scene, view.layout, tmp_path, rig.placement(scene, display)[1], SUBPIXELS, samples=128)["color"]
+    image = panel_image(view.layout, traced[..., :3])
+    difference = np.abs(live - image).mean()
+    others = image[::-1], image[:, ::-1], image[..., ::-1], np.roll(image, 1, 1)
+    assert difference < 0.5 * min(np.abs(live - other).mean() for other in others)
+    assert live.mean((0, 1)) == pytest.approx(image.mean((0, 1)), rel=0.01)
+    first = rendered(shown, display.panel_pixels, 1, tmp_path)[..., :3]
+    assert first.mean((0, 1)) == pytest.approx(image.mean((0, 1)), rel=0.1), "the first sample has no tint"
+    live_scene.remove_all()
+    assert panel.snapshot(scene) == before
+
+
+def test_a_panel_with_a_lens_sheet_has_an_eye_too(scene):
     scene.lfsr.display, scene.lfsr.live_scale = "looking-glass-go", "2"
-    with pytest.raises(LfsrError, match="weaves its panel"):
-        live_scene.view_of(scene, SIZE)
     assert live_scene.view_of(scene, (4000, 3000), live_scene.EYE).eye[2] > 0
 
 

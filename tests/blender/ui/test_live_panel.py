@@ -9,7 +9,7 @@ from blender_addon.live import nodes, session
 from blender_addon.live.scene import EYE, PANEL
 from blender_addon.render import devices
 from blender_addon.ui import live_panel
-from tests.blender.ui.test_panels import draw, labels, operators, properties
+from tests.blender.ui.test_panels import draw, greyed, labels, operators, properties
 from tests.support import panel
 
 
@@ -24,6 +24,11 @@ def test_off(scene):
     assert operators(drawn) == {"lfsr.live_start", "lfsr.live_eye_start"}
     assert {"live_scale", "live_rays", "live_samples", "live_smooth", "live_denoise", "live_denoise_start",
             "live_eye_right", "live_eye_up", "live_eye_near"} <= properties(drawn)
+
+
+def test_a_lens_sheet_has_no_pixel_size(scene):
+    scene.lfsr.display = "looking-glass-go"
+    assert {"live_scale", "live_smooth"} <= greyed(draw(live_panel.LFSR_PT_live))
 
 
 def test_on(scene, monkeypatch):

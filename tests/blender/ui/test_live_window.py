@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import shutil
 import time
@@ -12,11 +13,17 @@ import time
 import numpy as np
 import pytest
 
+from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_png
+from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.eye_card import eye_place
+from lfsr_core.optics.panel.panel_rays import PanelLayout, panel_image
+from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.optics.rays import CameraArray
+from tests.support.panels import cells, hexagonal, small
 from tests.support.window.desktop import VARIABLE, Window, blender_window
 from tests.support.window.live_scenes import SAMPLES, SCENE, another_scene
 
@@ -141,6 +148,40 @@ def test_it_is_the_offline_image(window, scene, name, scale, size):
     for axis in (0, 1):
         for step in (-1, 1):
             assert np.abs(np.roll(live, step, axis) - offline).mean() > difference.mean()
+
+
+@pytest.mark.parametrize("make", [cells, hexagonal])
+def test_a_panel_with_a_lens_sheet_shows_its_subpixels(window, make):
+    """The panel's image as direct subpixel rendering makes it."""
+    size = (128, 96)
+    display = dataclasses.replace(small(make()), panel_pixels=size, panel_mm=(64.0, 48.0))
+    write_profile(window.folder / "own.toml", display)
+    window.run(f"lfsr = bpy.context.scene.lfsr\nlfsr.profile_file = {str(window.folder / 'own.toml')!r}\n"
+               "lfsr.display = 'FILE'\nlfsr.live_samples = 128\n"
+               "bpy.context.scene.view_settings.view_transform = 'Standard'")
+    start(window, size)
+    live = resting(window, f"live-{make.__name__}")[:size[1], :size[0]].astype(float)
+    assert window.get("live.message()") == ""
+    window.run(TRACED)
+    view = window.get("{'half': [view.layout.array.half_width, view.layout.array.half_height], 'distance': "
+                      "view.layout.array.distance, 'spacing': view.layout.array.spacing}")
+    layout = PanelLayout(display, CameraArray(view["distance"], *view["half"], view["spacing"]))
+    traced = read_layers(window.folder / "traced.exr")["color"]
+    offline = 255 * srgb_encode(np.clip(panel_image(layout, traced[..., :3]), 0, 1))
+    difference = np.abs(live - offline)
+    print(f"{make.__name__}: mean {difference.mean((0, 1)).round(2)}")
+    assert difference.mean() < 0.5 * min(np.abs(np.roll(live, 1, axis) - offline).mean() for axis in (0, 1))
+    assert live.mean((0, 1)) == pytest.approx(offline.mean((0, 1)), abs=1)
+
+
+TRACED = """
+from bl_ext.user_default.lfsr.array import rig
+from bl_ext.user_default.lfsr.render import cycles
+view, scene = live._on["panel"].view, bpy.context.scene
+shot = cycles.Shot(view.layout, rig.placement(scene, view.profile)[1], "subpixels")
+folder = __import__("pathlib").Path(bpy.data.filepath).parent
+cycles.render_encoded(scene, shot, cycles.RenderSettings(64), folder / "traced.exr")
+"""
 
 
 def test_start_and_stop_leave_everything_as_it_was(window):

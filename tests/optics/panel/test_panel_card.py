@@ -45,6 +45,20 @@ def test_rays_are_those_of_the_layout(name):
         assert ours == pytest.approx(theirs, abs=1e-9)
 
 
+@pytest.mark.parametrize("name", [name for name in DISPLAYS if name != "white"])
+def test_a_ray_of_a_whole_pixel_is_that_of_the_subpixel_at_its_place(name):
+    layout, place = layout_of(DISPLAYS[name]), np.array((0.8, 0.3))
+    card, panel = panel_card(layout, of_subpixels=False), np.array(layout.display.panel_pixels)
+    pixel = np.stack(np.broadcast_arrays(np.arange(panel[0]), np.arange(panel[1])[:, None]), -1)
+    mirrored = np.where(layout.display.flip, 1 - place, place)
+    for part in range(PARTS):
+        inside = (part + place[0]) / PARTS, place[1]
+        found = card_rays(card, *np.moveaxis((pixel + inside) / panel, -1, 0), layout.array.distance)
+        at = (pixel * (PARTS, 1) + (part, 0) + mirrored) / layout.size
+        for ours, theirs in zip(found, panel_rays(layout, *np.moveaxis(at, -1, 0)), strict=True):
+            assert ours == pytest.approx(theirs, abs=1e-9)
+
+
 @pytest.mark.parametrize("name", ["cells", "hexagonal", "square"])
 def test_random_points_fill_the_lens_as_those_of_the_layout(name):
     """Not number by number: both choose points evenly over the lens, in other orders."""
@@ -94,6 +108,6 @@ def test_in_single_precision_the_phase_is_right_to_a_thousandth_of_a_cylinder(ce
 
 def test_subpixels_are_counted_in_thirds_from_the_panels_lower_left_corner():
     card = panel_card(layout_of(DISPLAYS["lenticular"]))
-    assert card.subpixels == pytest.approx(np.array([(0, 160), (0, 0), (240 * PARTS, 0), (240 * PARTS, 160)]), abs=0.02)
+    assert card.places == pytest.approx(np.array([(0, 160), (0, 0), (240 * PARTS, 0), (240 * PARTS, 160)]), abs=0.02)
     assert (card.table[0, :3, 2] == (0, 1, 2)).all() and card.stretch is None
     assert (panel_card(layout_of(FLIPPED)).table[0, :3, 2] == (2, 1, 0)).all()
