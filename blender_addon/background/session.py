@@ -108,7 +108,7 @@ def _look() -> float | None:
 def notify(message: str, icon: str) -> None:
     """Show a sentence in the panel and beside the pointer, where no operator can report it."""
     say(message, is_error=icon == "ERROR")
-    tell(message, icon)
+    _pop_up(message, icon)
 
 
 def say(message: str, is_error: bool = False) -> None:
@@ -122,15 +122,19 @@ def say(message: str, is_error: bool = False) -> None:
 def tell(message: str, icon: str) -> None:
     """Show a sentence beside the pointer only."""
     print(f"Light Field: {message}")
-    windows = bpy.context.window_manager.windows
-    if bpy.app.background or not windows:
+    _pop_up(message, icon)
+
+
+def _pop_up(message: str, icon: str) -> None:
+    window = show_image.top_window()
+    if bpy.app.background or window is None:
         return
 
     def draw(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
         for line in textwrap.wrap(for_panel(message), POPUP_COLUMNS):
             menu.layout.label(text=line)
 
-    with bpy.context.temp_override(window=windows[0]):
+    with bpy.context.temp_override(window=window):
         bpy.context.window_manager.popup_menu(draw, title="Light Field", icon=icon)
 
 

@@ -24,7 +24,7 @@ from lfsr_core.records import to_data
 from lfsr_core.render.staging import has_parts
 
 from ..array.scale import CHOOSE, LOOK
-from ..render.overrides import overridden
+from ..render.overrides import preferred
 from ..results import show_image
 from ..settings import folders
 from . import estimate, runtime
@@ -241,11 +241,9 @@ def file_copy() -> Iterator[Path]:
 
 def save_copy(path: Path) -> None:
     """Save the file as it is now under another name, and stay in this one; LfsrError where that fails."""
-    preferences = bpy.context.preferences
     try:
-        # Without the picture for file browsers, which is rendered; that leaves the preferences as they are.
-        with (show_image.wait_cursor(), overridden(preferences, {"is_dirty": preferences.is_dirty}),
-              overridden(preferences.filepaths, {"file_preview_type": "NONE"})):
+        # Without the picture for file browsers, which would be rendered.
+        with show_image.wait_cursor(), preferred("filepaths", file_preview_type="NONE"):
             # Uncompressed, so that a later copy of the same scene is recognised.
             bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, compress=False)
     except RuntimeError as error:

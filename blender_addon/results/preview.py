@@ -57,6 +57,7 @@ def show(scene: bpy.types.Scene, eye: tuple[float, float]) -> bpy.types.Image | 
     image = _image(pixels.shape[1], pixels.shape[0])
     image.pixels.foreach_set(pixels.ravel())
     image.update()
+    image.pack()  # an image that is modified keeps Blender from quitting without a question
     for area in show_image.areas("IMAGE_EDITOR"):
         area.tag_redraw()  # an editor does not notice that its image has changed
     return image
@@ -82,7 +83,7 @@ def _mapped(path: Path) -> Array:
 
 def _image(width: int, height: int) -> bpy.types.Image:
     image = bpy.data.images.get(IMAGE_NAME)
-    if image is None or image.source != "GENERATED":
+    if image is None or image.source not in {"GENERATED", "FILE"} or image.filepath:  # not ours
         return bpy.data.images.new(IMAGE_NAME, width, height)
     if tuple(image.size) != (width, height):
         image.scale(width, height)

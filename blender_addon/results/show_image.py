@@ -37,6 +37,12 @@ def areas(kind: str) -> list[bpy.types.Area]:
     return [area for window in bpy.context.window_manager.windows for area in window.screen.areas if area.type == kind]
 
 
+def top_window() -> bpy.types.Window | None:
+    """Return the window that no other window of this Blender hides: of those that lie over others, the newest."""
+    windows = bpy.context.window_manager.windows
+    return next((window for window in reversed(windows) if window.parent is not None), next(iter(windows), None))
+
+
 @contextmanager
 def wait_cursor() -> Iterator[None]:
     """Show in every window that Blender is busy inside the block; background mode has none."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+import bpy
 import numpy as np
 import pytest
 
 from blender_addon.background import recipes
 from blender_addon.results import preview
+from blender_addon.scene.notices import missing_images
 from tests.support import panel
 
 
@@ -33,4 +35,32 @@ def test_preview_is_fast_for_an_8k_image(scene):
     assert not maps.is_file() or str(path) not in maps.read_text(), "Windows replaces no mapped file"
     path.unlink()
     print(f"preview of an 8K image: {np.median(seconds) * 1000:.1f} ms")
+    image = bpy.data.images[preview.IMAGE_NAME]
+    assert not any(item.is_dirty for item in bpy.data.images), "Blender asks about it when it quits"
+    shown = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(shown)
+    expected = preview.to_pixels(views[preview.view_index((80, 80), (1, scene.lfsr.eye_up))])
+    assert np.abs(shown - expected.ravel()).max() < 1e-3 and len(bpy.data.images) == 1
     assert np.median(seconds) < 0.1
+
+
+def test_the_view_is_shown_again_in_a_file_that_has_it(scene, tmp_path):
+    views = np.full((2, 2, 3, 4, 3), 255, np.uint8)
+    for name in ("one", "two"):
+        np.save(tmp_path / f"{name}.npy", views)
+        preview.load(scene, tmp_path / f"{name}.npy")
+        preview.show(scene, (0, 0)).use_fake_user = True
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+        scene = bpy.context.scene
+    [image] = bpy.data.images
+    assert image.name == preview.IMAGE_NAME and not missing_images()
+
+
+def test_an_image_of_the_same_name_is_the_artists(scene, tmp_path):
+    own = bpy.data.images.new(preview.IMAGE_NAME, 4, 4)
+    own.filepath_raw, own.file_format = str(tmp_path / "own.png"), "PNG"
+    own.save()
+    np.save(tmp_path / "views.npy", np.full((2, 2, 3, 4, 3), 255, np.uint8))
+    preview.load(scene, tmp_path / "views.npy")
+    assert preview.show(scene, (0, 0)) != own and tuple(own.size) == (4, 4)

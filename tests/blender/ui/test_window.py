@@ -221,6 +221,19 @@ bpy.ops.extensions.package_uninstall(repo_index=repositories.index("user_default
     assert left == []
 
 
+def test_quitting_asks_nothing(window):
+    """About the view that was previewed, that is: a file that was not saved is asked about."""
+    window.run("bpy.ops.wm.save_mainfile()")
+    assert window.get("'Light Field View' in bpy.data.images and not bpy.data.is_dirty")
+    window.run("""
+def leave():
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+        bpy.ops.wm.quit_blender("INVOKE_DEFAULT")
+bpy.app.timers.register(leave, first_interval=0.5)
+""")
+    assert window.process.wait(SECONDS_TO_ANSWER) == 0
+
+
 def _blue(picture: np.ndarray) -> int:
     """Pixels in the colour of the display rectangle."""
     return int((np.abs(picture.astype(int) - DISPLAY_COLOR).max(axis=-1) < 40).sum())
