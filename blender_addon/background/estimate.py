@@ -10,6 +10,9 @@ from lfsr_core.optics.display import DisplayProfile
 LEAST_LEFT = 0.5  # seconds
 # Seconds of the second stage on two cores: its start, per million finished pixels, and per million rendered ones.
 START, PER_FINISHED, PER_RENDERED, PER_DENOISED = 1.2, 0.07, 0.05, 0.5
+# Cycles renders its samples in batches, each larger than the one before. Per sample, what follows takes this part of
+# the first batch, and of the last one.
+FIRST_PACE, PACE = 0.8, 0.9
 # Cycles reports its first sample early and the next ones rarely: a speed of the same scene before counts as if so much
 # of the work had been done at it.
 TRUST = 0.15
@@ -28,52 +31,60 @@ class Moment:
 class StepClock:
     """Follows one step; every ``now`` is of the same clock."""
 
-    def __init__(self, now: float, expected: float | None = None, before: float | None = None) -> None:
+    def __init__(self, now: float, expected: float | None = None, before: float | None = None,
+                 is_render: bool = False) -> None:
         """``expected``: seconds that the step will take, None where only its progress tells.
 
         ``before``: seconds that the work itself would take at the speed of an earlier step, None where there was none.
+        ``is_render``: whether Cycles renders one image.
         """
         self.started, self.expected, self.before = now, expected, before
-        # When the work itself began, after scenes were opened and prepared, and when it was last heard of.
-        self._first: Moment | None = None
-        self._last: Moment | None = None
+        self._first_pace, self._pace = (FIRST_PACE, PACE) if is_render else (1.0, 1.0)
+        # When the work itself began, after scenes were opened and prepared, and all that was heard of it since.
+        self._heard: list[Moment] = []
 
     def take(self, now: float, done: float) -> None:
         """Note new progress."""
-        if self._first is None or self._last is None or done <= self._first.done:
-            self._first = self._last = Moment(now, done)
-        elif done > self._last.done:
-            self._last = Moment(now, done)
+        if not self._heard or done <= self._heard[0].done:
+            self._heard = [Moment(now, done)]
+        elif done > self._heard[-1].done:
+            self._heard.append(Moment(now, done))
 
     def left(self, now: float) -> float | None:
         """Seconds left, None while they cannot be told."""
-        total, begun = self._work()
+        if self.expected is not None:
+            left = self.started + self.expected - now
+        elif (pace := self._seconds_of_all()) is not None:
+            left = pace * (1 - self._heard[-1].done) - (now - self._heard[-1].time)
+        else:
+            return None
         # A step that is late by some seconds is expected to take as many more.
-        return None if total is None else max(abs(total - (now - begun.time)), LEAST_LEFT)
+        return max(abs(left), LEAST_LEFT)
 
     def worked(self, now: float) -> float | None:
         """Seconds since the work itself began, None where an earlier run has done some of it."""
-        return now - self._first.time if self._first and not self._first.done else None
+        return now - self._heard[0].time if self._heard and not self._heard[0].done else None
 
     def share(self, now: float) -> float:
         """Fraction of the step that is done by now, as its time goes, and at least what was reported."""
-        left, reported = self.left(now), self._last.done if self._last else 0.0
-        begun = self._work()[1]
+        left, reported = self.left(now), self._heard[-1].done if self._heard else 0.0
+        begun = self._heard[0] if self._heard and self.expected is None else Moment(self.started, 0.0)
         passed = now - begun.time
         if left is None or passed <= 0:
             return reported
         return max(reported, begun.done + (1 - begun.done) * passed / (passed + left))
 
-    def _work(self) -> tuple[float | None, Moment]:
-        """Seconds of the work from its beginning to its end, and that beginning."""
-        first, last = self._first, self._last
-        if first is None or last is None or self.expected is not None:
-            return self.expected, Moment(self.started, 0.0)
-        rest, known = 1 - first.done, last.done - first.done
-        seen = (last.time - first.time) * rest / known if known else None
-        if self.before is None or seen is None:
-            return (seen if self.before is None else self.before * rest), first
-        return (known * seen + TRUST * self.before * rest) / (known + TRUST), first
+    def _seconds_of_all(self) -> float | None:
+        """Seconds that all of the work would take at the pace of what is left."""
+        if len(self._heard) < 2:
+            return self.before if self._heard else None
+        first, last = self._heard[0], self._heard[-1]
+        half = (first.done + last.done) / 2
+        since = next(moment for moment in reversed(self._heard) if moment.done <= half)
+        pace = self._pace if len(self._heard) > 2 else self._first_pace
+        seen = pace * (last.time - since.time) / (last.done - since.done)
+        known = last.done - first.done
+        return seen if self.before is None else (known * seen + TRUST * self.before) / (known + TRUST)
 
 
 def expected(stage: str, seconds: float) -> float:

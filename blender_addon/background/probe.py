@@ -20,9 +20,11 @@ from ..settings.scene_settings import Resolved
 from . import estimate
 from .steps import SAVING, Steps, file_copy, render_step, write_job
 
-PATHS = 300_000  # path samples to measure: a second or two
-SAMPLES = 2  # few, so that many lenses are seen
-NAMES = ("first", "again", "many")  # renders of one lens, of it again with the scene prepared, and of many
+PATHS = 600_000  # path samples to measure: a second or two
+SAMPLES = 16  # at most, so that many lenses are seen
+# Renders of one lens, which prepares the scene, and of some and many: their difference is that of their samples alone,
+# since a change of lenses makes Cycles prepare some things again.
+NAMES, SOME = ("first", "some", "many"), 4
 SECONDS = 12.0  # that a probe takes on a usual machine
 
 
@@ -41,9 +43,10 @@ def measure(job: Job) -> Steps:
     yield SAVING
     with file_copy() as copy:
         folder = copy.parent
-        lenses = {"first": [(0, 0)], "again": [(0, 0)], "many": _lenses(job)}
+        many = _lenses(job)
+        lenses = {"first": [(0, 0)], "some": many[::SOME], "many": many}
         jobs = {name: dataclasses.replace(job, scene=str(copy), output=str(folder / name), parts=None, rays=None,
-                                          spp=SAMPLES, lens_list=tuple(lenses[name])) for name in NAMES}
+                                          spp=min(SAMPLES, job.spp), lens_list=tuple(lenses[name])) for name in NAMES}
         for each in jobs.values():
             Path(each.output).mkdir()
         step = render_step(jobs["first"], folder, 1.0, "Measuring lenses")
@@ -57,19 +60,19 @@ def measure(job: Job) -> Steps:
 
 def _measured(frames: dict[str, Frame], wall: float) -> Measured:
     """``wall``: seconds from the start to the end of the probe."""
-    first, again, many = (frames[name] for name in NAMES)
-    paths = path_samples(many) - path_samples(again)
-    sampling = max(render_seconds(many) - render_seconds(again), 0.0)
-    # All but the renders of the prepared scene is needed once by the image too.
-    fixed = wall - render_seconds(again) - render_seconds(many) - again.seconds.get("world", 0.0)
-    return Measured(max(fixed - many.seconds.get("world", 0.0), 0.0), sampling / max(paths, 1), many.scale)
+    some, many = frames["some"], frames["many"]
+    paths = path_samples(many) - path_samples(some)
+    sampling = max(render_seconds(many) - render_seconds(some), 0.0)
+    # All but these two renders is needed once by the image too.
+    fixed = max(wall - some.seconds["render"] - many.seconds["render"], 0.0)
+    return Measured(fixed, sampling / max(paths, 1), many.scale)
 
 
 def _lenses(job: Job) -> list[tuple[int, int]]:
     """Lenses (row, column) spread evenly over the display, enough for PATHS path samples."""
     columns, rows = job.display.lenses
     views = job.display.low_views(job.scale)
-    count = min(max(PATHS // (views[0] * views[1] * SAMPLES), 1), rows * columns)
+    count = min(max(PATHS // (views[0] * views[1] * min(SAMPLES, job.spp)), 1), rows * columns)
     across = min(columns, max(1, round((count * columns / rows) ** 0.5)))
     down = min(rows, max(1, round(count / across)))
     places = [((np.arange(number) + 0.5) / number * total).astype(int) for number, total in ((down, rows),

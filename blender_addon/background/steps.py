@@ -168,7 +168,7 @@ class Task:
         seconds = self._step.seconds
         self._clock = estimate.StepClock(
             time.monotonic(), seconds if seconds is None else estimate.expected(self.stage, seconds),
-            estimate.sampling(self._step.job) if self._step.job else None)
+            estimate.sampling(self._step.job) if self._step.job else None, self._step.job is not None)
         self._parts = self._step.parts or self._parts
         self.worker = Worker(self._step.worker, self._step.command) if self._step.command else None
 

@@ -71,10 +71,20 @@ def test_the_speed_of_an_earlier_render_steadies_the_first_report():
     clock.take(13.0, 0.01)  # by itself it would make 300 seconds of it
     assert 97.0 < clock.left(13.0) < 115.0
     clock.take(160.0, 0.5)
-    assert clock.left(160.0) == pytest.approx(150 - 200 * estimate.TRUST / (0.5 + estimate.TRUST), rel=0.01)
+    # The latest half went at the speed of 300 seconds.
+    assert clock.left(160.0) == pytest.approx(150 - 100 * estimate.TRUST / (0.5 + estimate.TRUST), rel=0.01)
     resumed = StepClock(0.0, before=100.0)
     resumed.take(10.0, 0.6)
     assert resumed.left(10.0) == pytest.approx(40.0) and resumed.worked(30.0) is None
+
+
+def test_later_samples_of_a_render_take_less_than_its_first():
+    clock = StepClock(0.0, is_render=True)
+    clock.take(0.0, 0.0)
+    clock.take(1.0, 1 / 64)
+    assert clock.left(1.0) == pytest.approx(63 * estimate.FIRST_PACE)
+    clock.take(1.0 + 31 * 0.7, 0.5)
+    assert clock.left(1.0 + 31 * 0.7) == pytest.approx(32 * 0.7 * estimate.PACE, rel=0.05)
 
 
 def test_a_scenes_speed_holds_for_other_settings_of_it(monkeypatch, tmp_path):

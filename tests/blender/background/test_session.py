@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.background import recipes, session, steps
+from blender_addon.background import estimate, recipes, session, steps
 from blender_addon.ui.operators import render
 from tests.support import panel
 
@@ -109,13 +109,15 @@ def test_progress_and_time_left(scene, monkeypatch):
     assert task.seconds_left is None and session.progress_text(task) == "Rendering 0%"
     now += 10
     task._take({"stage": "render", "fraction": 0.5, "message": "Sample 2/4"})
-    finish = task._step.after
-    assert task.seconds_left == pytest.approx(10 + finish) and finish > 0.5
-    assert session.progress_text(task) == f"Rendering 42%, 0:{10 + finish:02.0f} left"
+    finish, rest = task._step.after, 10 * estimate.FIRST_PACE
+    assert task.seconds_left == pytest.approx(rest + finish) and finish > 0.5
+    percent = round(100 * recipes.RENDER_FRACTION * 10 / (10 + rest))
+    assert session.progress_text(task) == f"Rendering {percent}%, 0:{rest + finish:02.0f} left"
     now += 4
     task._take({"stage": "render", "fraction": 0.5, "message": "Sample 2/4, for 4 s", "repeated": True})
-    assert task.seconds_left == pytest.approx(6 + finish), "no news is not slower"
-    assert task.fraction == pytest.approx(0.7 * recipes.RENDER_FRACTION) and task.message == "Sample 2/4, for 4 s"
+    assert task.seconds_left == pytest.approx(rest - 4 + finish), "no news is not slower"
+    assert task.fraction == pytest.approx(14 / (10 + rest) * recipes.RENDER_FRACTION)
+    assert task.message == "Sample 2/4, for 4 s"
     session.cancel()
 
 
