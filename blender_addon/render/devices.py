@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 
 import bpy
@@ -53,9 +53,14 @@ def resolved(device: str) -> str:
 
 
 def _found(kind: str) -> bool:
+    return any(item.type == kind for item in _devices(kind))
+
+
+def _devices(kind: str) -> Sequence[bpy.types.bpy_struct]:
+    """Devices of a type on this machine; none for a type that this Blender does not know."""
     preferences = cycles_preferences()
     known = {item[0] for item in preferences.get_device_types(bpy.context)}
-    return kind in known and any(item.type == kind for item in preferences.get_devices_for_type(kind))
+    return preferences.get_devices_for_type(kind) if kind in known else ()
 
 
 @contextmanager
@@ -84,9 +89,7 @@ def gpu_addresses(device: str) -> tuple[str, ...]:
 
     Cycles writes them into the ids of its devices, but for Metal.
     """
-    if device == "CPU":
-        return ()
-    found = (ADDRESS.search(item.id) for item in cycles_preferences().get_devices_for_type(device))
+    found = (ADDRESS.search(item.id) for item in _devices(device))
     return tuple(dict.fromkeys(match[0] for match in found if match))
 
 

@@ -16,7 +16,8 @@ from blender_addon.render import devices
     (["ONEAPI_Intel Arc A770_0000:03:00.0"], ("0000:03:00",)),
     (["METAL_Apple M4"], ()), ([], ())])
 def test_addresses_are_in_the_ids_of_cycles_devices(monkeypatch, ids, addresses):
-    preferences = SimpleNamespace(get_devices_for_type=lambda kind: [SimpleNamespace(id=each) for each in ids])
+    preferences = SimpleNamespace(get_device_types=lambda context: [("OPTIX", "OptiX", "", 3)],
+                                  get_devices_for_type=lambda kind: [SimpleNamespace(id=each) for each in ids])
     monkeypatch.setattr(devices, "cycles_preferences", lambda: preferences)
     assert devices.gpu_addresses("OPTIX") == addresses
-    assert devices.gpu_addresses("CPU") == ()
+    assert devices.gpu_addresses("CPU") == devices.gpu_addresses("VULKAN") == ()
