@@ -8,7 +8,7 @@ import bpy
 
 from ...background import probe, recipes
 from ...settings import scene_settings
-from .base import Prepared, TaskOperator
+from .base import Prepared, TaskOperator, add_missing_array
 
 
 class LFSR_OT_estimate_time(TaskOperator, bpy.types.Operator):
@@ -21,6 +21,7 @@ class LFSR_OT_estimate_time(TaskOperator, bpy.types.Operator):
         """Measure the current frame."""
         scene = context.scene
         scene_settings.resolve(scene).check_light_field("an estimate of the time")
+        add_missing_array(scene)
         return probe.measure(recipes.frame_recipe(scene).job), functools.partial(probe.remember, scene.name_full)
 
 

@@ -24,7 +24,7 @@ from ...background.steps import Steps
 from ...settings import scene_settings
 from ...settings.methods import title
 from ...settings.words import counted
-from .base import UNDO, Prepared, Result, TaskOperator, reports_errors
+from .base import UNDO, Prepared, Result, TaskOperator, add_missing_array, reports_errors
 
 LOOK_FRACTION = 0.03  # of a plan's time
 CANDIDATE = re.compile(r"s(\d+)-spp(\d+) ([^\s,;]+)")  # a candidate's name in a sentence
@@ -40,6 +40,7 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
         """Plan for the current frame, then show the result in the panel."""
         scene = context.scene
         scene_settings.resolve(scene).check_light_field("a plan")
+        add_missing_array(scene)
         options = wanted(scene)
         job = recipes.frame_recipe(scene).job
         state = context.window_manager.lfsr
