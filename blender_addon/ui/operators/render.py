@@ -14,6 +14,7 @@ from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
 
 from ...background import denoiser, probe, recipes, session
 from ...results import preview, show_image
+from ...scene.subject import find_subject
 from ...settings import folders, scene_settings
 from ...settings.methods import title
 from . import check
@@ -115,6 +116,7 @@ def show_image_of(scene: bpy.types.Scene) -> Callable[[Path], None]:
 
 
 def _asked(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
+    find_subject(scene)  # where nothing would be rendered, nothing else matters
     return [*_denoising(scene), *_overwriting(scene, frames), *check.questions(scene, len(frames))]
 
 

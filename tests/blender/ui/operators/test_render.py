@@ -73,6 +73,13 @@ def test_a_scene_without_an_array_gets_one(scene):
     assert read_json(folder / "report.json", "report")["foreground_share"] > 0.05
 
 
+def test_where_nothing_would_be_rendered_nothing_is_asked(scene):
+    bpy.data.objects["Box"].hide_render = True
+    scene.collection.objects.unlink(bpy.data.objects["Sun"])
+    with pytest.raises(RuntimeError, match="nothing of the subject 'Scene' would be rendered|Nothing of the subject"):
+        bpy.ops.lfsr.render_eia()
+
+
 def test_preview_shows_the_view_of_the_eye(opened, rendered):
     assert bpy.ops.lfsr.preview_view() == {"FINISHED"}
     image = bpy.data.images[preview.IMAGE_NAME]
