@@ -11,6 +11,7 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import EVEN, OWN, check_light, is_light_file
+from lfsr_core.images.exr import check_complete
 
 from .. import compat
 
@@ -136,8 +137,17 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.W
 def _image_file(light: str) -> Path:
     if is_light_file(light):
         check_light(light)
+        _check_whole(light)
         return Path(light)
     path = Path(bpy.utils.system_resource("DATAFILES"), "studiolights", "world", f"{light}.exr")
     if not path.is_file():
         raise LfsrError(f"this Blender has no world image {light!r}: choose another light, or give a .hdr or .exr file")
     return path
+
+
+def _check_whole(light: str) -> None:
+    """LfsrError where a pixel of an image file cannot be read: Blender would show the rest, or crash."""
+    try:
+        check_complete(light)
+    except (LfsrError, MemoryError):
+        raise LfsrError(f"light {light} cannot be read as an image: choose another file") from None

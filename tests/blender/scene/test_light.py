@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+
 import bpy
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 from blender_addon.render import arrival, frame_folder
@@ -168,9 +171,16 @@ def test_light_is_chosen_by_hand(scene, tmp_path):
     assert means[str(sky)][0] > 0.05 and not means[str(sky)][1:].any()
 
 
-@pytest.mark.parametrize(("name", "sentence"), [("gone.hdr", "does not exist"), ("text.exr", "cannot be read as an")])
+@pytest.mark.parametrize(("name", "sentence"), [("gone.hdr", "does not exist"), ("text.exr", "cannot be read as an"),
+                                              ("cut.exr", "cannot be read as an"), ("cut.hdr", "cannot be read as an")])
 def test_a_light_file_that_cannot_be_read_is_one_sentence(scene, tmp_path, name, sentence):
     (tmp_path / "text.exr").write_text("no image")
+    for ending in ("exr", "hdr"):
+        pixels = np.linspace(0, 1, 32 * 16 * 3, dtype=np.float32).reshape(16, 32, 3)
+        output = oiio.ImageOutput.create(str(tmp_path / f"cut.{ending}"))
+        assert output.open(str(tmp_path / f"cut.{ending}"), oiio.ImageSpec(32, 16, 3, "float"))
+        assert output.write_image(pixels) and output.close()
+        os.truncate(tmp_path / f"cut.{ending}", (tmp_path / f"cut.{ending}").stat().st_size * 3 // 4)
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     with pytest.raises(LfsrError, match=f"{name} {sentence}"):
         brightness(scene, tmp_path, light=str(tmp_path / name))

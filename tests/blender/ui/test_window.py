@@ -14,6 +14,7 @@ import time
 import numpy as np
 import pytest
 
+from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png
 from tests.support.window.desktop import VARIABLE, Window, blender_window
 
@@ -69,6 +70,29 @@ def test_sidebar_tab_opens(window):
     opened = read_png(window.screenshot("2-opened"))
     sidebar = np.s_[top:top + height, x:x + width]
     assert (closed[sidebar] != opened[sidebar]).mean() > 0.05
+
+
+def test_light_is_chosen_from_its_menu(window):
+    x, top, width, height = window.open_tab()
+    sidebar = np.s_[top:top + height, x:x + width]
+    pictures = []
+    for light in ("AUTO", "NIGHT"):
+        window.run(f"bpy.context.scene.lfsr.light = {light!r}; bpy.context.area.tag_redraw()")
+        window.xdotool("mousemove", x - 200, 600)
+        pictures.append(read_png(window.screenshot(f"light-{light}"))[sidebar])
+    rows, columns, _ = np.nonzero(pictures[0] != pictures[1])
+    assert np.ptp(rows) < 30, "one button of the sidebar shows the light"
+    window.click(int(x + columns.mean()), int(top + rows.mean()))
+    opened = read_png(window.screenshot("light-menu"))[sidebar]
+    assert (opened != pictures[1]).any(-1).sum() > 20_000, "the menu covers a large part of it"
+    for key in ("Home", "Down", "Down", "Return"):
+        window.xdotool("key", key)
+    assert scene_value(window, "lfsr.light") == "EVEN"
+    window.run("bpy.context.scene.lfsr.light = 'FILE'; bpy.context.area.tag_redraw()")
+    window.screenshot("light-file")
+    with pytest.raises(AssertionError, match="No light file is chosen: give a .hdr or .exr file"):
+        window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
+    window.run("bpy.context.scene.lfsr.light = 'EVEN'")
 
 
 def test_array_is_added_and_drawn(window):
@@ -127,7 +151,7 @@ def test_render_keeps_the_window_alive_and_the_scene_as_it_was(window):
     assert scene_value(window, UNTOUCHED) == before
     assert returned < SECONDS_TO_ANSWER and answered < SECONDS_TO_ANSWER
     folder = window.folder / "lightfield" / "scene" / "Scene" / "0001"
-    assert read_png(folder / "eia.png").shape == (96, 128, 3)
+    assert read_png(folder / "eia.png").shape == (96, 128, 3) and read_frame(folder).light == "even"
     window.settle()
     window.screenshot("8-rendered")
     shown = window.get("[a.spaces.active.image.name for w in bpy.context.window_manager.windows "
