@@ -191,8 +191,15 @@ def parse_json(content: bytes) -> Any:
         data = json.loads(content.decode("utf-8"), parse_constant=_finite, parse_float=_finite)
     except RecursionError:
         raise ValueError(f"more than {MOST_BRACKETS} brackets inside each other") from None
+    except ValueError as error:
+        raise ValueError(without_advice(error)) from None
     _check_depth(data, MOST_BRACKETS)
     return data
+
+
+def without_advice(error: Exception) -> str:
+    """Return what is wrong with a file's text, without what Python tells programmers to do about long numbers."""
+    return str(error).partition("; use sys.")[0]
 
 
 def _remove_dead(folder: Path, start: str) -> None:

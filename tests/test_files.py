@@ -199,8 +199,9 @@ def test_new_file_has_the_permissions_of_the_users_umask(tmp_path):
     b"[" * 1000, b"[" * 60 + b"]" * 60, b"NaN", b"[-Infinity]", b"1e999", b"9" * 5000, b"\xef\xbb\xbf{}", b""])
 def test_json_that_is_refused_whole(tmp_path, content):
     (tmp_path / "data.json").write_bytes(content)
-    with pytest.raises(LfsrError, match="cannot be read as a test"):
+    with pytest.raises(LfsrError, match="cannot be read as a test") as refused:
         read_json(tmp_path / "data.json", "a test")
+    assert "sys.set" not in str(refused.value), "advice for programmers"
 
 
 def test_only_regular_files_up_to_a_size_are_read(tmp_path):

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.errors import LfsrError, did_you_mean
-from lfsr_core.files import read_bytes
+from lfsr_core.files import read_bytes, without_advice
 from lfsr_core.optics.proposal import MAX_PIXELS, PanelShape, proposed_light_field
 from lfsr_core.optics.sheet import Lenslet, Lenticular, Sheet, Subpixels, check_choice, check_within, fail
 from lfsr_core.records import from_data, to_data
@@ -257,5 +257,6 @@ def load_display(name_or_file: str | Path) -> DisplayProfile:
     try:
         data = tomllib.loads(content.decode("utf-8"))
     except (ValueError, RecursionError) as error:
-        raise LfsrError(f"display profile {path} is not valid TOML ({error}): correct that line") from None
+        raise LfsrError(f"display profile {path} is not valid TOML ({without_advice(error)}): correct that "
+                        "line") from None
     return DisplayProfile.from_dict(data, source=str(path.name))

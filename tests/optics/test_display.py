@@ -144,8 +144,9 @@ def test_own_file(tmp_path):
 def test_broken_file_names_itself(tmp_path, content):
     file = tmp_path / "broken.toml"
     file.write_bytes(content)
-    with pytest.raises(LfsrError, match=r"broken.toml is not valid TOML"):
+    with pytest.raises(LfsrError, match=r"broken.toml is not valid TOML") as refused:
         load_display(file)
+    assert "sys.set" not in str(refused.value), "advice for programmers"
 
 
 def test_absent_file_names_itself(tmp_path):

@@ -69,8 +69,9 @@ def read_calibration(path: str | Path) -> Calibration:
 def _read(path: str | Path) -> Any:
     """Data of a JSON file, which Windows programs begin with a byte order mark."""
     what = "the visual.json of a display"
+    content = read_bytes(path, what, MOST_JSON_BYTES)
     try:
-        return parse_json(read_bytes(path, what, MOST_JSON_BYTES).removeprefix(codecs.BOM_UTF8))
+        return parse_json(content.removeprefix(codecs.BOM_UTF8))
     except ValueError as error:
         raise LfsrError(f"{path} cannot be read as {what} ({error}): copy it from the display again") from None
 

@@ -164,3 +164,9 @@ def test_missing_fields_and_other_files_are_named(tmp_path):
     (tmp_path / "list.json").write_text("[]")
     with pytest.raises(LfsrError, match="holds a list"):
         read_calibration(tmp_path / "list.json")
+
+
+def test_a_file_that_is_none_is_said_once(tmp_path):
+    with pytest.raises(LfsrError) as refused:
+        read_calibration(tmp_path)
+    assert str(refused.value).count("cannot be read") == 1

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from lfsr_core.errors import LfsrError, did_you_mean
-from lfsr_core.files import read_bytes
+from lfsr_core.files import read_bytes, without_advice
 from lfsr_core.reconstruct.denoiser import COLOR_INPUTS, GUIDED_INPUTS
 
 CONFIG_FOLDER = Path(__file__).parent / "configs"
@@ -142,7 +142,7 @@ def _read_toml(name: str) -> dict[str, Any]:
     try:
         return tomllib.loads(content.decode("utf-8"))
     except (ValueError, RecursionError) as error:
-        raise LfsrError(f"training config {path} cannot be read ({error}): correct it") from None
+        raise LfsrError(f"training config {path} cannot be read ({without_advice(error)}): correct it") from None
 
 
 def _parse(text: str) -> Any:
