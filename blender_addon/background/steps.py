@@ -153,7 +153,7 @@ class Task:
             is_open = record.get("stage") == "open"
             self.message = OPENING if is_open else str(record.get("message", ""))
             if not is_open and not record.get("repeated"):
-                self._clock.take(time.monotonic(), min(1.0, float(record["fraction"])))
+                self._clock.take(record.get("heard", time.monotonic()), min(1.0, float(record["fraction"])))
 
     def _advance(self, record: dict[str, Any] | None) -> None:
         if self._step is not None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import collections
 import threading
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -38,7 +39,7 @@ class Worker:
         self._reader.start()
 
     def records(self) -> list[dict[str, Any]]:
-        """Return the records that it has written since the last call."""
+        """Return the records that it has written since the last call; "heard" is when, of ``time.monotonic``."""
         return [self._records.popleft() for _ in range(len(self._records))]
 
     def running(self) -> bool:
@@ -61,4 +62,4 @@ class Worker:
         self._reader.join(seconds)
 
     def _read(self) -> None:
-        self._records.extend(self._child.records())
+        self._records.extend(record | {"heard": time.monotonic()} for record in self._child.records())

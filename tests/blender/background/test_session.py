@@ -121,5 +121,16 @@ def test_progress_and_time_left(scene, monkeypatch):
     session.cancel()
 
 
+def test_progress_counts_from_when_it_was_written_not_from_when_it_was_looked_at(scene):
+    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
+    heard = []
+    panel.wait_for(lambda: heard.extend(task.worker.records() if task.worker else []) or heard, look=not task.worker)
+    assert all(0 <= time.monotonic() - record["heard"] < panel.SECONDS_TO_RENDER for record in heard)
+    for fraction, moment in ((0.0, 100.0), (0.5, 110.0)):
+        task._take({"stage": "render", "fraction": fraction, "heard": moment})
+    assert task._clock.worked(130.0) == pytest.approx(30.0)
+    session.cancel()
+
+
 def test_no_task_to_cancel(scene):
     assert bpy.ops.lfsr.cancel() == {"CANCELLED"}
