@@ -118,7 +118,7 @@ def check_scene(scene: str | Path) -> str:
     """Return the absolute path of a scene file; LfsrError if it is missing or of a kind that cannot be opened."""
     scene = Path(scene)
     if not scene.is_file():
-        raise LfsrError(f"scene {scene} does not exist: check the path")
+        raise LfsrError(f"scene {scene} {'is no file' if scene.exists() else 'does not exist'}: check the path")
     if scene.suffix.lower() not in SCENE_SUFFIXES:
         raise LfsrError(f"{scene} is not a scene file that can be opened: give one of {', '.join(SCENE_SUFFIXES)}")
     return str(scene.resolve())
@@ -130,7 +130,8 @@ def check_light(light: str) -> str:
         _check_light_name(light)
         return light
     if not Path(light).is_file():
-        raise LfsrError(f"light {light} does not exist: check the path, or choose one of {', '.join(LIGHTS)}")
+        raise LfsrError(f"light {light} {'is no file' if Path(light).exists() else 'does not exist'}: check the path, "
+                        f"or choose one of {', '.join(LIGHTS)}")
     return str(Path(light).resolve())
 
 

@@ -100,6 +100,8 @@ def test_scene_is_checked_before_blender_starts(tmp_path):
     assert check_scene(tmp_path / "scene.GLB") == str(tmp_path / "scene.GLB")
     with pytest.raises(LfsrError, match=r"absent.blend does not exist"):
         check_scene(tmp_path / "absent.blend")
+    with pytest.raises(LfsrError, match=r"scene \S+ is no file: check the path"):
+        check_scene(tmp_path)
     (tmp_path / "scene.fbx").touch()
     with pytest.raises(LfsrError, match=r"scene.fbx is not a scene file.*\.blend, \.glb"):
         check_scene(tmp_path / "scene.fbx")
@@ -108,7 +110,9 @@ def test_scene_is_checked_before_blender_starts(tmp_path):
 def test_a_light_is_a_name_or_a_file_that_is_there(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "Sky.HDR").touch()
+    (tmp_path / "a.hdr").mkdir()
     assert check_light("even") == "even" and check_light("Sky.HDR") == str(tmp_path / "Sky.HDR")
-    for light, sentence in (("sky.exr", "sky.exr does not exist"), ("sky", "light is 'sky'"), ("", "light is ''")):
+    for light, sentence in (("sky.exr", "sky.exr does not exist"), ("a.hdr", "a.hdr is no file"),
+                            ("sky", "light is 'sky'"), ("", "light is ''")):
         with pytest.raises(LfsrError, match=sentence):
             check_light(light)
