@@ -117,6 +117,7 @@ def _opened(*_: object) -> None:
     global _found, _took
     _found, _took = [], 0.0
     bpy.context.window_manager.lfsr.checked_scene = ""
+    _subscribe()  # Blender forgets them with the file
 
 
 def _mark() -> None:
@@ -136,6 +137,11 @@ def register() -> None:
     """Listen to changes."""
     for name, handler in HANDLERS:
         getattr(bpy.app.handlers, name).append(handler)
+    _subscribe()
+
+
+def _subscribe() -> None:
+    bpy.msgbus.clear_by_owner(_OWNER)
     for kind in SETTINGS:
         bpy.msgbus.subscribe_rna(key=kind, owner=_OWNER, args=(), notify=_mark, options={"PERSISTENT"})
 
