@@ -32,6 +32,12 @@ def open_window(kind: str = PANEL) -> bpy.types.Window:
     return window
 
 
+def toggle_full_screen(window: bpy.types.Window) -> None:
+    """Make a window full screen on the screen where it is, or a window again."""
+    with bpy.context.temp_override(window=window):
+        bpy.ops.wm.window_fullscreen_toggle()
+
+
 def close_window(kind: str = PANEL) -> None:
     """Close the live window of one kind, if it is open."""
     window = find(kind)

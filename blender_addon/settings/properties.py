@@ -15,6 +15,7 @@ from bpy.props import (
     EnumProperty,
     FloatProperty,
     IntProperty,
+    IntVectorProperty,
     PointerProperty,
     StringProperty,
 )
@@ -217,6 +218,12 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Denoise", description="Denoise the rendered views with Cycles' viewport denoiser", default=True)
     live_denoise_start: IntProperty(
         name="Start Sample", description="First sample that is denoised", min=1, soft_max=64, default=1)
+    live_place: BoolProperty(
+        name="Place on Screen", description="Move the live window to the display's screen and make it full screen",
+        default=False)
+    live_corner: IntVectorProperty(
+        name="Screen Starts At", description="Upper left corner of the display's screen on the desktop, in pixels, as "
+        "the system's display settings arrange the screens", size=2, default=(0, 0))
     live_eye_right: FloatProperty(
         name="Eye Right", description="Position of the eye; the viewing zone is from -1, its left, to 1, its right",
         min=-4.0, max=4.0, soft_min=-1.0, soft_max=1.0, step=10)

@@ -40,6 +40,14 @@ def cells(**changes) -> DisplayProfile:
     return lenticular(subpixels={"cells": [list(cell) for cell in CELLS], "cell_rule": "x%2"}, **changes)
 
 
+def large(cells: bool) -> DisplayProfile:
+    """An 8K panel under 1,400 cylinders, with cells of subpixels or stripes."""
+    slant, width = -0.15, 1439.42
+    return profile(panel_pixels=[7680, 4320], panel_mm=[width, width * 9 / 16], viewing_distance_mm=1500.0,
+                   lenticular={"pitch_mm": width / 1400 / math.hypot(1, slant), "slant": slant, "center": 0.3},
+                   **({"subpixels": {"cells": [list(cell) for cell in CELLS], "cell_rule": "x%2"}} if cells else {}))
+
+
 def whole(kind: str, **changes) -> DisplayProfile:
     """A sheet with a whole number of pixels behind each lens, as a profile of format 1 has it: 8 by 8, or 8 by 1."""
     given = {"panel_pixels": [128, 96], "panel_mm": [128.0, 96.0], "viewing_distance_mm": 180.0,

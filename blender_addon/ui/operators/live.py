@@ -62,10 +62,9 @@ class LFSR_OT_live_full_screen(bpy.types.Operator):
     bl_idname, bl_label = "lfsr.live_full_screen", "Full Screen"
 
     @reports_errors
-    def execute(self, context: bpy.types.Context) -> Result:
+    def execute(self, _context: bpy.types.Context) -> Result:
         """Toggle it: Blender's default keys have no shortcut for that."""
-        with context.temp_override(window=window.find(PANEL)):
-            bpy.ops.wm.window_fullscreen_toggle()
+        window.toggle_full_screen(window.find(PANEL))
         return {"FINISHED"}
 
 

@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 
 from blender_addon.array import spaces
-from blender_addon.render import cycles
+from blender_addon.render import cycles, output
+from blender_addon.render.card_camera import card_camera
+from blender_addon.render.overrides import overridden
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.images import exr
 from lfsr_core.optics.panel.panel_rays import PanelLayout, panel_rays
 from lfsr_core.optics.rays import CameraArray
 from tests.blender.render.test_ray_layout import ARRAY_TO_WORLD, CENTRE, plane_in_array
-from tests.support.panels import SHEETS, lenticular
+from tests.support.panels import SHEETS, large, lenticular
 from tests.support.scenes import POSITION_OFFSET, add_plane, position_emission
 
 MIRRORED = lenticular(subpixels={"stripes": "bgr"})
@@ -39,6 +41,15 @@ def shown_hits(scene, layout, folder, matrix_world, **settings):
     return color[..., :3] - POSITION_OFFSET
 
 
+def hit_points(layout, plane, across, up):
+    """World points (H, W, 3) where panel_rays.py's rays of an array at ARRAY_TO_WORLD meet the plane."""
+    origin, direction = panel_rays(layout, across, up)
+    origin = origin @ ARRAY_TO_WORLD[:3, :3].T + ARRAY_TO_WORLD[:3, 3]
+    direction = direction @ ARRAY_TO_WORLD[:3, :3].T
+    normal, point = np.array(plane.col[2].to_3d()), np.array(plane.translation)
+    return origin + direction * (((point - origin) @ normal) / (direction @ normal))[..., None]
+
+
 @pytest.mark.parametrize("name", DISPLAYS)
 def test_every_subpixel_hits_where_panel_rays_says(scene, tmp_path, name):
     display = small(DISPLAYS[name])
@@ -47,11 +58,7 @@ def test_every_subpixel_hits_where_panel_rays_says(scene, tmp_path, name):
     add_plane(scene, plane, position_emission())
     (width, height), (right, down) = layout.size, CENTRE
     across, up = np.meshgrid((np.arange(width) + right) / width, 1 - (np.arange(height) + down) / height)
-    origin, direction = panel_rays(layout, across, up)
-    origin = origin @ ARRAY_TO_WORLD[:3, :3].T + ARRAY_TO_WORLD[:3, 3]
-    direction = direction @ ARRAY_TO_WORLD[:3, :3].T
-    normal, point = np.array(plane.col[2].to_3d()), np.array(plane.translation)
-    expected = origin + direction * (((point - origin) @ normal) / (direction @ normal))[..., None]
+    expected = hit_points(layout, plane, across, up)
     error = np.linalg.norm(shown_hits(scene, layout, tmp_path, ARRAY_TO_WORLD.tolist()) - expected, axis=-1)
     assert error.max() <= 2e-5 * array.distance, f"{error.max() / array.distance:.1e} of the distance"
 
@@ -80,3 +87,27 @@ def spread(layout, depth):
     origin, direction = panel_rays(layout, (np.arange(width) + draws[0]) / width,
                                    1 - (np.arange(height)[:, None] + draws[1]) / height, draws[2], draws[3])
     return (origin + direction / direction[..., 2:] * depth)[..., :2].var(0)
+
+
+@pytest.mark.parametrize("shown", [(0, 0), (1, 1)])
+def test_at_the_corner_of_an_8k_panel_the_phase_is_right_to_a_thousandth_of_a_cylinder(scene, tmp_path, shown):
+    """In single precision, 1,400 cylinders, the array turned and moved; the camera plane shows the phase."""
+    display = large(cells=False)
+    layout = PanelLayout(display, CameraArray.for_display(display, 2.0), aperture=0.0)
+    plane, size = plane_in_array(0.05 * layout.array.distance, 0.0), np.array((96, 24))
+    add_plane(scene, plane, position_emission())
+    first = (np.array(layout.size) - size) * shown
+    ends = [(first + extra) / layout.size for extra in (0.01, size + 0.01)]
+    path = tmp_path / "corner.exr"
+    with (card_camera(scene, layout, ARRAY_TO_WORLD.tolist()),
+          cycles.cycles_settings(scene, cycles.RenderSettings(1), layout.size),
+          overridden(scene.render, {"use_border": True, "use_crop_to_border": True, "border_min_x": ends[0][0],
+                                    "border_min_y": ends[0][1], "border_max_x": min(1, ends[1][0]),
+                                    "border_max_y": min(1, ends[1][1])})):
+        output.render_to(scene, path)
+    hits = exr.read_layers(path)["color"][..., :3] - POSITION_OFFSET
+    rows, columns = np.indices(hits.shape[:2])
+    error = hits - hit_points(layout, plane, (first[0] + columns + CENTRE[0]) / layout.size[0],
+                              (first[1] + len(hits) - rows - CENTRE[1]) / layout.size[1])
+    phase = error @ ARRAY_TO_WORLD[:3, 0] / (display.views[0] * layout.array.spacing)
+    assert hits.shape[:2] == (24, 96) and np.abs(phase).max() < 1e-3, "of one cylinder"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from hypothesis import strategies as st
 from lfsr_core.optics.panel.panel_card import PARTS, Rows, card_rays, nearest, panel_card
 from lfsr_core.optics.panel.panel_rays import PanelLayout, panel_rays
 from lfsr_core.optics.rays import CameraArray
-from tests.support.panels import CELLS, SHEETS, lenticular, profile, square
+from tests.support.panels import SHEETS, large, lenticular, square
 
 FLIPPED = lenticular(subpixels={"stripes": "bgr"})
 FLIPPED = dataclasses.replace(FLIPPED, lenticular=dataclasses.replace(FLIPPED.lenticular, flip=(True, True)))
@@ -80,14 +79,6 @@ def test_nearest_is_the_nearest_point_of_the_lattice(shift, square, counts):
     rows = np.array(counts)[:, 1] - away[:, 1]
     columns = np.array(counts)[:, 0] - away[:, 0] - shift * np.rint(rows)
     assert rows == pytest.approx(np.rint(rows), abs=1e-9) and columns == pytest.approx(np.rint(columns), abs=1e-9)
-
-
-def large(cells):
-    """An 8K panel under 1,400 cylinders."""
-    slant, width = -0.15, 1439.42
-    return profile(panel_pixels=[7680, 4320], panel_mm=[width, width * 9 / 16], viewing_distance_mm=1500.0,
-                   lenticular={"pitch_mm": width / 1400 / math.hypot(1, slant), "slant": slant, "center": 0.3},
-                   **({"subpixels": {"cells": [list(cell) for cell in CELLS], "cell_rule": "x%2"}} if cells else {}))
 
 
 @pytest.mark.parametrize("cells", [False, True])
