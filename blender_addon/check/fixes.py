@@ -87,32 +87,46 @@ def _array_again(scene: bpy.types.Scene, _target: str) -> None:
     add(scene, scene_settings.display_of(scene))
 
 
+def _camera(name: str) -> bpy.types.Camera:
+    item = find_object(name)
+    if item.type != "CAMERA":
+        raise LfsrError(f"object {name!r} is no camera any more: check the scene again")
+    check_editable(item.data)
+    return item.data
+
+
 def _no_shift(_scene: bpy.types.Scene, target: str) -> None:
-    camera = find_object(target).data
-    check_editable(camera)
+    camera = _camera(target)
     camera.shift_x = camera.shift_y = 0.0
 
 
+def _layer(scene: bpy.types.Scene, name: str) -> bpy.types.ViewLayer:
+    layer = scene.view_layers.get(name)
+    if layer is None:
+        raise LfsrError(f"view layer {name!r} is not there any more: check the scene again")
+    return layer
+
+
 def _no_override(scene: bpy.types.Scene, target: str) -> None:
-    scene.view_layers[target].material_override = None
+    _layer(scene, target).material_override = None
 
 
 def _switch_off(switch: str) -> Fix:
     """Fix that switches ``switch`` of a view layer's collections off."""
     def fix(scene: bpy.types.Scene, target: str) -> None:
-        for collection in switched(scene.view_layers[target], switch):
+        for collection in switched(_layer(scene, target), switch):
             setattr(collection, switch, False)
     return fix
 
 
 def _one_layer(scene: bpy.types.Scene, target: str) -> None:
+    used = _layer(scene, target)
     for layer in scene.view_layers:
-        layer.use = layer.name == target
+        layer.use = layer == used
 
 
 def _no_focus(_scene: bpy.types.Scene, target: str) -> None:
-    camera = find_object(target).data
-    check_editable(camera)
+    camera = _camera(target)
     camera.dof.use_dof = False
 
 
