@@ -16,7 +16,7 @@ from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.methods import denoise
 from lfsr_lab.networks.denoiser import hdr_encode
 from lfsr_lab.train.config import DenoiserConfig
-from lfsr_lab.train.denoiser.data import crop, load_scene, load_scenes, mirrored, noisy
+from lfsr_lab.train.denoiser.data import crop, load_scene, load_scenes, mirrored, noisy, textured
 from lfsr_lab.train.denoiser.loss import losses, window
 from lfsr_lab.train.denoiser.task import DenoiserTask, rate
 from lfsr_lab.train.loop import RunOptions, Schedule, Stop, run
@@ -107,6 +107,18 @@ def test_guides_are_six_more_channels(folder):
     without = [torch.equal(part[:, 3:6], torch.zeros_like(part[:, 3:6])) for part in inputs]
     assert 2 <= sum(without) <= 35, "some crops have no guides, as imported light fields"
     assert all((part[:, 6:] == 0.5).all() for part, empty in zip(inputs, without, strict=True) if empty)
+
+
+@given(st.integers(0, 500), st.sampled_from([(1, 1), (5, 5), (1, 8)]))
+def test_a_printed_texture_is_in_colour_target_and_albedo_alike(seed, ei):
+    white = [np.ones((20, 40, channels), np.float32) for channels in (3, 3, 1, 6)]
+    rendered, target, alpha, guides = textured(white, 10**8, ei, np.random.default_rng(seed))
+    assert 0 <= target.min() < target.max() <= 1 + 1e-6 and (alpha == 1).all() and (guides[..., 3:] == 1).all()
+    np.testing.assert_allclose(rendered, target, atol=1e-3)
+    np.testing.assert_allclose(guides[..., :3], target, atol=1e-3)
+    few = textured(white, 1, ei, np.random.default_rng(seed))
+    np.testing.assert_array_equal(few[0], few[3][..., :3])  # the same samples make both
+    assert few[0].min() >= 0 and few[0].max() <= 1 + 1e-6
 
 
 def test_the_target_itself_has_the_least_loss(folder_of_scenes):

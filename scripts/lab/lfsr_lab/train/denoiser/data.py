@@ -21,6 +21,8 @@ from lfsr_lab.train.reading import open_data
 
 SAMPLES = (1, 4, 16)  # of the renders in a file
 CLEANEST = 32  # samples of the cleanest render; more are simulated
+TEXTURED = 0.25  # of the crops get a texture: the scenes' own are seldom as fine as pixels
+FINEST, COARSEST, MOST_SHIFT = 1.8, 8.0, 3.0  # period and movement from one elemental image to the next, in pixels
 WITHOUT_GUIDES = 0.15  # of the crops
 AROUND = 12  # pixels that the network may see around a crop
 EXPOSURE, MOST_EXPOSURE = 1.2, 3.0  # stops, standard deviation and limit
@@ -132,6 +134,8 @@ def crop(scene: Scene, samples: int, rng: np.random.Generator, side: int, *, mir
         # Imported light fields have none, and the same weights are to denoise them.
         kept = not augment or rng.random() >= WITHOUT_GUIDES
         images.append(scene.layers[near].astype(np.float32) * np.float32(kept))
+    if augment and rng.random() < TEXTURED:
+        images = textured(images, samples, scene.ei, rng)
     if mirror:
         images = [mirrored(image, scene.ei) for image in images]
     images, margins = _cut(images, scene.ei, side, rng if augment else None)
@@ -147,6 +151,45 @@ def crop(scene: Scene, samples: int, rng: np.random.Generator, side: int, *, mir
     shown = functional.max_pool2d((alpha > 0).float(), SHOWN_AROUND, 1, SHOWN_AROUND // 2)
     cut = (..., *inside)
     return Crop(torch.cat(seen, 1), target.clamp(min=0)[cut], shown[cut], inside, ei, scene.scale, scene.is_tiled)
+
+
+def textured(images: Sequence[Array], samples: int, ei: tuple[int, int], rng: np.random.Generator) -> list[Array]:
+    """Print a fine periodic texture on everything: noisy colour, target, alpha, and the guides where there are some.
+
+    It lies at a random depth, so that it moves from one elemental image to the next, and is as noisy as ``samples``
+    random points in each pixel make it.
+    """
+    rendered, target, alpha, *rest = images
+    clean, spread = _printed((target.shape[0], target.shape[1]), ei, rng)
+    drawn = np.clip(clean + spread * rng.normal(size=spread.shape) / math.sqrt(samples), 0, 1).astype(np.float32)
+    darkest = rng.uniform(0.05, 0.7, 3).astype(np.float32)
+
+    def shade(texture: Array) -> Array:
+        return darkest + (1 - darkest) * texture[..., None]
+
+    guides = [np.concatenate([image[..., :3] * shade(drawn), image[..., 3:]], -1) for image in rest]
+    return [rendered * shade(drawn), target * shade(clean), alpha, *guides]
+
+
+def _printed(size: tuple[int, int], ei: tuple[int, int], rng: np.random.Generator) -> tuple[Array, Array]:
+    """Mean and standard deviation (H, W) float32 within each pixel of a chequered or woven texture in [0, 1]."""
+    period = np.exp(rng.uniform(math.log(FINEST), math.log(COARSEST)))
+    turn, shift, sharp = rng.uniform(0, math.pi), rng.uniform(-MOST_SHIFT, MOST_SHIFT), rng.uniform(1, 8)
+    within = (np.arange(3) + 0.5) / 3 - 0.5
+    places = []
+    for length, pixels in zip(size, ei, strict=True):
+        index = np.arange(length)
+        moved = index % pixels - (index // pixels) * shift if pixels > 1 else index
+        places.append((moved[:, None] + within).ravel())
+    y, x = np.meshgrid(*places, indexing="ij", sparse=True)
+    along, across = x * math.cos(turn) + y * math.sin(turn), y * math.cos(turn) - x * math.sin(turn)
+    phase, wave = rng.uniform(0, 2 * math.pi), 2 * math.pi / period
+    value = np.sin(along * wave + phase)
+    if rng.random() < 0.7:
+        value = value * np.sin(across * wave)
+    value = (np.tanh(sharp * value) / math.tanh(sharp) + 1) / 2
+    cells = value.reshape(size[0], 3, size[1], 3)
+    return cells.mean((1, 3)).astype(np.float32), cells.std((1, 3)).astype(np.float32)
 
 
 def mirrored(image: Array, ei: tuple[int, int]) -> Array:
