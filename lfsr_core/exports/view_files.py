@@ -166,7 +166,8 @@ def _read(path: Path) -> Array:
     """(height, width, 3) uint8."""
     with opened(path) as source:
         pixels = source.read_image("uint8") if source else None
-        if source and source.has_error:  # a JPEG that was cut short is read, its rest grey
+        # A JPEG that was cut short is read, its rest grey. Extraneous bytes, which some cameras write, change nothing.
+        if source and source.has_error and "extraneous" not in source.geterror():
             pixels = None
     if pixels is None:
         oiio.geterror()

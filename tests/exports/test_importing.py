@@ -14,6 +14,7 @@ from lfsr_core.exports.importing import ImportGeometry, import_views
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.frame import read_frame
+from lfsr_core.images.exr import read_layers
 from lfsr_core.reconstruct.second_stage import upscale_frame
 from tests.support.finished import MINI, finished
 
@@ -73,6 +74,19 @@ def test_the_second_stage_makes_the_views_between(images, field, tmp_path):
     # Low view k covers high views 2k and 2k + 1, a quarter of a step to its sides.
     mixed = 0.75 * field.resampled((3, 3))[1, 1] + 0.25 * field.resampled((3, 3))[1, 2]
     assert np.abs(made.view_at(3, 2.5).astype(float) - mixed).mean() < 6
+
+
+def test_a_jpeg_with_bytes_that_change_nothing_is_read(images, tmp_path):
+    for path in images.glob("*.png"):
+        Image.open(path).save(path.with_suffix(".jpg"), progressive=True)
+        path.unlink()
+    import_views(images, tmp_path / "plain")
+    data = (images / "input_Cam004.jpg").read_bytes()
+    at = data.rindex(b"\xff\xc4")  # the tables of the last scan
+    (images / "input_Cam004.jpg").write_bytes(data[:at] + b"abc" + data[at:])
+    import_views(images, tmp_path / "more")
+    plain, more = (read_layers(tmp_path / name / "lr_eia.exr")["color"] for name in ("plain", "more"))
+    np.testing.assert_array_equal(more, plain)
 
 
 def test_stanford_cameras_are_ordered_by_place(field, tmp_path):
