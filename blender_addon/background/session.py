@@ -53,6 +53,7 @@ def start(title: str, steps: Steps, finish: Callable[[Any], None]) -> Task:
     state.message = state.outcome = state.outcome_folder = ""
     # Persistent: opening another file must not orphan the worker.
     bpy.app.timers.register(_look, first_interval=SECONDS_BETWEEN_LOOKS, persistent=True)
+    redraw()  # what Blender is busy with next is read before it is
     return _current
 
 

@@ -23,7 +23,7 @@ import time
 bpy.ops.wm.read_homefile(use_factory_startup=True)
 scene = bpy.context.scene
 scene.render.engine = "CYCLES"
-scene.lfsr.display, scene.lfsr.scale = "mini", "AUTO"
+scene.lfsr.display, scene.lfsr.scale, scene.lfsr.method = "mini", "AUTO", "bilinear"   # nothing to ask
 bpy.ops.wm.save_as_mainfile(filepath=FILE)
 """
 MANY = """
