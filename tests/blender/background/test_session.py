@@ -88,6 +88,20 @@ def test_saving_is_announced_before_blender_stops_for_it(scene, monkeypatch):
     session.cancel()
 
 
+def test_a_copy_has_no_preview_image_and_the_preferences_stay(scene, tmp_path):
+    preferences, seen = bpy.context.preferences, []
+    before = preferences.filepaths.file_preview_type, preferences.is_dirty
+    assert before[0] != "NONE"
+
+    def note(*_: object) -> None:
+        seen.append(preferences.filepaths.file_preview_type)
+    bpy.app.handlers.save_pre.append(note)
+    steps.save_copy(tmp_path / "copy.blend")
+    bpy.app.handlers.save_pre.remove(note)
+    assert seen == ["NONE"] and (tmp_path / "copy.blend").is_file()
+    assert (preferences.filepaths.file_preview_type, preferences.is_dirty) == before
+
+
 def test_a_copy_that_cannot_be_saved_ends_the_task(scene, monkeypatch):
     monkeypatch.setattr(steps.tempfile, "mkdtemp", lambda **_: "/no/such/folder")
     task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
