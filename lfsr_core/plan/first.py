@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from lfsr_core.arrays import Array
 from lfsr_core.optics.depth_scale import MODEL, LossModel
 from lfsr_core.optics.display import DisplayProfile
@@ -15,7 +17,15 @@ def most_paths(display: DisplayProfile, options: PlanOptions) -> float:
     return max(options.budget * costliest, FREE_SAMPLES)
 
 
-def first_guess(display: DisplayProfile, moves: Array, options: PlanOptions, model: LossModel = MODEL) -> Candidate:
+@dataclasses.dataclass(frozen=True)
+class Guess:
+    """A candidate that was not measured."""
+
+    candidate: Candidate
+    reaches: bool  # whether it is predicted to reach the target
+
+
+def first_guess(display: DisplayProfile, moves: Array, options: PlanOptions, model: LossModel = MODEL) -> Guess:
     """Return the cheapest candidate that is predicted to reach the target, else the one predicted to lose least.
 
     ``moves`` (n,): disparities of points of the subject, as of ``optics.depth_scale.disparities``. Of the methods at
@@ -26,5 +36,6 @@ def first_guess(display: DisplayProfile, moves: Array, options: PlanOptions, mod
     enough = [candidate for candidate in found if loss[candidate] <= 1 - options.target]
     # Candidates come in the order of their cost.
     chosen = enough[0] if enough else min(found, key=loss.__getitem__)
-    return max((candidate for candidate in found if (candidate.scale, candidate.spp) == (chosen.scale, chosen.spp)),
+    best = max((candidate for candidate in found if (candidate.scale, candidate.spp) == (chosen.scale, chosen.spp)),
                key=lambda candidate: candidate.steps)
+    return Guess(best, bool(enough))

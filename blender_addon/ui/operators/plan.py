@@ -14,7 +14,7 @@ import numpy as np
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.plan.candidates import METRICS, Candidate
-from lfsr_core.plan.first import first_guess
+from lfsr_core.plan.first import Guess, first_guess
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.records import from_data, to_data
 from lfsr_core.tasks.blender_tasks import Found
@@ -73,7 +73,7 @@ def wanted(scene: bpy.types.Scene) -> PlanOptions:
     return PlanOptions(target=round(scene.lfsr.plan_target, 4))
 
 
-def find(job: Job, options: PlanOptions, tell: Callable[[Candidate], None] = lambda _: None) -> Steps:
+def find(job: Job, options: PlanOptions, tell: Callable[[Guess], None] = lambda _: None) -> Steps:
     """Plan for a copy of this file; the result is a ``Found``. ``tell`` is called with a first guess."""
     yield steps.SAVING
     with steps.file_copy() as copy:
@@ -85,9 +85,14 @@ def find(job: Job, options: PlanOptions, tell: Callable[[Candidate], None] = lam
     return from_data(Found, done, "the plan's result")
 
 
-def guess(scene_name: str, chosen: Candidate) -> None:
+def guess(scene_name: str, found: Guess) -> None:
     """Store what is expected before anything was measured."""
-    _store(scene_name, f"First guess, from the depth: {in_words(chosen)}. Not measured", chosen)
+    best = in_words(found.candidate)
+    if found.reaches:
+        _store(scene_name, f"First guess, from the depth: {best}. Not measured", found.candidate)
+    else:
+        _store(scene_name, f"First guess, from the depth: nothing reaches the target, {best} comes nearest. "
+               "Not measured", None)
 
 
 def show(scene_name: str, found: Found) -> None:

@@ -114,10 +114,11 @@ def test_a_first_guess_comes_before_anything_is_measured(scene, monkeypatch):
     task = session.start("Find Cheapest Settings", found, lambda _: None)
     try:
         panel.wait_for(lambda: bool(told))
-        assert task.stage == "Measuring lenses" and (told[0].scale, told[0].spp) == (2, 1)
-        plan.guess(scene.name, told[0])
-        drawn = draw(panels.LFSR_PT_plan)
-        assert "First guess" in labels(drawn) and "lfsr.plan_use" in operators(drawn)
+        assert task.stage == "Measuring lenses" and (told[0].candidate.scale, told[0].candidate.spp) == (2, 1)
+        for reaches in (False, True):
+            plan.guess(scene.name, dataclasses.replace(told[0], reaches=reaches))
+            drawn = draw(panels.LFSR_PT_plan)
+            assert "First guess" in labels(drawn) and ("lfsr.plan_use" in operators(drawn)) == reaches
     finally:
         session.cancel()
 
