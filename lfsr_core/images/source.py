@@ -11,8 +11,11 @@ import OpenImageIO as oiio
 
 @contextmanager
 def opened(path: str | Path) -> Iterator[oiio.ImageInput | None]:
-    """Open an image file inside the block; None where OpenImageIO cannot, whose ``geterror`` then says why."""
-    source = oiio.ImageInput.open(str(path))
+    """Open an image file inside the block; None where OpenImageIO cannot, whose ``geterror`` then says why.
+
+    A pipe, for which it would wait, is no file.
+    """
+    source = oiio.ImageInput.open(str(path)) if Path(path).is_file() else None
     try:
         yield source
     finally:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 
 import numpy as np
@@ -174,6 +175,11 @@ def jpeg_cut_short(source):
     path.unlink()
 
 
+def a_pipe(source):
+    (source / "input_Cam000.png").unlink()
+    os.mkfifo(source / "input_Cam000.png")
+
+
 def no_image(source):
     (source / "input_Cam000.png").write_text("no image")
 
@@ -206,6 +212,7 @@ def huge_numbers(source):
     (wrong_names, r"no views with known names, such as input_Cam000.png"),
     (damaged, r"input_Cam002.png is damaged: replace it|is no readable image"),
     (jpeg_cut_short, r"input_Cam002.jpg is damaged: replace it"),
+    (a_pipe, r"input_Cam000.png is no readable image"),
     (no_image, r"input_Cam000.png is no readable image"),
     (no_parameters, r"cannot be read as the parameters of an HCI light field"),
     (one_row, r"has 9×1 cameras"),

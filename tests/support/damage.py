@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import io
 import itertools
 import json
@@ -201,10 +202,12 @@ def _alarm() -> Iterator[None]:
 
     before = signal.signal(signal.SIGALRM, end)
     signal.alarm(MOST_SECONDS)
+    faulthandler.dump_traceback_later(2 * MOST_SECONDS, exit=True)  # where a library waits, no exception is raised
     try:
         yield
     finally:
         signal.alarm(0)
+        faulthandler.cancel_dump_traceback_later()
         signal.signal(signal.SIGALRM, before)
 
 
