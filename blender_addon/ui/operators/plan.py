@@ -16,6 +16,7 @@ from lfsr_core.frames.job import Job
 from lfsr_core.plan.candidates import METRICS, Candidate
 from lfsr_core.plan.first import Guess, first_guess
 from lfsr_core.plan.options import PlanOptions
+from lfsr_core.reconstruct.method_name import AS_RENDERED
 from lfsr_core.records import from_data, to_data
 from lfsr_core.tasks.blender_tasks import Found
 
@@ -103,7 +104,8 @@ def show(scene_name: str, found: Found) -> None:
 
 def in_words(candidate: Candidate) -> str:
     """Return what the panel calls a candidate, as in "scale 4×, 16 samples, Fast"."""
-    return f"scale {candidate.scale}×, {counted(candidate.spp, 'sample')}, {title(candidate.method)}"
+    method = "no denoiser" if candidate.method == AS_RENDERED else title(candidate.method)
+    return f"scale {candidate.scale}×, {counted(candidate.spp, 'sample')}, {method}"
 
 
 def _store(scene_name: str, text: str, chosen: Candidate | None) -> None:
