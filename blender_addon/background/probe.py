@@ -46,7 +46,7 @@ def measure(job: Job) -> Steps:
         many = _lenses(job)
         lenses = {"first": [(0, 0)], "some": many[::SOME], "many": many}
         jobs = {name: dataclasses.replace(job, scene=str(copy), output=str(folder / name), parts=None, rays=None,
-                                          spp=min(SAMPLES, job.spp), lens_list=tuple(lenses[name])) for name in NAMES}
+                                          spp=_samples(job), lens_list=tuple(lenses[name])) for name in NAMES}
         for each in jobs.values():
             Path(each.output).mkdir()
         step = render_step(jobs["first"], folder, 1.0, "Measuring lenses")
@@ -72,12 +72,18 @@ def _lenses(job: Job) -> list[tuple[int, int]]:
     """Lenses (row, column) spread evenly over the display, enough for PATHS path samples."""
     columns, rows = job.display.lenses
     views = job.display.low_views(job.scale)
-    count = min(max(PATHS // (views[0] * views[1] * min(SAMPLES, job.spp)), 1), rows * columns)
+    count = min(max(PATHS // (views[0] * views[1] * _samples(job)), 1), rows * columns)
     across = min(columns, max(1, round((count * columns / rows) ** 0.5)))
     down = min(rows, max(1, round(count / across)))
     places = [((np.arange(number) + 0.5) / number * total).astype(int) for number, total in ((down, rows),
                                                                                             (across, columns))]
     return [(int(row), int(column)) for row in places[0] for column in places[1]]
+
+
+def _samples(job: Job) -> int:
+    """Samples per pixel: as many as the image's, so that Cycles works as for it, and more where it has few pixels."""
+    rendered = job.display.eia_pixels[0] * job.display.eia_pixels[1] // job.display.finished_pixels(job.scale)
+    return max(min(SAMPLES, job.spp), PATHS // rendered)
 
 
 def remember(scene_name: str, measured: Measured) -> None:

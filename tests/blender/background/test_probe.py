@@ -26,6 +26,7 @@ def remembered(scene, **values) -> None:
 def test_lenses_are_spread_over_the_display(scene):
     job = recipes.frame_recipe(scene).job
     assert len(set(probe._lenses(job))) == 16 * 12, "few enough to render all"
+    assert probe._samples(job) * 64 * 48 == pytest.approx(probe.PATHS, rel=0.01), "and enough to measure"
     scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples = "bupt-32in-8k", "4", 64
     job = recipes.frame_recipe(scene).job
     lenses, (columns, rows) = probe._lenses(job), job.display.lenses

@@ -113,3 +113,11 @@ def test_the_time_is_measured_with_a_few_lenses(window):
     window.run(CLOSE_OTHERS + "addon.check.watch.redraw()")
     window.screenshot("check-time")
     window.run("bpy.context.scene.lfsr.samples //= 1000")
+
+
+def test_an_opened_file_is_watched_too(window):
+    window.run("bpy.ops.wm.save_mainfile(); bpy.ops.wm.open_mainfile(filepath=FILE)")
+    window.until("bpy.context.window_manager.lfsr.checked_scene", SECONDS_TO_CHECK)
+    assert "motion" in window.get(CODES)
+    window.run("bpy.context.scene.render.use_motion_blur = False")
+    window.until(f"'motion' not in {CODES}", SECONDS_TO_CHECK)

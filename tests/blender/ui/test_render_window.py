@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 
 import pytest
@@ -69,7 +70,7 @@ def test_the_search_finds_the_render_and_it_says_how_long_it_takes(window):
     window.screenshot("opening")
     window.until(f"{TASK} is None or {TASK}.seconds_left is not None", SECONDS_TO_RENDER)
     text = window.get(f"addon.background.session.progress_text({TASK})")
-    assert text.startswith("Rendering ") and text.endswith(" left")
+    assert re.fullmatch(r"(Proof|Rendering) \d+%, \d+:\d\d left", text)
     window.screenshot("rendering")
 
 
