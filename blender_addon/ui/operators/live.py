@@ -61,6 +61,11 @@ class LFSR_OT_live_full_screen(bpy.types.Operator):
 
     bl_idname, bl_label = "lfsr.live_full_screen", "Full Screen"
 
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        """Only while there is a live window: Blender's own would change otherwise."""
+        return session.is_on()
+
     @reports_errors
     def execute(self, _context: bpy.types.Context) -> Result:
         """Toggle it: Blender's default keys have no shortcut for that."""

@@ -21,6 +21,7 @@ def scene(tmp_path):
 
 def test_off(scene):
     drawn = draw(live_panel.LFSR_PT_live)
+    assert not bpy.ops.lfsr.live_full_screen.poll()
     assert operators(drawn) == {"lfsr.live_start", "lfsr.live_eye_start"}
     assert {"live_scale", "live_rays", "live_samples", "live_smooth", "live_denoise", "live_denoise_start",
             "live_eye_right", "live_eye_up", "live_eye_near"} <= properties(drawn)
