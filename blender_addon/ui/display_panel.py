@@ -36,10 +36,10 @@ class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw profile, scale and resolutions."""
-        lfsr, layout = context.scene.lfsr, columns(self.layout)
-        layout.prop(lfsr, "display", text="Display")
+        lfsr = context.scene.lfsr
+        self.layout.prop(lfsr, "display", text="")  # without a column for labels, where long names would be cut off
         if lfsr.display == PROFILE_FILE:
-            layout.prop(lfsr, "profile_file", text="File")
+            columns(self.layout).prop(lfsr, "profile_file", text="File")
         try:
             settings = scene_settings.resolve(context.scene)
             if settings.display.is_woven:
