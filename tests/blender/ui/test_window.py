@@ -96,9 +96,11 @@ def test_light_is_chosen_from_its_menu(window):
 
 
 def test_array_is_added_and_drawn(window):
-    window.run("bpy.ops.view3d.view_axis(type='RIGHT')")
+    # Whatever a test before has added is not seen.
+    window.run("bpy.context.scene.lfsr.show_frustum = False; bpy.ops.view3d.view_axis(type='RIGHT')")
     before = read_png(window.screenshot("3-before"))
     assert window.get("list(bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True))") == ["FINISHED"]
+    window.run("bpy.context.scene.lfsr.show_frustum = True")
     drawn = read_png(window.screenshot("4-array"))
     window.run("bpy.context.scene.lfsr.show_frustum = False")
     hidden = read_png(window.screenshot("5-hidden"))
