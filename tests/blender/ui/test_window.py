@@ -93,6 +93,7 @@ def test_light_is_chosen_from_its_menu(window):
     with pytest.raises(AssertionError, match="No light file is chosen: give a .hdr or .exr file"):
         window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
     window.run("bpy.context.scene.lfsr.light = 'EVEN'")
+    window.run("if 'Display Plane' in bpy.data.objects: bpy.ops.lfsr.array_remove('INVOKE_DEFAULT', True)")
 
 
 def test_array_is_added_and_drawn(window):
