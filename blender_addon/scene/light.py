@@ -11,7 +11,6 @@ import bpy
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.job import EVEN, OWN, check_light, is_light_file
-from lfsr_core.images.exr import check_complete
 
 from .. import compat
 
@@ -147,6 +146,8 @@ def _image_file(light: str) -> Path:
 
 def _check_whole(light: str) -> None:
     """LfsrError where a pixel of an image file cannot be read: Blender would show the rest, or crash."""
+    from lfsr_core.images.exr import check_complete  # needs OpenImageIO, which Blender's panel does without
+
     try:
         check_complete(light)
     except (LfsrError, MemoryError):
