@@ -21,7 +21,7 @@ from lfsr_lab.experiments.engine.cells import Cell
 from lfsr_lab.experiments.engine.records import method_facts
 from lfsr_lab.experiments.engine.renders import REFERENCE, SCENE_FILE, Store, reference_of
 
-METHOD = "oidn+bilinear"  # whose figures stay when a network is trained again
+METHOD = "denoise+bilinear"
 DISPLAY_FILE = Path(__file__).parent / "animations.toml"
 NAMES = ("object", "light", "dance", "array")  # what moves, of lfsr_lab.scenes.animation_scenes
 FIXED, CHANGING, TURNING = "fixed", "changing", "turning"  # seeds of the frames; the last begin again after PERIOD
