@@ -120,7 +120,7 @@ def render_offline(window: Window, name: str, scale: str, method: str) -> np.nda
     window.run("lfsr.live_scale, lfsr.output = lfsr.scale, '//offline'")
     shutil.rmtree(window.folder / "offline", ignore_errors=True)
     window.run("if bpy.context.selected_objects: bpy.ops.lfsr.array_fit('EXEC_DEFAULT', True)")
-    assert window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))") == ["FINISHED"]
+    assert window.get("list(bpy.ops.lfsr.render_eia('EXEC_DEFAULT', True))") == ["FINISHED"]  # asks nothing
     window.until("addon.background.session.current() is None", SECONDS_TO_RENDER)
     [image] = (window.folder / "offline").glob("**/eia.png")
     return read_png(image)
