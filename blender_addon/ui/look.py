@@ -11,7 +11,6 @@ import bpy
 import gpu
 import mathutils
 from bpy_extras.view3d_utils import location_3d_to_region_2d
-from gpu_extras.batch import batch_for_shader
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
@@ -21,6 +20,7 @@ from ..array.view import free_part
 from ..results import show_image
 from ..settings import scene_settings
 from ..settings.displays import title_of
+from .drawing import draw_points
 
 FILL = 0.92  # of the 3D view's free part
 MARGIN_COLOR, FRAME_COLOR = (0.0, 0.0, 0.0, 0.5), (0.36, 0.78, 1.0, 1.0)
@@ -164,12 +164,8 @@ def _draw_frame(corners: list[mathutils.Vector], size: tuple[int, int], title: s
         for low, high in (((0, 0), (left, size[1])), ((right, 0), size), ((left, 0), (right, bottom)),
                           ((left, top), (right, size[1]))):
             _fill(low, high)
-        shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
-        batch = batch_for_shader(shader, "LINE_LOOP", {"pos": [(*corner, 0) for corner in corners]})
-        shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
-        shader.uniform_float("lineWidth", 2.0 * scale)
-        shader.uniform_float("color", FRAME_COLOR)
-        batch.draw(shader)
+        draw_points("POLYLINE_UNIFORM_COLOR", "LINE_LOOP", [(*corner, 0) for corner in corners], {
+            "viewportSize": gpu.state.viewport_get()[2:], "color": FRAME_COLOR, "lineWidth": 2.0 * scale})
     finally:
         gpu.state.blend_set("NONE")
     blf.size(0, TEXT_SIZE * scale)
@@ -179,11 +175,8 @@ def _draw_frame(corners: list[mathutils.Vector], size: tuple[int, int], title: s
 
 
 def _fill(low: tuple[float, float], high: tuple[float, float]) -> None:
-    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     points = [low, (high[0], low[1]), high, (low[0], high[1])]
-    batch = batch_for_shader(shader, "TRIS", {"pos": points}, indices=[(0, 1, 2), (0, 2, 3)])
-    shader.uniform_float("color", MARGIN_COLOR)
-    batch.draw(shader)
+    draw_points("UNIFORM_COLOR", "TRIS", points, {"color": MARGIN_COLOR}, [(0, 1, 2), (0, 2, 3)])
 
 
 def register() -> None:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import bpy
 import gpu
 import numpy as np
-from gpu_extras.batch import batch_for_shader
 
 from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
@@ -18,6 +16,7 @@ from lfsr_core.optics.rays import CameraArray
 from ..array import known, rig
 from ..settings import scene_settings
 from . import look
+from .drawing import draw_points
 
 DISPLAY_COLOR, FRUSTUM_COLOR = (0.36, 0.78, 1.0), (0.75, 0.85, 0.95)
 USABLE_COLOR, SPARSE_COLOR = (1.0, 0.62, 0.25), (0.55, 1.0, 0.55)
@@ -88,9 +87,9 @@ def _draw(placed: rig.Placement, display: DisplayProfile, scale: int) -> None:
     gpu.state.depth_mask_set(False)
     try:
         corners = _in_world(rectangle(array, array.distance), to_world)
-        _draw_batch("UNIFORM_COLOR", "TRIS", corners, {"color": (*DISPLAY_COLOR, 0.06)}, [(0, 1, 2), (0, 2, 3)])
+        draw_points("UNIFORM_COLOR", "TRIS", corners, {"color": (*DISPLAY_COLOR, 0.06)}, [(0, 1, 2), (0, 2, 3)])
         for color, opacity, width, points in lines(array, display, scale):
-            _draw_batch("POLYLINE_UNIFORM_COLOR", "LINES", _in_world(points, to_world), {
+            draw_points("POLYLINE_UNIFORM_COLOR", "LINES", _in_world(points, to_world), {
                 "viewportSize": gpu.state.viewport_get()[2:], "color": (*color, opacity),
                 "lineWidth": width * bpy.context.preferences.system.ui_scale})
     finally:
@@ -100,16 +99,6 @@ def _draw(placed: rig.Placement, display: DisplayProfile, scale: int) -> None:
 
 def _in_world(points: Array, to_world: Array) -> list[tuple[float, ...]]:
     return [tuple(point) for point in points @ to_world[:3, :3].T + to_world[:3, 3]]
-
-
-def _draw_batch(shader_name: str, kind: str, points: list[tuple[float, ...]], uniforms: dict[str, Any],
-                indices: list[tuple[int, ...]] | None = None) -> None:
-    shader = gpu.shader.from_builtin(shader_name)
-    batch = batch_for_shader(shader, kind, {"pos": points}, indices=indices)
-    shader.bind()
-    for name, value in uniforms.items():
-        shader.uniform_float(name, value)
-    batch.draw(shader)
 
 
 def register() -> None:

@@ -65,7 +65,9 @@ def denoise_low_resolution(low: LowResEIA, weights: str | Path | None = denoiser
     images = mirrored(low.color)
     rows, columns = images[part].shape[:2]
     if rows * columns:
-        guides = None if low.guides is None else from_elemental_images(mirrored(low.guides)[part])
+        guides = None
+        if loaded is not None and loaded.guided and low.guides is not None:
+            guides = from_elemental_images(mirrored(low.guides)[part])
         denoised = denoise_eia(from_elemental_images(images[part]), guides, weights=loaded, exposure=low.exposure,
                                device=Wanted.of(low.device, low.gpus), note=notes.append)
         images[part] = to_elemental_images(denoised, (columns, rows))

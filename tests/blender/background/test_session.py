@@ -111,6 +111,7 @@ def test_a_copy_that_cannot_be_saved_ends_the_task(scene, monkeypatch):
 
 def test_progress_and_time_left(scene, monkeypatch):
     bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)  # no speed of an earlier render is known
+    monkeypatch.setattr(estimate, "_slower", {})  # nor how fast this machine finished one
     scene = bpy.context.scene
     task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
     panel.wait_for(lambda: task.worker)
@@ -124,7 +125,7 @@ def test_progress_and_time_left(scene, monkeypatch):
     now += 10
     task._take({"stage": "render", "fraction": 0.5, "message": "Sample 2/4"})
     finish, rest = task._step.after, 10 * estimate.FIRST_PACE
-    assert task.seconds_left == pytest.approx(rest + finish) and finish > 0.1
+    assert task.seconds_left == pytest.approx(rest + finish) and finish > 0.5
     percent = round(100 * recipes.RENDER_FRACTION * 10 / (10 + rest))
     assert session.progress_text(task) == f"Rendering {percent}%, 0:{rest + finish:02.0f} left"
     now += 4

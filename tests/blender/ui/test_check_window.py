@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import time
 
 import pytest
 
 from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
-from tests.support.window.desktop import VARIABLE, blender_window
+from tests.support.window.desktop import NEEDS_WINDOW, blender_window
 
-pytestmark = [pytest.mark.window, pytest.mark.skipif(
-    VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
+pytestmark = NEEDS_WINDOW
 TASK = "addon.background.session.current()"
 ROWS = "[(row.code, row.title) for row in bpy.context.window_manager.lfsr.problems]"
 CODES = "[row.code for row in bpy.context.window_manager.lfsr.problems]"
@@ -31,11 +28,6 @@ for number in range(300):
     rod.scale, rod.location = (0.001, 0.001, 0.3), (number % 20 / 20 - 0.5, 0, 0.5 + number // 20 / 20)
     bpy.context.scene.collection.objects.link(rod)
 """
-CLOSE_OTHERS = """
-for other in list(bpy.context.window_manager.windows)[1:]:
-    with bpy.context.temp_override(window=other):
-        bpy.ops.wm.window_close()
-"""
 SECONDS_TO_CHECK = 30  # on a busy machine
 
 
@@ -48,9 +40,6 @@ def window(tmp_path_factory):
         window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True)" + COUNT_CHECKS)
         window.open_tab()
         yield window
-    kept = os.environ.get("LFSR_SCREENSHOTS")
-    for picture in folder.glob("*.png") if kept else ():
-        shutil.copy(picture, kept)
 
 
 def test_the_check_runs_by_itself_and_rests_where_nothing_changes(window):
@@ -110,7 +99,8 @@ def test_the_time_is_measured_with_a_few_lenses(window):
     seconds = window.get("addon.background.probe.expected_seconds(bpy.context.scene)")
     window.run("bpy.context.scene.lfsr.samples *= 1000")
     assert 0 < seconds < window.get("addon.background.probe.expected_seconds(bpy.context.scene)")
-    window.run(CLOSE_OTHERS + "addon.check.watch.redraw()")
+    window.close_others()
+    window.run("addon.check.watch.redraw()")
     window.screenshot("check-time")
     window.run("bpy.context.scene.lfsr.samples //= 1000")
 

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import time
 
 import numpy as np
 import pytest
 
-from tests.support.window.desktop import VARIABLE, blender_window
+from tests.support.window.desktop import NEEDS_WINDOW, blender_window
 
-pytestmark = [pytest.mark.window, pytest.mark.skipif(
-    VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
+pytestmark = NEEDS_WINDOW
 CORNERS = """
 from mathutils import Vector
 look, view, area = addon.ui.look, addon.array.view, bpy.context.area
@@ -45,9 +42,6 @@ def window(tmp_path_factory):
     with blender_window(folder) as window:
         window.open_tab()
         yield window
-    kept = os.environ.get("LFSR_SCREENSHOTS")
-    for picture in folder.glob("*.png") if kept else ():
-        shutil.copy(picture, kept)
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from pathlib import Path
 
@@ -15,19 +14,13 @@ from lfsr_core.images.png import read_png
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.methods import oidn
 from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
-from tests.support.window.desktop import VARIABLE, blender_window
+from tests.support.window.desktop import NEEDS_WINDOW, blender_window
 
-pytestmark = [pytest.mark.window, pytest.mark.skipif(
-    VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
+pytestmark = NEEDS_WINDOW
 TASK, MESSAGE = "addon.background.session.current()", "bpy.context.window_manager.lfsr.message"
 LFSR = "bpy.context.scene.lfsr"
 LIBRARIES = ("libOpenImageDenoise.so.2", "libOpenImageDenoise_core.so.*", "libOpenImageDenoise_device_cpu.so.*",
              "libtbb.so.12")
-CLOSE_OTHERS = """
-for other in list(bpy.context.window_manager.windows)[1:]:
-    with bpy.context.temp_override(window=other):
-        bpy.ops.wm.window_close()
-"""
 
 
 @pytest.fixture(scope="module")
@@ -39,16 +32,6 @@ def window(tmp_path_factory):
         window.open_tab()
         window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True)")
         yield window
-    kept = os.environ.get("LFSR_SCREENSHOTS")
-    for picture in folder.glob("*.png") if kept else ():
-        shutil.copy(picture, kept)
-
-
-def scroll_down(window) -> None:
-    """Turn the wheel over the sidebar until its end."""
-    x, width = window.get("[(r.x, r.width) for r in bpy.context.area.regions if r.type == 'UI'][0]")
-    window.xdotool("mousemove", x + width // 2, 600)
-    window.xdotool("click", "--repeat", 30, "--delay", 20, 5)
 
 
 def press_render(window) -> list[str]:
@@ -58,7 +41,7 @@ def press_render(window) -> list[str]:
 
 def until_done(window) -> None:
     window.until(f"{TASK} is None", SECONDS_TO_RENDER)
-    window.run(CLOSE_OTHERS)
+    window.close_others()
 
 
 def save(window, path: Path) -> None:
@@ -128,8 +111,8 @@ def test_results_of_an_older_version_are_found_once_and_said(window):
     said = "1 frame of an older version moved from Scene to shot/Scene in the output folder"
     assert window.get(MESSAGE) == said
     assert (images / "shot" / "Scene" / "0001" / "eia.png").is_file() and not (images / "Scene").exists()
-    window.run(CLOSE_OTHERS)
-    scroll_down(window)
+    window.close_others()
+    window.scroll_down()
     window.screenshot("ident-8-moved")
 
 
@@ -144,7 +127,7 @@ def test_a_render_whose_second_stage_failed_is_finished_by_another_method(window
     assert {path.name for path in folder.iterdir()} == {"frame.json", "lr_eia.exr", "world.exr"}
     window.run("denoiser.why_missing = why_missing")
     window.xdotool("key", "Escape")  # the popup
-    scroll_down(window)
+    window.scroll_down()
     window.screenshot("ident-4-kept")
     items = window.get("[item[0] for item in __import__('sys').modules['bl_ext.user_default.lfsr.ui.operators.finish']"
                        "._items(None, bpy.context)]")

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import shutil
 import time
 
@@ -24,11 +23,10 @@ from lfsr_core.optics.panel.panel_rays import PanelLayout, panel_image
 from lfsr_core.optics.profile_file import write_profile
 from lfsr_core.optics.rays import CameraArray
 from tests.support.panels import cells, hexagonal, small
-from tests.support.window.desktop import VARIABLE, Window, blender_window
+from tests.support.window.desktop import NEEDS_WINDOW, Window, blender_window
 from tests.support.window.live_scenes import SAMPLES, SCENE, another_scene
 
-pytestmark = [pytest.mark.window, pytest.mark.skipif(
-    VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
+pytestmark = NEEDS_WINDOW
 SECONDS_TO_RENDER = 400
 SECONDS_BETWEEN_PICTURES = 2
 STATE = """
@@ -58,9 +56,6 @@ def blender(tmp_path_factory):
     with blender_window(folder) as window:
         window.run(IMPORTS + SCENE + STATE)
         yield window
-    kept = os.environ.get("LFSR_SCREENSHOTS")
-    for picture in folder.glob("*.png") if kept else ():
-        shutil.copy(picture, kept)
 
 
 @pytest.fixture

@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
 
 import pytest
 
 from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
-from tests.support.window.desktop import VARIABLE, blender_window
+from tests.support.window.desktop import NEEDS_WINDOW, blender_window
 
-pytestmark = [pytest.mark.window, pytest.mark.skipif(
-    VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
+pytestmark = NEEDS_WINDOW
 TASK = "addon.background.session.current()"
 STATE = "bpy.context.window_manager.lfsr"
-CLOSE_OTHERS = """
-for other in list(bpy.context.window_manager.windows)[1:]:
-    with bpy.context.temp_override(window=other):
-        bpy.ops.wm.window_close()
-"""
 COUNT_POPUPS = """
 popups = []
 addon.background.session.tell = lambda *said: popups.append(said)
@@ -34,16 +26,6 @@ def window(tmp_path_factory):
         window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
         window.open_tab()
         yield window
-    kept = os.environ.get("LFSR_SCREENSHOTS")
-    for picture in folder.glob("*.png") if kept else ():
-        shutil.copy(picture, kept)
-
-
-def scroll_down(window) -> None:
-    """Turn the wheel over the sidebar until its end."""
-    x, width = window.get("[(r.x, r.width) for r in bpy.context.area.regions if r.type == 'UI'][0]")
-    window.xdotool("mousemove", x + width // 2, 600)
-    window.xdotool("click", "--repeat", 12, "--delay", 20, 5)
 
 
 def search(window, query: str) -> None:
@@ -77,7 +59,7 @@ def test_the_search_finds_the_render_and_it_says_how_long_it_takes(window):
 def test_a_cancel_says_how_to_go_on(window):
     window.run("bpy.ops.lfsr.cancel()")
     assert window.get(f"{STATE}.message").startswith("Cancelled") and not window.get(f"{STATE}.message_is_error")
-    scroll_down(window)
+    window.scroll_down()
     window.screenshot("cancelled")
 
 
@@ -88,6 +70,6 @@ def test_a_finished_render_is_a_quiet_line(window):
     window.until(f"{TASK} is None", SECONDS_TO_RENDER)
     assert window.get(f"{STATE}.message") == "" and window.get("popups") == []
     assert window.get(f"{STATE}.outcome").startswith("Done in 0:")
-    window.run(CLOSE_OTHERS)
-    scroll_down(window)
+    window.close_others()
+    window.scroll_down()
     window.screenshot("done")

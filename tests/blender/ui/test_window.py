@@ -7,8 +7,6 @@ DIR is the folder that scripts/window_blender.sh made. LFSR_SCREENSHOTS names a 
 
 from __future__ import annotations
 
-import os
-import shutil
 import time
 
 import numpy as np
@@ -16,10 +14,9 @@ import pytest
 
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png
-from tests.support.window.desktop import VARIABLE, Window, blender_window
+from tests.support.window.desktop import NEEDS_WINDOW, Window, blender_window
 
-pytestmark = [pytest.mark.window, pytest.mark.skipif(
-    VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
+pytestmark = NEEDS_WINDOW
 SECONDS_TO_RENDER = 240
 SECONDS_TO_ANSWER = 15   # also on a busy machine without a graphics card
 SCENE = """
@@ -52,9 +49,6 @@ def window(tmp_path_factory):
         window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
         window.run("def scene_(): return bpy.context.scene")
         yield window
-    kept = os.environ.get("LFSR_SCREENSHOTS")
-    for picture in folder.glob("*.png") if kept else ():
-        shutil.copy(picture, kept)
 
 
 def scene_value(window: Window, expression: str):

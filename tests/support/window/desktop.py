@@ -1,7 +1,7 @@
 """A virtual screen with a real Blender window on it, and the extension installed as an artist installs it.
 
 LFSR_WINDOW_BLENDER names the folder that scripts/window_blender.sh made: Blender,
-Xvfb, xdotool and ImageMagick run inside it.
+Xvfb, xdotool and ImageMagick run inside it. LFSR_SCREENSHOTS names a folder where the screenshots are kept.
 """
 
 from __future__ import annotations
@@ -18,12 +18,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 SIZE = (1280, 1000)   # software OpenGL pays for every pixel
 AGENT = Path(__file__).with_name("agent.py")
 SCRIPTS = Path(__file__).resolve().parents[3] / "scripts"
 SCRIPT = SCRIPTS / "window_blender.sh"
 TAB = "[region.active_panel_category for region in bpy.context.area.regions if region.type == 'UI'][0]"
-VARIABLE = "LFSR_WINDOW_BLENDER"
+VARIABLE, SCREENSHOTS = "LFSR_WINDOW_BLENDER", "LFSR_SCREENSHOTS"
+NEEDS_WINDOW = [pytest.mark.window, pytest.mark.skipif(
+    VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
 SECONDS_TO_START = 120
 SECONDS_TO_INSTALL = 120
 
@@ -98,6 +102,18 @@ class Window:
         self.xdotool("mousemove", x, y)
         self.xdotool("click", 1)
 
+    def scroll_down(self) -> None:
+        """Turn the wheel over the sidebar until its end."""
+        x, width = self.get("[(r.x, r.width) for r in bpy.context.area.regions if r.type == 'UI'][0]")
+        self.xdotool("mousemove", x + width // 2, 600)
+        self.xdotool("click", "--repeat", 30, "--delay", 20, 5)
+
+    def close_others(self) -> None:
+        """Close every window of Blender but the first."""
+        self.run("for other in list(bpy.context.window_manager.windows)[1:]:\n"
+                 "    with bpy.context.temp_override(window=other):\n"
+                 "        bpy.ops.wm.window_close()")
+
     def open_tab(self) -> tuple[int, int, int, int]:
         """Open the sidebar at the tab Light Field; its place on the screen: left, top, width, height."""
         self.run("bpy.context.space_data.show_region_ui = True")
@@ -146,6 +162,8 @@ def blender_window(folder: Path) -> Iterator[Window]:
                 yield Window(stream, environment, process, folder)
         finally:
             _end(process)
+            for picture in folder.glob("*.png") if SCREENSHOTS in os.environ else ():
+                shutil.copy(picture, os.environ[SCREENSHOTS])
 
 
 @contextmanager
