@@ -9,12 +9,12 @@ from pathlib import Path
 
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.cells import Cell
-from lfsr_lab.experiments.paper import weights
-from lfsr_lab.experiments.paper.figure import ACCURACY, SECONDS, Figure, Row, Rows, gains, scenes_of
-from lfsr_lab.experiments.paper.measuring import TIME_COLUMNS, accuracy, accuracy_cell, network_times
-from lfsr_lab.experiments.paper.renders import View
-from lfsr_lab.experiments.paper.settings import SCALE, Settings
-from lfsr_lab.experiments.paper.verdict import Difference, overall, paired, sentence, span
+from lfsr_lab.experiments.seed_paper import weights
+from lfsr_lab.experiments.seed_paper.figure import ACCURACY, SECONDS, Figure, Row, Rows, gains, scenes_of
+from lfsr_lab.experiments.seed_paper.measuring import TIME_COLUMNS, accuracy, accuracy_cell, network_times
+from lfsr_lab.experiments.seed_paper.renders import View
+from lfsr_lab.experiments.seed_paper.settings import SCALE, Settings
+from lfsr_lab.experiments.seed_paper.verdict import Difference, overall, paired, sentence, span
 from lfsr_lab.networks import comparators
 
 NETWORK, BICUBIC = "paper", "bicubic"

@@ -22,10 +22,10 @@ from lfsr_lab.experiments.engine.accuracy import Figures as Numbers
 from lfsr_lab.experiments.engine.accuracy import Target
 from lfsr_lab.experiments.engine.cells import Cell
 from lfsr_lab.experiments.engine.timing import Seconds
-from lfsr_lab.experiments.paper import renders, weights
-from lfsr_lab.experiments.paper.figure import LENS_SSIM, SECONDS, Row, Rows
-from lfsr_lab.experiments.paper.renders import View
-from lfsr_lab.experiments.paper.settings import CELLS, SCALE, Settings
+from lfsr_lab.experiments.seed_paper import renders, weights
+from lfsr_lab.experiments.seed_paper.figure import LENS_SSIM, SECONDS, Row, Rows
+from lfsr_lab.experiments.seed_paper.renders import View
+from lfsr_lab.experiments.seed_paper.settings import CELLS, SCALE, Settings
 
 TIME_COLUMNS = ("ms", "quartile 1", "quartile 3")
 FRAME_COLUMNS = RENDER, SECOND_STAGE, TOTAL = ("render, s", "second stage, s", "sum, s")

@@ -11,9 +11,9 @@ from lfsr_lab.experiments.engine.accuracy import Figures as Numbers
 from lfsr_lab.experiments.engine.cells import Cell
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.report import markdown_table, number
-from lfsr_lab.experiments.paper import renders, weights
-from lfsr_lab.experiments.paper.settings import CELLS, VERSION, Settings
-from lfsr_lab.experiments.paper.verdict import Difference, paired
+from lfsr_lab.experiments.seed_paper import renders, weights
+from lfsr_lab.experiments.seed_paper.settings import CELLS, VERSION, Settings
+from lfsr_lab.experiments.seed_paper.verdict import Difference, paired
 
 LENS_SSIM, SECONDS = "split SSIM of lenses", "seconds"  # names of series
 ACCURACY = "ssim_eia_fg"  # the metric that is drawn: split SSIM of the foreground

@@ -19,10 +19,10 @@ from lfsr_core.records import from_data, to_data
 from lfsr_core.render import store
 from lfsr_lab.experiments.engine import timing
 from lfsr_lab.experiments.engine.plots import save
-from lfsr_lab.experiments.paper import __main__ as command
-from lfsr_lab.experiments.paper import measuring, page, renders, settings, weights
-from lfsr_lab.experiments.paper.figure import LENS_SSIM, Results
-from lfsr_lab.experiments.paper.figures import images
+from lfsr_lab.experiments.seed_paper import __main__ as command
+from lfsr_lab.experiments.seed_paper import measuring, page, renders, settings, weights
+from lfsr_lab.experiments.seed_paper.figure import LENS_SSIM, Results
+from lfsr_lab.experiments.seed_paper.figures import images
 from tests.support.synthetic import MINI, write_reference, write_render
 from tests.support.training_photographs import some_photographs
 

@@ -13,7 +13,7 @@ from lfsr_core.frames.job import Job, check_scene
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.render.blender import find_blender
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, reference_of
-from lfsr_lab.experiments.paper.settings import SCALE, Settings
+from lfsr_lab.experiments.seed_paper.settings import SCALE, Settings
 from lfsr_lab.scenes import scene_script
 from lfsr_lab.scenes.running import run_script
 

@@ -13,7 +13,7 @@ from lfsr_core.reconstruct import registry
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_lab.experiments.engine.cells import to_stderr
-from lfsr_lab.experiments.paper.settings import SCALE, Settings
+from lfsr_lab.experiments.seed_paper.settings import SCALE, Settings
 from lfsr_lab.networks import comparators
 from lfsr_lab.train.config import load_config
 

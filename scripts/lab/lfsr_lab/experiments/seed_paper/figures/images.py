@@ -15,12 +15,12 @@ from lfsr_core.optics.eia import horizontal_epi, to_elemental_images
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.cells import Cell
-from lfsr_lab.experiments.paper import measuring
-from lfsr_lab.experiments.paper.figure import ACCURACY, Figure, Row, Rows, gains, scenes_of
-from lfsr_lab.experiments.paper.measuring import Finished
-from lfsr_lab.experiments.paper.renders import View
-from lfsr_lab.experiments.paper.settings import Settings
-from lfsr_lab.experiments.paper.verdict import overall, sentence
+from lfsr_lab.experiments.seed_paper import measuring
+from lfsr_lab.experiments.seed_paper.figure import ACCURACY, Figure, Row, Rows, gains, scenes_of
+from lfsr_lab.experiments.seed_paper.measuring import Finished
+from lfsr_lab.experiments.seed_paper.renders import View
+from lfsr_lab.experiments.seed_paper.settings import Settings
+from lfsr_lab.experiments.seed_paper.verdict import overall, sentence
 
 METHODS = ("bicubic", "paper", "paper-gan")
 PARTS = (("paper", "bicubic"), ("paper-gan", "paper"))

@@ -14,12 +14,12 @@ from lfsr_core.reconstruct.second_stage import panel_image
 from lfsr_lab.experiments.engine import plots, timing
 from lfsr_lab.experiments.engine.cells import Cell
 from lfsr_lab.experiments.engine.renders import foreground
-from lfsr_lab.experiments.paper import measuring, renders, weights
-from lfsr_lab.experiments.paper.figure import SECONDS, Figure, Row, Rows, gains, scenes_of
-from lfsr_lab.experiments.paper.measuring import FRAME_COLUMNS, RENDER, TOTAL
-from lfsr_lab.experiments.paper.renders import View
-from lfsr_lab.experiments.paper.settings import SCALE, Settings
-from lfsr_lab.experiments.paper.verdict import SINGLE_RUN, Difference, overall, paired, sentence, single_runs
+from lfsr_lab.experiments.seed_paper import measuring, renders, weights
+from lfsr_lab.experiments.seed_paper.figure import SECONDS, Figure, Row, Rows, gains, scenes_of
+from lfsr_lab.experiments.seed_paper.measuring import FRAME_COLUMNS, RENDER, TOTAL
+from lfsr_lab.experiments.seed_paper.renders import View
+from lfsr_lab.experiments.seed_paper.settings import SCALE, Settings
+from lfsr_lab.experiments.seed_paper.verdict import SINGLE_RUN, Difference, overall, paired, sentence, single_runs
 from lfsr_lab.networks import comparators
 
 NETWORK, DIRECT = "paper", "direct"

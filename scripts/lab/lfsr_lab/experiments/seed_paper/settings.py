@@ -1,4 +1,4 @@
-"""What one run of ``python -m lfsr_lab.experiments.paper`` measures."""
+"""What one run of ``python -m lfsr_lab.experiments.seed_paper`` measures."""
 
 from __future__ import annotations
 

@@ -6,11 +6,11 @@ import math
 
 import pytest
 
-from lfsr_lab.experiments.paper import page, verdict
-from lfsr_lab.experiments.paper.figure import LENS_SSIM, Results, Row
-from lfsr_lab.experiments.paper.figures import frames, images, networks
-from lfsr_lab.experiments.paper.measuring import RENDER, TOTAL, timed_rows
-from lfsr_lab.experiments.paper.verdict import Difference
+from lfsr_lab.experiments.seed_paper import page, verdict
+from lfsr_lab.experiments.seed_paper.figure import LENS_SSIM, Results, Row
+from lfsr_lab.experiments.seed_paper.figures import frames, images, networks
+from lfsr_lab.experiments.seed_paper.measuring import RENDER, TOTAL, timed_rows
+from lfsr_lab.experiments.seed_paper.verdict import Difference
 
 SEEDS = (0.01, -0.02, 0.015, -0.005, 0.0, 0.012)
 

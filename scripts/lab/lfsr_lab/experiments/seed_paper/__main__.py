@@ -1,8 +1,8 @@
 """The paper's figures and tables, measured again by one command that can be stopped and started again.
 
-    python -m lfsr_lab.experiments.paper -o OUT                     everything, hours on a CPU
-    python -m lfsr_lab.experiments.paper -o OUT --quick             every figure in minutes, on tiny frames
-    python -m lfsr_lab.experiments.paper -o OUT --only fig10a,table3 --docs docs
+    python -m lfsr_lab.experiments.seed_paper -o OUT                     everything, hours on a CPU
+    python -m lfsr_lab.experiments.seed_paper -o OUT --quick             every figure in minutes, on tiny frames
+    python -m lfsr_lab.experiments.seed_paper -o OUT --only fig10a,table3 --docs docs
 
 What is complete in OUT is not done again. OUT/results.json, OUT/paper.md and OUT/images are written after
 every figure; --docs also puts the page and its images there.
@@ -23,8 +23,8 @@ from lfsr_core.records import from_data, to_data
 from lfsr_lab.experiments.engine.environment import check_packages, environment
 from lfsr_lab.experiments.engine.plots import save
 from lfsr_lab.experiments.engine.report import exit_code, write_text
-from lfsr_lab.experiments.paper import page, renders, settings
-from lfsr_lab.experiments.paper.figure import Results
+from lfsr_lab.experiments.seed_paper import page, renders, settings
+from lfsr_lab.experiments.seed_paper.figure import Results
 
 RESULTS_FILE, PAGE_FILE, IMAGES = "results.json", "paper.md", "images"
 PAGE_IN_DOCS = "notebook/paper.md"
@@ -34,7 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return exit code 0, 2 after bad input, 130 if stopped."""
     arguments, words = _parser().parse_args(argv), sys.argv[1:] if argv is None else argv
     shown = [Path(word).name if Path(word).is_absolute() else word for word in words]  # without this machine's folders
-    command = " ".join(["python -m lfsr_lab.experiments.paper", *shown])
+    command = " ".join(["python -m lfsr_lab.experiments.seed_paper", *shown])
     return exit_code("paper", lambda: reproduce(arguments, command))
 
 
@@ -86,7 +86,8 @@ def _earlier(path: Path, facts: dict[str, Any]) -> dict[str, Results]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m lfsr_lab.experiments.paper", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python -m lfsr_lab.experiments.seed_paper",
+                                     description=__doc__.splitlines()[0])
     add = parser.add_argument
     add("-o", "--output", type=Path, required=True, metavar="OUT", help="folder of everything that is made")
     add("--scenes", type=Path, nargs="+", default=[], metavar="FILE", help="default: the demo scene")
