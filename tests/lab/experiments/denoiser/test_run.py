@@ -11,8 +11,9 @@ from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import to_elemental_images, to_views
 from lfsr_lab.experiments.denoiser import page
 from lfsr_lab.experiments.denoiser.__main__ import BASELINES, main
-from lfsr_lab.experiments.denoiser.measure import Candidate, Truth
+from lfsr_lab.experiments.denoiser.measure import Candidate, figures
 from lfsr_lab.experiments.denoiser.settings import SETTINGS, Render, Settings, read_settings
+from lfsr_lab.experiments.engine.truth import Truth
 from tests.support.panels import whole
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import MINI, frame_of, light_field, write_reference
@@ -55,7 +56,7 @@ def test_what_is_there_is_measured_once_and_shown(tmp_path, capsys):
 def test_errors_do_not_grow_with_the_noise_of_the_reference(tmp_path):
     truth = Truth(write_reference(tmp_path, noise=0.05))
     field = to_elemental_images(light_field()[..., :3], MINI.lenses)[tuple(truth.lenses.T)]
-    exact, worse = (truth.figures(np.float32(factor) * field, 0.0) for factor in (1.0, 1.2))
+    exact, worse = (figures(truth, np.float32(factor) * field, 0.0) for factor in (1.0, 1.2))
     mean = np.mean(truth.halves, 0)
     noise = np.mean((srgb_encode(mean) - srgb_encode(field))**2)
     assert abs(np.mean(exact.squared)) < 0.1 * noise and abs(np.mean(exact.relative)) < 2e-3

@@ -18,7 +18,8 @@ from lfsr_core.reconstruct.methods.temporal_averaging import average_frames
 from lfsr_core.reconstruct.neighbours import near
 from lfsr_core.reconstruct.registry import Method
 from lfsr_core.reconstruct.second_stage import finished_lenses
-from lfsr_lab.experiments.engine.accuracy import lens_ssims, split_rms
+from lfsr_lab.experiments.engine.accuracy import split_rms
+from lfsr_lab.experiments.engine.measures import lens_ssims
 from lfsr_lab.experiments.engine.timing import cpu_seconds
 
 

@@ -18,12 +18,13 @@ from pathlib import Path
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.render.store import is_complete
-from lfsr_lab.experiments.denoiser.measure import Candidate, Figures, Truth, measure
+from lfsr_lab.experiments.denoiser.measure import Candidate, Figures, measure
 from lfsr_lab.experiments.denoiser.page import Key, Page
 from lfsr_lab.experiments.denoiser.settings import SETTINGS, Place, Render, places, read_settings
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store
 from lfsr_lab.experiments.engine.report import exit_code, write_text
+from lfsr_lab.experiments.engine.truth import Truth
 
 BASELINES = ("oidn+bilinear", "oidn+bilinear+epi", DEFAULT_METHOD)
 CELLS = "cells"

@@ -19,9 +19,9 @@ from lfsr_core.frames.frame import Frame
 from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES, compare
-from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_lab.experiments.engine.intervals import lens_intervals
+from lfsr_lab.experiments.engine.measures import lens_ssims
 
 MAIN_METRICS = ("ssim_eia_fg", "ssim_lens_fg")  # of whole EIAs; of single lenses, which every reference has
 Figures = dict[str, float | None]  # by the name of the metric; None where it cannot be known
@@ -93,11 +93,6 @@ class Target:
         rows, columns = self.reference.lenses[shown].T
         half_a, half_b = (half[shown] for half in self.reference.elemental_images())
         return lens_ssims(srgb_encode(to_elemental_images(image, self.lenses)[rows, columns]), half_a, half_b)
-
-
-def lens_ssims(images: Array, half_a: Array, half_b: Array) -> Array:
-    """Return the split SSIM (n,) of elemental images (n, py, px, 3) of display values."""
-    return np.asarray(stacked_ssim(images, half_a, half_b).mean((1, 2)))
 
 
 def split_rms(x: Array, a: Array, b: Array) -> float:
