@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import signal
 import tempfile
 
 import hypothesis
+import pytest
 
 # A shared machine may be slow at any moment: time is no verdict.
 hypothesis.settings.register_profile("lfsr", deadline=None, max_examples=50)
@@ -25,3 +27,18 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 def pytest_unconfigure() -> None:
     """Remove the folder at the end of the session."""
     shutil.rmtree(TEMPORARY, ignore_errors=True)
+
+
+@pytest.fixture
+def bridge(tmp_path, monkeypatch):
+    """Start a stand-in for Looking Glass Bridge, as ``bridge("hang:show_window")`` or ``bridge(devices=[])``."""
+    from lfsr_core.show import loopback
+    from tests.support.bridge import stand_in
+    from tests.support.bridge_displays import DEVICES
+
+    with contextlib.ExitStack() as stack:
+        def start(*faults, devices=DEVICES):
+            found = stack.enter_context(stand_in(tmp_path, devices, *faults))
+            monkeypatch.setenv(loopback.PORT_VARIABLE, str(found.port))
+            return found
+        yield start

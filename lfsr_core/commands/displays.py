@@ -1,16 +1,20 @@
-"""``lfsr displays [NAME]``: list, show, import and calibrate display profiles."""
+"""``lfsr displays [NAME]``: list, show, import and calibrate display profiles; list those that are connected."""
 
 from __future__ import annotations
 
 import argparse
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lfsr_core.commands.arguments import position
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.optics.proposal import PanelShape, proposed_light_field
 from lfsr_core.optics.sheet import Lenslet, Lenticular
+
+if TYPE_CHECKING:
+    from lfsr_core.optics.panel.visual_json import Calibration
 
 NAME = "displays"
 HELP = "list the display profiles, show one with its derived numbers, import or calibrate one"
@@ -21,6 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("display", nargs="?", metavar="NAME|FILE.toml", help="profile to show")
     parser.add_argument("--import", dest="calibration", type=Path, metavar="VISUAL.json",
                         help="make a profile from a Looking Glass calibration; needs -o FILE.toml")
+    parser.add_argument("--bridge", action="store_true",
+                        help="list the displays of Looking Glass Bridge; with -o FILE.toml: make the profile of one, "
+                             "named by its index or name where there are several")
     parser.add_argument("--pattern", metavar="phase|lens|band|rgb|grid",
                         help="write a test image for the panel, for judging by eye or for a photograph; needs -o "
                              "FILE.png")
@@ -34,7 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """List the profiles, show one, or make a profile or a pattern."""
-    if arguments.calibration:
+    if arguments.bridge and not arguments.output:
+        return _print_connected()
+    if arguments.bridge or arguments.calibration:
         profile = _imported(arguments)
     elif arguments.pattern:
         return _write_pattern(arguments)
@@ -53,13 +62,39 @@ def _line(name: str) -> str:
             f"{_pair(profile.views)} views. {profile.description}")
 
 
+def _print_connected() -> None:
+    """A line for each display of Looking Glass Bridge; a calibration that cannot be used is said in its place."""
+    from lfsr_core.show.bridge import Bridge
+
+    for device in Bridge().devices():
+        try:
+            numbers = device.calibration.numbers
+            found = "{screenW:g}×{screenH:g} px, {viewCone:g}° cone, {pitch:.4f} cylinders per inch".format(**numbers)
+        except LfsrError as error:
+            found = str(error)
+        quilt = [device.quilt.get(name, "?") for name in ("tileX", "tileY", "quiltX", "quiltY")]
+        print(f"{device.index:2}  {device.name} ({device.hardware}), at {device.corner[0]},{device.corner[1]}: "
+              f"{found}, quilt {quilt[0]}×{quilt[1]} of {quilt[2]}×{quilt[3]} px")
+
+
+def _connected(name: str | None) -> Calibration:
+    """Calibration of a display of Looking Glass Bridge; LfsrError where none is named among several."""
+    from lfsr_core.show.bridge import Bridge, chosen
+
+    devices = Bridge().devices()
+    if name is None and len(devices) > 1:
+        known = ", ".join(f"{device.index} ({device.name})" for device in devices)
+        raise LfsrError(f"{len(devices)} displays are connected, but a profile is of one: name one of {known}")
+    return chosen(devices, name).calibration
+
+
 def _imported(arguments: argparse.Namespace) -> DisplayProfile:
     """Profile of a calibration, written to the output file and named after it."""
     from lfsr_core.optics.panel.visual_json import profile_from_calibration, read_calibration
     from lfsr_core.optics.profile_file import write_profile
 
     output = _output(arguments, "--import writes a profile", "-o FILE.toml")
-    calibration = read_calibration(arguments.calibration)
+    calibration = _connected(arguments.display) if arguments.bridge else read_calibration(arguments.calibration)
     profile = profile_from_calibration(calibration, output.stem)
     write_profile(output, profile)
     for name, usual in (("fringe", 0), ("invView", 1)):

@@ -9,8 +9,11 @@ from lfsr_core.cli import main
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.show import loopback
 from tests.optics.panel.test_fit import CYLINDERS
-from tests.optics.panel.test_visual_json import NEW, new_unit, written
+from tests.optics.panel.test_visual_json import CELLS, NEW, new_unit, written
+from tests.support.bridge import device
+from tests.support.bridge_displays import DEVICES, PORTRAIT
 from tests.support.photographs import photograph
 from tests.support.synthetic import fails
 
@@ -48,3 +51,41 @@ def test_what_is_missing_is_named(tmp_path, capsys):
     assert "1 photographs and 2 positions were given" in fails(
         ["displays", "looking-glass-go", "--fit", "a.png", "--from", "0,0,1", "--from", "0,0,2"], capsys)
     assert "'mini' has no lens sheet" in fails(["displays", "mini", "--pattern", "grid", "-o", "a.png"], capsys)
+
+
+def test_connected_displays_are_listed(bridge, capsys):
+    bridge(devices=[*DEVICES, device(3, "LKG-X", "go_p", {"pitch": 80})])
+    assert main(["displays", "--bridge"]) == 0
+    portrait, large, broken = capsys.readouterr().out.splitlines()
+    assert portrait == (" 1  LKG-P1 (portrait), at 3840,0: 1536×2048 px, 40° cone, 52.5927 cylinders per inch, "
+                        "quilt 8×6 of 3360×3360 px")
+    assert "LKG-J2 (16_gen3_landscape)" in large and "50° cone" in large
+    assert "the calibration of display 'LKG-X' in Bridge: field 'slope' is missing" in broken
+
+
+def test_a_connected_display_becomes_the_same_profile_as_its_calibration(bridge, tmp_path, capsys):
+    bridge()
+    (tmp_path / "imported").mkdir()
+    ours, theirs = tmp_path / "desk.toml", tmp_path / "imported" / "desk.toml"
+    assert main(["displays", "lkg-j2", "--bridge", "-o", str(ours)]) == 0
+    assert "600.892 across (P)" in capsys.readouterr().out
+    written(tmp_path, NEW, CellPatternMode=2, subpixelCells=CELLS, serial="LKG-J2")
+    assert main(["displays", "--import", str(tmp_path / "visual.json"), "-o", str(theirs)]) == 0
+    assert load_display(ours) == load_display(theirs)
+
+
+def test_which_connected_display_is_said_or_asked(bridge, tmp_path, capsys):
+    output = ["-o", str(tmp_path / "desk.toml")]
+    bridge()
+    assert "2 displays are connected, but a profile is of one: name one of 1 (LKG-P1), 2 (LKG-J2)" in fails(
+        ["displays", "--bridge", *output], capsys)
+    assert "display 'LKG-9' is not among those" in fails(["displays", "LKG-9", "--bridge", *output], capsys)
+    bridge(devices=[PORTRAIT])
+    assert main(["displays", "--bridge", *output]) == 0
+    assert load_display(tmp_path / "desk.toml").panel_pixels == (1536, 2048)
+
+
+def test_without_bridge_no_profile_is_written(monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv(loopback.PORT_VARIABLE, "1")
+    assert "is not running" in fails(["displays", "--bridge", "-o", str(tmp_path / "desk.toml")], capsys)
+    assert not list(tmp_path.iterdir())

@@ -46,7 +46,11 @@ class Calibration:
 
 def read_calibration(path: str | Path) -> Calibration:
     """Read a visual.json; LfsrError names the field, its value and what was expected."""
-    data = _read(path)
+    return calibration_of(_read(path), path)
+
+
+def calibration_of(data: Any, path: str | Path) -> Calibration:
+    """Return the one calibration in JSON data, which errors call ``path``; LfsrError as of ``read_calibration``."""
     found = list(_calibrations(data))
     if len(found) > 1:
         raise LfsrError(f"{path} holds the calibrations of {len(found)} displays, expected one: keep one of them")

@@ -1,0 +1,1 @@
+"""Images on displays: through Looking Glass Bridge, or full screen in a browser."""

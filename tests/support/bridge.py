@@ -1,0 +1,219 @@
+"""A stand-in for Looking Glass Bridge: a process that serves HTTP on this computer as Bridge 2.6.3 is known to.
+
+    python tests/support/bridge.py LOG [--devices FILE] [--fault KIND:ENDPOINT]...
+
+It prints its port. What is asked of it and what its displays show is written to LOG, a JSON line per request. Only PUT
+counts: POST and unknown endpoints are answered with 200 and nothing. ``instance_playlist`` of a known name keeps its
+entries, and playing what is playing already changes nothing. After ``delete_playlist`` it answers nothing any more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+TOKEN = "3ab41b3c-70a1"
+# hang: no answer; drip: a letter a second; the others as they are called
+FAULTS = ("hang", "drip", "refuse", "nonsense", "empty", "drop", "half", "error", "redirect", "huge")
+HUGE = 17_000_000
+
+
+def wrapped(value: object) -> dict[str, object]:
+    return {"name": "", "type": "WSTRING", "value": value}
+
+
+def device(index: int, name: str, hardware: str, calibration: dict | None, quilt: dict | None = None) -> dict:
+    """An entry of available_output_devices; ``calibration`` with plain numbers, None for a plain monitor."""
+    text = json.dumps({"configVersion": "3.0", "serial": name} | {
+        key: {"value": value} if isinstance(value, (int, float)) and key != "CellPatternMode" else value
+        for key, value in calibration.items()}) if calibration else ""
+    fields = {"calibration": text, "defaultQuilt": json.dumps(quilt) if quilt else "", "hardwareVersion": hardware,
+              "hwid": name, "index": index, "state": "ok", "windowCoords": {"x": 1920 * (index + 1), "y": 0}}
+    return wrapped({key: wrapped(value) for key, value in fields.items()})
+
+
+class Handler(BaseHTTPRequestHandler):
+    """One request."""
+
+    def do_GET(self) -> None:
+        self._answer(None)
+
+    do_POST = do_GET
+
+    def do_PUT(self) -> None:
+        endpoint = self.path.strip("/")
+        body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+        with self.server.lock:
+            answer = self.server.answer(endpoint, body)
+            self.server.note(endpoint, body, dict(self.headers))
+        fault = "hang" if self.server.deleted else self.server.faults.get(endpoint)
+        getattr(self, f"_{fault}")() if fault else self._answer(answer)
+
+    def _answer(self, data: object) -> None:
+        self._send(b"" if data is None else json.dumps(data).encode())
+
+    def _send(self, content: bytes, status: int = 200, length: int | None = None, **headers: str) -> None:
+        self.send_response(status)
+        self.send_header("Content-Length", str(len(content) if length is None else length))
+        for name, value in headers.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(content)
+
+    def _hang(self) -> None:
+        time.sleep(3600)
+
+    def _drip(self) -> None:
+        with contextlib.suppress(OSError):
+            for letter in b"HTTP/1.0 200 OK\r\n" + 3600 * b"x":
+                self.wfile.write(bytes([letter]))
+                time.sleep(0.2)
+
+    def _refuse(self) -> None:
+        self._answer({"status": wrapped("Failure"), "payload": wrapped({"message": wrapped("display is in use")})})
+
+    def _nonsense(self) -> None:
+        self._send(b"<html>I am no Bridge</html>")
+
+    def _empty(self) -> None:
+        self._send(b"")
+
+    def _drop(self) -> None:
+        self.connection.shutdown(socket.SHUT_RDWR)
+
+    def _half(self) -> None:
+        self._send(b'{"status"', length=500)
+
+    def _error(self) -> None:
+        self._send(b"broken", 500)
+
+    def _redirect(self) -> None:
+        self._send(b"", 307, Location="http://192.0.2.1:33334/" + self.path)
+
+    def _huge(self) -> None:
+        with contextlib.suppress(OSError):
+            self._send(HUGE * b" ")
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+class Server(ThreadingHTTPServer):
+    """What Bridge knows."""
+
+    daemon_threads = True
+
+    def __init__(self, log: Path, devices: list, faults: dict[str, str]) -> None:
+        super().__init__(("127.0.0.1", 0), Handler)
+        self.log, self.devices, self.faults, self.lock = log, devices, faults, threading.Lock()
+        self.playlists: dict[str, list[dict]] = {}
+        self.playing, self.shown, self.deleted = "", None, False
+
+    def note(self, endpoint: str, body: dict, headers: dict[str, str]) -> None:
+        with self.log.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({"endpoint": endpoint, "body": body, "shown": self.shown, "headers": headers}) + "\n")
+
+    def answer(self, endpoint: str, body: dict) -> dict | None:
+        """Answer to a PUT, None for an unknown endpoint."""
+        if endpoint == "enter_orchestration":
+            return {"name": endpoint, "payload": wrapped(TOKEN), "status": wrapped("Completion")}
+        found = getattr(self, f"_{endpoint}", None)
+        if found is None:
+            return None
+        if body.get("orchestration") != TOKEN:
+            return {"name": endpoint, "status": wrapped("UnknownOrchestration")}
+        return {"name": endpoint, "orchestration": wrapped(TOKEN)} | found(body)
+
+    def _available_output_devices(self, _: dict) -> dict:
+        found = {str(number): entry for number, entry in enumerate(self.devices)}
+        return {"payload": wrapped(found), "status": wrapped("Completion")}
+
+    def _instance_playlist(self, body: dict) -> dict:
+        self.playlists.setdefault(body["name"], [])
+        return {"payload": wrapped({"name": wrapped(body["name"])}), "status": wrapped("Completion")}
+
+    def _insert_playlist_entry(self, body: dict) -> dict:
+        if body["name"] not in self.playlists:
+            return {"status": wrapped("Failure")}
+        self.playlists[body["name"]].append(body)
+        return {"payload": wrapped({"index": wrapped(str(body["index"]))}), "status": wrapped("Completion")}
+
+    def _show_window(self, _: dict) -> dict:
+        return {"status": wrapped("Completion")}
+
+    def _play_playlist(self, body: dict) -> dict:
+        entries = self.playlists.get(body["name"])
+        if not entries:
+            return {"payload": wrapped({"message": wrapped("no such playlist")}), "status": wrapped("Failure")}
+        if self.playing != body["name"]:
+            self.playing, self.shown = body["name"], [entry["uri"] for entry in entries]
+        return {"payload": wrapped({"message": wrapped("ok")}), "status": wrapped("Pending")}
+
+    def _delete_playlist(self, _: dict) -> dict:
+        self.deleted = True
+        return {}
+
+
+class StandIn:
+    """A stand-in that runs."""
+
+    def __init__(self, port: int, log: Path) -> None:
+        self.port, self.log = port, log
+
+    @property
+    def requests(self) -> list[dict]:
+        """What was asked, in order."""
+        return [json.loads(line) for line in self.log.read_text(encoding="utf-8").splitlines()]
+
+    @property
+    def endpoints(self) -> list[str]:
+        return [request["endpoint"] for request in self.requests]
+
+    @property
+    def shown(self) -> list[str] | None:
+        """Files that are shown now, after the last request."""
+        return self.requests[-1]["shown"] if self.requests else None
+
+
+@contextlib.contextmanager
+def stand_in(folder: Path, devices: list, *faults: str) -> Iterator[StandIn]:
+    """Run one; ``faults`` as KIND:ENDPOINT."""
+    log, listed = folder / "bridge.log", folder / "devices.json"
+    log.write_text("", encoding="utf-8")
+    listed.write_text(json.dumps(devices), encoding="utf-8")
+    words = [word for fault in faults for word in ("--fault", fault)]
+    process = subprocess.Popen([sys.executable, __file__, str(log), "--devices", str(listed), *words],
+                               stdout=subprocess.PIPE, text=True)
+    try:
+        yield StandIn(int(process.stdout.readline()), log)
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def main() -> None:
+    """Serve until the end."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("log", type=Path)
+    parser.add_argument("--devices", type=Path)
+    parser.add_argument("--fault", action="append", default=[])
+    arguments = parser.parse_args()
+    faults = {endpoint: kind for kind, endpoint in (fault.split(":") for fault in arguments.fault)}
+    assert set(faults.values()) <= set(FAULTS)
+    server = Server(arguments.log, json.loads(arguments.devices.read_text(encoding="utf-8")), faults)
+    print(server.server_port, flush=True)
+    server.serve_forever()
+
+
+if __name__ == "__main__":
+    main()
