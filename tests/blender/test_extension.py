@@ -312,6 +312,7 @@ BROKEN = [
     ("check_hidden_code", "compat.py", "import base64\nbase64.b64decode(b'')"),
     ("check_network", "compat.py", "import urllib.request"),
     ("check_network", "compat.py", "def f():\n    from http import client"),
+    ("check_network", "packages/lfsr_core/show/loopback.py", 'ADDRESSES = ("127.0.0.1", "192.0.2.1")'),
     ("check_self_contained", "compat.py", "import bpy\nbpy.ops.preferences.addon_enable(module='x')"),
     ("check_self_contained", "compat.py", "import subprocess\nsubprocess.run(['python', '-m', 'pip'])"),
     ("check_own_folder", "compat.py", "open(__file__, 'a')"),
