@@ -100,7 +100,7 @@ def _display(files: ViewFiles, scale: int, given: ImportGeometry, hci: _Hci | No
     assumed = [f"--{name.replace('_', '-')} {value:g}" for name, value in DEFAULTS.items() if name not in known]
     notes = [f"the folder has no camera geometry, assumed: {', '.join(assumed)}"] if assumed else []
     (width, height), (across, down), chosen = files.size, files.count, DEFAULTS | known
-    views = (across * scale, down * scale)
+    views = (across * scale, down * scale if down > 1 else 1)
     display = DisplayProfile(
         NAME, (width * views[0], height * views[1]), (chosen["width_mm"], chosen["width_mm"] * height / width),
         (width, height), views, chosen["distance_mm"], chosen["angle_deg"],

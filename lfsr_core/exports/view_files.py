@@ -38,17 +38,14 @@ class ViewFiles:
         return len(self.paths[0]), len(self.paths)
 
     def square(self) -> ViewFiles:
-        """The cameras in the middle, as many down as across, as panel pixels are square; LfsrError for a single row."""
+        """A single row, or the cameras in the middle, as many down as across; LfsrError for a single column or view."""
         across, down = self.count
         least = min(across, down)
-        if across == down == 1:
-            raise LfsrError("the folder has a single view, but a display with lenses needs at least 2×2 cameras: check "
-                            "the names")
-        if across == down:
+        if across == 1:
+            raise LfsrError(f"the folder has {across}×{down} cameras, but a display needs at least two beside each "
+                            "other: check the names")
+        if down in (across, 1):
             return self
-        if least < 2:
-            raise LfsrError(f"the folder has {across}×{down} cameras, but a display with lenses needs at least 2×2: "
-                            "views in one row only cannot be imported")
         top, left = (down - least) // 2, (across - least) // 2
         paths = tuple(row[left:left + least] for row in self.paths[top:top + least])
         return dataclasses.replace(self, paths=paths, notes=(
@@ -64,11 +61,11 @@ def find_views(folder: Path, columns: int | None = None) -> ViewFiles:
     if not folder.is_dir():
         raise LfsrError(f"{folder} is no folder, expected one of views: check the path")
     names = sorted(path.name for path in folder.iterdir())
-    places = _hci(names, columns) or _numbered(names) or _stanford(names)
+    places = _hci(names, columns) or _stanford(names) or _numbered(names)
     if places:
         return _grid(folder, places)
     raise LfsrError(f"{folder} has no views with known names, such as input_Cam000.png (HCI), out_00_00_-1.5_2.5_.png "
-                    "(Stanford), 000_000.ppm (JPEG Pleno) or view_000_000.png: rename them")
+                    "(Stanford), 000_000.ppm (JPEG Pleno) or view_000_000.png (a title, row and column): rename them")
 
 
 def read_views(files: ViewFiles, mirror: str = "", progress: Progress = silent) -> Array:
@@ -115,11 +112,11 @@ def _directed(numbers: Array, coordinates: Array) -> list[int]:
 
 
 def _numbered(names: list[str]) -> dict[Place, str]:
-    """Files named by row and column, as our exports are, or by column and row, as in JPEG Pleno."""
+    """Files named by column and row, as in JPEG Pleno, or by a title, row and column, as our exports are."""
     pair = rf"(\d+){SEPARATOR}(\d+)"
-    ours, pleno = _matching(f"view{SEPARATOR}?{pair}", names), _matching(pair, names)
-    return _placed([((int(match[1]), int(match[2])), name) for match, name in ours]
-                   or [((int(match[2]), int(match[1])), name) for match, name in pleno])
+    pleno, titled = _matching(pair, names), _matching(rf".*\D{pair}", names)
+    return _placed([((int(match[2]), int(match[1])), name) for match, name in pleno]
+                   or [((int(match[1]), int(match[2])), name) for match, name in titled])
 
 
 def _matching(pattern: str, names: list[str]) -> list[tuple[re.Match[str], str]]:

@@ -215,7 +215,7 @@ def _check_pixels(profile: DisplayProfile) -> None:
             fail("panel_pixels", list(profile.panel_pixels),
                  f"its {name} must be lenses × views = {profile.lenses[axis]} × {profile.views[axis]} = {product}")
     pitch_x, pitch_y = (mm / px for mm, px in zip(profile.panel_mm, profile.panel_pixels, strict=True))
-    if abs(pitch_x / pitch_y - 1) > MAX_PIXEL_ASPECT_ERROR:
+    if all(profile.parallax) and abs(pitch_x / pitch_y - 1) > MAX_PIXEL_ASPECT_ERROR:
         fail("panel_mm", list(profile.panel_mm),
              f"pixels must be square within 1 %, and these are {pitch_x:.4f} × {pitch_y:.4f} mm")
 

@@ -115,9 +115,24 @@ def test_a_wide_grid_keeps_its_middle(folder, field, tmp_path):
     assert imported.display.views == (4, 4) and "the 4×4 cameras in the middle of 8×4" in imported.notes[0]
 
 
+def test_a_row_of_cameras_has_views_along_it_alone(images, field, tmp_path):
+    for number in range(3, 9):
+        (images / f"input_Cam{number:03d}.png").unlink()
+    for number in range(3):
+        (images / f"input_Cam{number:03d}.png").rename(images / f"row_00_{number:02d}.png")
+    imported = import_views(images, tmp_path / "frame", scale=3)
+    assert imported.display.views == (9, 1) and imported.display.lenses == (16, 12)
+    upscale_frame(tmp_path / "frame", "bilinear")
+    made, given = read_light_field(tmp_path / "frame").views, field.resampled((3, 3))[:1]
+    np.testing.assert_array_equal(made[:, 1::3], given)
+    between = (2 * given[:, 0].astype(float) + given[:, 1]) / 3
+    assert np.abs(made[:, 2] - between).mean() < np.abs(made[:, 3] - between).mean()
+
+
 @pytest.mark.parametrize("pattern", [
     "view_{row:03d}_{column:03d}.JPG", "View-{row}-{column}.jpeg", "{column}_{row}.PNG", "{column:05d}-{row:02d}.jpg",
-    "{column} {row}.Tif", "INPUT_CAM{number}.PNG", "OUT_{row}_{column}_{row}.5_{column}.5_.JPG"])
+    "{column} {row}.Tif", "INPUT_CAM{number}.PNG", "OUT_{row}_{column}_{row}.5_{column}.5_.JPG",
+    "t_rex_{row:02d}_{column:02d}.png", "2 SAI-{row} {column}.png"])
 def test_any_digits_separators_and_endings(images, field, tmp_path, pattern):
     source = tmp_path / "others"
     source.mkdir()
@@ -188,9 +203,9 @@ def no_parameters(source):
     (source / "parameters.cfg").write_text("[intrinsics]\nfocal_length_mm = long\n")
 
 
-def one_row(source):
+def one_column(source):
     for number in range(9):
-        (source / f"input_Cam{number:03d}.png").rename(source / f"view_000_{number:03d}.png")
+        (source / f"input_Cam{number:03d}.png").rename(source / f"view_{number:03d}_000.png")
 
 
 def one_view(source):
@@ -215,8 +230,8 @@ def huge_numbers(source):
     (a_pipe, r"input_Cam000.png is no readable image"),
     (no_image, r"input_Cam000.png is no readable image"),
     (no_parameters, r"cannot be read as the parameters of an HCI light field"),
-    (one_row, r"has 9×1 cameras"),
-    (one_view, r"has a single view, but a display with lenses needs at least 2×2 cameras"),
+    (one_column, r"has 1×9 cameras, but a display needs at least two beside each other"),
+    (one_view, r"has 1×1 cameras, but a display needs at least two beside each other"),
     (same_camera, r"input_Cam004.png and input_Cam4.png belong to the same camera: remove one"),
     (huge_numbers, r"more than 65536: check the names"),
 ])
