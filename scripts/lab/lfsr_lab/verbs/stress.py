@@ -27,6 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scale", type=int, default=SCALE, metavar="N", help="default: %(default)s")
     parser.add_argument("--reference-spp", type=int, metavar="N",
                         help=f"of both halves of a reference together, default: {SAMPLES}")
+    parser.add_argument("--seeds", type=int, default=1, metavar="N",
+                        help="of the renders' noise at the values where methods break, default: %(default)s")
     parser.add_argument("--frames", type=int, metavar="N", help=f"of the moving card, default: {FRAMES}")
     parser.add_argument("--device", default="CPU", metavar="NAME", help="Cycles device, default: %(default)s")
     parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")
@@ -49,6 +51,6 @@ def run(arguments: argparse.Namespace) -> None:
                         arguments.device)
     methods = arguments.methods or default_methods(settings.scale, settings.display.parallax)
     store = Store(arguments.output, arguments.blender)
-    report = run_sweeps(store, settings, methods, arguments.sweeps, arguments.quick)
+    report = run_sweeps(store, settings, methods, arguments.sweeps, arguments.quick, arguments.seeds)
     print((report.parent / "stress.md").read_text(encoding="utf-8"))
     print(f"{report.parent / 'index.html'}: curves and the worst crop of every method")

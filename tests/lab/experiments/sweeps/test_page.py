@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lfsr_lab.experiments.sweeps import page
-from lfsr_lab.experiments.sweeps.records import Cell, SweepReport
-from lfsr_lab.experiments.sweeps.sweeps import Break
+from lfsr_lab.experiments.sweeps.breaks import Break
+from lfsr_lab.experiments.sweeps.records import Cell, Repeat, SweepReport
 
 
 @pytest.mark.parametrize("lens", [(0, 0), (5, 7), (11, 15)])
@@ -38,3 +38,15 @@ def test_a_curve_with_gaps_is_drawn_where_it_is_known(monkeypatch):
     assert dial.break_text("m") == "3 s"
     unknown = SweepReport("d", "meaning", "unit", "other", (1, 2, 3), cells, {"m": None})
     assert page.curves(unknown, ["m"]) is None and unknown.break_text("m") == "?"
+
+
+def test_tables_show_the_mean_over_seeds_and_where_else_the_break_may_be():
+    cells = tuple(Cell(value, "scene", 16, "m", {"q": quality, "p": 1.0}, None)
+                  for value, quality in ((1, 0.9), (2, 0.8)))
+    repeats = (Repeat(2, "m", (0.8, 0.6, None)),)
+    dial = SweepReport("d", "meaning", "unit", "q", (1, 2), cells, {"m": Break(2, 0.7, "below bicubic", 1, 2)}, repeats)
+    assert dial.series("m", "q") == [0.9, 0.7] and dial.series("m", "p") == [1, 1]
+    assert dial.break_text("m") == "2 b (1 to 2)"
+    for found, text in ((Break(2, 0.7, "below bicubic", 2, 2), "2 b"),
+                        (Break(2, 0.7, "below its start", 2), "2 s (2 to ?)")):
+        assert SweepReport("d", "", "", "q", (1, 2), cells, {"m": found}, repeats).break_text("m") == text

@@ -29,7 +29,7 @@ DOCUMENT = Path(__file__).parents[4] / "docs" / "notebook" / "stress.md"
 TYPES = {"text": str, "integer": int, "number": (int, float), "array": list, "object": dict, "null": type(None)}
 SWEEPS, FRAMES, SCALE = ("samples", "wire", "motion", "eye", "recall"), 2, 2
 OPTIONS = ["--sweeps", ",".join(SWEEPS), "--methods", "bilinear,nearest", "--quick", "--display", "mini",
-           "--scale", str(SCALE), "--reference-spp", "8", "--frames", str(FRAMES)]
+           "--scale", str(SCALE), "--reference-spp", "8", "--seeds", "2", "--frames", str(FRAMES)]
 
 
 def fill(folder: Path) -> Path:
@@ -42,8 +42,8 @@ def fill(folder: Path) -> Path:
             (scene / SCENE_FILE).touch()
             shutil.copytree(source[1], scene / "reference", dirs_exist_ok=True)
             names = [f"s{SCALE}-spp{sweep.samples(value)}"]
-            if sweep.name == "motion":
-                names += [f"{names[0]}-frame{frame}-seed{seed}" for frame, seed in ((1, 1), (2, 0), (2, 2))]
+            frames = ((1, 1), (2, 0), (2, 2)) if sweep.name == "motion" else ((1, 1),)
+            names += [f"{names[0]}-frame{frame}-seed{seed}" for frame, seed in frames]
             for name in names:
                 shutil.copytree(source[0], scene / name, dirs_exist_ok=True)
                 write_frame(scene / name, frame_of(SCALE, samples=sweep.samples(value)))
@@ -87,6 +87,8 @@ def test_the_report_is_as_documented(report):
         for found in dial["breaks"].values():
             if found is not None:
                 check(found, "breaks")
+        for repeat in dial["repeats"]:
+            check(repeat, "repeats")
 
 
 def test_no_documented_metric_is_missing_everywhere(report):
@@ -112,6 +114,25 @@ def test_the_figures_are_those_of_the_method(report):
     # All values show the same synthetic picture, so bicubic cannot break and the one below it breaks at once.
     assert report["dials"][0]["breaks"]["bicubic"] is None
     assert report["dials"][0]["breaks"]["nearest"]["value"] == 64
+
+
+def test_values_near_breaking_points_have_every_seed(report):
+    dials = {dial["name"]: dial for dial in report["dials"]}
+    assert not dials["motion"]["repeats"], "its frames are of many seeds"
+    for name, dial in dials.items():
+        broken = [found["value"] for found in dial["breaks"].values() if found]
+        if name == "motion" or not broken:
+            continue
+        repeated = {repeat["value"] for repeat in dial["repeats"]}
+        assert {*broken, dial["values"][0]} <= repeated
+        assert len(dial["repeats"]) == len(repeated) * len(report["methods"])
+        for repeat in dial["repeats"]:
+            assert len(repeat["figures"]) == 2
+            first = next(cell for cell in dial["cells"] if (cell["value"], cell["method"]) ==
+                         (repeat["value"], repeat["method"]))
+            # The synthetic renders of both seeds are the same, and both ways of measuring agree.
+            assert repeat["figures"] == pytest.approx([first["metrics"][dial["judged"]]] * 2, abs=1e-12)
+    assert dials["samples"]["breaks"]["nearest"]["earliest"] == dials["samples"]["breaks"]["nearest"]["latest"] == 64
 
 
 def test_equal_frames_at_rest_do_not_flicker(report):
@@ -149,14 +170,16 @@ def run_again(bench, monkeypatch) -> list[str]:
     return made
 
 
-def test_another_version_of_a_method_is_measured_again(bench, monkeypatch):
+def test_another_version_of_a_method_is_measured_again(bench, report, monkeypatch):
     versions = {"nearest": {"denoiser": -1}}
     with monkeypatch.context() as changed:
         changed.setattr(MethodName, "versions", property(lambda name: versions.get(name.text, {})))
         assert {name.split("-")[0] for name in run_again(bench, changed)} == {"nearest"}
     with monkeypatch.context() as changed:
         changed.setattr(MethodName, "weights_digest", "others")
-        assert len(run_again(bench, changed)) == 3 * (3 + 3 + 2 + 3 + 3) == len(list(bench.glob("*/cells/*.json")))
+        repeated = sum(len(dial["repeats"]) for dial in report["dials"])
+        assert len(run_again(bench, changed)) == 3 * (3 + 3 + 2 + 3 + 3) + repeated
+        assert len(list(bench.glob("*/cells/*.json"))) == 3 * (3 + 3 + 2 + 3 + 3) + repeated
 
 
 @pytest.mark.parametrize(("name", "hidden"), [("stress", ()), ("stress-epi", ("oidn-fast+bilinear",

@@ -8,6 +8,8 @@ import importlib.util
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from lfsr_core.arrays import Array
+from lfsr_core.frames.foreground import recall
 from lfsr_core.frames.job import Job
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.reconstruct.method_name import COMPARED, DEFAULT_METHOD, MethodName
@@ -42,6 +44,7 @@ class Scene:
     settings: Settings
     sweep: Sweep
     value: float
+    seed: int = 0  # of the noise of its renders
 
     @property
     def folder(self) -> Path:
@@ -51,7 +54,8 @@ class Scene:
     def cells(self, methods: Sequence[str]) -> Iterator[Cell]:
         """Yield the cell of every method; what is missing is rendered and measured now."""
         samples = self.sweep.samples(self.value)
-        wanted = [cells.Cell(f"{name}-{self.sweep.name}-spp{samples}", method_facts(name),
+        end = f"-seed{self.seed}" if self.seed else ""
+        wanted = [cells.Cell(f"{name}-{self.sweep.name}-spp{samples}{end}", method_facts(name),
                              functools.partial(self.measure, name), self.jobs) for name in methods]
         yield from cells.measured(wanted, Records(self.folder / CELLS, Cell), self.store)
 
@@ -67,9 +71,9 @@ class Scene:
         """The reference."""
         return reference_of(self.job(), self.settings.reference_samples, self.folder / REFERENCE)
 
-    def job(self, frame: int = 1, seed: int = 0) -> Job:
+    def job(self, frame: int = 1, seed: int | None = None) -> Job:
         """Return a low-resolution render: of a frame other than 1 only of the moving card; ``seed`` of its noise."""
-        settings, folder = self.settings, self.folder
+        settings, folder, seed = self.settings, self.folder, self.seed if seed is None else seed
         samples = self.sweep.samples(self.value)
         suffix = "" if (frame, seed) == (1, 0) else f"-frame{frame}-seed{seed}"
         return Job(output=str(folder / f"s{settings.scale}-spp{samples}{suffix}"), display=settings.display,
@@ -90,18 +94,32 @@ class Scene:
         """Return every figure of a method here."""
         target, render = self.target, Path(self.job().output)
         image = finished_linear(render, name)
-        found = target.accuracy(image, foreground(render), intervals=False).metrics
         of = metrics.Compared(srgb_encode(image), srgb_encode(target.halves[0]), srgb_encode(target.halves[1]),
                               target.lenses, target.mask)
+        found = self._judged(of) if self.seed else self._every_figure(name, image, of)
+        figures = {key: finite(value) for key, value in found.items()}
+        return Cell(self.value, self.sweep.scene_name(self.value), self.sweep.samples(self.value), name, figures,
+                    metrics.worst_lens(of), **method_facts(name))
+
+    def _judged(self, of: metrics.Compared) -> Figures:
+        """Return the figure by which the sweep is judged, and what costs nothing beside it."""
+        if self.sweep.name == EYE:
+            return self._straightness(of)
+        if self.sweep.judged == "recall":
+            return {"recall": recall(foreground(Path(self.job().output)), of.mask)}
+        if self.sweep.judged == "ssim_border":
+            return metrics.border_and_centre(of, width=self.settings.scale)
+        return {"ssim_eia_fg": metrics.foreground_ssim(of)}
+
+    def _every_figure(self, name: str, image: Array, of: metrics.Compared) -> Figures:
+        found = self.target.accuracy(image, foreground(Path(self.job().output)), intervals=False).metrics
         found |= metrics.border_and_centre(of, width=self.settings.scale)
         found["neighbour_error"] = metrics.neighbour_view_error(of)
         if self.sweep.name == EYE:
             found |= self._straightness(of)
         if self.sweep.name == MOTION:
             found |= self._flicker(name)
-        figures = {key: finite(value) for key, value in found.items()}
-        return Cell(self.value, self.sweep.scene_name(self.value), self.sweep.samples(self.value), name, figures,
-                    metrics.worst_lens(of), **method_facts(name))
+        return found
 
     def _straightness(self, of: metrics.Compared) -> Figures:
         step = self.space.scale / self.value

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lfsr_core.arrays import Array, Mask
-from lfsr_core.metrics.split_ssim import mean_of, split_ssim_map
+from lfsr_core.metrics.split_ssim import inside_border, mean_of, split_ssim_map
 from lfsr_core.optics.eia import to_elemental_images, to_views
 from lfsr_lab.experiments.engine.accuracy import Figures, root
 from lfsr_lab.scenes.sweeps.space import Space
@@ -34,6 +34,13 @@ class Compared:
     def squares(self) -> Array:
         """Squared errors as elemental images (sy, sx, py, px, C)."""
         return to_elemental_images((self.x - self.a) * (self.x - self.b), self.lenses)
+
+
+def foreground_ssim(of: Compared) -> float | None:
+    """Return ``ssim_eia_fg`` alone, as ``compare``; None without foreground."""
+    pixels = np.divide(of.x.shape[:2], of.mask.shape).astype(int)
+    inside = inside_border(np.kron(of.mask, np.ones(pixels, bool)))
+    return mean_of(inside_border(split_ssim_map(of.x, of.a, of.b))[inside]) if inside.any() else None
 
 
 def border_and_centre(of: Compared, width: int) -> Figures:

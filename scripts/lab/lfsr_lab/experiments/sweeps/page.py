@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,9 +20,10 @@ from lfsr_lab.experiments.engine.environment import environment
 from lfsr_lab.experiments.engine.plots import COLORS, MARKERS, Curve, draw_curves, panel_sheet, svg
 from lfsr_lab.experiments.engine.renders import SCENE_FILE, Store
 from lfsr_lab.experiments.engine.report import inline_svg, markdown_table, number, page_html, write_drawn, write_report
+from lfsr_lab.experiments.sweeps.breaks import breaking_point, near_breaks
 from lfsr_lab.experiments.sweeps.measure import BASELINE, Scene
-from lfsr_lab.experiments.sweeps.records import FORMAT, Cell, Report, Settings, SweepReport
-from lfsr_lab.experiments.sweeps.sweeps import Sweep, breaking_point, choose_sweeps, label
+from lfsr_lab.experiments.sweeps.records import FORMAT, Cell, Repeat, Report, Settings, SweepReport
+from lfsr_lab.experiments.sweeps.sweeps import MOTION, Sweep, choose_sweeps, label
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -29,16 +31,17 @@ if TYPE_CHECKING:
 STEM, PAGE_FILE, CROPS = "stress", "index.html", "pictures"
 LENSES_IN_CROP, LEAST_CROP, GAP = 3, 240, 6
 LEGEND = ("A number is the first value of the sweep where the method breaks: **b** below bicubic, **s** 0.05 below its "
-          "own start. – : it never breaks. ? : nothing could be measured.")
+          "own start; in brackets where else it may be with 95 % confidence over the seeds. – : it never breaks. ? : "
+          "nothing could be measured.")
 
 
 def run(store: Store, settings: Settings, methods: Sequence[str], names: Sequence[str] | None = None,
-        quick: bool = False) -> Path:
+        quick: bool = False, seeds: int = 1) -> Path:
     """Measure every missing cell, then write report and page; return the path of stress.json.
 
-    ``names``: of the sweeps, None for all; ``quick``: few values. Bicubic is added to ``methods``. LfsrError for an
-    unknown sweep or method, a method that the display cannot have, a folder begun with other settings, and where
-    Blender fails.
+    ``names``: of the sweeps, None for all; ``quick``: few values; ``seeds``: of the renders' noise where methods break.
+    Bicubic is added to ``methods``. LfsrError for an unknown sweep or method, a method that the display cannot have, a
+    folder begun with other settings, and where Blender fails.
     """
     methods = tuple(dict.fromkeys([BASELINE, *methods]))
     for name in methods:
@@ -54,20 +57,40 @@ def run(store: Store, settings: Settings, methods: Sequence[str], names: Sequenc
     sweeps = []
     for index, (sweep, of_sweep) in enumerate(scenes.items(), start=1):
         print(f"sweep {index} of {len(scenes)}: {sweep.name}, {len(of_sweep)} values", flush=True)
-        cells = tuple(cell for scene in of_sweep for cell in scene.cells(methods))
-        sweeps.append(report_of(sweep, [scene.value for scene in of_sweep], cells, methods))
+        sweeps.append(measured_sweep(store, of_sweep, methods, seeds))
     report = Report(FORMAT, settings, to_data(environment()), methods, tuple(sweeps))
     file, _ = write_report(store.folder, STEM, report, {".md": lambda: markdown(report)})
     write_drawn(store.folder / PAGE_FILE, lambda: html(store, report), file)
     return file
 
 
-def report_of(sweep: Sweep, values: Sequence[float], cells: tuple[Cell, ...], methods: Sequence[str]) -> SweepReport:
-    """Return what the cells of a sweep say."""
-    judged = {method: {cell.value: cell.metrics.get(sweep.judged) for cell in cells if cell.method == method}
-              for method in methods}
-    breaks = {method: breaking_point(values, quality, judged[BASELINE]) for method, quality in judged.items()}
-    return SweepReport(sweep.name, sweep.meaning, sweep.unit, sweep.judged, tuple(values), cells, breaks)
+def measured_sweep(store: Store, scenes: Sequence[Scene], methods: Sequence[str], seeds: int) -> SweepReport:
+    """Measure the scenes of one sweep, those near breaking points with ``seeds`` seeds."""
+    sweep, values = scenes[0].sweep, [scene.value for scene in scenes]
+    store.render_all([job for scene in scenes for job in scene.jobs])
+    cells = tuple(cell for scene in scenes for cell in scene.cells(methods))
+    first = report_of(sweep, values, cells, methods)
+    if seeds == 1 or sweep.name == MOTION:  # whose figure is one of many seeds already
+        return first
+    near = near_breaks(values, first.breaks.values())
+    repeated = [dataclasses.replace(scene, seed=seed) for scene in scenes if scene.value in near
+                for seed in range(1, seeds)]
+    store.render_all([scene.job() for scene in repeated])
+    others = [cell for scene in repeated for cell in scene.cells(methods)]
+    return report_of(sweep, values, cells, methods, others)
+
+
+def report_of(sweep: Sweep, values: Sequence[float], cells: tuple[Cell, ...], methods: Sequence[str],
+              others: Sequence[Cell] = ()) -> SweepReport:
+    """Return what the cells of a sweep say; ``others`` are those of further seeds, in their order."""
+    figures: dict[str, dict[float, list[float | None]]] = {method: {} for method in methods}
+    for cell in (*cells, *others):
+        figures[cell.method].setdefault(cell.value, []).append(cell.metrics.get(sweep.judged))
+    breaks = {method: breaking_point(values, quality, figures[BASELINE]) for method, quality in figures.items()}
+    repeats = [Repeat(value, method, tuple(known)) for method, quality in figures.items()
+               for value, known in quality.items() if len(known) > 1]
+    return SweepReport(sweep.name, sweep.meaning, sweep.unit, sweep.judged, tuple(values), cells, breaks,
+                       tuple(repeats))
 
 
 def markdown(report: Report) -> str:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+from statistics import fmean
 from typing import Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_lab.experiments.engine.accuracy import Figures
-from lfsr_lab.experiments.sweeps.sweeps import Break, label
+from lfsr_lab.experiments.sweeps.breaks import BELOW_BICUBIC, BELOW_START, Break
+from lfsr_lab.experiments.sweeps.sweeps import label
 
 FORMAT = 1
-MARKS = {"below bicubic": "b", "below its start": "s"}
+MARKS = {BELOW_BICUBIC: "b", BELOW_START: "s"}
 # Figures of some sweeps beside the judged one.
 EXTRAS = {"border": ("rmse_border", "rmse_centre", "border_ratio", "ssim_centre"),
           "motion": ("flicker_fixed", "flicker_changing", "ssim_eia_fg"),
@@ -60,6 +62,15 @@ class Cell:
 
 
 @dataclasses.dataclass(frozen=True)
+class Repeat:
+    """The judged figures of one method at one value with several seeds."""
+
+    value: float  # of the sweep
+    method: str  # its name
+    figures: tuple[float | None, ...]  # of seeds 0, 1, …; the first is that of the cell
+
+
+@dataclasses.dataclass(frozen=True)
 class SweepReport:
     """What was measured along one sweep."""
 
@@ -70,6 +81,7 @@ class SweepReport:
     values: tuple[float, ...]  # that were measured, from easy to hard
     cells: tuple[Cell, ...]  # one per value and method
     breaks: dict[str, Break | None]  # where each method breaks, None where it never does
+    repeats: tuple[Repeat, ...] = ()  # one per method and value that was measured with more than one seed
 
     @property
     def span(self) -> str:
@@ -82,16 +94,30 @@ class SweepReport:
         return (self.judged, *EXTRAS.get(self.name, ()))
 
     def series(self, method: str, metric: str) -> list[float | None]:
-        """One metric of one method along the sweep."""
+        """One metric of one method along the sweep; the judged one is the mean over the seeds."""
         by_value = {cell.value: cell.metrics.get(metric) for cell in self.cells if cell.method == method}
+        if metric == self.judged:
+            known = {value: [each for each in figures if each is not None]
+                     for value, figures in self.figures(method).items()}
+            by_value |= {value: fmean(figures) for value, figures in known.items() if figures}
         return [by_value[value] for value in self.values]
+
+    def figures(self, method: str) -> dict[float, tuple[float | None, ...]]:
+        """Judged figures of a method by value, one per seed."""
+        first = {cell.value: (cell.metrics.get(self.judged),) for cell in self.cells if cell.method == method}
+        return first | {repeat.value: repeat.figures for repeat in self.repeats if repeat.method == method}
 
     def break_text(self, method: str) -> str:
         """How a table shows where ``method`` breaks."""
         if all(value is None for value in self.series(method, self.judged)):
             return "?"
         found = self.breaks[method]
-        return "–" if found is None else f"{label(found.value)} {MARKS[found.reason]}"
+        if found is None:
+            return "–"
+        text = f"{label(found.value)} {MARKS[found.reason]}"
+        if found.earliest is None or found.earliest == found.latest:
+            return text
+        return f"{text} ({label(found.earliest)} to {'?' if found.latest is None else label(found.latest)})"
 
 
 @dataclasses.dataclass(frozen=True)

@@ -6,13 +6,11 @@ A sweep is data here; lfsr_lab.scenes.sweeps builds its scenes.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from lfsr_core.errors import LfsrError, did_you_mean
 
 SAMPLES = 16
-DROP = 0.05       # how far below its own start a method counts as broken
-TOLERANCE = 1e-9  # rounding of the difference of two measured figures
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,26 +45,29 @@ SWEEPS: tuple[Sweep, ...] = (
          "samples per pixel", (64, 32, 16, 8, 4, 2, 1), (64, 16, 1), scene="samples"),
     Sweep("depth-behind", "textured bodies behind the display plane", "usable depths at this scale",
          (0, 0.5, 1, 1.5, 2, 2.5, 3), (0, 1, 3)),
-    Sweep("depth-front", "the same bodies in front of the display plane", "usable depths at this scale",
+    Sweep("depth-range", "the same bodies spread from before the display to behind it", "usable depths to either side",
          (0, 0.5, 1, 1.5, 2, 2.5, 3), (0, 1, 3)),
     Sweep("wire", "thickness of crossing wires, half a usable depth behind the display",
          "high-resolution pixels at the wires' depth", (2, 1, 1 / 2, 1 / 4, 1 / 8, 1 / 16), (2, 1 / 2, 1 / 8)),
     Sweep("texture", "frequency of a sine grating at the far usable depth", "Nyquist frequencies of the rendered views",
          (1 / 8, 1 / 4, 1 / 2, 3 / 4, 1, 1.5, 2), (1 / 8, 1, 1.5)),
-    Sweep("glass-index", "refractive index of smooth glass bodies before a board of tiles", "index of refraction",
-         (1.05, 1.15, 1.33, 1.5, 1.8, 2.4), (1.05, 1.5, 2.4)),
-    Sweep("glass-roughness", "roughness of the same glass, index 1.45", "Cycles roughness",
+    Sweep("glass-texture", "width of the tiles of a board behind smooth glass bodies", "lens pitches",
+         (12, 6, 3, 2, 1.5, 1, 0.75), (12, 2, 0.75)),
+    Sweep("glass-roughness", "roughness of the same glass before tiles 1.5 lenses wide", "Cycles roughness",
          (0, 0.05, 0.1, 0.2, 0.4, 0.8), (0, 0.1, 0.8)),
     Sweep("mirror", "distance of a mirror image behind the mirror on the display plane", "usable depths at this scale",
          (0.5, 1, 1.5, 2, 2.5, 3), (0.5, 1, 3)),
     Sweep("caustics", "angle of the only lamp, whose light reaches the floor through glass and off a metal ring",
          "degrees across", (90, 60, 40, 25, 15, 8), (90, 40, 8)),
-    Sweep("fireflies", "radius of glowing balls of constant power", "high-resolution pixels at the display plane",
-         (1 / 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32, 1 / 64), (1 / 2, 1 / 8, 1 / 64)),
+    Sweep("lamps", "radius of glowing balls of constant power beside dark surfaces",
+         "high-resolution pixels at the display plane", (1 / 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32, 1 / 64),
+         (1 / 2, 1 / 8, 1 / 64)),
+    Sweep("glitter", "density of flakes of metal under a small lamp", "flakes per lens",
+         (1 / 4, 1, 4, 16, 64, 256), (1 / 4, 4, 256)),
     Sweep("share", "fraction p of lenses that see the foreground through a hole in a card on the display plane",
          "fraction of lenses", (1, 0.75, 0.5, 0.25, 0.1, 0.05, 0.02), (1, 0.25, 0.02)),
-    Sweep("hdri", "brightness of the world image behind the subject; the subject's light stays",
-         "times the world that lights it", (0.25, 0.5, 1, 2, 4, 8), (0.25, 1, 8)),
+    Sweep("background", "brightness of a plain background; the grey subject stays", "times the subject's brightness",
+         (0, 1 / 4, 1 / 2, 3 / 4, 7 / 8, 1), (0, 1 / 2, 1)),
     Sweep("border", "contrast of glossy metal tiles, one per lens, whose edges are the lenses' edges; dark ones stay",
          "Michelson contrast", (0, 0.25, 0.5, 0.7, 0.8, 0.9), (0, 0.5, 0.9), judged="ssim_border"),
     Sweep("motion", "sideways steps per frame of a printed card that goes round a rectangle",
@@ -88,36 +89,3 @@ def choose_sweeps(names: Sequence[str] | None) -> tuple[Sweep, ...]:
             hint = did_you_mean(name, known, cutoff=0.4)
             raise LfsrError(f"there is no sweep {name!r}: {hint}Choose from {', '.join(known)}")
     return tuple(sweep for sweep in SWEEPS if not names or sweep.name in names)
-
-
-@dataclasses.dataclass(frozen=True)
-class Break:
-    """Where a method breaks."""
-
-    value: float  # of the sweep
-    quality: float  # the judged figure there
-    reason: str  # "below bicubic" or "below its start"
-
-
-def breaking_point(values: Sequence[float], quality: Mapping[float, float | None],
-                   bicubic: Mapping[float, float | None] | None = None) -> Break | None:
-    """Return where a method breaks: its first value below ``bicubic``, or DROP below its own start.
-
-    Parameters
-    ----------
-    values: of the sweep, from easy to hard; the start is the first of them with a quality.
-    quality: judged figure by value; values without one are passed over.
-    bicubic: the same of bicubic, None where it is not compared.
-
-    Returns
-    -------
-    None where the method never breaks.
-    """
-    measured = [(value, figure) for value in values if (figure := quality.get(value)) is not None]
-    for value, found in measured:
-        rival = (bicubic or {}).get(value)
-        if rival is not None and found < rival - TOLERANCE:
-            return Break(value, found, "below bicubic")
-        if found <= measured[0][1] - DROP + TOLERANCE:
-            return Break(value, found, "below its start")
-    return None

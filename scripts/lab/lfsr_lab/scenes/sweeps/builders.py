@@ -18,7 +18,9 @@ from lfsr_lab.scenes.sweeps.stage import Stage, board, glow, object_vector, to_b
 from lfsr_lab.scenes.sweeps.things import (
     Grid,
     bodies,
+    dark_sorts,
     every_sort,
+    flakes,
     glass,
     lattice,
     opaque_sorts,
@@ -31,8 +33,12 @@ from lfsr_lab.scenes.sweeps.things import (
 WORLD_STRENGTH = 0.45
 BIG = 1.15   # boards reach a little over what the views see
 WIRE_DEPTH, BOARD_DEPTH = 0.5, 0.75  # usable depths behind the display
-FIREFLY_POWER = 1.0   # radiance × radius² of a glowing ball, in lens pitches
+TILE = 1.5  # lenses across
+LAMP_POWER = 1.0   # radiance × radius² of a glowing ball, in lens pitches
+FLAKE_DEPTH, FLAKE = 0.3, 0.06  # usable depths before and behind the display; half a side in lenses
+GROUND = 0.2  # radiance of a background that is as bright as the subject
 MIRROR_GLOW, CAUSTIC_FILL, DARK_TILE = 0.8, 0.06, 0.05
+GLASS, SUN = 1.45, math.radians(0.5)  # index of refraction; degrees across
 
 
 def light() -> None:
@@ -85,14 +91,20 @@ def math_node(graph: Graph, operation: str, *values: object) -> bpy.types.NodeSo
     return graph.node("ShaderNodeMath", dict(enumerate(values)), operation=operation).outputs[0]
 
 
-def glass_scene(stage: Stage, material: bpy.types.Material) -> None:
-    """Glass bodies about the display plane before a board of tiles."""
+def depth_range(stage: Stage, usable: float) -> None:
+    """Bodies from ``usable`` depths before the display to as many behind it, one behind another."""
+    light()
+    bodies(stage, stage.space.depth(-usable), stage.space.depth(usable), opaque_sorts())
+
+
+def glass_scene(stage: Stage, material: bpy.types.Material, width: float = TILE) -> None:
+    """Glass bodies about the display plane before a board of tiles ``width`` lenses wide."""
     light()
     space = stage.space
     bodies(stage, space.depth(-0.25), space.depth(0.25), [material] * 4, Grid(3.0))
     y = space.depth(BOARD_DEPTH)
     ground, graph, shader = principled("tiles", Roughness=0.8)
-    size = (1.5 * space.magnified(y),) * 2
+    size = (width * space.magnified(y),) * 2
     graph.feed(shader.inputs["Base Color"], tiles(graph, size, (0.08, 0.05, 0.2), (0.8, 0.7, 0.4)))
     full_board(stage, "tiles", y, ground)
 
@@ -120,17 +132,28 @@ def caustics(stage: Stage, degrees: float) -> None:
     bodies(stage, y - 2.2 * size, y - 1.6 * size, [sorts[0], sorts[0], sorts[1], sorts[0]], Grid(3.2))
 
 
-def fireflies(stage: Stage, pixels: float) -> None:
-    """Small glowing balls among bodies in dim light."""
+def lamps(stage: Stage, pixels: float) -> None:
+    """Small glowing balls among dark bodies in dim light."""
     world(strength=WORLD_STRENGTH / 4)
     space = stage.space
-    bodies(stage, space.depth(0.3), space.depth(0.5), every_sort())
+    bodies(stage, space.depth(0.3), space.depth(0.5), dark_sorts())
     radius = pixels * space.footprint(0)
-    shine = glow("firefly", (1.0, 0.8, 0.5), FIREFLY_POWER / radius**2)
-    ball = put(surfaces.sphere(), shine, (0, 0, 0), name="firefly")
+    shine = glow("lamp", (1.0, 0.8, 0.5), LAMP_POWER / radius**2)
+    ball = put(surfaces.sphere(), shine, (0, 0, 0), name="lamp")
     for place, _ in lattice(stage, space.depth(-0.2), space.depth(0.2), Grid(3.3)):
         again(ball, place, radius)
     bpy.data.objects.remove(ball)
+
+
+def glitter(stage: Stage, per_lens: float) -> None:
+    """Flakes of metal, turned at random, before dark felt under a small lamp."""
+    world("studio", WORLD_STRENGTH / 4)
+    sun(4.0, SUN)
+    space = stage.space
+    material = paint("metal", (0.95, 0.85, 0.6), 0.08, Metallic=1.0)
+    put(flakes(stage, space.depth(-FLAKE_DEPTH), space.depth(FLAKE_DEPTH), FLAKE, per_lens), material, (0, 0, 0),
+        name="flakes")
+    full_board(stage, "felt", space.depth(FLAKE_DEPTH) + FLAKE, paint("felt", (0.05, 0.04, 0.09), 0.9))
 
 
 def fraction(stage: Stage, lenses: float) -> None:
@@ -162,17 +185,15 @@ def frame_about(space: Space, block: tuple[int, int]) -> Surface:
     return Surface(vertices, faces, smooth=False)
 
 
-def hdri(stage: Stage, times: float) -> None:
-    """Bodies before a visible world that is brighter to the eye than as a light."""
-    background = world("interior")
-    graph = Graph(bpy.context.scene.world.node_tree)
-    seen = graph.node("ShaderNodeLightPath").outputs["Is Camera Ray"]
-    factor = math_node(graph, "MULTIPLY_ADD", seen, WORLD_STRENGTH * (times - 1), WORLD_STRENGTH)
-    graph.feed(background.inputs["Strength"], factor)
-    bpy.context.scene.render.film_transparent = False
+def background(stage: Stage, brightness: float) -> None:
+    """Bodies of one grey before a plain board that is no foreground and ``brightness`` times as bright."""
+    light()
     space = stage.space
     reach = (space.size[0] * 0.28, space.size[1] * 0.28)
-    bodies(stage, space.depth(-0.25), space.depth(0.25), every_sort(), Grid(2.0, reach))
+    grey = [paint("grey", (0.5, 0.5, 0.5), 1.0, Specular_IOR_Level=0.0)] * 4
+    bodies(stage, space.depth(-0.25), space.depth(0.25), grey, Grid(2.0, reach))
+    shine = glow("ground", (1.0, 1.0, 1.0), GROUND * brightness)
+    to_background(full_board(stage, "ground", space.depth(BOARD_DEPTH), shine))
 
 
 def border(stage: Stage, contrast: float) -> None:
@@ -226,8 +247,8 @@ def full_board(stage: Stage, name: str, y: float, material: bpy.types.Material) 
 
 
 BUILDERS: dict[str, Callable[[Stage, float], None]] = {
-    "samples": samples, "depth-behind": depth, "depth-front": lambda stage, usable: depth(stage, -usable), "wire": wire,
-    "texture": texture, "glass-index": lambda stage, index: glass_scene(stage, glass(index, 0.0)),
-    "glass-roughness": lambda stage, roughness: glass_scene(stage, glass(1.45, roughness)), "mirror": mirror,
-    "caustics": caustics, "fireflies": fireflies, "share": fraction, "hdri": hdri, "border": border, "motion": motion,
-    "eye": eye, "recall": recall}
+    "samples": samples, "depth-behind": depth, "depth-range": depth_range, "wire": wire, "texture": texture,
+    "glass-texture": lambda stage, width: glass_scene(stage, glass(GLASS, 0.0), width),
+    "glass-roughness": lambda stage, roughness: glass_scene(stage, glass(GLASS, roughness)), "mirror": mirror,
+    "caustics": caustics, "lamps": lamps, "glitter": glitter, "share": fraction, "background": background,
+    "border": border, "motion": motion, "eye": eye, "recall": recall}

@@ -102,6 +102,27 @@ def opaque_sorts() -> list[bpy.types.Material]:
             printed("fine print", 4.0), paint("white", (0.8, 0.8, 0.75), 0.9)]
 
 
+def dark_sorts() -> list[bpy.types.Material]:
+    """Surfaces that reflect a fiftieth of the light, matt, glossy and of metal."""
+    return [paint("soot", (0.02, 0.02, 0.02), 1.0, Specular_IOR_Level=0.0), paint("lacquer", (0.02, 0.01, 0.01), 0.1),
+            paint("iron", (0.02, 0.02, 0.025), 0.4, Metallic=1.0), paint("navy", (0.01, 0.015, 0.04), 0.8)]
+
+
+def flakes(stage: Stage, low: float, high: float, half: float, per_lens: float) -> Surface:
+    """Square flakes of half a side ``half``, turned at random, ``per_lens`` of them in each lens, as one surface."""
+    space, rng = stage.space, stage.rng
+    reach = np.array([max(space.window(y)[axis] / space.magnified(y) for y in (low, high)) for axis in (0, 1)])
+    count = max(1, round(per_lens * 4 * math.prod(reach) / space.row))
+    y = rng.uniform(low, high, count)
+    size = np.vectorize(space.magnified)(y)
+    x, z = (rng.uniform(-1, 1, count) * reach[axis] * size for axis in (0, 1))
+    turns = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0]  # two of three axes at right angles span a flake
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
+    offsets = size[:, None, None] * np.einsum("cu,nku->nck", corners, turns[..., :2])
+    vertices = np.stack([x, y, z], -1)[:, None] + offsets
+    return Surface(vertices.reshape(-1, 3), np.arange(4 * count).reshape(-1, 4), smooth=False)
+
+
 def glass(index: float, roughness: float) -> bpy.types.Material:
     """Clear glass."""
     return paint("glass", (0.97, 0.99, 0.98), roughness, Transmission_Weight=1.0, IOR=index)
