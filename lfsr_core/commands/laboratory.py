@@ -11,7 +11,7 @@ from typing import Protocol
 from lfsr_core.errors import LfsrError
 
 GROUP = "lfsr.verbs"
-NAMES = ("chart", "stress", "train")
+NAMES = ("chart", "paper", "stress", "train")
 
 
 class Verb(Protocol):

@@ -1,0 +1,138 @@
+"""Figures and tables of every kind of study, drawn from its record alone by the study's own code."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lfsr_core.files import read_json
+from lfsr_core.records import from_data, read_record
+from lfsr_lab.experiments.animations import report as animations
+from lfsr_lab.experiments.chart import findings, panels
+from lfsr_lab.experiments.chart.records import read_chart
+from lfsr_lab.experiments.displays import __main__ as displays
+from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.engine.report import inline_svg, markdown_table
+from lfsr_lab.experiments.plan_validation import __main__ as plans
+from lfsr_lab.experiments.plan_validation.records import Validation
+from lfsr_lab.experiments.scales import __main__ as scales
+from lfsr_lab.experiments.scales.fit import fit, groups_of
+from lfsr_lab.experiments.scales.table import Table
+from lfsr_lab.experiments.seed_paper import page as seed_paper
+from lfsr_lab.experiments.seed_paper.figure import Results
+from lfsr_lab.experiments.sweeps import page as sweeps
+from lfsr_lab.experiments.sweeps.records import Report
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+IMAGE = re.compile(r"!\[[^]]*\]\([^)]*?([\w-]+\.png)\)")
+
+
+@dataclasses.dataclass(frozen=True)
+class Drawn:
+    """One figure of the document."""
+
+    title: str
+    image: Markup  # SVG, or an image in itself
+    words: str = ""  # below it
+
+
+@dataclasses.dataclass(frozen=True)
+class Shown:
+    """What the document shows of one record."""
+
+    figures: list[Drawn]
+    tables: str  # Markdown of all values, or HTML made of it
+    lead: str = ""  # Markdown of what is said first, or HTML made of it
+
+
+def shown(kind: str, record: Path, images: Path) -> Shown:
+    """Return what a record of this kind of study shows; ``images`` holds those that are no drawings."""
+    return KINDS[kind](record, images)
+
+
+def _chart(record: Path, _images: Path) -> Shown:
+    chart = read_chart(record)
+    figures = [Drawn(panel.title, inline_svg(panels.drawn(chart, [panel]), panel.title))
+               for panel in panels.panels(chart)]
+    advice = findings.advice(chart)
+    table = "\n".join(markdown_table(advice.header, advice.rows, advice.align))
+    return Shown(figures, findings.markdown(chart), f"{findings.headline(chart)}\n\n{advice.title}\n\n{table}")
+
+
+def _sweeps(record: Path, _images: Path) -> Shown:
+    report = read_record(record, Report, "parameter sweeps")
+    drawn = [(sweep, sweeps.curves(sweep, report.methods)) for sweep in report.sweeps]
+    return Shown([Drawn(sweep.name, image, f"{sweep.meaning.capitalize()}; values are {sweep.unit}. A ring marks where "
+                        "a method breaks.") for sweep, image in drawn if image], sweeps.markdown(report),
+                 sweeps.markdown(report).split("## ")[1].partition("\n\n")[2])
+
+
+def _animations(record: Path, _images: Path) -> Shown:
+    found = read_record(record, animations.Report, "animations").found
+    title = "Split SSIM and flicker by samples"
+    return Shown([Drawn(title, inline_svg(plots.svg(animations.chart(found)), title))], animations.markdown(found))
+
+
+def _displays(record: Path, _images: Path) -> Shown:
+    found = read_record(record, displays.Comparison, "a comparison of displays")
+    drawn = {"Against every view": displays.page.WOVEN, "Against the panel's own subpixels": displays.page.TRACED}
+    figures = {title: displays.page.figure(found, reference) for title, reference in drawn.items()}
+    return Shown([Drawn(title, inline_svg(plots.svg(figure), title)) for title, figure in figures.items() if figure],
+                 displays.page.markdown(found))
+
+
+def _plans(record: Path, _images: Path) -> Shown:
+    tables = plans.markdown(read_record(record, Validation, "a validation of plans").plans)
+    return Shown([], tables, tables.strip().split("\n\n")[-1])
+
+
+def _scales(record: Path, _images: Path) -> Shown:
+    table = read_record(record, Table, "accuracies and depths of scenes")
+    groups = groups_of(table)
+    tables = "\n".join(scales.page(groups, fit(groups), table.method))
+    return Shown([], tables, tables.split("\n\n")[-2])
+
+
+def _seed_paper(record: Path, images: Path) -> Shown:
+    data = read_json(record, "the figures of a paper")["figures"]
+    results = {name: from_data(Results, found, str(record)) for name, found in data.items()}
+    known = [(seed_paper.FIGURES[name], found) for name, found in results.items()]
+    tables = ["\n".join([f"## {figure.title}", "", f"Claim: {figure.claim}", "", f"Here: {figure.line(found)}", "",
+                         *figure.table(found.rows)]) for figure, found in known]
+    return Shown([*_seed_figures(known, images)], "\n\n".join(tables))
+
+
+def _seed_figures(known: list[tuple[seed_paper.Figure, Results]], images: Path) -> Iterator[Drawn]:
+    for figure, found in known:
+        file, words = images / figure.image, f"{figure.claim} {figure.line(found)}"
+        if figure.draw and not any(row.image for row in found.rows):
+            yield Drawn(figure.title, inline_svg(plots.svg(figure.draw(found.rows, images)), figure.title), words)
+        elif figure.draw and file.exists():
+            yield Drawn(figure.title, embedded(file, figure.title), words)
+
+
+def _page(record: Path, images: Path) -> Shown:
+    """What a study's own page shows, where no other record of it was kept."""
+    _, *parts = re.split(r"^## ", record.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    figures = [Drawn(title, embedded(images / image[1], title), (re.findall(r"^Here: (.+)$", part, re.MULTILINE)[0]))
+               for part in parts if (title := part.splitlines()[0]) and (image := IMAGE.search(part))]
+    return Shown(figures, IMAGE.sub("", "\n".join(f"## {part}" for part in parts)))
+
+
+def embedded(file: Path, title: str) -> Markup:
+    """Return a PNG file as a part of a page."""
+    from markupsafe import Markup
+
+    data = base64.b64encode(file.read_bytes()).decode()
+    return Markup('<img alt="{}" src="data:image/png;base64,{}">').format(title, data)
+
+
+KINDS: dict[str, Callable[[Path, Path], Shown]] = {
+    "chart": _chart, "sweeps": _sweeps, "animations": _animations, "displays": _displays, "plans": _plans,
+    "scales": _scales, "seed_paper": _seed_paper, "page": _page}

@@ -1,0 +1,84 @@
+"""The whole document: measure what is missing, join the records, draw."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import read_json, write_json
+from lfsr_lab.experiments.document import manifest, page
+from lfsr_lab.experiments.document.studies import FORMS, SHORT, Kept, Study, Unit, units
+from lfsr_lab.experiments.document.work import MEASURED, Ended, Work
+from lfsr_lab.experiments.engine.cells import to_stderr
+
+MANIFEST, IMAGES = "manifest.json", "images"
+KEPT = "kept"  # form of a folder in which nothing is measured, such as docs/results
+WORDS = {KEPT: "Drawn from the records that the documents quote, each measured as its command says."}
+SECONDS_ARE_ROUGH = "Seconds on a busy machine mean little; the load says how busy it was."
+
+
+def measure(work: Work, form: str, studies: Sequence[Study], part: tuple[int, int] | None = None) -> None:
+    """Measure the units of ``studies`` that are not whole; with ``part`` i of n only every n-th of them.
+
+    LfsrError where the folder was begun in another form.
+    """
+    begun = _manifest(work.folder).get("form", form)
+    if begun != form:
+        raise LfsrError(f"{work.folder} was begun with --{begun}: choose another folder for --{form}")
+    write_json(work.folder / MANIFEST, _manifest(work.folder) | {"form": form})
+    index, count = part or (1, 1)
+    work.run(list(units(studies, form))[index - 1::count])
+
+
+def draw(work: Work) -> Iterator[Path]:
+    """Join records, write manifest and report, and yield their paths; errors as of ``page.write``."""
+    before = _manifest(work.folder)
+    form = before.get("form", KEPT)
+    every = [] if form == KEPT else list(units(work.table.study, form))
+    work.gather(every)
+    found = {unit: ended for unit in every if (ended := work.ended(unit))}
+    rows = [*_records(work, form)]
+    known = {name: files for ended in found.values() for name, files in ended.inputs.items()}
+    if work.assets is not None:
+        known |= {asset.name: manifest.digests(path) for asset in work.table.asset
+                  if not asset.script and (path := work.assets / asset.file).is_file()}
+    facts = {"form": form, "words": WORDS.get(form) or f"The {form} form: {FORMS[form]}. {SECONDS_ARE_ROUGH}",
+             "commit": manifest.commit(), "units": [_unit(unit, found.get(unit)) for unit in every],
+             "inputs": manifest.inputs(work.table, known, before.get("inputs", [])),
+             "records": [manifest.record_facts(work.folder / MEASURED / kept.file, kept.command) for _, kept in rows]}
+    write_json(work.folder / MANIFEST, facts)
+    yield work.folder / MANIFEST
+    images = next((path for path in (work.folder / IMAGES, work.folder.parent / IMAGES) if path.is_dir()), Path())
+    drawn = [page.section(study, kept, work.folder / MEASURED / kept.file, images) for study, kept in rows]
+    yield page.write(work.folder, facts, drawn)
+    printed = page.print_pdf(work.folder / page.PAGE)
+    if printed is None:
+        to_stderr("no browser of the Chromium family was found: report.pdf is not printed")
+    else:
+        yield printed
+
+
+def _records(work: Work, form: str) -> Iterator[tuple[Study, Kept]]:
+    """Yield study and description of every record that is there: of this form, or those that the documents quote."""
+    for study in work.table.study:
+        how = study.short if form == SHORT else study.long
+        command = work.shown(Unit(study, "all", how)) if how else ""
+        own = Kept(f"{study.name}.json", study.title, command, study.kind)
+        for kept in study.kept if form == KEPT else (own,):
+            if (work.folder / MEASURED / kept.file).exists():
+                yield study, kept
+
+
+def _unit(unit: Unit, ended: Ended | None) -> dict[str, Any]:
+    if ended is None:
+        return {"unit": unit.title, "state": "not measured", "seconds": None, "load": None, "threads": "",
+                "machine": "", "command": ""}
+    return {"unit": unit.title, "state": ended.sentence or "whole", "seconds": ended.seconds, "load": ended.load,
+            "threads": ended.threads, "machine": ended.environment.machine, "command": ended.command}
+
+
+def _manifest(folder: Path) -> dict[str, Any]:
+    path = folder / MANIFEST
+    return read_json(path, "a manifest") if path.exists() else {}

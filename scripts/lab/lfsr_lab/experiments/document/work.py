@@ -1,0 +1,222 @@
+"""Measure units: each is claimed by a lock, run as a command of its own, and recorded when that has ended.
+
+    DIR/STUDY/UNIT/          what the unit's command writes, log.txt, and unit.json when it has ended
+    DIR/scenes/              scenes that scripts make
+    DIR/measured/STUDY.json  what the units of a study measured, joined
+
+Whoever holds the lock DIR/STUDY/UNIT.lock measures the unit. The command inherits the lock, so that the unit stays
+claimed while its command lives, even where this process was killed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+from lfsr_core.errors import LfsrError
+from lfsr_core.files import locks, read_json, replace, write_json
+from lfsr_core.progress import duration
+from lfsr_core.records import read_record, write_record
+from lfsr_core.render.blender import find_blender
+from lfsr_core.render.process_group import START, ProcessGroup
+from lfsr_lab.experiments.document.manifest import Digests, digests
+from lfsr_lab.experiments.document.studies import TABLE, Asset, Study, Table, Unit
+from lfsr_lab.experiments.engine.cells import to_stderr
+from lfsr_lab.experiments.engine.environment import Environment, environment, load_average
+from lfsr_lab.scenes import scene_script
+from lfsr_lab.scenes.running import run_script
+
+UNIT_FILE, LOG_FILE, SCENES, MEASURED = "unit.json", "log.txt", "scenes", "measured"
+PROGRAMS = {"lfsr": ["-c", "import sys; from lfsr_core.cli import main; sys.exit(main())"], "python": []}
+SECONDS_TO_STOP, BETWEEN_LOOKS, LAST_WORDS = 20.0, 0.5, 300
+
+
+@dataclasses.dataclass(frozen=True)
+class Ended:
+    """What is known of a unit whose command has ended."""
+
+    command: str  # as a person would type it
+    sentence: str  # why it failed, empty where it is whole
+    seconds: float
+    load: float | None  # load average of the machine when it ended
+    threads: str  # what OMP_NUM_THREADS said, or the number of cores
+    environment: Environment
+    inputs: dict[str, Digests]  # digests of the files of every asset, by its name
+
+
+@dataclasses.dataclass(frozen=True)
+class Work:
+    """A folder in which studies are measured, by any number of processes."""
+
+    folder: Path
+    table: Table
+    assets: Path | None = None  # folder of scenes of other people
+    blender: str | None = None
+
+    def run(self, units: Sequence[Unit]) -> None:
+        """Measure all units that are not whole and that nobody else measures; a unit that fails keeps its sentence."""
+        left = [unit for unit in units if not self.is_whole(unit)]
+        for index, unit in enumerate(left):
+            minutes = sum(each.form.minutes for each in left[index:])
+            to_stderr(f"{unit.title}: {index + 1} of {len(left)}, about {duration(60 * minutes)} left on two cores")
+            with _claimed(self._folder(unit)) as lock:
+                if lock is None:
+                    to_stderr(f"{unit.title}: another process measures it")
+                elif not self.is_whole(unit):  # another may have ended it meanwhile
+                    self._record(unit, lock)
+
+    def ended(self, unit: Unit) -> Ended | None:
+        """Return what is known of a unit, None where its command has not ended or was another one."""
+        path = self._folder(unit) / UNIT_FILE
+        found = read_record(path, Ended, "the end of a unit") if path.exists() else None
+        return found if found and found.command == self.shown(unit) else None
+
+    def is_whole(self, unit: Unit) -> bool:
+        """Return whether everything of a unit is measured."""
+        found = self.ended(unit)
+        return found is not None and not found.sentence
+
+    def shown(self, unit: Unit) -> str:
+        """Return its command as a person would type it, without this machine's folders."""
+        files = {asset.name: Path(asset.file).name for asset in self.table.asset}
+        return _filled(unit, files, {"out": "DIR", "all": "ALL", "assets": "ASSETS", "here": "document"})
+
+    def gather(self, units: Sequence[Unit]) -> None:
+        """Write DIR/measured/STUDY.json of every study that has whole units."""
+        for study in dict.fromkeys(unit.study for unit in units):
+            paths = [self._folder(unit) / study.record for unit in units
+                     if unit.study == study and self.is_whole(unit)]
+            if paths:
+                write_json(self.folder / MEASURED / f"{study.name}.json", joined(study, paths))
+
+    def _record(self, unit: Unit, lock: IO[bytes]) -> None:
+        """Measure a unit, and store that it is whole or why it is not."""
+        started, sentence, files = time.monotonic(), "", dict[str, Path]()
+        waits = [other for other in self._before(unit) if not self.is_whole(other)]
+        try:
+            if waits:
+                raise LfsrError(f"it needs {waits[0].title}, which is not whole: run the command again after that")
+            files = {asset.name: self._file(asset) for asset in unit.assets(self.table)}
+            self._measure(unit, files, lock)
+        except LfsrError as error:
+            sentence = str(error)
+            to_stderr(f"{unit.title}: {sentence}")
+        known = {name: digests(path) for name, path in files.items()}
+        write_record(self._folder(unit) / UNIT_FILE, Ended(
+            self.shown(unit), sentence, round(time.monotonic() - started, 1), load_average(),
+            os.environ.get("OMP_NUM_THREADS", str(os.cpu_count())), environment(), known))
+
+    def _before(self, unit: Unit) -> Iterator[Unit]:
+        """Yield the units of the study that a unit reads."""
+        for study in self.table.study:
+            if study.name == unit.study.after:
+                form = next(form for form in (study.short, study.long) if form is not None)
+                form = study.long if unit.form is unit.study.long and study.long else form
+                yield from (Unit(study, name, form) for name in form.each)
+
+    def _measure(self, unit: Unit, files: Mapping[str, Path], lock: IO[bytes]) -> None:
+        """Run the unit's command; LfsrError with its last words if it fails or leaves no record."""
+        folders = {"out": self._folder(unit), "all": self.folder, "assets": self.assets or "", "here": TABLE.parent}
+        program, *words = shlex.split(_filled(unit, {name: path.resolve() for name, path in files.items()},
+                                              {name: Path(path).resolve() for name, path in folders.items()}))
+        command = [sys.executable, *PROGRAMS[program], *words]
+        if self.blender:
+            command += ["--blender", self.blender]
+        last = _run(command, lock, self._folder(unit) / LOG_FILE)
+        if not (self._folder(unit) / unit.study.record).exists():
+            raise LfsrError(f"{unit.study.record} was not written: {last[-LAST_WORDS:] or 'nothing was printed'}")
+
+    def _file(self, asset: Asset) -> Path:
+        """Return the file of an asset, made now where a script makes it; LfsrError where it is missing."""
+        if not asset.script:
+            path = (self.assets or Path()) / asset.file
+            if self.assets is None or not path.is_file():
+                raise LfsrError(f"{asset.name} is not there ({asset.file}; {asset.licence}; {asset.source}): put it "
+                                "below the folder that --assets names")
+            return path
+        path = self.folder / SCENES / asset.file
+        with _waited(self.folder / SCENES):
+            if not path.exists():
+                with tempfile.TemporaryDirectory(prefix=".making-", dir=path.parent) as name:
+                    made = Path(name, asset.file)
+                    run_script(find_blender(self.blender), scene_script(asset.script), Path(name, asset.argument),
+                               [made])
+                    for each in Path(name).glob("*.blend"):
+                        replace(each, path.parent / each.name)
+        return path
+
+    def _folder(self, unit: Unit) -> Path:
+        return self.folder / unit.study.name / unit.name
+
+
+def joined(study: Study, paths: Sequence[Path]) -> Any:
+    """Return the records of a study's units as one: of the first, with the joined part of the others."""
+    whole, *others = (read_json(path, "a record") for path in paths)
+    for other in others:
+        part = other[study.joined]
+        if isinstance(part, dict):
+            whole[study.joined] |= part
+        else:
+            whole[study.joined] += part
+    return whole
+
+
+def _filled(unit: Unit, files: Mapping[str, object], folders: Mapping[str, object]) -> str:
+    """Return the command with files and folders; quoted where that is needed."""
+    values = {**files, **folders, "each": unit.name, "scene": files.get(unit.name, "")}
+    return unit.form.command.format_map({name: shlex.quote(str(value)) for name, value in values.items()})
+
+
+def _run(command: Sequence[str], lock: IO[bytes], log: Path) -> str:
+    """Run a command to its end, show and log what it prints, and return the last of it; LfsrError if it fails."""
+    inherited: dict[str, Any] = {} if sys.platform == "win32" else {"pass_fds": (lock.fileno(),)}
+    process = subprocess.Popen(list(command), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                               stderr=subprocess.STDOUT, text=True, encoding="utf-8", errors="replace", **inherited,
+                               **START, env={**os.environ, "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8"})
+    group, last = ProcessGroup(process, low_priority=False), ""
+    assert process.stdout is not None
+    try:
+        with log.open("a", encoding="utf-8") as kept:
+            for line in process.stdout:
+                kept.write(line)
+                to_stderr(line.rstrip())
+                last = line.strip() or last
+        code = process.wait()
+    finally:
+        if process.poll() is None:  # cancelled: it may end what it has begun
+            process.send_signal(signal.SIGTERM)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(SECONDS_TO_STOP)
+        group.kill()
+    if code:
+        raise LfsrError(last[-LAST_WORDS:] or f"it ended with exit code {code}")
+    return last
+
+
+@contextlib.contextmanager
+def _claimed(folder: Path) -> Iterator[IO[bytes] | None]:
+    """Yield the lock of a unit's folder, None where another process has it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with folder.with_name(f"{folder.name}.lock").open("ab") as lock:
+        yield lock if locks(lock) else None
+
+
+@contextlib.contextmanager
+def _waited(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder, as soon as nobody else does."""
+    while True:
+        with _claimed(folder) as lock:
+            if lock is not None:
+                yield
+                return
+        time.sleep(BETWEEN_LOOKS)
