@@ -103,7 +103,7 @@ def test_markdown_becomes_html_and_stays_text():
 
 
 def test_the_short_form_is_meant_to_end_in_half_an_hour():
-    assert 10 < sum(unit.form.minutes for unit in units(TABLE.study, SHORT)) <= 30
+    assert 5 < sum(unit.form.minutes for unit in units(TABLE.study, SHORT)) <= 30
 
 
 @pytest.mark.parametrize("unit", [*units(TABLE.study, SHORT), *units(TABLE.study, LONG)], ids=lambda unit: unit.title)

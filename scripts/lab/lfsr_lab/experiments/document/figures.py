@@ -17,6 +17,7 @@ from lfsr_lab.experiments.chart.records import read_chart
 from lfsr_lab.experiments.displays import __main__ as displays
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.report import inline_svg, markdown_table
+from lfsr_lab.experiments.gpu_budget import __main__ as gpu_budget
 from lfsr_lab.experiments.plan_validation import __main__ as plans
 from lfsr_lab.experiments.plan_validation.records import Validation
 from lfsr_lab.experiments.scales import __main__ as scales
@@ -99,6 +100,11 @@ def _scales(record: Path, _images: Path) -> Shown:
     return Shown([], tables, tables.split("\n\n")[-2])
 
 
+def _gpu_budget(record: Path, _images: Path) -> Shown:
+    measured = read_record(record, gpu_budget.Record, "measured steps").measured
+    return Shown([], gpu_budget.page.markdown(gpu_budget.read_gpus(), measured).partition("\n\n")[2])
+
+
 def _seed_paper(record: Path, images: Path) -> Shown:
     data = read_json(record, "the figures of a paper")["figures"]
     results = {name: from_data(Results, found, str(record)) for name, found in data.items()}
@@ -135,4 +141,4 @@ def embedded(file: Path, title: str) -> Markup:
 
 KINDS: dict[str, Callable[[Path, Path], Shown]] = {
     "chart": _chart, "sweeps": _sweeps, "animations": _animations, "displays": _displays, "plans": _plans,
-    "scales": _scales, "seed_paper": _seed_paper, "page": _page}
+    "scales": _scales, "gpu_budget": _gpu_budget, "seed_paper": _seed_paper, "page": _page}

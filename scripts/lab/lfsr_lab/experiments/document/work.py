@@ -102,10 +102,10 @@ class Work:
     def _record(self, unit: Unit, lock: IO[bytes]) -> None:
         """Measure a unit, and store that it is whole or why it is not."""
         started, sentence, files = time.monotonic(), "", dict[str, Path]()
-        waits = [other for other in self._before(unit) if not self.is_whole(other)]
+        waits = [other for other in self._before(unit) if self.ended(other) is None]
         try:
             if waits:
-                raise LfsrError(f"it needs {waits[0].title}, which is not whole: run the command again after that")
+                raise LfsrError(f"it needs {waits[0].title}, which has not ended: run the command again after that")
             files = {asset.name: self._file(asset) for asset in unit.assets(self.table)}
             self._measure(unit, files, lock)
         except LfsrError as error:
