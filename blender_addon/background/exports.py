@@ -5,14 +5,18 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+from lfsr_core.errors import LfsrError
 from lfsr_core.exports.format_names import default_target
+from lfsr_core.exports.frame_folders import frame_folders
 from lfsr_core.files import atomic_path
 from lfsr_core.render.staging import staging_folder
 
 from . import runtime
 from .steps import Step, Steps, second_stage_step
 
-FILM = "sway"
+FILMS = ("sway", "wiggle")  # of one frame
+QUILT_FILM = "quilt-film"  # of an animation
+FILM_RATE = 30.0
 ENCODE = "encode"  # the headless Blender's word for this job
 FRAMES_FRACTION = 0.7  # of a film's time
 
@@ -24,25 +28,32 @@ def write_viewer(folder: Path) -> Steps:
     return Path(done["path"])
 
 
-def export(folder: Path, name: str) -> Steps:
-    """Export a finished frame in format ``name``; the result is the folder that it went to."""
+def export(folder: Path, name: str, rate: float) -> Steps:
+    """Export a finished frame in format ``name``; the result is the folder that it went to.
+
+    A film of quilts shows all finished frames beside it, ``rate`` a second.
+    """
+    if name == QUILT_FILM:
+        folder = folder.parent
+        if len(frame_folders(folder)) < 2:
+            raise LfsrError(f"there is one image only in {folder}, expected an animation: press Render Animation")
     target = default_target(folder, name)
     with staging_folder(runtime.temporary("export", folder)) as work:
-        if name == FILM:
-            yield from _film(folder, target, work)
+        if name in (*FILMS, QUILT_FILM):
+            yield from _film(folder, name, target, work, FILM_RATE if name in FILMS else rate)
         else:
             yield second_stage_step("Exporting", 1.0, work, "export", folder=str(folder), name=name,
                                     target=str(target))
     return target
 
 
-def _film(folder: Path, target: Path, work: Path) -> Steps:
+def _film(folder: Path, name: str, target: Path, work: Path, rate: float) -> Steps:
     """The second stage writes the frames and Blender encodes them: its Python has no encoder, but it has one."""
     frames = work / "frames"
-    done = yield second_stage_step("Exporting", FRAMES_FRACTION, work, "export", folder=str(folder), name=FILM,
+    done = yield second_stage_step("Exporting", FRAMES_FRACTION, work, "export", folder=str(folder), name=name,
                                    target=str(frames), type="png")
     film = work / f"{Path(done['first']).stem.rpartition('_')[0]}.mp4"
-    command = [*runtime.render_command(ENCODE), str(frames), str(film)]
+    command = [*runtime.render_command(ENCODE), str(frames), str(film), str(rate)]
     yield Step("Encoding", 1 - FRAMES_FRACTION, "The encoder", command)
     target.mkdir(parents=True, exist_ok=True)
     with atomic_path(target / film.name) as temporary:

@@ -8,23 +8,23 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.exports.format_names import H264_SIDE
 from lfsr_core.render.protocol import emit
 
 from ..compat import literal_path, video_output
 
 NAME = "encode"  # the first word of this job's arguments
-RATE = 30  # frames a second
 
 
-def run(arguments: Sequence[str]) -> Path:
-    """Encode as in ``encode FRAMES FILE.mp4`` and return the film; LfsrError if this Blender cannot."""
-    folder, film = map(Path, arguments)
+def run(frames_folder: str, film_file: str, frames_a_second: str) -> Path:
+    """Encode the PNG images of a folder as MP4 and return the film; LfsrError if this Blender cannot."""
+    folder, film, rate = Path(frames_folder), Path(film_file), float(frames_a_second)
     frames = sorted(folder.glob("*.png"))
     if not frames:
         raise LfsrError(f"{folder} has no PNG frames to encode: export again")
     if not bpy.app.ffmpeg.supported:
         raise LfsrError("this Blender was built without FFmpeg and cannot write MP4: choose another format")
-    scene = _scene(frames)
+    scene = _scene(frames, rate)
     _set_output(scene, film)
     bpy.app.handlers.render_write.append(
         lambda scene, *_: emit(stage="encode", fraction=scene.frame_current / len(frames), message="encoding"))
@@ -34,7 +34,7 @@ def run(arguments: Sequence[str]) -> Path:
     return film
 
 
-def _scene(frames: Sequence[Path]) -> bpy.types.Scene:
+def _scene(frames: Sequence[Path], rate: float) -> bpy.types.Scene:
     """Scene with nothing but the frames, in their own colours."""
     scene = bpy.data.scenes.new("Film")
     editor = scene.sequence_editor_create()
@@ -46,7 +46,8 @@ def _scene(frames: Sequence[Path]) -> bpy.types.Scene:
     scene.frame_start, scene.frame_end = 1, len(frames)
     element = strip.elements[0]
     scene.render.resolution_x, scene.render.resolution_y = element.orig_width, element.orig_height
-    scene.render.resolution_percentage, scene.render.fps = 100, RATE
+    scene.render.resolution_percentage = 100
+    scene.render.fps, scene.render.fps_base = round(rate), round(rate) / rate
     scene.display_settings.display_device, scene.view_settings.view_transform = "sRGB", "Standard"
     return scene
 
@@ -55,6 +56,7 @@ def _set_output(scene: bpy.types.Scene, film: Path) -> None:
     for name, value in video_output().items():
         setattr(scene.render.image_settings, name, value)
     video = scene.render.ffmpeg
-    video.format, video.codec, video.constant_rate_factor, video.gopsize = "MPEG4", "H264", "PERC_LOSSLESS", 30
+    codec = "H264" if max(scene.render.resolution_x, scene.render.resolution_y) <= H264_SIDE else "H265"
+    video.format, video.codec, video.constant_rate_factor, video.gopsize = "MPEG4", codec, "PERC_LOSSLESS", 30
     scene.render.use_file_extension = False
     scene.render.filepath = literal_path(str(film))

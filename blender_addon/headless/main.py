@@ -55,8 +55,8 @@ def main(arguments: Sequence[str]) -> int:
 
 def _run(arguments: Sequence[str]) -> dict[str, object]:
     match arguments:
-        case [encode.NAME, frames, film]:
-            return {"folder": str(encode.run((frames, film)))}
+        case [encode.NAME, frames, film, rate]:
+            return {"folder": str(encode.run(frames, film, rate))}
         case [scale.CHOOSE, path]:
             job = read_job(path)
             return dataclasses.asdict(scale.scale_of(_chosen_scene(job), job))
@@ -64,8 +64,8 @@ def _run(arguments: Sequence[str]) -> dict[str, object]:
             job = read_job(path)
             return {"moves": scale.all_moves(_chosen_scene(job), job).tolist()}
         case [] | [encode.NAME | scale.CHOOSE | scale.LOOK, *_]:
-            raise LfsrError("expected job files, encode and two paths, or scale or depth and a job file, but got "
-                            f"{len(arguments)} arguments")
+            raise LfsrError("expected job files, encode, two paths and a rate, or scale or depth and a job file, but "
+                            f"got {len(arguments)} arguments")
     return {"folder": str(run_all([read_job(path) for path in arguments]))}
 
 

@@ -8,6 +8,7 @@ from contextlib import closing
 from pathlib import Path
 
 from lfsr_core.exports.format_names import DESCRIPTIONS, FILM_TYPES, VIEW_TYPES
+from lfsr_core.exports.quilt_names import PRESETS
 from lfsr_core.progress import ProgressBar
 
 NAME = "export"
@@ -23,12 +24,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--views", type=_pair, metavar="N|NxM",
                         help="cameras across and down, evenly over the viewing zone; default: all")
     parser.add_argument("--grid", type=_pair, metavar="CxR", help="tiles across and down of a quilt")
+    parser.add_argument("--preset", choices=PRESETS,
+                        help="tiles and size of a quilt that other programs know; default: that of the display's panel")
     parser.add_argument("--width", type=int, metavar="PX", help="of an image, or of a quilt's tile")
-    parser.add_argument("--eyes-mm", type=float, metavar="MM", help="between the eyes of a stereo pair, default: 63")
+    parser.add_argument("--eyes-mm", type=float, metavar="MM", help="between two eyes, default: 63")
     parser.add_argument("--type", choices=sorted({*VIEW_TYPES, *FILM_TYPES}),
-                        help="views: png or exr; sway: mp4, gif, webp or png")
+                        help="views: png or exr; sway: mp4, gif, webp or png; wiggle: gif, webp, mp4 or png; "
+                             "quilt-film: mp4 or png")
     parser.add_argument("--fps", type=float, metavar="N", help="frames a second of a film; default of an animation: 24")
-    parser.add_argument("--seconds", type=float, metavar="S", help="of one sway to and fro, default: 4")
+    parser.add_argument("--seconds", type=float, metavar="S", help="of a sway or wiggle to and fro, default: 4 or 0.8")
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -38,12 +42,12 @@ def run(arguments: argparse.Namespace) -> None:
 
     views, grid = arguments.views, arguments.grid
     if views and len(views) == 1:
-        views = (views[0], 1 if arguments.format == "quilt" else views[0])
+        views = (views[0], 1 if arguments.format.startswith("quilt") else views[0])
     if grid and len(grid) == 1:
         grid = (grid[0], 1)
     with closing(ProgressBar()) as bar:
-        options = ExportOptions(views, grid, arguments.eyes_mm, arguments.width, arguments.type, arguments.seconds,
-                                arguments.fps, bar)
+        options = ExportOptions(views, grid, arguments.preset, arguments.eyes_mm, arguments.width, arguments.type,
+                                arguments.seconds, arguments.fps, bar)
         files, notes = export(arguments.folder, arguments.format, arguments.output, options)
         for note in notes:
             bar.note(note)

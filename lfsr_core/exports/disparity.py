@@ -1,6 +1,8 @@
-"""Disparity of the central view, from the position layer."""
+"""Disparity of the central view and of the rendered one beside it, from the position layer."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +19,24 @@ def central_disparity(field: LightField) -> Array | None:
     In pixels (lenses) per finished view, positive in front of the display plane: a camera one step to the right sees
     a point that many pixels further left, one step up that many further down. Empty pixels have that of infinity.
     """
+    rendered = rendered_disparity(field)
+    if rendered is None:
+        return None
+    right, down = (place - (count - 1) / 2 for place, count in zip(rendered.place, field.count, strict=True))
+    array, (sx, sy) = field.frame.array, field.display.lenses
+    # Disparity is in lenses across; convert the vertical offset where lenses are not square.
+    return _from_the_middle(rendered.disparity, right, down * array.half_width / sx / (array.half_height / sy))
+
+
+class Rendered(NamedTuple):
+    """Disparity of a rendered view."""
+
+    disparity: Array  # (sy, sx) float32, as of ``central_disparity``
+    place: tuple[float, float]  # of its camera, as numbers of finished views (column, row)
+
+
+def rendered_disparity(field: LightField) -> Rendered | None:
+    """Disparity of the rendered view nearest to the centre; None where the frame has no position layer."""
     path = field.folder / LOW_RES_FILE
     if "position" not in field.frame.layers or not path.is_file() or field.frame.lens_list is not None:
         return None
@@ -25,13 +45,9 @@ def central_disparity(field: LightField) -> Array | None:
         return None
     low = low_resolution(layers, field.frame)
     row, column = low.color.shape[2] // 2, low.color.shape[3] // 2
-    seen = _of_view(low, field.frame, row, column)
-    places = [(index + 0.5) * field.frame.scale - count / 2
-              for index, count in ((column, field.count[0]), (row, field.count[1]))]
-    array, (sx, sy) = field.frame.array, field.display.lenses
-    # Disparity is in lenses across; convert the vertical offset where lenses are not square.
-    places[1] *= array.half_width / sx / (array.half_height / sy)
-    return _from_the_middle(seen, *places)
+    steps = (field.count[0] / low.color.shape[3], field.count[1] / low.color.shape[2])  # in finished views
+    return Rendered(_of_view(low, field.frame, row, column),
+                    ((column + 0.5) * steps[0] - 0.5, (row + 0.5) * steps[1] - 0.5))
 
 
 def _of_view(low: LowResEIA, frame: Frame, row: int, column: int) -> Array:
@@ -41,9 +57,14 @@ def _of_view(low: LowResEIA, frame: Frame, row: int, column: int) -> Array:
     to_array = np.linalg.inv(np.asarray(frame.matrix_world, float))
     distance = low.position[:, :, row, column] @ to_array[2, :3] + to_array[2, 3]  # from the camera plane
     depth, array = np.where(hit, distance, np.inf), frame.array
-    pixel = 2 * array.half_width / frame.display.lenses[0]
-    disparity = (array.distance / np.maximum(depth, 1e-6 * array.distance) - 1) * array.spacing / pixel
-    return np.asarray(disparity, np.float32)
+    nearness = array.distance / np.maximum(depth, 1e-6 * array.distance)
+    return np.asarray((1 - nearness) * infinite_disparity(frame), np.float32)
+
+
+def infinite_disparity(frame: Frame) -> float:
+    """Disparity at infinity, in pixels (lenses) per finished view."""
+    pixel = 2 * frame.array.half_width / frame.display.lenses[0]
+    return float(np.float32(-frame.array.spacing / pixel))
 
 
 def _from_the_middle(seen: Array, right: float, down: float) -> Array:

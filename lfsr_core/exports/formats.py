@@ -5,12 +5,13 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import fnmatch
+import functools
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 from lfsr_core.errors import LfsrError, did_you_mean
-from lfsr_core.exports import folders, hci, quilt, stereo, sway
+from lfsr_core.exports import folders, hci, quilt, rgbd, stereo, sway
 from lfsr_core.exports.format_names import default_target
 from lfsr_core.exports.frame_folders import frame_folders, is_sequence, one_display
 from lfsr_core.exports.light_field import LightField, read_light_field
@@ -42,14 +43,23 @@ class Format:
     write_film: Callable[[Iterator[LightField], int, Path, ExportOptions], list[str]] | None = None
 
 
+def _motion(motion: sway.Motion, *more: str) -> Format:
+    return Format(functools.partial(sway.write, motion), ("width", "type", "seconds", "fps", *more),
+                  (f"*_{motion.name}_*.png",), write_film=functools.partial(sway.write_film, motion))
+
+
 FORMATS = {
-    "quilt": Format(quilt.write, ("views", "grid", "width"), one_file=True),
+    "quilt": Format(quilt.write, ("views", "grid", "width", "preset"), one_file=True),
+    "quilt-film": Format(quilt.write_one_frame, ("views", "grid", "width", "preset", "type", "fps"), ("*_qs*_*.png",),
+                         write_film=quilt.write_film),
+    "rgbd": Format(rgbd.write, ("width",), one_file=True),
+    **{name: Format(functools.partial(stereo.write, layout), ("eyes_mm", "width"), one_file=True)
+       for name, layout in stereo.LAYOUTS.items()},
+    "wiggle": _motion(sway.WIGGLE, "eyes_mm"),
+    "sway": _motion(sway.SWAY),
+    "views": Format(folders.write_views, ("views", "type"), ("view_*_*.png",)),
     "hci": Format(hci.write, ("views",), ("input_Cam*.png", hci.DISPARITY_FILE)),
     "stanford": Format(folders.write_stanford, ("views",), ("out_*_*_*_*_.png",)),
-    "stereo": Format(stereo.write, ("eyes_mm", "width"), one_file=True),
-    "views": Format(folders.write_views, ("views", "type"), ("view_*_*.png",)),
-    "sway": Format(sway.write, ("width", "type", "seconds", "fps"), ("*_sway_*.png",),
-                   write_film=sway.write_film),
     "pleno": Format(folders.write_pleno, ("views",), ("[0-9][0-9][0-9]_[0-9][0-9][0-9].ppm",)),
 }
 

@@ -19,10 +19,11 @@ class ExportOptions:
 
     views: tuple[int, int] | None = None  # cameras across and down, evenly spaced over the viewing zone
     grid: tuple[int, int] | None = None  # columns and rows of a quilt
-    eyes_mm: float | None = None  # distance between the eyes of a stereo pair
+    preset: str | None = None  # of a quilt, one of quilt_names.PRESETS
+    eyes_mm: float | None = None  # distance between the eyes of a stereo pair or wiggle
     width: int | None = None  # in pixels, of an image or of a quilt's tile
     type: str | None = None  # file type, in formats that have several
-    seconds: float | None = None  # duration of one sway to and fro
+    seconds: float | None = None  # duration of one sway or wiggle to and fro
     fps: float | None = None  # frames per second of a film
     progress: Progress = silent  # called with (stage, fraction, message)
 

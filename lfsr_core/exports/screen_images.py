@@ -16,15 +16,28 @@ PIXELS_PER_LENS, USUAL_WIDTHS = 10, (320, 1920)
 REACH = 2  # samples of the cubic kernel to either side
 
 
-def on_screen(view: Array, display: DisplayProfile, width: int) -> Array:
+def on_screen(view: Array, display: DisplayProfile, width: int, part: tuple[float, float] = (1, 1)) -> Array:
     """Resample a view (sy, sx, 3) uint8 to (height, width, 3) in the panel's proportions, both even, as videos need.
 
-    LfsrError for a width or height outside 16 to 16384 pixels.
+    ``part``: factors by which the result is narrower and lower than these proportions. LfsrError for a width or height
+    outside 16 to 16384 pixels.
     """
+    return resized(view, screen_size(display, width, part))
+
+
+def screen_size(display: DisplayProfile, width: int, part: tuple[float, float] = (1, 1)) -> tuple[int, int]:
+    """(width, height) of what ``on_screen`` makes; LfsrError as there."""
     height = width * display.panel_mm[1] / display.panel_mm[0]
     if not 16 <= width <= MOST_WIDTH or not 2 <= height <= MOST_WIDTH:
         raise LfsrError(f"width is {width}, but images are 16 to {MOST_WIDTH} pixels wide and high: choose another")
-    columns, rows = width // 2 * 2, max(2, round(height / 2) * 2)
+    return int(width * part[0]) // 2 * 2, max(2, round(height * part[1] / 2) * 2)
+
+
+def resized(view: Array, size: tuple[int, int]) -> Array:
+    """Resample a view (sy, sx, 3) uint8 to ``size`` (width, height) pixels."""
+    if view.shape[1::-1] == size:
+        return view
+    columns, rows = size
     tall = _weights(view.shape[0], rows) @ view.reshape(view.shape[0], -1).astype(np.float32)
     wide = np.matmul(_weights(view.shape[1], columns), tall.reshape(rows, view.shape[1], 3))
     return np.asarray(np.rint(np.clip(wide, 0, 255)), np.uint8)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 import shutil
@@ -12,16 +13,20 @@ import cv2
 import numpy as np
 import OpenEXR
 import pytest
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.exports import films
 from lfsr_core.exports.format_names import DESCRIPTIONS, TITLES
 from lfsr_core.exports.formats import FORMATS, export
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
-from lfsr_core.exports.screen_images import on_screen
-from lfsr_core.images.exr import read_layers
+from lfsr_core.exports.quilt_names import quilt_name, read_quilt_name, usual_preset
+from lfsr_core.exports.screen_images import on_screen, resized
+from lfsr_core.exports.stereo import anaglyph
+from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import write_png
+from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_core.optics.eia import flip_order, to_views
 from tests.support.finished import DIRECT, MINI, finished, picture
 
@@ -67,6 +72,53 @@ def test_quilt_of_any_number_of_views_across_the_cone(folder, field, tmp_path):
     angle = math.radians(MINI.viewing_angle_deg) * (0.5 / 6 - 0.5)
     leftmost = field.seen_from(MINI.viewing_distance_mm * math.tan(angle))
     np.testing.assert_array_equal(quilt[48:, :64], on_screen(leftmost, MINI, 64))
+
+
+def test_quilts_that_other_programs_know(field, tmp_path):
+    """Built-in lenticular displays have the sizes in pylightio's table, which it finds by size or exchanged numbers."""
+    known = {(4, 8): (2048, 2048), (5, 9): (4095, 4095), (8, 6): (3360, 3360), (11, 6): (4092, 4092),
+             (7, 7): (5999, 5999), (8, 9): (8192, 8190)}
+    for name in filter(lambda name: load_display(name).lenticular, builtin_names()):
+        preset = usual_preset(load_display(name).panel_pixels)
+        if name.startswith("looking-glass"):
+            assert known[preset.grid] == (preset.grid[0] * preset.tile[0], preset.grid[1] * preset.tile[1])
+            assert preset.grid[::-1] not in known or preset.grid == (7, 7), "taken for another quilt by its name"
+    (path,), _ = export(field.folder, "quilt", tmp_path, ExportOptions(preset="portrait"))
+    quilt = picture(path)
+    assert path.name == "two_depths_qs8x6a1.333.png" and quilt.shape == (3360, 3360, 3)
+    middle = field.seen_from(MINI.viewing_distance_mm * math.tan(math.radians(20) / 48))  # tile 24
+    np.testing.assert_array_equal(quilt[3360 - 4 * 560:][:560, :420], resized(middle, (420, 560)))
+
+
+@pytest.mark.parametrize(("name", "expected"), [
+    ("a_qs8x6a0.75", ((8, 6), 0.75)), ("x_qs5x9a1.6_0001", ((5, 9), 1.6)), ("b_QS11x6", ((11, 6), None)),
+    ("c_qs8x6a", ((8, 6), None)), ("plain", None),
+    ("d_qs8x6x2", None), ("e_qs99999x1a1", None), ("f_qs8x6a0", ((8, 6), None))])
+def test_what_a_quilts_name_says(name, expected):
+    assert read_quilt_name(name) == expected
+    if expected and expected[1] and "_0" not in name:
+        assert quilt_name(name.split("_")[0], *expected).lower() == name
+
+
+@pytest.mark.parametrize(("side", "codec"), [(None, "h264"), (400, "hevc")])
+def test_film_of_quilts(folder, field, tmp_path, monkeypatch, side, codec):
+    if side:
+        monkeypatch.setattr(films, "H264_SIDE", side)  # as for quilts of 8192 pixels
+    options = ExportOptions(grid=(4, 2), width=112, fps=10)
+    (path,), _ = export(folder, "quilt-film", tmp_path, options)
+    assert path.name == "two_depths_qs4x2a1.333.mp4"
+    with av.open(str(path)) as film:
+        stream = film.streams.video[0]
+        assert (stream.codec.name, stream.pix_fmt, stream.average_rate) == (codec, "yuv420p", 10)
+        (found,) = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+    (still,), _ = export(folder, "quilt", tmp_path, dataclasses.replace(options, fps=None))
+    off = found.astype(float) - picture(still)
+    assert np.abs(off).mean() < 6 and np.abs(off.mean((0, 1))).max() < 2
+
+
+def test_a_film_has_even_sides(field, tmp_path):
+    (path,), _ = export(field.folder, "quilt-film", tmp_path, ExportOptions(preset="8.9", type="png"))
+    assert path.name == "two_depths_qs5x9a1.333_0001.png" and picture(path).shape == (9 * 454, 5 * 818, 3)
 
 
 # Folders of views.
@@ -127,6 +179,61 @@ def test_stereo_pair(folder, field, tmp_path):
     assert column_of_square(pair[:, :160]) > column_of_square(pair[:, 160:]) + 2
 
 
+@pytest.mark.parametrize(("name", "suffix", "shape"), [
+    ("half-side-by-side", "hsbs", (120, 160)), ("top-bottom", "tab", (240, 160)),
+    ("half-top-bottom", "htab", (120, 160))])
+def test_stereo_pairs_for_monitors_and_glasses(folder, field, tmp_path, name, suffix, shape):
+    (path,), _ = export(folder, name, tmp_path, ExportOptions(eyes_mm=40, width=160))
+    pair = picture(path)
+    assert path.name == f"two_depths_{suffix}_40mm.png" and pair.shape == (*shape, 3)
+    left, right = np.split(pair, 2, axis=1 if suffix == "hsbs" else 0)
+    size = left.shape[1::-1]
+    np.testing.assert_array_equal(left, resized(field.seen_from(-20), size))
+    np.testing.assert_array_equal(right, resized(field.seen_from(20), size))
+
+
+def test_anaglyph(folder, field, tmp_path):
+    (path,), _ = export(folder, "anaglyph", tmp_path, ExportOptions(eyes_mm=40, width=160))
+    assert path.name == "two_depths_anaglyph_40mm.png" and picture(path).shape == (120, 160, 3)
+    np.testing.assert_array_equal(
+        picture(path), anaglyph(*(on_screen(field.seen_from(x), MINI, 160) for x in (-20, 20))))
+    grey = np.full((2, 2, 3), 128, np.uint8)
+    assert np.abs(anaglyph(grey, grey).astype(int) - 128).max() <= 4, "the same for both eyes keeps its grey"
+    black = np.zeros((2, 2, 3), np.uint8)
+    bright = np.full((2, 2, 3), 255, np.uint8)
+    assert anaglyph(bright, black)[0, 0].tolist() == [255, 0, 0]  # the left eye's filter is red
+    assert (anaglyph(black, bright)[0, 0] == [0, 255, 255]).all()
+
+
+def test_depth_beside_colour(folder, field, tmp_path):
+    (path,), (note,) = export(folder, "rgbd", tmp_path, ExportOptions(width=160))
+    both = picture(path).astype(int)
+    assert path.name == "two_depths_rgbd.png" and both.shape == (120, 320, 3)
+    np.testing.assert_array_equal(both[:, :160], on_screen(field.view_at(4.5, 4.5), MINI, 160))
+    depth = both[..., 0][:, 160:]
+    blue = both[:, :160, 2]  # of the near square alone; its border is between two cameras
+    assert set(np.unique(depth)) == {0, 255}
+    assert (depth[blue > 220] == 255).mean() > 0.99 and (depth[blue < 100] == 0).mean() > 0.99
+    # Disparity is linear in 1 / depth: with things at .8 and 1.25 of its distance the display's plane is in between.
+    assert f"a depth of {(1 - 1 / 1.25) / (1 / 0.8 - 1 / 1.25):.2f}" in note
+
+
+def test_depth_where_nothing_was_hit(tmp_path):
+    folder = finished(tmp_path / "frame")
+    layers = read_layers(folder / "lr_eia.exr")
+    far = layers["color"][..., 2] < 0.5
+    layers["color"][far] = 0
+    write_layers(folder / "lr_eia.exr", layers)
+    (path,), _ = export(folder, "rgbd", tmp_path, ExportOptions(width=160))
+    assert set(np.unique(picture(path)[:, 160:])) == {0, 255}
+
+
+def test_depth_needs_the_position_layer(tmp_path):
+    folder = finished(tmp_path / "frame", layers=())
+    with pytest.raises(LfsrError, match="has no position layer, .* render it with --layers position"):
+        export(folder, "rgbd", tmp_path / "out")
+
+
 def test_enlarged_images_are_as_opencv_makes_them(field):
     view = field.views[3, 3]
     theirs = cv2.resize(view, (320, 240), interpolation=cv2.INTER_CUBIC)
@@ -170,14 +277,34 @@ def test_animation(folder, field, tmp_path, kind):
     assert np.abs(np.asarray(animation.convert("RGB")).astype(float) - right).mean() < 12
 
 
+@pytest.mark.parametrize(("kind", "count"), [("gif", 16), ("webp", 16), ("png", 120)])
+def test_wiggle(folder, field, tmp_path, kind, count):
+    files, _ = export(folder, "wiggle", tmp_path, ExportOptions(type=kind, width=64, eyes_mm=40))
+    if kind == "png":
+        frames = [picture(path) for path in files]
+    else:
+        assert files[0].name == f"two_depths_wiggle.{kind}"
+        frames = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(Image.open(files[0]))]
+    assert len(frames) == count
+    quarter = count // 4 if kind != "png" else 6  # of 24 frames, five times
+    for number, x in ((quarter, 20), (3 * quarter, -20)):
+        assert np.abs(frames[number].astype(float) - on_screen(field.seen_from(x), MINI, 64)).mean() < 12
+
+
 # What is refused, and what is left behind then.
 
 @pytest.mark.parametrize(("name", "options", "message"), [
     ("quitl", {}, "did you mean 'quilt'"),
-    ("quilt", {"eyes_mm": 60}, "has no option 'eyes_mm', only views, grid, width"),
+    ("quilt", {"eyes_mm": 60}, "has no option 'eyes_mm', only views, grid, width, preset"),
     ("quilt", {"views": (6, 2)}, "one row of cameras"),
     ("quilt", {"views": (6, 1), "grid": (4, 2)}, "4x2 tiles does not hold just 6 views"),
     ("quilt", {"grid": (500, 1), "width": 64}, "over 16384 pixels a side"),
+    ("quilt", {"preset": "portait"}, "did you mean 'portrait'"),
+    ("quilt", {"preset": "go", "views": (6, 1)}, "preset 'go' decides views, grid and width"),
+    ("quilt-film", {"type": "gif"}, "written as mp4 or png"),
+    ("anaglyph", {"eyes_mm": 500}, "outside the viewing zone"),
+    ("wiggle", {"eyes_mm": 500}, "outside the viewing zone"),
+    ("rgbd", {"width": 3}, "width is 3"),
     ("stereo", {"eyes_mm": 500}, "outside the viewing zone"),
     ("stereo", {"width": 100000}, "width is 100000"),
     ("views", {"type": "mp4"}, "written as png or exr"),

@@ -45,7 +45,7 @@ def two_depths(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 def finished(folder: Path, display: DisplayProfile = MINI, scale: int = 2, **changes: object) -> Path:
     """Finished frame folder of ``two_depths`` with its position layer and eia.exr."""
     folder.mkdir(parents=True, exist_ok=True)
-    frame = frame_of(scale, display, layers=("position",), **{"scene": "two depths.blend"} | changes)
+    frame = frame_of(scale, display, **{"layers": ("position",), "scene": "two depths.blend"} | changes)
     low, position = two_depths(frame)
     write_layers(folder / LOW_RES_FILE, {"color": low, "position": position})
     write_frame(folder, frame)

@@ -42,8 +42,9 @@ class LFSR_OT_export(TaskOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Export, then show where the files are."""
-        steps = exports.export(folders.finished_frame(context.scene, PURPOSE), self.format)
-        return steps, _say_where
+        render = context.scene.render
+        folder = folders.finished_frame(context.scene, PURPOSE)
+        return exports.export(folder, self.format, render.fps / render.fps_base), _say_where
 
 
 class LFSR_MT_export(bpy.types.Menu):

@@ -11,6 +11,7 @@ from lfsr_core.exports.format_names import DESCRIPTIONS
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.screen_images import on_screen
 from lfsr_core.exports.sway import eye_place
+from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
 from tests.support import panel
 from tests.support.finished import finished
@@ -52,6 +53,21 @@ def test_the_film_is_encoded_by_blender(frame):
     expected = on_screen(field.seen_from(*eye_place(field, 0.25)), field.display, 320)
     assert len(frames) == 120 and frames[30].shape == expected.shape
     assert abs(frames[30].astype(float) - expected).mean() < 4
+
+
+def test_quilts_of_an_animation_become_a_film(frame):
+    with pytest.raises(RuntimeError, match="one image only"):
+        bpy.ops.lfsr.export(format="quilt-film")
+    second = finished(frame.with_name("0002"), source=read_frame(frame).source, frame=2)
+    write_png(second / "eia.png", read_png(second / "eia.png") // 2)
+    bpy.context.scene.render.fps = 12
+    assert bpy.ops.lfsr.export(format="quilt-film") == {"FINISHED"}
+    (path,) = (frame.parent / "export" / "quilt-film").iterdir()
+    assert path.name == "two_depths_qs2x4a1.333.mp4"
+    with av.open(str(path)) as film:
+        assert film.streams.video[0].average_rate == 12
+        frames = [frame.to_ndarray(format="rgb24").astype(float) for frame in film.decode(video=0)]
+    assert len(frames) == 2 and frames[0].mean() > 1.5 * frames[1].mean()
 
 
 def test_every_format_is_in_the_menu(add_on):
