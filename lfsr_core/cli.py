@@ -23,6 +23,7 @@ from lfsr_core.commands import (
     plan,
     reference,
     render,
+    show,
     upscale,
     view,
     views,
@@ -33,7 +34,7 @@ from lfsr_core.progress import accept_all_letters, is_openjd, tell_openjd
 from lfsr_core.version import __version__
 
 VERBS: tuple[laboratory.Verb, ...] = (
-    displays, render, merge, upscale, view, export, import_views, views, farm, plan, reference, compare)
+    displays, render, merge, upscale, view, show, export, import_views, views, farm, plan, reference, compare)
 
 EXIT_BAD_INPUT, EXIT_INTERRUPTED = 2, 130
 ENDINGS = ("SIGTERM", "SIGHUP", "SIGQUIT")  # signals that interrupt like Ctrl-C

@@ -37,7 +37,7 @@ INSTALLERS = {"pip", "ensurepip", "venv"}
 READS_ITS_FOLDER = {"background/runtime.py", "headless/entry.py", "render/inputs.py", "render/osl_camera.py",
                     "packages/lfsr_core/exports/page.py", "packages/lfsr_core/optics/display.py",
                     "packages/lfsr_core/reconstruct/denoiser.py", "packages/lfsr_core/render/blender.py",
-                    "packages/lfsr_core/sequence/farms.py"}
+                    "packages/lfsr_core/sequence/farms.py", "packages/lfsr_core/show/screen.py"}
 KINDS = {".css", ".glsl", ".html", ".js", ".json", ".osl", ".py", ".toml", ".txt", ".tza", ".yaml"}
 DEVELOPERS = {"commands", "docs", "lfsr_lab", "scripts", "tests"}
 PERMISSIONS = {"files", "clipboard"}

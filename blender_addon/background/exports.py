@@ -1,4 +1,4 @@
-"""The tasks behind *Open Viewer* and *Export*."""
+"""The tasks behind *Open Viewer*, *Export* and *Show on Display*."""
 
 from __future__ import annotations
 
@@ -26,6 +26,13 @@ def write_viewer(folder: Path) -> Steps:
     with staging_folder(runtime.temporary("export", folder)) as work:
         done = yield second_stage_step("Writing viewer", 1.0, work, "view", folder=str(folder))
     return Path(done["path"])
+
+
+def show(path: Path, full_screen: bool) -> Steps:
+    """Show a frame folder, a folder of them or a quilt; the result is what ``frame_tasks.show`` returns."""
+    with staging_folder(runtime.temporary("show", path)) as work:
+        done = yield second_stage_step("Showing", 1.0, work, "show", path=str(path), full_screen=full_screen)
+    return done
 
 
 def export(folder: Path, name: str, rate: float) -> Steps:

@@ -116,15 +116,21 @@ def finished_frame(scene: bpy.types.Scene, purpose: str) -> Path:
 
     ``purpose``: for the error, as in "to preview".
     """
+    folder = shown_frame(scene, purpose)
+    if not (folder / EIA_FILE).is_file():
+        raise LfsrError(f"the image in {folder} was made by {DIRECT} and has no views {purpose}: switch that off under "
+                        "Display and render the EIA again")
+    return folder
+
+
+def shown_frame(scene: bpy.types.Scene, purpose: str) -> Path:
+    """Frame folder of the current frame; LfsrError where it has no image of this scene for the panel."""
     folder = frame_folder(scene)
     if not is_own(scene, folder):
         raise LfsrError(f"{_foreign(folder)}: render the EIA first, or choose another output folder")
-    if (folder / EIA_FILE).is_file():
-        return folder
-    if (folder / PANEL_FILE).is_file():
-        raise LfsrError(f"the image in {folder} was made by {DIRECT} and has no views {purpose}: switch that off under "
-                        "Display and render the EIA again")
-    raise LfsrError(f"there is no image in {folder} {purpose}: render the EIA first")
+    if not any((folder / name).is_file() for name in (EIA_FILE, PANEL_FILE)):
+        raise LfsrError(f"there is no image in {folder} {purpose}: render the EIA first")
+    return folder
 
 
 def move_older(scene: bpy.types.Scene) -> str:

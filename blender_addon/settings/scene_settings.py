@@ -175,6 +175,14 @@ def is_woven(scene: bpy.types.Scene) -> bool:
         return False
 
 
+def has_quilts(scene: bpy.types.Scene) -> bool:
+    """True if images for the display have views that Looking Glass Bridge can show."""
+    try:
+        return display_of(scene).lenticular is not None and not is_direct(scene)
+    except LfsrError:
+        return False
+
+
 def live_scale(scene: bpy.types.Scene, display: DisplayProfile, is_eye: bool) -> int:
     """Scale of the live view, or of the eye's; a panel with a lens sheet shows its subpixels."""
     return 1 if display.is_woven and not is_eye else int(scene.lfsr.live_scale)

@@ -26,6 +26,7 @@ class LFSR_MT_render(bpy.types.Menu):
         layout.separator()
         layout.operator("lfsr.preview_view")
         layout.operator("lfsr.open_viewer")
+        layout.operator("lfsr.show")
 
 
 def _draw_add(layout: bpy.types.UILayout) -> None:

@@ -192,16 +192,21 @@ class LFSR_PT_preview(LightFieldPanel, bpy.types.Panel):
 
 
 class LFSR_PT_exports(LightFieldPanel, bpy.types.Panel):
-    """The image for those who have no display"""
+    """The image on its display, and for those who have none"""
 
     bl_label = "View and Export"
     bl_parent_id = "LFSR_PT_render"
 
-    def draw(self, _context: bpy.types.Context) -> None:
-        """Draw the viewer's button and the menu of formats."""
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the viewer's button, the menu of formats and the buttons that show the image on its display."""
         row = row_if(session.current() is None, self.layout)
         row.operator("lfsr.open_viewer", icon="URL")
         row.menu("LFSR_MT_export", icon="EXPORT")
+        row = row_if(session.current() is None, self.layout).row(align=True)
+        row.operator("lfsr.show", icon="DESKTOP")
+        if scene_settings.has_quilts(context.scene):
+            row.operator("lfsr.show", text="", icon="FULLSCREEN_ENTER").full_screen = True
+        row.operator("lfsr.show", text="", icon="RENDER_ANIMATION").animation = True
 
 
 def _draw_fits(layout: bpy.types.UILayout, text: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError
@@ -15,18 +15,19 @@ def is_sequence(folder: str | Path) -> bool:
     return Path(folder).is_dir() and not (Path(folder) / FRAME_FILE).is_file()
 
 
-def frame_folders(folder: str | Path) -> list[Path]:
+def frame_folders(folder: str | Path, images: Sequence[str] = (EIA_FILE,)) -> list[Path]:
     """``folder`` itself if it is a frame folder, else the finished frame folders in it; LfsrError where there is none.
 
-    Numbered folders come first, by number.
+    Numbered folders come first, by number. ``images``: a frame is finished if it holds one of these files.
     """
     folder = Path(folder)
     if not is_sequence(folder):
         return [folder]
-    found = [path.parent for path in folder.glob(f"*/{FRAME_FILE}") if (path.parent / EIA_FILE).is_file()]
+    found = [path.parent for path in folder.glob(f"*/{FRAME_FILE}")
+             if any((path.parent / name).is_file() for name in images)]
     if not found:
-        raise LfsrError(f"{folder} is no frame folder and holds none with an {EIA_FILE}: give one that `lfsr render` "
-                        "made")
+        raise LfsrError(f"{folder} is no frame folder and holds none with an {' or '.join(images)}: give one that "
+                        "`lfsr render` made")
     return sorted(found, key=_place)
 
 

@@ -76,12 +76,11 @@ class Bridge:
                             "and start it again")
         return sorted(devices, key=lambda device: device.index)
 
-    def play(self, quilts: Sequence[Quilt], device: Device, seconds: float | None = None) -> None:
-        """Show quilts one after the other, each for ``seconds``, over and over; None: one image, or a film."""
+    def play(self, quilt: Quilt, device: Device) -> None:
+        """Show a quilt, or a film of quilts over and over, instead of what is shown now."""
         name = f"lfsr-{secrets.token_hex(8)}"
         self._put("instance_playlist", name=name, loop=True)
-        for number, quilt in enumerate(quilts):
-            self._put("insert_playlist_entry", name=name, **_entry(number, quilt, seconds))
+        self._put("insert_playlist_entry", name=name, **_entry(quilt))
         self._put("show_window", show_window=True, head_index=device.index)
         self._put("play_playlist", name=name, head_index=device.index)
 
@@ -111,7 +110,7 @@ def chosen(devices: Sequence[Device], wanted: str | None, aspect: float | None =
     fitting = [device for device in found if aspect is None or abs(_aspect(device, aspect) / aspect - 1) <= SAME_ASPECT]
     if not fitting:
         raise LfsrError(f"the image is made for a panel of width / height {aspect:.3f}, but display {found[0].name!r} "
-                        f"has {_aspect(found[0], 0):.3f}: render it for that display, see `lfsr displays --bridge`")
+                        f"has {_aspect(found[0], 0):.3f}: render it with that display's own profile")
     return fitting[0]
 
 
@@ -124,11 +123,11 @@ def _aspect(device: Device, unknown: float) -> float:
     return numbers["screenW"] / numbers["screenH"]
 
 
-def _entry(number: int, quilt: Quilt, seconds: float | None) -> dict[str, Any]:
+def _entry(quilt: Quilt) -> dict[str, Any]:
     columns, rows = quilt.grid
-    return {"id": number, "index": number, "uri": str(quilt.path.resolve()), "rows": rows, "cols": columns,
+    return {"id": 0, "index": 0, "uri": str(quilt.path.resolve()), "rows": rows, "cols": columns,
             "aspect": quilt.aspect, "view_count": columns * rows, "isRGBD": 0, "focus": 0, "zoom": 1, "crop_pos_x": 0,
-            "crop_pos_y": 0, "tag": "", "durationMS": STILL_MS if seconds is None else round(1000 * seconds)}
+            "crop_pos_y": 0, "tag": "", "durationMS": STILL_MS}
 
 
 def _device(entry: Any) -> Device:

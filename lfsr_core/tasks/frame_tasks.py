@@ -85,6 +85,18 @@ def export(folder: str, name: str, target: str, type: str | None = None) -> dict
     return {"first": str(files[0]), "count": len(files)}
 
 
+def show(path: str, full_screen: bool = False) -> dict[str, Any]:
+    """Show a frame folder, a folder of them or a quilt; return the "sentence" and the "page" to open, or None.
+
+    ``full_screen``: the panel's own image, also where views could go through Looking Glass Bridge.
+    """
+    from lfsr_core.show.show import SCREEN
+    from lfsr_core.show.show import show as show_now
+
+    shown = show_now(path, SCREEN if full_screen else None, progress=emit_progress)
+    return {"sentence": shown.sentence, "page": shown.page and str(shown.page.absolute())}
+
+
 def _warn(notes: Iterable[str]) -> None:
     for note in notes:
         emit_warning(note)

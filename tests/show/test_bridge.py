@@ -33,7 +33,7 @@ def test_each_show_replaces_the_last_and_nothing_is_deleted(bridge):
     stand_in = bridge()
     for quilt in QUILTS:
         session = Bridge()
-        session.play([quilt], session.devices()[0])
+        session.play(quilt, session.devices()[0])
         assert stand_in.shown == [str(quilt.path.resolve())]
     assert "delete_playlist" not in stand_in.endpoints
 
@@ -42,22 +42,20 @@ def test_the_last_image_is_shown_until_the_next_is_complete(bridge):
     stand_in = bridge()
     session = Bridge()
     portrait = session.devices()[0]
-    session.play(QUILTS[:1], portrait)
+    session.play(QUILTS[0], portrait)
     before = len(stand_in.requests)
-    session.play(QUILTS[1:], portrait)
+    session.play(QUILTS[1], portrait)
     shown = [request["shown"] for request in stand_in.requests[before:]]
-    first, others = [str(QUILTS[0].path.resolve())], [str(quilt.path.resolve()) for quilt in QUILTS[1:]]
-    assert shown == [first] * (len(shown) - 1) + [others]
+    first, second = ([str(quilt.path.resolve())] for quilt in QUILTS[:2])
+    assert shown == [first] * (len(shown) - 1) + [second]
 
 
 def test_bridge_is_told_all_of_a_quilt(bridge):
     stand_in = bridge()
     session = Bridge()
-    session.play(QUILTS, session.devices()[1], seconds=0.5)
-    entries = [request["body"] for request in stand_in.requests if request["endpoint"] == "insert_playlist_entry"]
-    assert [entry["index"] for entry in entries] == [0, 1, 2]
-    assert {(entry["cols"], entry["rows"], entry["view_count"], entry["aspect"], entry["isRGBD"], entry["durationMS"])
-            for entry in entries} == {(8, 6, 48, 0.75, 0, 500)}
+    session.play(QUILTS[0], session.devices()[1])
+    (entry,) = (request["body"] for request in stand_in.requests if request["endpoint"] == "insert_playlist_entry")
+    assert (entry["cols"], entry["rows"], entry["view_count"], entry["aspect"], entry["isRGBD"]) == (8, 6, 48, 0.75, 0)
     assert {request["body"]["head_index"] for request in stand_in.requests if "head_index" in request["body"]} == {2}
 
 
@@ -71,7 +69,7 @@ def test_each_call_can_fail_in_each_way(bridge, endpoint, fault, message):
         message = "opened no session: update it to version 2.2 or newer"
     with pytest.raises(LfsrError, match=message.format(endpoint)):
         session = Bridge(quickly)
-        session.play(QUILTS[:1], session.devices()[0])
+        session.play(QUILTS[0], session.devices()[0])
     assert stand_in.endpoints[-1] == endpoint, "nothing is asked after a failure"
 
 

@@ -8,7 +8,7 @@ import bpy
 
 from lfsr_core.exports.format_names import DESCRIPTIONS, TITLES
 
-from ...background import exports
+from ...background import exports, session
 from ...settings import folders
 from .base import Prepared, TaskOperator
 
@@ -47,6 +47,28 @@ class LFSR_OT_export(TaskOperator, bpy.types.Operator):
         return exports.export(folder, self.format, render.fps / render.fps_base), _say_where
 
 
+class LFSR_OT_show(TaskOperator, bpy.types.Operator):
+    """Show the current frame on its display: lenticular ones through Looking Glass Bridge, others in the browser"""
+
+    bl_idname = "lfsr.show"
+    bl_label = "Show on Display"
+
+    full_screen: bpy.props.BoolProperty(name="Full Screen", options={"SKIP_SAVE"})
+    animation: bpy.props.BoolProperty(name="Animation", options={"SKIP_SAVE"})
+
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        """Return the tooltip of each button."""
+        if properties.animation:
+            return "Show all finished frames, over and over"
+        return "Show the panel's own image, full screen in the browser" if properties.full_screen else ""
+
+    def prepare(self, context: bpy.types.Context) -> Prepared:
+        """Show it, then say where."""
+        folder = folders.shown_frame(context.scene, "to show")
+        return exports.show(folder.parent if self.animation else folder, self.full_screen), _say_what_is_shown
+
+
 class LFSR_MT_export(bpy.types.Menu):
     """Formats to export the current frame's image in"""
 
@@ -63,10 +85,16 @@ def _say_where(target: Path) -> None:
     print(f"Light Field: exported to {target}")
 
 
+def _say_what_is_shown(shown: dict[str, str]) -> None:
+    session.say(shown["sentence"])
+    if shown["page"]:
+        _open(Path(shown["page"]))
+
+
 def _open(page: Path) -> None:
     print(f"Light Field: {page}")
     if not bpy.app.background:
         bpy.ops.wm.url_open(url=page.as_uri())
 
 
-CLASSES = (LFSR_OT_open_viewer, LFSR_OT_export, LFSR_MT_export)
+CLASSES = (LFSR_OT_open_viewer, LFSR_OT_export, LFSR_OT_show, LFSR_MT_export)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import av
 import bpy
+import numpy as np
 import pytest
 
 from blender_addon.settings import folders
@@ -13,8 +14,14 @@ from lfsr_core.exports.screen_images import on_screen
 from lfsr_core.exports.sway import eye_place
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
+from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.show import loopback
+from tests.optics.panel.test_visual_json import OLD
 from tests.support import panel
+from tests.support.bridge import device
+from tests.support.bridge_displays import DEVICES
 from tests.support.finished import finished
+from tests.support.panels import lenticular, small
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +82,8 @@ def test_every_format_is_in_the_menu(add_on):
     assert set(items.keys()) == set(DESCRIPTIONS)
 
 
-@pytest.mark.parametrize("press", [lambda: bpy.ops.lfsr.open_viewer(), lambda: bpy.ops.lfsr.export(format="quilt")])
+@pytest.mark.parametrize("press", [lambda: bpy.ops.lfsr.open_viewer(), lambda: bpy.ops.lfsr.export(format="quilt"),
+                                   lambda: bpy.ops.lfsr.show()])
 def test_without_an_image_it_says_what_to_do(add_on, tmp_path, press):
     panel.artist_scene(tmp_path)
     with pytest.raises(RuntimeError, match="render the EIA first"):
@@ -87,3 +95,59 @@ def test_a_page_without_an_image_of_the_right_size_is_refused(frame):
     with pytest.raises(RuntimeError, match="has 128×48 pixels"):
         bpy.ops.lfsr.open_viewer()
     assert not (frame / "view.html").exists()
+
+
+@pytest.fixture
+def lenticular_frame(add_on, tmp_path):
+    """A finished frame for a lenticular display of 240×160 pixels."""
+    display = small(lenticular())
+    write_profile(tmp_path / "own.toml", display)
+    scene = panel.artist_scene(tmp_path)
+    scene.lfsr.display, scene.lfsr.profile_file = "FILE", str(tmp_path / "own.toml")
+    folder = finished(folders.frame_folder(scene), display, source=folders.source_of(scene))
+    write_png(folder / "panel.png", np.zeros((*display.panel_pixels[::-1], 3), np.uint8))
+    return folder
+
+
+def said():
+    return bpy.context.window_manager.lfsr.message
+
+
+def test_a_quilt_is_shown_through_bridge(lenticular_frame, bridge):
+    stand_in = bridge(devices=[device(1, "LKG-S3", "small", OLD | {"screenW": 240, "screenH": 160})])
+    assert bpy.ops.lfsr.show() == {"FINISHED"}
+    assert stand_in.shown == [str(next((lenticular_frame / "export" / "quilt").glob("*.png")))]
+    assert said().endswith("a1.5.png is shown on LKG-S3 (small)")
+
+
+@pytest.mark.parametrize(("faults", "devices", "message"), [
+    ([], DEVICES, "made for a panel of width / height 1.500, but display 'LKG-P1' has 0.750"),
+    ([], [], "sees no Looking Glass"), (["refuse:enter_orchestration"], DEVICES, "opened no session"),
+    (["drop:available_output_devices"], DEVICES, "broke the connection at available_output_devices")])
+def test_what_bridge_refuses_is_one_sentence(lenticular_frame, bridge, faults, devices, message):
+    bridge(*faults, devices=devices)
+    with pytest.raises(RuntimeError, match=message):
+        bpy.ops.lfsr.show()
+
+
+def test_without_bridge_a_lenticular_display_is_shown_full_screen(lenticular_frame, monkeypatch):
+    monkeypatch.setenv(loopback.PORT_VARIABLE, "1")
+    with pytest.raises(RuntimeError, match="Looking Glass Bridge is not running"):
+        bpy.ops.lfsr.show()
+    assert bpy.ops.lfsr.show(full_screen=True) == {"FINISHED"}
+    assert "panel.png" in (lenticular_frame / "show.html").read_text(encoding="utf-8")
+    assert said() == "The browser shows it full screen: move its window to the display and click into it"
+
+
+def test_a_lens_array_is_shown_full_screen(frame):
+    assert bpy.ops.lfsr.show() == {"FINISHED"}
+    assert "eia.png" in (frame / "show.html").read_text(encoding="utf-8")
+    finished(frame.with_name("0002"), frame=2)
+    assert bpy.ops.lfsr.show(animation=True) == {"FINISHED"}
+    assert (frame.parent / "show.html").read_text(encoding="utf-8").count("eia.png") == 2
+
+
+def test_direct_subpixels_are_shown_full_screen(lenticular_frame):
+    (lenticular_frame / "eia.png").unlink()
+    assert bpy.ops.lfsr.show() == {"FINISHED"}
+    assert "panel.png" in (lenticular_frame / "show.html").read_text(encoding="utf-8")
