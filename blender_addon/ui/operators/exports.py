@@ -53,15 +53,17 @@ class LFSR_OT_show(TaskOperator, bpy.types.Operator):
     bl_idname = "lfsr.show"
     bl_label = "Show on Display"
 
-    full_screen: bpy.props.BoolProperty(name="Full Screen", options={"SKIP_SAVE"})
-    animation: bpy.props.BoolProperty(name="Animation", options={"SKIP_SAVE"})
+    full_screen: bpy.props.BoolProperty(
+        name="Full Screen", description="Show the panel's own image, full screen in the browser", options={"SKIP_SAVE"})
+    animation: bpy.props.BoolProperty(
+        name="Animation", description="Show all finished frames, over and over", options={"SKIP_SAVE"})
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         """Return the tooltip of each button."""
-        if properties.animation:
-            return "Show all finished frames, over and over"
-        return "Show the panel's own image, full screen in the browser" if properties.full_screen else ""
+        switches = (name for name in ("animation", "full_screen") if getattr(properties, name))
+        name = next(switches, None)
+        return cls.bl_rna.properties[name].description if name else ""
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Show it, then say where."""
