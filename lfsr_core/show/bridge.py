@@ -50,7 +50,7 @@ class Quilt:
 
     path: Path
     grid: tuple[int, int]  # columns and rows
-    aspect: float  # width / height of a view as it is seen
+    aspect: float | None  # width / height of a view as it is seen, None for the panel's
 
 
 class Bridge:
@@ -80,7 +80,7 @@ class Bridge:
         """Show a quilt, or a film of quilts over and over, instead of what is shown now."""
         name = f"lfsr-{secrets.token_hex(8)}"
         self._put("instance_playlist", name=name, loop=True)
-        self._put("insert_playlist_entry", name=name, **_entry(quilt))
+        self._put("insert_playlist_entry", name=name, **_entry(quilt, device))
         self._put("show_window", show_window=True, head_index=device.index)
         self._put("play_playlist", name=name, head_index=device.index)
 
@@ -123,10 +123,11 @@ def _aspect(device: Device, unknown: float) -> float:
     return numbers["screenW"] / numbers["screenH"]
 
 
-def _entry(quilt: Quilt) -> dict[str, Any]:
+def _entry(quilt: Quilt, device: Device) -> dict[str, Any]:
     columns, rows = quilt.grid
+    aspect = quilt.aspect or _aspect(device, 1.0)
     return {"id": 0, "index": 0, "uri": str(quilt.path.resolve()), "rows": rows, "cols": columns,
-            "aspect": quilt.aspect, "view_count": columns * rows, "isRGBD": 0, "focus": 0, "zoom": 1, "crop_pos_x": 0,
+            "aspect": aspect, "view_count": columns * rows, "isRGBD": 0, "focus": 0, "zoom": 1, "crop_pos_x": 0,
             "crop_pos_y": 0, "tag": "", "durationMS": STILL_MS}
 
 

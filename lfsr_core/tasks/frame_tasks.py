@@ -85,7 +85,14 @@ def export(folder: str, name: str, target: str, type: str | None = None) -> dict
     return {"first": str(files[0]), "count": len(files)}
 
 
-def show(path: str, full_screen: bool = False) -> dict[str, Any]:
+def find_display(folder: str) -> dict[str, Any]:
+    """Say whether a frame is shown through Looking Glass Bridge, in "through_bridge"; errors as of ``show``."""
+    from lfsr_core.show.show import find_display
+
+    return {"through_bridge": find_display(Path(folder)) is not None}
+
+
+def show(path: str, full_screen: bool, fps: float) -> dict[str, Any]:
     """Show a frame folder, a folder of them or a quilt; return the "sentence" and the "page" to open, or None.
 
     ``full_screen``: the panel's own image, also where views could go through Looking Glass Bridge.
@@ -93,7 +100,7 @@ def show(path: str, full_screen: bool = False) -> dict[str, Any]:
     from lfsr_core.show.show import SCREEN
     from lfsr_core.show.show import show as show_now
 
-    shown = show_now(path, SCREEN if full_screen else None, progress=emit_progress)
+    shown = show_now(path, SCREEN if full_screen else None, fps, emit_progress)
     return {"sentence": shown.sentence, "page": shown.page and str(shown.page.absolute())}
 
 

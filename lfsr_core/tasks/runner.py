@@ -27,7 +27,7 @@ Task = Callable[..., dict[str, Any]]
 STARTING: dict[str, Task] = {"plan": blender_tasks.plan, "animation": blender_tasks.animation}  # start processes
 TASKS: dict[str, Task] = STARTING | {task.__name__: task for task in (
     frame_tasks.upscale, frame_tasks.decode, frame_tasks.choose, frame_tasks.compare, frame_tasks.view,
-    frame_tasks.export, frame_tasks.show)}
+    frame_tasks.export, frame_tasks.find_display, frame_tasks.show)}
 
 
 def main(arguments: list[str]) -> int:

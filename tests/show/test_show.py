@@ -7,6 +7,7 @@ import re
 import sys
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 
@@ -66,6 +67,26 @@ def test_a_lenticular_frame_goes_through_bridge_as_a_quilt(bridge, browser, tmp_
     assert entry["cols"] * entry["rows"] == entry["view_count"] == DISPLAY.views[0] and entry["aspect"] == 1.5
     assert f"{quilt.name} is shown on LKG-S3 (small)" in capsys.readouterr().out
     assert browser() == []
+
+
+def test_a_lenticular_animation_goes_through_bridge_as_a_film_of_quilts(bridge, tmp_path):
+    stand_in = bridge(devices=[OWN])
+    for number in (1, 2, 3):
+        frame(tmp_path / "film" / f"{number}", frame=number)
+    assert main(["show", str(tmp_path / "film"), "--fps", "12"]) == 0
+    with av.open(stand_in.shown[0]) as film:
+        assert film.streams.video[0].average_rate == 12 and len(list(film.decode(video=0))) == 3
+    assert stand_in.requests[-1]["endpoint"] == "play_playlist"
+    entry = next(request["body"] for request in stand_in.requests if request["endpoint"] == "insert_playlist_entry")
+    assert entry["cols"] * entry["rows"] == entry["view_count"] == DISPLAY.views[0]
+
+
+def test_a_quilt_without_proportions_in_its_name_has_the_panels(bridge, tmp_path):
+    stand_in = bridge()
+    write_png(tmp_path / "theirs_qs8x6.png", np.zeros((60, 80, 3), np.uint8))
+    assert main(["show", str(tmp_path / "theirs_qs8x6.png"), "--display", "2"]) == 0
+    entry = next(request["body"] for request in stand_in.requests if request["endpoint"] == "insert_playlist_entry")
+    assert entry["aspect"] == 3840 / 2160 and (entry["cols"], entry["rows"]) == (8, 6)
 
 
 def test_a_quilt_goes_to_the_display_that_is_asked_for(bridge, tmp_path, capsys):

@@ -42,9 +42,8 @@ class LFSR_OT_export(TaskOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Export, then show where the files are."""
-        render = context.scene.render
         folder = folders.finished_frame(context.scene, PURPOSE)
-        return exports.export(folder, self.format, render.fps / render.fps_base), _say_where
+        return exports.export(folder, self.format, _rate(context)), _say_where
 
 
 class LFSR_OT_show(TaskOperator, bpy.types.Operator):
@@ -56,7 +55,7 @@ class LFSR_OT_show(TaskOperator, bpy.types.Operator):
     full_screen: bpy.props.BoolProperty(
         name="Full Screen", description="Show the panel's own image, full screen in the browser", options={"SKIP_SAVE"})
     animation: bpy.props.BoolProperty(
-        name="Animation", description="Show all finished frames, over and over", options={"SKIP_SAVE"})
+        name="Animation", description="Show all finished frames on their display, over and over", options={"SKIP_SAVE"})
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
@@ -68,7 +67,9 @@ class LFSR_OT_show(TaskOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Show it, then say where."""
         folder = folders.shown_frame(context.scene, "to show")
-        return exports.show(folder.parent if self.animation else folder, self.full_screen), _say_what_is_shown
+        if self.animation:
+            return exports.show_animation(folder.parent, _rate(context)), _say_what_is_shown
+        return exports.show(folder, self.full_screen), _say_what_is_shown
 
 
 class LFSR_MT_export(bpy.types.Menu):
@@ -80,6 +81,12 @@ class LFSR_MT_export(bpy.types.Menu):
         """Draw one entry per format."""
         for name, title, _ in FORMAT_ITEMS:
             self.layout.operator("lfsr.export", text=title).format = name
+
+
+def _rate(context: bpy.types.Context) -> float:
+    """Frames a second of the scene."""
+    rate: float = context.scene.render.fps / context.scene.render.fps_base
+    return rate
 
 
 def _say_where(target: Path) -> None:

@@ -76,7 +76,7 @@ def test_with_an_array(scene):
     assert ("menu", {"menu": "LFSR_MT_submit"}) in drawn["Render"]
     assert properties(drawn["Render"]) == {"share_frames", "use_overwrite"}
     assert {"eye_right", "eye_up"} <= properties(drawn["Preview"])
-    assert operators(drawn["View and Export"]) == {"lfsr.open_viewer"}
+    assert operators(drawn["View and Export"]) == {"lfsr.open_viewer", "lfsr.show"}
     assert operators(drawn["Reference"]) == {"lfsr.render_reference"}
 
 

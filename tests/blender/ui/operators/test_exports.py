@@ -98,7 +98,7 @@ def test_a_page_without_an_image_of_the_right_size_is_refused(frame):
 
 
 @pytest.fixture
-def lenticular_frame(add_on, tmp_path):
+def lenticular_frame(add_on, tmp_path, monkeypatch):
     """A finished frame for a lenticular display of 240×160 pixels."""
     display = small(lenticular())
     write_profile(tmp_path / "own.toml", display)
@@ -106,6 +106,7 @@ def lenticular_frame(add_on, tmp_path):
     scene.lfsr.display, scene.lfsr.profile_file = "FILE", str(tmp_path / "own.toml")
     folder = finished(folders.frame_folder(scene), display, source=folders.source_of(scene))
     write_png(folder / "panel.png", np.zeros((*display.panel_pixels[::-1], 3), np.uint8))
+    monkeypatch.setenv(loopback.PORT_VARIABLE, "1")  # nobody listens there
     return folder
 
 
@@ -130,8 +131,7 @@ def test_what_bridge_refuses_is_one_sentence(lenticular_frame, bridge, faults, d
         bpy.ops.lfsr.show()
 
 
-def test_without_bridge_a_lenticular_display_is_shown_full_screen(lenticular_frame, monkeypatch):
-    monkeypatch.setenv(loopback.PORT_VARIABLE, "1")
+def test_without_bridge_a_lenticular_display_is_shown_full_screen(lenticular_frame):
     with pytest.raises(RuntimeError, match="Looking Glass Bridge is not running"):
         bpy.ops.lfsr.show()
     assert bpy.ops.lfsr.show(full_screen=True) == {"FINISHED"}
@@ -145,6 +145,19 @@ def test_a_lens_array_is_shown_full_screen(frame):
     finished(frame.with_name("0002"), frame=2)
     assert bpy.ops.lfsr.show(animation=True) == {"FINISHED"}
     assert (frame.parent / "show.html").read_text(encoding="utf-8").count("eia.png") == 2
+
+
+def test_a_lenticular_animation_is_shown_as_a_film_of_quilts(lenticular_frame, bridge):
+    display = small(lenticular())
+    finished(lenticular_frame.with_name("0002"), display, frame=2)
+    with pytest.raises(RuntimeError, match="is not running"):
+        bpy.ops.lfsr.show(animation=True)
+    assert not (lenticular_frame.parent / "export").exists(), "Bridge is asked first"
+    stand_in = bridge(devices=[device(1, "LKG-S3", "small", OLD | {"screenW": 240, "screenH": 160})])
+    bpy.context.scene.render.fps = 12
+    assert bpy.ops.lfsr.show(animation=True) == {"FINISHED"}
+    with av.open(stand_in.shown[0]) as film:
+        assert film.streams.video[0].average_rate == 12 and len(list(film.decode(video=0))) == 2
 
 
 def test_direct_subpixels_are_shown_full_screen(lenticular_frame):
