@@ -57,13 +57,14 @@ class ScaleChoice:
     reason: str = ""
 
 
-def scales_up_to(display: DisplayProfile, most: int = MOST_SCALE) -> tuple[int, ...]:
+def scales_up_to(display: DisplayProfile) -> tuple[int, ...]:
     """Scales to choose from, the largest first: those that divide the display's views and leave enough, and 1.
 
     If there are none, the smallest that divides the views, and 1.
     """
     fewest = min((count for count in display.views if count > 1), default=1)
-    usual = [scale for scale in display.scales() if scale <= most and (scale <= 2 or fewest >= MIN_VIEWS * scale)]
+    usual = [scale for scale in display.scales() if scale <= MOST_SCALE
+             and (scale <= 2 or fewest >= MIN_VIEWS * scale)]
     return (*sorted(usual or display.scales()[:1], reverse=True), 1)
 
 

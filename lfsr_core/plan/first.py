@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from lfsr_core.arrays import Array
-from lfsr_core.optics.depth_scale import MODEL, LossModel
+from lfsr_core.optics.depth_scale import MODEL
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import Candidate, samples_of
 from lfsr_core.plan.options import FREE_SAMPLES, PlanOptions
@@ -25,14 +25,14 @@ class Guess:
     reaches: bool  # whether it is predicted to reach the target
 
 
-def first_guess(display: DisplayProfile, moves: Array, options: PlanOptions, model: LossModel = MODEL) -> Guess:
+def first_guess(display: DisplayProfile, moves: Array, options: PlanOptions) -> Guess:
     """Return the cheapest candidate that is predicted to reach the target, else the one predicted to lose least.
 
     ``moves`` (n,): disparities of points of the subject, as of ``optics.depth_scale.disparities``. Of the methods at
     one scale and sample count, which the model does not tell apart, the one with most steps is taken.
     """
     found = options.candidates(display)
-    loss = {candidate: model.loss(moves, candidate.scale, candidate.spp) for candidate in found}
+    loss = {candidate: MODEL.loss(moves, candidate.scale, candidate.spp) for candidate in found}
     enough = [candidate for candidate in found if loss[candidate] <= 1 - options.target]
     # Candidates come in the order of their cost.
     chosen = enough[0] if enough else min(found, key=loss.__getitem__)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 from lfsr_core.frames.frame import FRAME_FILE
 from lfsr_core.frames.identity import check_same
@@ -14,19 +13,6 @@ from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process import RENDERED_FILES, run_job
 
 Render = Callable[[Job], None]
-
-
-class Bar(Protocol):
-    """Progress on a screen, as of ``ProgressBar``."""
-
-    def __call__(self, stage: str, fraction: float, message: str) -> None:
-        """Show one state."""
-
-    def note(self, message: str) -> None:
-        """Show a line that stays."""
-
-    def close(self) -> None:
-        """End the progress of a render, finished or not."""
 
 
 def is_complete(folder: Path, kind: str = "render") -> bool:
@@ -43,19 +29,18 @@ def cached(job: Job, render: Render) -> Path:
     return folder
 
 
-def with_blender(executable: str | None = None, announce: bool = True, bar: Bar | None = None) -> Render:
+def with_blender(executable: str | None = None, announce: bool = True) -> Render:
     """Return a function that renders jobs in Blender, which is looked for when the first job comes.
 
-    ``executable``: Blender, None for the best there is; ``announce``: print a line that stays for each job; ``bar``:
-    shows the progress, None for a new ``ProgressBar``.
+    ``executable``: Blender, None for the best there is; ``announce``: print a line that stays for each job.
     """
     def render(job: Job) -> None:
         check_scene(job.scene)
-        blender, shown_in = find_blender(executable), bar or ProgressBar()
+        blender, bar = find_blender(executable), ProgressBar()
         if announce:
-            shown_in.note(f"rendering {job.output}: {job.spp} samples at scale {job.scale}")
+            bar.note(f"rendering {job.output}: {job.spp} samples at scale {job.scale}")
         try:
-            run_job(job, blender, shown_in, shown_in.note)
+            run_job(job, blender, bar, bar.note)
         finally:
-            shown_in.close()
+            bar.close()
     return render

@@ -30,9 +30,9 @@ class ViewSpread:
     error: float  # mean difference of the views seen from the eye's, in views across: 0 if the weave is correct
 
 
-def view_spread(profile: DisplayProfile, seed: int = 0) -> ViewSpread:
+def view_spread(profile: DisplayProfile) -> ViewSpread:
     """Measure a display with a lens sheet by ``POINTS`` rays from each of ``PLACES``."""
-    random, parts = np.random.default_rng(seed), []
+    random, parts = np.random.default_rng(0), []
     for place in PLACES:
         off = _views_off(profile, [round(place * (count - 1)) for count in profile.views], random)
         on_place = np.clip(1 - np.abs(off), 0, None).prod(0)

@@ -41,9 +41,9 @@ class GPU:
         return max(seconds, key=seconds.__getitem__)
 
 
-def read_gpus(path: Path = GPUS) -> list[GPU]:
-    """Published rates, of a TOML file."""
-    found = tomllib.loads(path.read_text(encoding="utf-8"))["gpu"]
+def read_gpus() -> list[GPU]:
+    """Published rates."""
+    found = tomllib.loads(GPUS.read_text(encoding="utf-8"))["gpu"]
     return [GPU(**{**fields, "samples_per_second": tuple(fields["samples_per_second"]),
                    "sources": tuple(fields["sources"])}) for fields in found]
 

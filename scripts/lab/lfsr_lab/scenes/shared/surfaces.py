@@ -38,13 +38,16 @@ def unit_sized(surface: Surface) -> Surface:
 
 
 def parametric(place: Callable[[Array, Array], Array], columns: int, rows: int,
-               wrap_u: bool = False, wrap_v: bool = False) -> Surface:
-    """Quads over (u, v) in [0, 1]²; ``place`` maps two (rows, columns) arrays to (rows, columns, 3)."""
-    u = np.linspace(0, 1, columns, endpoint=not wrap_u)
-    v = np.linspace(0, 1, rows, endpoint=not wrap_v)
+               wrap: bool = False) -> Surface:
+    """Quads over (u, v) in [0, 1]²; ``place`` maps two (rows, columns) arrays to (rows, columns, 3).
+
+    ``wrap``: whether the last column meets the first.
+    """
+    u = np.linspace(0, 1, columns, endpoint=not wrap)
+    v = np.linspace(0, 1, rows)
     grid_u, grid_v = np.meshgrid(u, v)
     vertices = place(grid_u, grid_v).reshape(-1, 3)
-    faces = _grid_faces(columns, rows, wrap_u, wrap_v)
+    faces = _grid_faces(columns, rows, wrap, False)
     return Surface(vertices, faces, np.stack([grid_u.ravel(), grid_v.ravel()], -1))
 
 
@@ -153,7 +156,7 @@ def revolve(radius: Array, height: Array, thickness: float, sides: int = 64) -> 
         z = np.interp(along, np.arange(len(level)), level)
         return np.stack([r * np.cos(2 * np.pi * u), r * np.sin(2 * np.pi * u), z], -1)
 
-    return parametric(place, sides, len(reach), wrap_u=True)
+    return parametric(place, sides, len(reach), wrap=True)
 
 
 def superquadric(rng: Random) -> Surface:
@@ -166,7 +169,7 @@ def superquadric(rng: Random) -> Surface:
         return np.stack([power(np.cos(b), first) * power(np.cos(a), second),
                          power(np.cos(b), first) * power(np.sin(a), second), power(np.sin(b), first)], -1)
 
-    stretched = parametric(place, 64, 33, wrap_u=True)
+    stretched = parametric(place, 64, 33, wrap=True)
     return dataclasses.replace(stretched, vertices=stretched.vertices * rng.uniform(0.4, 1, 3))
 
 
@@ -186,7 +189,7 @@ def sphere(columns: int = 96, rows: int = 64) -> Surface:
     def place(u: Array, v: Array) -> Array:
         a, b = 2 * np.pi * u, np.pi * (v - 0.5) * 0.9999
         return np.stack([np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), np.sin(b)], -1)
-    return parametric(place, columns, rows, wrap_u=True)
+    return parametric(place, columns, rows, wrap=True)
 
 
 def blob(rng: Random) -> Surface:

@@ -61,10 +61,10 @@ def _shapes(stage: Stage) -> list[Surface]:
             surfaces.tube(circle, 0.28, 16, closed=True), surfaces.superquadric(stage.rng)]
 
 
-def print_of(graph: Graph, scale: float, octaves: float = 4.0) -> bpy.types.NodeSocket:
+def print_of(graph: Graph, scale: float) -> bpy.types.NodeSocket:
     """Colours of a detailed print; its coarsest parts are 1 / ``scale`` across."""
     vector = object_vector(graph)
-    coarse = graph.node("ShaderNodeTexNoise", {"Vector": vector, "Scale": scale, "Detail": octaves, "Roughness": 0.7})
+    coarse = graph.node("ShaderNodeTexNoise", {"Vector": vector, "Scale": scale, "Detail": 4.0, "Roughness": 0.7})
     cells = graph.node("ShaderNodeTexVoronoi", {"Vector": vector, "Scale": scale * 2})
     mix = graph.node("ShaderNodeMix", data_type="RGBA")
     first, second = (socket for socket in mix.inputs if socket.type == "RGBA")

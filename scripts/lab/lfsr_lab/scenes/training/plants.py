@@ -35,8 +35,8 @@ def tree(rng: Random) -> Plant:
     return wood, (leaves(rng, tips, int(rng.integers(300, 1800))) if rng.random() < 0.85 else None)
 
 
-def _bent(rng: Random, start: Array, along: Array, length: float, points: int = 6) -> Array:
-    part = np.linspace(0, 1, points)[:, None]
+def _bent(rng: Random, start: Array, along: Array, length: float) -> Array:
+    part = np.linspace(0, 1, 6)[:, None]
     return start + along * length * part + rng.normal(0, 0.12, 3) * length * part ** 2
 
 
