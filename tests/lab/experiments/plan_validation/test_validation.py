@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame, write_frame
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.plan import score
@@ -22,7 +22,7 @@ from lfsr_core.records import read_record
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.timing import Repeats
 from lfsr_lab.experiments.plan_validation import actual
-from lfsr_lab.experiments.plan_validation.__main__ import judge, main, summary, with_between
+from lfsr_lab.experiments.plan_validation.__main__ import judge, main, summary, wilson, with_between
 from lfsr_lab.experiments.plan_validation.actual import Actual
 from lfsr_lab.experiments.plan_validation.records import Validation
 from tests.support.noisy_renders import JOB, render
@@ -134,6 +134,29 @@ def test_a_plan_that_promises_too_much_is_found_out():
     found = summary([wrong, wasteful, nothing])
     assert (found.met, found.nothing_chosen_though_possible, found.cheap_enough) == (0.5, 1, 0.0)
     assert found.bounds_below_actual == 0.5 and math.isclose(found.mean_share_of_seconds, 0.04)
+
+
+def test_with_a_rate_a_busy_machine_changes_nothing(bench, tmp_path):
+    scene, job = bench / "toy", dataclasses.replace(JOB, output=str(tmp_path / "cut"), scale=2, spp=16,
+                                                    lens_list=((2, 3), (5, 5)))
+    busy = shutil.copytree(scene, tmp_path / "busy")
+    for folder in busy.iterdir():
+        frame = read_frame(folder)
+        write_frame(folder, dataclasses.replace(frame, seconds={**frame.seconds, "render": 7.0}))
+    assert actual.timed_frame(busy / "s2-spp16", 0.01).seconds["render"] == pytest.approx(
+        0.01 * path_samples(read_frame(busy / "s2-spp16")))
+    actual.replay(busy, job, 0.01)
+    cut = read_frame(tmp_path / "cut")
+    assert cut.seconds["render"] == pytest.approx(0.01 * path_samples(cut))
+    (found,) = actual.actuals(busy, [Candidate(2, 16, "bilinear")], Records(tmp_path, Actual), 1000).values()
+    assert found.seconds == pytest.approx(1000 * path_samples(read_frame(busy / "s2-spp16")), rel=1e-3)
+
+
+@pytest.mark.parametrize(("true", "count", "expected"), [
+    (35, 36, (0.8583, 0.9951)), (0, 10, (0.0, 0.2775)), (10, 10, (0.7225, 1.0))])
+def test_intervals_of_fractions_are_wilsons(true, count, expected):
+    assert wilson([index < true for index in range(count)]) == pytest.approx(expected, abs=1e-4)
+    assert wilson([]) is None
 
 
 def test_what_lies_between_two_is_their_mean():

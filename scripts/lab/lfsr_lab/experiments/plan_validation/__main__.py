@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -25,6 +26,7 @@ from lfsr_core.commands.arguments import names, numbers
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import Job
+from lfsr_core.metrics.intervals import NORMAL_95
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import BETWEEN, Candidate, between, samples_of
 from lfsr_core.plan.options import PlanOptions
@@ -47,26 +49,39 @@ TRUTH = "truth"  # folder of measured candidates beside a scene's samples
 Actuals = dict[Candidate, Actual]
 
 
-def validate(scene: Path, scene_file: str, plans: PlanOptions, options: argparse.Namespace) -> Iterator[Verdict]:
-    """Yield a verdict per seed and target; one sample of a seed serves all targets.
+@dataclasses.dataclass(frozen=True)
+class Draws:
+    """How often plans of a scene are made, and for what."""
+
+    output: Path  # folder of what is measured, one for each scene in it
+    seeds: Sequence[int]  # of the lenses; one sample of a seed serves all targets
+    targets: Sequence[float]
+    scene_file: str = ""  # what Blender opens; empty: renders are replayed
+    blender: str | None = None
+    rate: float | None = None  # seconds of a path sample, None for those that renders took
+
+
+def validate(scene: Path, plans: PlanOptions, draws: Draws) -> Iterator[Verdict]:
+    """Yield a verdict per seed and target.
 
     Parameters
     ----------
     scene : folder of the scene
-    scene_file : what Blender opens, empty where renders are replayed
     plans : options of the plans, apart from their targets
-    options : of the command line
+    draws : how many
     """
-    display, folder = read_frame(scene / REFERENCE).display, options.output / scene.name
+    display, folder = read_frame(scene / REFERENCE).display, draws.output / scene.name
     plans = dataclasses.replace(plans, renders=tuple(renders(scene)))
-    known = with_between(actuals(scene, plans.candidates(display), Records(folder / TRUTH, Actual)), plans.between)
-    render = partial(replay, scene) if options.replay else partial(run_job, blender=find_blender(options.blender))
-    for seed in options.seeds:
+    measured = actuals(scene, plans.candidates(display), Records(folder / TRUTH, Actual), draws.rate)
+    known = with_between(measured, plans.between)
+    render = (partial(run_job, blender=find_blender(draws.blender)) if draws.scene_file
+              else partial(replay, scene, rate=draws.rate))
+    for seed in draws.seeds:
         print(f"{scene.name}, seed {seed}", file=sys.stderr, flush=True)
         with tempfile.TemporaryDirectory(prefix="lfsr-replay-") as replayed:
-            work = replayed if options.replay else folder / f"seed-{seed}"
-            job = Job(output=str(work), display=display, scene=scene_file, seed=seed)
-            for target in options.targets:
+            work = folder / f"seed-{seed}" if draws.scene_file else replayed
+            job = Job(output=str(work), display=display, scene=draws.scene_file, seed=seed)
+            for target in draws.targets:
                 planned = make_plan(job, dataclasses.replace(plans, target=target), lambda job, _: render(job), work)
                 yield judge(planned, known, display, scene.name, seed, target)
 
@@ -124,7 +139,11 @@ def summary(rows: Sequence[Verdict]) -> Summary:
         mean_error=_known(fmean, [error for row in rows for error in row.errors]),
         median_predicted_over_actual_seconds=_known(median, [time for row in rows for time in row.times]),
         mean_share_of_seconds=_known(fmean, [row.sample.fraction_of_seconds for row in rows]),
-        mean_share_of_samples=_known(fmean, [row.sample.fraction for row in rows]))
+        mean_share_of_samples=_known(fmean, [row.sample.fraction for row in rows]),
+        met_95=wilson([bool(row.met) for row in chosen]),
+        cheap_enough_95=wilson([cost <= CHEAP_ENOUGH for cost in costs]),
+        scenes=len({row.scene for row in rows}),
+        scenes_all_met=len({row.scene for row in chosen} - {row.scene for row in chosen if not row.met}))
 
 
 def markdown(rows: Sequence[Verdict]) -> str:
@@ -150,6 +169,16 @@ def _of_candidates(rows: Sequence[Verdict]) -> Iterator[list[object]]:
                f"{sum(covered)} of {len(draws)}", _known(median, times)]
 
 
+def wilson(outcomes: Sequence[bool]) -> tuple[float, float] | None:
+    """Return the 95 % interval (Wilson) of the fraction of independent outcomes that are true, None without any."""
+    count, z2 = len(outcomes), NORMAL_95**2
+    if not count:
+        return None
+    fraction = sum(outcomes) / count
+    middle, half = fraction + z2 / (2 * count), math.sqrt(z2 * (fraction * (1 - fraction) + z2 / (4 * count)) / count)
+    return (middle - half) / (1 + z2 / count), (middle + half) / (1 + z2 / count)
+
+
 def _known(statistic: Callable[[Sequence[float]], float], values: Sequence[float]) -> float | None:
     """Return the mean or median of ``values``, None without any."""
     return float(statistic(values)) if values else None
@@ -171,6 +200,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--between", type=int, default=PlanOptions.between)
     add("--methods", type=names)
     add("--lenses", type=int)
+    add("--rate", type=float, metavar="SECONDS",
+        help="of a path sample, in place of those that renders took: where the machine was busy, and to judge by rays")
     add("--blender")
     options = parser.parse_args(argv)
     return exit_code("plan_validation", lambda: run(options))
@@ -183,7 +214,9 @@ def run(options: argparse.Namespace) -> None:
     rows: list[Verdict] = []
     for scene in scenes(options.bench):
         if options.replay or scene.name in files:
-            rows += validate(scene, files.get(scene.name, ""), plans, options)
+            draws = Draws(options.output, options.seeds, options.targets,
+                          "" if options.replay else files[scene.name], options.blender, options.rate)
+            rows += validate(scene, plans, draws)
             write_record(options.json, Validation(options.replay, summary(rows), tuple(rows)))
     if not rows:
         raise LfsrError(f"{options.bench} has no scene of the files given: name them, or use --replay")

@@ -59,8 +59,9 @@ def renders(scene: Path) -> dict[tuple[int, int], Path]:
     return found
 
 
-def actuals(scene: Path, candidates: Sequence[Candidate], records: Records[Actual]) -> dict[Candidate, Actual]:
-    """Return what candidates reach as whole frames, measured unless it is in ``records``.
+def actuals(scene: Path, candidates: Sequence[Candidate], records: Records[Actual],
+            rate: float | None = None) -> dict[Candidate, Actual]:
+    """Return what candidates reach as whole frames, measured unless it is in ``records``; ``rate`` as ``timed_frame``.
 
     A candidate that cannot be made is left out; LfsrError where none can, or where the reference is of sampled lenses
     only: its own uncertainty would be as large as the plan's.
@@ -68,8 +69,9 @@ def actuals(scene: Path, candidates: Sequence[Candidate], records: Records[Actua
     found = {}
     for candidate in candidates:
         try:
-            found[candidate] = records.get(f"{candidate.name.replace(' ', '-')}-{PlanOptions.metric}", {},
-                                           functools.partial(_measure, scene, candidate))
+            found[candidate] = records.get(f"{candidate.name.replace(' ', '-')}-{PlanOptions.metric}",
+                                           {"rate": rate} if rate else {},
+                                           functools.partial(_measure, scene, candidate, rate))
         except LfsrError as error:
             if candidate == candidates[-1] and not found:
                 raise
@@ -77,12 +79,12 @@ def actuals(scene: Path, candidates: Sequence[Candidate], records: Records[Actua
     return found
 
 
-def _measure(scene: Path, candidate: Candidate) -> Actual:
+def _measure(scene: Path, candidate: Candidate, rate: float | None) -> Actual:
     folder, target = renders(scene)[candidate.scale, candidate.spp], _target(scene / REFERENCE)
     target.check(read_frame(folder))
     similarity = target.lens_ssim(finished_linear(folder, candidate.method))
     with scratch_copy(folder) as copy:  # render, as it took then, and second stage, as it takes now
-        write_frame(copy, timed_frame(folder))
+        write_frame(copy, timed_frame(folder, rate))
         seconds = upscale_frame(copy, candidate.method).seconds
     return Actual(float(similarity.mean()), sum(seconds.values()))
 
@@ -96,15 +98,20 @@ def _target(folder: Path) -> Target:
     return Target.read(folder)
 
 
-def timed_frame(folder: Path) -> Frame:
-    """Return the frame of a render with the seconds of its timed repeats (`lfsr chart --retime-renders`), if any."""
+def timed_frame(folder: Path, rate: float | None = None) -> Frame:
+    """Return the frame of a render with the seconds of its timed repeats (`lfsr chart --retime-renders`), if any.
+
+    With ``rate``, seconds of a path sample, those of its path samples alone: the machine was busy when it rendered.
+    """
     frame = read_frame(folder)
+    if rate:
+        return dataclasses.replace(frame, seconds={"open": 0.0, "render": rate * path_samples(frame)})
     return dataclasses.replace(frame, seconds={**frame.seconds, "render": float(np.median(known_seconds(folder)))})
 
 
-def setup_seconds(scene: Path) -> float:
+def setup_seconds(scene: Path, rate: float | None = None) -> float:
     """Return the seconds that every render of the scene takes whatever its size, from a fitted line."""
-    frames = [timed_frame(folder) for folder in renders(scene).values()]
+    frames = [timed_frame(folder, rate) for folder in renders(scene).values()]
     samples, seconds = np.array([(path_samples(frame), render_seconds(frame)) for frame in frames], float).T
     if len(set(samples)) < 2:
         return 0.0
@@ -112,15 +119,15 @@ def setup_seconds(scene: Path) -> float:
     return float(np.clip(np.polyfit(samples, seconds, 1, w=1 / np.maximum(seconds, 1e-6))[1], 0, seconds.min()))
 
 
-def replay(scene: Path, job: Job) -> None:
+def replay(scene: Path, job: Job, rate: float | None = None) -> None:
     """Do ``job`` by cutting its lenses out of a whole frame of the folder, instead of rendering them.
 
     Seconds are the scene's set-up and what is left of the frame's, for as many
     pixels. A reference's two halves show the same half of the bench's, which of
-    them the seed decides.
+    them the seed decides. ``rate`` as of ``timed_frame``.
     """
     source = _source(scene, job)
-    frame, target = timed_frame(source), Path(job.output)
+    frame, target = timed_frame(source, rate), Path(job.output)
     tiled = dataclasses.replace(frame, lens_list=job.lens_list, seed=job.seed, samples=job.spp)
     fraction = np.prod(tiled.rays.size) / np.prod(frame.rays.size) * job.spp / frame.samples
     target.mkdir(parents=True, exist_ok=True)
@@ -132,7 +139,7 @@ def replay(scene: Path, job: Job) -> None:
     for name in frame.render_files[1:]:
         shutil.copy(source / name, target)
     whole, world = render_seconds(frame), 0.0 if job.world else frame.seconds.get("world", 0.0)
-    setup = min(setup_seconds(scene), whole)
+    setup = min(setup_seconds(scene, rate), whole)
     seconds = {**frame.seconds, "world": world, "render": world + setup + (whole - setup) * float(fraction)}
     write_frame(target, dataclasses.replace(tiled, seconds=seconds))
 

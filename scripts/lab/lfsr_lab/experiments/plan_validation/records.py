@@ -56,6 +56,11 @@ class Summary:
     # mean_share_of_seconds, mean_share_of_samples: of a sample in the costliest candidate's frame
     mean_share_of_seconds: float | None
     mean_share_of_samples: float | None
+    # Since version 0.2; 95 % intervals (Wilson) as if all plans were independent, which those of a scene are not.
+    met_95: tuple[float, float] | None = None  # of ``met``
+    cheap_enough_95: tuple[float, float] | None = None  # of ``cheap_enough``
+    scenes: int = 0  # with plans
+    scenes_all_met: int = 0  # where every plan that chose met its target
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,0 +1,108 @@
+"""Does `lfsr plan` see where methods break? ``python -m lfsr_lab.experiments.sweeps.plans STRESS -o OUT --json FILE``
+
+STRESS is a finished folder of `lfsr stress`. Each sweep's scene at the default's breaking point is rendered whole at
+every scale and sample count of a plan, and plans are replayed on it (lfsr_lab.experiments.plan_validation). Their
+target is what the default has at the sweep's first value less DROP: what it misses once it is broken. Where it never
+breaks, the scene is that of the fast method's breaking point, else of the last value.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from lfsr_core.frames.job import Job
+from lfsr_core.plan.options import PlanOptions
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, FAST_METHOD
+from lfsr_core.records import read_record, write_record
+from lfsr_lab.experiments.engine.renders import Store
+from lfsr_lab.experiments.engine.report import UNKNOWN, exit_code, markdown_table
+from lfsr_lab.experiments.plan_validation.__main__ import Draws, summary, validate
+from lfsr_lab.experiments.plan_validation.records import Validation, Verdict
+from lfsr_lab.experiments.sweeps.breaks import DROP
+from lfsr_lab.experiments.sweeps.measure import Scene
+from lfsr_lab.experiments.sweeps.records import Report, SweepReport
+from lfsr_lab.experiments.sweeps.sweeps import MOTION, choose_sweeps, label
+
+SCALES, SPPS, SEEDS = (1, 2, 4), (4, 16, 64), (0, 1, 2)
+JUDGED = "ssim_lens_fg"  # what plans are made for
+RATE = 1e-4  # seconds of a path sample, so large that plans minimise path samples, as on displays of many lenses
+COLUMNS = ("sweep, unit", "from – to", "target", "plan at", "chosen", "met", "cost")
+
+
+def value_of(sweep: SweepReport) -> float:
+    """Return the value at which plans are made."""
+    found = (sweep.breaks.get(name) for name in (DEFAULT_METHOD, FAST_METHOD))
+    return next((each.value for each in found if each), sweep.values[-1])
+
+
+def target_of(sweep: SweepReport) -> float:
+    """Return the target of the plans: the default's accuracy at the first value less DROP, two digits, rounded down."""
+    first = sweep.series(DEFAULT_METHOD, JUDGED)[0] or 0.0
+    return math.floor(100 * (first - DROP) + 1e-6) / 100
+
+
+def jobs_of(scene: Scene) -> list[Job]:
+    """Return the whole renders that plans are replayed from."""
+    job = scene.job()
+    return [dataclasses.replace(job, output=str(scene.folder / f"s{scale}-spp{spp}"), scale=scale, spp=spp)
+            for scale in SCALES for spp in SPPS]
+
+
+def verdicts(report: Report, store: Store, output: Path) -> Iterator[Verdict]:
+    """Yield a verdict per sweep and draw of lenses; what is missing is rendered. No plan sees the motion."""
+    for sweep in report.sweeps:
+        if sweep.name == MOTION:
+            continue
+        scene = Scene(store, report.settings, choose_sweeps([sweep.name])[0], value_of(sweep))
+        store.render_all([scene.reference_job, *jobs_of(scene)])
+        yield from validate(scene.folder, PlanOptions(spps=SPPS), Draws(output, SEEDS, (target_of(sweep),), rate=RATE))
+
+
+def table(report: Report, plans: Iterable[Verdict]) -> list[str]:
+    """Return the lines of the table: where each method breaks, and what plans choose there."""
+    rows = list(plans)
+    return markdown_table([*COLUMNS[:2], *(f"`{name}`" for name in report.methods), *COLUMNS[2:]],
+                          (_row(sweep, report.methods, rows) for sweep in report.sweeps))
+
+
+def _row(sweep: SweepReport, methods: Sequence[str], rows: Sequence[Verdict]) -> list[str]:
+    value = value_of(sweep)
+    made = [row for row in rows if row.scene == choose_sweeps([sweep.name])[0].scene_name(value)]
+    breaks = [f"{sweep.name}, {sweep.unit}", sweep.span, *map(sweep.break_text, methods)]
+    if not made:
+        return [*breaks, *[UNKNOWN] * 5]
+    chosen = dict.fromkeys(row.chosen or f"nothing ({row.limit.partition(':')[0]})" for row in made)
+    costs = [row.cost for row in made if row.cost is not None]
+    return [*breaks, f"{made[0].target:.2f}", label(value), "; ".join(chosen),
+            f"{sum(bool(row.met) for row in made)} of {len(made)}",
+            " to ".join(dict.fromkeys(f"{each:.2f}" for each in (min(costs), max(costs)))) if costs else UNKNOWN]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Return the exit code: 0, 2 after bad input, 130 if stopped."""
+    parser = argparse.ArgumentParser(prog="plans", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("stress", type=Path, metavar="STRESS", help="finished folder of lfsr stress")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="folder of measured candidates")
+    parser.add_argument("--json", type=Path, required=True, metavar="FILE")
+    parser.add_argument("--blender")
+    options = parser.parse_args(argv)
+    return exit_code("plans", lambda: run(options.stress, options.output, options.json, options.blender))
+
+
+def run(stress: Path, output: Path, file: Path, blender: str | None = None) -> None:
+    """Make the plans, write them to ``file`` after each sweep, and print the table."""
+    report = read_record(stress / "stress.json", Report, "a report of lfsr stress")
+    rows: list[Verdict] = []
+    for verdict in verdicts(report, Store(stress, blender), output):
+        rows.append(verdict)
+        write_record(file, Validation(True, summary(rows), tuple(rows)))
+    print("\n".join(table(report, rows)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
