@@ -4,7 +4,7 @@
 
 SCENES are folders in which the files of denoiser.toml are looked for; scenes that are in none of them are left out.
 What is complete in OUT is not done again. Without --only-measure missing renders are made, some minutes a scene. The
-differences are against BASELINES, which are measured too. OUT/denoiser.md has the tables.
+differences are against BASELINES, which are measured too. OUT/denoiser.md has the tables, denoiser.json the means.
 """
 
 from __future__ import annotations
@@ -17,10 +17,13 @@ from pathlib import Path
 
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.records import write_record
 from lfsr_core.render.store import is_complete
 from lfsr_lab.experiments.denoiser.measure import Candidate, Figures, measure
 from lfsr_lab.experiments.denoiser.page import Key, Page
+from lfsr_lab.experiments.denoiser.records import Record, means
 from lfsr_lab.experiments.denoiser.settings import SETTINGS, Place, Render, places, read_settings
+from lfsr_lab.experiments.engine.environment import environment
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store
 from lfsr_lab.experiments.engine.report import exit_code, write_text
@@ -50,7 +53,9 @@ def run(arguments: argparse.Namespace) -> None:
             place.fill(settings.reference_samples, renders)
         if is_complete(place.folder / REFERENCE, "reference"):
             found |= measured(place, renders, list(candidates.values()))
-    page = Page(settings, [place.scene for place in chosen], list(candidates), BASELINES, found)
+    scenes = [place.scene for place in chosen]
+    write_record(arguments.output / "denoiser.json", Record(environment(), tuple(means(scenes, found))))
+    page = Page(settings, scenes, list(candidates), BASELINES, found)
     print(write_text(arguments.output / "denoiser.md", page.markdown()).read_text(encoding="utf-8"))
 
 

@@ -14,6 +14,7 @@ from lfsr_core.records import from_data, read_record
 from lfsr_lab.experiments.animations import report as animations
 from lfsr_lab.experiments.chart import findings, panels
 from lfsr_lab.experiments.chart.records import read_chart
+from lfsr_lab.experiments.denoiser import records as denoiser
 from lfsr_lab.experiments.displays import __main__ as displays
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.report import inline_svg, markdown_table
@@ -100,6 +101,11 @@ def _scales(record: Path, _images: Path) -> Shown:
     return Shown([], tables, tables.split("\n\n")[-2])
 
 
+def _denoiser(record: Path, _images: Path) -> Shown:
+    tables = denoiser.markdown(read_record(record, denoiser.Record, "means of denoisers"))
+    return Shown([], tables, "\n\n".join(tables.split("\n\n")[:2]))
+
+
 def _gpu_budget(record: Path, _images: Path) -> Shown:
     measured = read_record(record, gpu_budget.Record, "measured steps").measured
     return Shown([], gpu_budget.page.markdown(gpu_budget.read_gpus(), measured).partition("\n\n")[2])
@@ -141,4 +147,4 @@ def embedded(file: Path, title: str) -> Markup:
 
 KINDS: dict[str, Callable[[Path, Path], Shown]] = {
     "chart": _chart, "sweeps": _sweeps, "animations": _animations, "displays": _displays, "plans": _plans,
-    "scales": _scales, "gpu_budget": _gpu_budget, "seed_paper": _seed_paper, "page": _page}
+    "scales": _scales, "denoiser": _denoiser, "gpu_budget": _gpu_budget, "seed_paper": _seed_paper, "page": _page}

@@ -1,0 +1,135 @@
+"""Numbers that documents quote, held against the records that they were read from."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+import re
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+NUMBER = r"[−-]?(?:\d[\d,]*\d|\d)?\.?\d+"
+MEASURED = re.compile(r"(?<![\w.,/×-])(?:[−+-])?\d*\.\d+(?![\w./]*\w)")  # a number with a point, no version or file
+VERSIONS = {"0.1", "3.11", "3.13", "3.14", "4.5", "5.0", "5.1", "5.2"}  # of this project, Python and Blender
+INLINE = re.compile(r"`[^`\n]*`")
+CODE = re.compile(r"```.*?```|`[^`\n]*`|^    [^\n]*$|\]\([^)]*\)", re.DOTALL | re.MULTILINE)
+Values = Sequence[float]
+
+
+@functools.cache
+def record(name: str) -> Any:
+    """Return a record of docs/results/measured."""
+    return json.loads((ROOT / "docs" / "results" / "measured" / f"{name}.json").read_text(encoding="utf-8"))
+
+
+@functools.cache
+def text_of(document: str) -> str:
+    """Return a document in which code and links are blank, so that places stay."""
+    text = (ROOT / document).read_text(encoding="utf-8")
+    return CODE.sub(lambda found: re.sub(r"[^\n`]", " ", found[0]) if "\n" in found[0] or found[0][0] != "`"
+                    else found[0], text)
+
+
+def agrees(quoted: str, value: float | None) -> bool:
+    """Return whether a value rounds to a number as it is quoted, either way where it lies in the middle."""
+    digits = len(quoted.partition(".")[2])
+    return value is not None and abs(plain(quoted) - value) <= 0.5 * 10.0**-digits * (1 + 1e-6) + 1e-12
+
+
+def plain(quoted: str) -> float:
+    """Return a number as it is quoted, with its minus, plus and commas."""
+    return float(quoted.replace("−", "-").replace(",", ""))
+
+
+def row_numbers(cell: str) -> list[str]:
+    """Return the numbers in words or a cell."""
+    return re.findall(f"(?<!\\w){NUMBER}", cell)
+
+
+@dataclasses.dataclass(frozen=True)
+class Claim:
+    """Words of a document, {} for each number, and what a record says."""
+
+    document: str
+    words: str
+    values: Callable[[], Values]
+
+    @property
+    def place(self) -> re.Match[str]:
+        """Where the words stand, once; AssertionError where they do not."""
+        parts = [r"\s+".join(map(re.escape, part.split(" "))) for part in self.words.split("{}")]
+        found = list(re.finditer(f"([+]?{NUMBER})".join(parts), text_of(self.document)))
+        assert len(found) == 1, f"{self.document} has {len(found)} times: {self.words}"
+        return found[0]
+
+    def wrong(self) -> list[tuple[str, float]]:
+        """Return the numbers that do not agree, with what the record says."""
+        return _wrong(self.place.groups(), self.values())
+
+    def spans(self) -> Iterator[tuple[int, int]]:
+        """Yield the places of its numbers."""
+        return (self.place.span(index) for index in range(1, len(self.place.groups()) + 1))
+
+
+@dataclasses.dataclass(frozen=True)
+class TableClaim:
+    """A table by the start of its header, and a function that says what the numbers of a row must be.
+
+    ``expected`` gets the row's cells and returns the numbers of all cells from ``first`` on, None for a row that
+    another claim covers.
+    """
+
+    document: str
+    words: str
+    expected: Callable[[list[str]], Values | None]
+    first: int = 1
+
+    def rows(self) -> Iterator[tuple[int, list[str]]]:
+        """Yield the place of each row, and its cells."""
+        text = text_of(self.document)
+        assert text.count(f"\n{self.words}") == 1, f"{self.document} has no table, or several: {self.words}"
+        start = text.index(f"\n{self.words}") + 1
+        for number, line in enumerate(text[start:].split("\n")):
+            if not line.startswith("|"):
+                return
+            if number > 1:
+                yield start, [cell.strip() for cell in line.strip("|").split("|")]
+            start += len(line) + 1
+
+    def wrong(self) -> list[tuple[str, float]]:
+        """Return the numbers that do not agree, with what the record says."""
+        found = list[tuple[str, float]]()
+        for _, cells in self.rows():
+            values = self.expected(cells)
+            if values is not None:
+                found += _wrong([number for cell in cells[self.first:] for number in row_numbers(cell)], values)
+        return found
+
+    def spans(self) -> Iterator[tuple[int, int]]:
+        """Yield the places of its rows."""
+        for start, cells in self.rows():
+            if self.expected(cells) is not None:
+                yield start, text_of(self.document).index("\n", start)
+
+
+def _wrong(quoted: Sequence[str], values: Values) -> list[tuple[str, float]]:
+    assert len(quoted) == len(values), f"{len(quoted)} numbers are quoted, {len(values)} known: {quoted} {values}"
+    return [(number, value) for number, value in zip(quoted, values, strict=True) if not agrees(number, value)]
+
+
+def uncovered(document: str, claims: Sequence[Claim | TableClaim], without: Sequence[str]) -> list[str]:
+    """Return the lines of the numbers with a point that neither a claim nor words of ``without`` cover."""
+    text = text_of(document)
+    known = [span for claim in claims if claim.document == document for span in claim.spans()]
+    for words in without:
+        pattern = r"\s+".join(map(re.escape, words.split()))
+        places = [found.span() for found in re.finditer(pattern, text)]
+        assert places, f"{document} does not say any more: {words}"
+        known += places
+    shown = INLINE.sub(lambda found: " " * len(found[0]), text)
+    return [f"{found[0]}: {text[text.rfind(chr(10), 0, found.start()) + 1:text.find(chr(10), found.end())]}"
+            for found in MEASURED.finditer(shown) if found[0] not in VERSIONS
+            and not any(start <= found.start() and found.end() <= end for start, end in known)]
