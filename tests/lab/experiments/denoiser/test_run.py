@@ -7,11 +7,14 @@ import dataclasses
 import numpy as np
 import pytest
 
+from lfsr_core.files import read_json
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import to_elemental_images, to_views
+from lfsr_core.records import read_record
 from lfsr_lab.experiments.denoiser import page
 from lfsr_lab.experiments.denoiser.__main__ import BASELINES, main
 from lfsr_lab.experiments.denoiser.measure import Candidate, figures
+from lfsr_lab.experiments.denoiser.records import Record, markdown
 from lfsr_lab.experiments.denoiser.settings import SETTINGS, Render, Settings, read_settings
 from lfsr_lab.experiments.engine.truth import Truth
 from tests.support.panels import whole
@@ -45,6 +48,12 @@ def test_what_is_there_is_measured_once_and_shown(tmp_path, capsys):
     assert capsys.readouterr().out == first == (out / "denoiser.md").read_text() + "\n"
     assert [cell.stat().st_mtime_ns for cell in cells] == times and len(times) == 5
     assert "elsewhere" not in first
+    record = read_record(out / "denoiser.json", Record, "means")
+    lenses = [read_json(cell, "a cell")["record"]["ssim"] for cell in cells if "s2-spp16" in str(cell)]
+    assert len(lenses) == 2
+    assert record.mean("disc", 16, "bilinear") == pytest.approx(np.mean(lenses), abs=1e-5)
+    assert record.group_mean("round", 16, "bilinear") == record.mean("disc", 16, "bilinear")
+    assert "| 16 | round |" in markdown(record)
     assert {path.name for path in (out / "disc").iterdir()} == {
         "cells", "reference", "s1-spp1-seed0", "s2-spp16-seed0", "s2-spp16-seed1", "s2-spp4-seed0", "s4-spp16-seed0"}
     differences = [line for line in first.splitlines() if line.startswith("| disc |")

@@ -17,11 +17,13 @@ import pytest
 from lfsr_core.cli import build_parser
 from lfsr_core.errors import LfsrError
 from lfsr_core.records import write_record
+from lfsr_lab.experiments.animations.cells import NAMES as ANIMATIONS
 from lfsr_lab.experiments.document import page
 from lfsr_lab.experiments.document import run as document
 from lfsr_lab.experiments.document.studies import LONG, SHORT, Unit, read_table, units
 from lfsr_lab.experiments.document.work import Work
 from lfsr_lab.experiments.engine.report import markdown_table
+from lfsr_lab.experiments.sweeps.sweeps import SWEEPS
 from tests.support.browser import CHROMIUM
 from tests.support.chart_example import example
 
@@ -56,9 +58,10 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_drawing_error_loses_no_record_and_no_other_figure(folder):
+@pytest.mark.parametrize("content", ['{"format": 1, "measured": "for hours"}', "cut off in the mid"])
+def test_a_drawing_error_loses_no_record_and_no_other_figure(folder, content):
     broken = folder / "measured" / "stress.json"
-    broken.write_text('{"format": 1, "measured": "for hours"}', encoding="utf-8")
+    broken.write_text(content, encoding="utf-8")
     before = {path.name: path.read_bytes() for path in (folder / "measured").iterdir()}
     with pytest.raises(LfsrError, match=r"report\.html lacks Where methods break .* --draw"):
         list(document.draw(Work(folder, TABLE)))
@@ -118,6 +121,12 @@ def test_a_command_of_the_table_is_one_that_its_program_accepts(unit: Unit, monk
         if hasattr(module, name):
             monkeypatch.setattr(module, name, lambda arguments, *_: parsed.append(arguments))
     assert module.main(words[2:]) == 0 and len(parsed) == 1
+
+
+def test_the_long_form_has_every_sweep_and_animation():
+    units_of = {study.name: set(study.long.each) for study in TABLE.study if study.long}
+    assert units_of["stress"] == {sweep.name for sweep in SWEEPS}
+    assert units_of["shots"] <= set(ANIMATIONS)
 
 
 def test_the_report_of_the_documents_shows_the_records_as_they_are():

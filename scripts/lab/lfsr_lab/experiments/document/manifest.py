@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json
 from lfsr_lab.experiments.document.studies import Table
 
@@ -37,8 +38,11 @@ def inputs(table: Table, known: Mapping[str, Digests], before: Sequence[Mapping[
 
 def record_facts(path: Path, command: str) -> dict[str, Any]:
     """Return digest, command, machine and seeds of a record."""
-    data = read_json(path, "a record") if path.suffix == ".json" else {}
-    machine = data.get("environment", {}) if isinstance(data, dict) else {}
+    try:
+        data = read_json(path, "a record")
+    except LfsrError:  # a page, or damaged: its section says so
+        data = None
+    machine = (data.get("environment") if isinstance(data, dict) else None) or {}
     return {"file": path.name, "command": command, "sha256": sha256(path), "machine": machine_text(machine),
             "seeds": sorted(set(_seeds(data)))}
 
