@@ -20,6 +20,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lfsr_core.errors import MOST_CHARACTERS, LfsrError
+from lfsr_core.exports import films
+from lfsr_core.exports.quilt_files import quilt_of, read_film, read_quilt
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import FRAME_FILE, REPORT_FILE, read_frame
 from lfsr_core.frames.job import Job, read_job
@@ -28,10 +30,12 @@ from lfsr_core.frames.report import Report, read_report, write_report
 from lfsr_core.images.exr import read_finite, read_layers
 from lfsr_core.images.png import read_mask, read_png, write_mask
 from lfsr_core.optics.display import load_display
+from lfsr_core.optics.panel.visual_json import profile_from_calibration, read_calibration
 from lfsr_core.reconstruct import denoiser, tza
 from lfsr_core.records import to_data
 from tests.support.synthetic import MINI, frame_of, write_render
 
+CALIBRATION = {"pitch": 52.6, "slope": -7.1, "center": 0.8, "DPI": 324, "screenW": 1536, "screenH": 2048}
 MOST_MEMORY = 2**31  # bytes beyond what the tests hold already
 CASES, MANY_CASES = 200, 5000
 SPECIAL = ["", "\ud800", "x" * 5000, "../" * 50, -1, 0, 2**32, 10**400, 1e308, -0.0, None, True, [], {}, [[]] * 100]
@@ -138,10 +142,26 @@ def read_pictures(path: Path) -> None:
     read_png(path)
 
 
+def film_bytes(path: Path) -> bytes:
+    """A film of two quilts."""
+    pixels = rendered()[..., :3]
+    frames = iter([np.rint(np.clip(pixels, 0, 1) * 255).astype(np.uint8)] * 2)
+    films.write_film(path, frames, 10)
+    return path.read_bytes()
+
+
+def read_frames(path: Path) -> None:
+    for taken, _ in read_film(path, quilt_of(path)):
+        assert taken.views.shape[1] == 4
+
+
 KINDS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "frame": (FRAME_FILE, use_frame), "report": (REPORT_FILE, lambda path: read_report(path.parent)),
     "job": ("job.json", read_job), "profile": ("profile.toml", load_display), "exr": ("lr_eia.exr", use_picture),
     "png": ("mask.png", read_pictures),
+    "quilt": ("mask_qs2x2a1.png", lambda path: read_quilt(path, quilt_of(path))),
+    "quilt film": ("film_qs2x2a1.mp4", read_frames),
+    "calibration": ("visual.json", lambda path: profile_from_calibration(read_calibration(path), "fuzz")),
     "denoiser": ("denoiser.tza", read_denoiser)}
 
 
@@ -149,6 +169,8 @@ KINDS: dict[str, tuple[str, Callable[[Path], Any]]] = {
 def good(tmp_path_factory) -> dict[str, bytes]:
     folder = tmp_path_factory.mktemp("good")
     files = render_files(folder) | {"denoiser.tza": denoiser_weights(folder / "denoiser.tza")}
+    files |= {"mask_qs2x2a1.png": files["mask.png"], "film_qs2x2a1.mp4": film_bytes(folder / "film_qs2x2a1.mp4"),
+              "visual.json": json.dumps({name: {"value": value} for name, value in CALIBRATION.items()}).encode()}
     job = Job("out", MINI, "scene.blend", layers=("albedo",), lens_list=((0, 0), (1, 1)), scale=2)
     return files | {"job.json": json.dumps(to_data(job)).encode(), "profile.toml": json.dumps(MINI.to_dict()).encode()}
 
@@ -175,7 +197,7 @@ def attempt(folder: Path, kind: str, data: bytes) -> None:
 
 
 def fuzz(folder: Path, kind: str, content: bytes, cases: int) -> None:
-    binary = kind in ("exr", "png", "denoiser")
+    binary = kind in ("exr", "png", "denoiser", "quilt", "quilt film")
     strategy = damaged_bytes(content) if binary else damaged_json(content.decode()) | damaged_bytes(content)
 
     @settings(max_examples=cases, deadline=None, database=None, suppress_health_check=list(HealthCheck))

@@ -68,5 +68,9 @@ def _write_animation(path: Path, frames: Iterator[Array], rate: float) -> None:
         raise LfsrError(f"{path.suffix[1:].upper()} needs the package pillow, which this Python lacks: pip install "
                         "'lfsr[video]', or choose another --type") from None
     first, *others = [Image.fromarray(frame) for frame in frames]
-    quality = {"quality": QUALITY, "method": 4} if path.suffix == ".webp" else {"optimize": True}
+    quality: dict[str, Any] = {"quality": QUALITY, "method": 4}
+    if path.suffix == ".gif":  # one palette, so that colours do not flicker, and no bands
+        palette = first.quantize()
+        first, *others = [image.quantize(palette=palette) for image in (first, *others)]
+        quality = {"optimize": True}
     first.save(path, save_all=True, append_images=others, duration=round(1000 / rate), loop=0, **quality)

@@ -1,4 +1,4 @@
-"""Import the views of other programs or cameras: a folder of views becomes a frame folder."""
+"""Import the views of other programs or cameras: a folder of views, a quilt or a film of quilts."""
 
 from __future__ import annotations
 
@@ -9,17 +9,33 @@ from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.arrays import Array
 from lfsr_core.errors import LfsrError
 from lfsr_core.exports.hci import PARAMETERS_FILE
+from lfsr_core.exports.quilt_files import Quilt, read_film, read_quilt
+from lfsr_core.exports.quilt_names import Pair, without_suffix
+from lfsr_core.exports.retarget import Source, retargeted
 from lfsr_core.exports.view_files import ViewFiles, find_views, read_views
-from lfsr_core.files import read_bytes
-from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, Frame, write_frame
+from lfsr_core.files import read_bytes, system_errors
+from lfsr_core.frames.frame import (
+    EIA_FILE,
+    FRAME_FILE,
+    LOW_RES_FILE,
+    PANEL_FILE,
+    Frame,
+    frame_folder,
+    read_frame,
+    write_frame,
+)
 from lfsr_core.images.exr import write_layers
 from lfsr_core.images.srgb import srgb_decode
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import from_views
 from lfsr_core.optics.rays import CameraArray
+from lfsr_core.optics.sheet import check_within
 from lfsr_core.progress import Progress, silent
+from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.render.content import file_content
 from lfsr_core.render.process import DERIVED_FILES, check_folder
 from lfsr_core.render.staging import publish, staging_folder
 
@@ -32,16 +48,19 @@ MOST_PARAMETER_BYTES = 100_000
 
 @dataclasses.dataclass(frozen=True)
 class ImportGeometry:
-    """Camera geometry of a folder of views; None: from the folder's parameters, else the default."""
+    """Camera geometry of views, and their display; None: from the folder's parameters, else the default."""
 
     width_mm: float | None = None  # of the plane without parallax, which becomes the display
     distance_mm: float | None = None  # from the cameras to that plane
     angle_deg: float | None = None  # of all cameras, seen from the centre of that plane
     mirror: str = ""  # "x", "y" or "xy" where the cameras are in the reverse order of their names
+    display: DisplayProfile | None = None  # that the views are made for; None: one whose lenses are their pixels
+    fill: bool = False  # whether the picture fills that display and is cut; else it is seen whole, between black bars
 
 
-# For folders without parameters: a desk display seen from a metre.
+# For folders without parameters: a desk display seen from a metre; for quilts the usual viewing cone.
 DEFAULTS = {"width_mm": 600.0, "distance_mm": 1000.0, "angle_deg": 20.0}
+QUILT_ANGLE = 40.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +79,7 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
     ----------
     source : folder of views named as in the HCI benchmark, the Stanford archive, JPEG Pleno, or our own exports
     output : frame folder to write
-    scale : views that the second stage is to make of each, along each axis
+    scale : views that the second stage is to make of each, along each axis; 1 for a display of one's choice
     geometry : replaces what the folder's parameters say
     progress : called with (stage, fraction, message)
 
@@ -72,12 +91,80 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
     check_folder(output, "render")
     if output.resolve() == source.resolve():
         raise LfsrError(f"{output} holds the views themselves, expected another folder for the frame: choose one")
-    known = _hci_parameters(source / PARAMETERS_FILE)
-    files = find_views(source, known.columns if known else None).square()
-    display, notes = _display(files, scale, geometry, known)
-    views = read_views(files, geometry.mirror, progress)
-    frame = Frame(display, scale, CameraArray.for_display(display, display.panel_mm[0]), IDENTITY, SAMPLES,
-                  scene=source.resolve().name)
+    hci = _hci_parameters(source / PARAMETERS_FILE)
+    files = find_views(source, hci.columns if hci else None)
+    files = files.square() if geometry.display is None else files
+    known = hci.geometry(files) if hci else {}
+    display, notes = _display(files.size, files.count, scale, geometry, known)
+    taken = Source(read_views(files, progress=progress), files.size[0] / files.size[1], equal_angles=False)
+    frame = _frame(display, scale, source.resolve().name)
+    _write(output, frame, _views(taken, geometry, geometry.angle_deg or known.get("angle_deg")))
+    progress("import", 1.0, str(output))
+    return Imported(display, (*files.notes, *notes))
+
+
+def import_quilt(source: str | Path, output: str | Path, quilt: Quilt, scale: int = 1,
+                 geometry: ImportGeometry | None = None, progress: Progress = silent) -> Imported:
+    """Make a frame folder of a quilt; parameters and errors as of ``import_views``."""
+    source, output, geometry = Path(source), Path(output), geometry or ImportGeometry()
+    check_folder(output, "render")
+    taken = read_quilt(source, quilt)
+    display, notes = _quilt_display(taken, scale, geometry)
+    _write(output, _frame(display, scale, without_suffix(source.stem)), _views(taken, geometry, geometry.angle_deg))
+    progress("import", 1.0, str(output))
+    return Imported(display, (*quilt.notes, *notes))
+
+
+def import_film(source: str | Path, output: str | Path, quilt: Quilt, geometry: ImportGeometry | None = None,
+                progress: Progress = silent) -> Imported:
+    """Make finished frame folders ``0001`` … in ``output`` of a film of quilts; those that are there already stay.
+
+    LfsrError as of ``import_views``, or where a folder holds another film or another import of this one.
+    """
+    source, output, geometry = Path(source), Path(output), geometry or ImportGeometry()
+    with system_errors():
+        content, notes = file_content(source), quilt.notes
+    display: DisplayProfile | None = None
+    for number, (taken, count) in enumerate(read_film(source, quilt), start=1):
+        progress("import", (number - 1) / max(count, number), f"frame {number}" + (f" of {count}" if count else ""))
+        display, more = _quilt_display(taken, 1, geometry)
+        notes = (*quilt.notes, *more)
+        frame = dataclasses.replace(_frame(display, 1, without_suffix(source.stem)), frame=number, content=content)
+        folder = frame_folder(output, number)
+        if not _holds(folder, frame):
+            _write(folder, frame, _views(taken, geometry, geometry.angle_deg))
+        if not all((folder / name).is_file() for name in (EIA_FILE, *((PANEL_FILE,) if display.is_woven else ()))):
+            upscale_frame(folder, "none")
+    if display is None:
+        raise LfsrError(f"{source} has no images that can be read: give a film of quilts")
+    progress("import", 1.0, str(output))
+    return Imported(display, notes)
+
+
+def _holds(folder: Path, frame: Frame) -> bool:
+    """Whether a folder has this frame already; LfsrError where it has another."""
+    if not (folder / FRAME_FILE).exists():
+        return False
+    check_folder(folder, "render")
+    if read_frame(folder) != frame:
+        raise LfsrError(f"{folder} holds a frame of another film, or for another display: choose another folder")
+    return (folder / LOW_RES_FILE).is_file()
+
+
+def _frame(display: DisplayProfile, scale: int, name: str) -> Frame:
+    return Frame(display, scale, CameraArray.for_display(display, display.panel_mm[0]), IDENTITY, SAMPLES, scene=name)
+
+
+def _views(taken: Source, geometry: ImportGeometry, angle_deg: float | None) -> Array:
+    """Views (rows, columns, height, width, 3) uint8 in their order, made for the display if one was chosen."""
+    views = taken.views[::-1 if "y" in geometry.mirror else 1, ::-1 if "x" in geometry.mirror else 1]
+    if geometry.display is None:
+        return views
+    return retargeted(dataclasses.replace(taken, views=views), geometry.display, angle_deg, geometry.fill)
+
+
+def _write(output: Path, frame: Frame, views: Array) -> None:
+    """Write the frame folder of ``views``, as if they had been rendered."""
     with staging_folder(output) as work:
         staged = work / "frame"
         staged.mkdir()
@@ -87,25 +174,47 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
         write_frame(staged, frame)
         # In a folder that holds no frame, files of these names are the user's own.
         publish(staged, output, DERIVED_FILES if (output / FRAME_FILE).exists() else ())
-    progress("import", 1.0, str(output))
-    return Imported(display, (*files.notes, *notes))
 
 
-def _display(files: ViewFiles, scale: int, given: ImportGeometry, hci: _Hci | None) -> tuple[DisplayProfile, list[str]]:
-    """Display whose lenses are the pixels of the views, and notes on assumptions."""
+def _quilt_display(taken: Source, scale: int, geometry: ImportGeometry) -> tuple[DisplayProfile, list[str]]:
+    _, across, height, width = taken.views.shape[:4]
+    defaults = DEFAULTS | {"angle_deg": QUILT_ANGLE}
+    return _display((width, height), (across, 1), scale, geometry, {}, defaults, taken.aspect)
+
+
+def _display(size: Pair, count: Pair, scale: int, given: ImportGeometry, known: dict[str, float],
+             defaults: dict[str, float] = DEFAULTS, aspect: float | None = None) -> tuple[DisplayProfile, list[str]]:
+    """The chosen display, or one whose lenses are the pixels of the views, and notes on assumptions.
+
+    ``size`` of the views, ``count`` of cameras (across, down); ``aspect`` of the picture, None: pixels are square.
+    """
     if not 1 <= scale <= MOST_SCALE:
         raise LfsrError(f"scale is {scale}, but it must be a whole number from 1 to {MOST_SCALE}")
-    known = {name: value for name in DEFAULTS if (value := getattr(given, name)) is not None}
-    known = (hci.geometry(files) if hci else {}) | known
-    assumed = [f"--{name.replace('_', '-')} {value:g}" for name, value in DEFAULTS.items() if name not in known]
-    notes = [f"the folder has no camera geometry, assumed: {', '.join(assumed)}"] if assumed else []
-    (width, height), (across, down), chosen = files.size, files.count, DEFAULTS | known
+    if given.display is not None:
+        return given.display, _display_notes(given, scale, known)
+    known = known | {name: value for name in DEFAULTS if (value := getattr(given, name)) is not None}
+    assumed = [f"--{name.replace('_', '-')} {value:g}" for name, value in defaults.items() if name not in known]
+    notes = [f"there is no camera geometry, assumed: {', '.join(assumed)}"] if assumed else []
+    (width, height), (across, down), chosen = size, count, defaults | known
     views = (across * scale, down * scale if down > 1 else 1)
+    panel_mm = chosen["width_mm"], chosen["width_mm"] / (aspect or width / height)
     display = DisplayProfile(
-        NAME, (width * views[0], height * views[1]), (chosen["width_mm"], chosen["width_mm"] * height / width),
-        (width, height), views, chosen["distance_mm"], chosen["angle_deg"],
-        description=f"{across}×{down} views of another program or camera")
+        NAME, (width * views[0], height * views[1]), panel_mm, (width, height), views, chosen["distance_mm"],
+        chosen["angle_deg"], description=f"{across}×{down} views of another program or camera")
     return display, notes
+
+
+def _display_notes(given: ImportGeometry, scale: int, known: dict[str, float]) -> list[str]:
+    """Notes on an import for a chosen display; LfsrError for what that display decides."""
+    if scale != 1 or given.width_mm is not None or given.distance_mm is not None:
+        raise LfsrError("a display decides width, distance and number of views, so --scale, --width-mm and "
+                        "--distance-mm have no use with --display: leave them out")
+    if given.angle_deg is not None:
+        check_within("angle_deg", given.angle_deg, 1, 120)
+    elif given.display and "angle_deg" not in known:
+        return [f"the angle of the cameras is not known, assumed: that of the display, --angle-deg "
+                f"{given.display.viewing_angle_deg:g}"]
+    return []
 
 
 @dataclasses.dataclass(frozen=True)

@@ -44,13 +44,7 @@ class LightField:
 
     def view_at(self, column: float, row: float) -> Array:
         """View (sy, sx, 3) uint8 at a place between cameras, interpolated linearly and clamped to the last camera."""
-        (left, right, x), (top, bottom, y) = _between(column, self.count[0]), _between(row, self.count[1])
-        if not x and not y:
-            return np.asarray(self.views[top, left])
-        corners = (((1 - y) * (1 - x), top, left), ((1 - y) * x, top, right),
-                   (y * (1 - x), bottom, left), (y * x, bottom, right))
-        mixed = sum(np.float32(weight) * self.views[j, i] for weight, j, i in corners if weight)
-        return np.asarray(np.rint(mixed), np.uint8)
+        return view_between(self.views, column, row)
 
     def seen_from(self, x_mm: float, y_mm: float = 0.0) -> Array:
         """View (sy, sx, 3) uint8 of an eye at the viewing distance, ``x_mm`` rightwards and ``y_mm`` upwards."""
@@ -63,6 +57,17 @@ class LightField:
             return self.views
         columns, rows = (camera_places(n, wanted) for n, wanted in zip(self.count, count, strict=True))
         return np.stack([np.stack([self.view_at(x, y) for x in columns]) for y in rows])
+
+
+def view_between(views: Array, column: float, row: float) -> Array:
+    """View (sy, sx, 3) uint8 at a place between the cameras of ``views`` (py, px, sy, sx, 3)."""
+    (left, right, x), (top, bottom, y) = _between(column, views.shape[1]), _between(row, views.shape[0])
+    if not x and not y:
+        return np.asarray(views[top, left])
+    corners = (((1 - y) * (1 - x), top, left), ((1 - y) * x, top, right),
+               (y * (1 - x), bottom, left), (y * x, bottom, right))
+    mixed = sum(np.float32(weight) * views[j, i] for weight, j, i in corners if weight)
+    return np.asarray(np.rint(mixed), np.uint8)
 
 
 def camera_places(count: int, wanted: int) -> Array:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from lfsr_core.errors import LfsrError, did_you_mean
 
 Pair = tuple[int, int]
-MOST_TILES = 1000  # a side
+SUFFIX = re.compile(r"_qs(\d{1,4})x(\d{1,4})(?:a(\d{1,4}(?:\.\d{1,9})?))?(?![\dx])", re.IGNORECASE)
 
 
 class Preset(NamedTuple):
@@ -51,10 +51,28 @@ def quilt_name(name: str, grid: Pair, aspect: float) -> str:
     return f"{name}_qs{grid[0]}x{grid[1]}a{aspect:.4g}"
 
 
-def read_quilt_name(name: str) -> tuple[Pair, float | None] | None:
-    """Tiles (across, down) and aspect ratio in a file's name; None where it names no tiles."""
-    found = re.search(r"_qs(\d{1,4})x(\d{1,4})(?:a(\d{1,4}(?:\.\d{1,9})?))?(?![\dx])", name, re.IGNORECASE)
+class QuiltShape(NamedTuple):
+    """What a quilt's name says."""
+
+    grid: Pair  # tiles (across, down)
+    aspect: float | None  # width / height of the panel that it was made for; None: not said
+
+
+def read_quilt_name(name: str) -> QuiltShape | None:
+    """What a file's name says of a quilt; None where it names no tiles."""
+    found = SUFFIX.search(name)
     if not found:
         return None
     across, down, aspect = found.groups()
-    return (int(across), int(down)), float(aspect) if aspect and float(aspect) else None
+    return QuiltShape((int(across), int(down)), float(aspect) if aspect and float(aspect) else None)
+
+
+def without_suffix(name: str) -> str:
+    """A quilt's name without its tiles and aspect ratio."""
+    return SUFFIX.sub("", name)
+
+
+def usual_aspect(grid: Pair) -> float | None:
+    """Aspect ratio of the panel whose quilts have this grid; None where programs know none."""
+    known = [preset.panel for preset in PRESETS.values() if preset.grid == grid]
+    return known[-1][0] / known[-1][1] if known else None

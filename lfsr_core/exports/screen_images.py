@@ -33,13 +33,17 @@ def screen_size(display: DisplayProfile, width: int, part: tuple[float, float] =
     return int(width * part[0]) // 2 * 2, max(2, round(height * part[1] / 2) * 2)
 
 
-def resized(view: Array, size: tuple[int, int]) -> Array:
-    """Resample a view (sy, sx, 3) uint8 to ``size`` (width, height) pixels."""
-    if view.shape[1::-1] == size:
+def resized(view: Array, size: tuple[int, int], covers: tuple[float, float] = (1, 1)) -> Array:
+    """Resample a view (sy, sx, 3) uint8 to ``size`` (width, height) pixels.
+
+    ``covers``: fractions of the result's width and height that the view takes, in the middle; above 1 it is cut, below
+    1 the rest is black.
+    """
+    if view.shape[1::-1] == size and covers == (1, 1):
         return view
     columns, rows = size
-    tall = _weights(view.shape[0], rows) @ view.reshape(view.shape[0], -1).astype(np.float32)
-    wide = np.matmul(_weights(view.shape[1], columns), tall.reshape(rows, view.shape[1], 3))
+    tall = _weights(view.shape[0], rows, covers[1]) @ view.reshape(view.shape[0], -1).astype(np.float32)
+    wide = np.matmul(_weights(view.shape[1], columns, covers[0]), tall.reshape(rows, view.shape[1], 3))
     return np.asarray(np.rint(np.clip(wide, 0, 255)), np.uint8)
 
 
@@ -49,14 +53,15 @@ def usual_width(display: DisplayProfile) -> int:
 
 
 @functools.lru_cache(maxsize=8)
-def _weights(size: int, target: int) -> Array:
+def _weights(size: int, target: int, covers: float = 1) -> Array:
     """Weights (target, size) float32 of cubic interpolation at pixel centres; downscaling widens the kernel."""
-    stretch = max(1.0, size / target)
-    places = (np.arange(target) + 0.5) * size / target - 0.5
+    stretch = max(1.0, size / target / covers)
+    places = ((np.arange(target) + 0.5) / target - 0.5) / covers * size + size / 2 - 0.5
     reach = int(np.ceil(REACH * stretch))
     taps = np.floor(places).astype(int)[:, None] + np.arange(1 - reach, reach + 1)
     weights = cubic((places[:, None] - taps) / stretch)
     matrix = np.zeros((target, size), np.float32)
     np.add.at(matrix, (np.arange(target)[:, None], np.clip(taps, 0, size - 1)),
               weights / weights.sum(1, keepdims=True))
+    matrix[(places < -0.5) | (places > size - 0.5)] = 0
     return matrix

@@ -68,15 +68,15 @@ def find_views(folder: Path, columns: int | None = None) -> ViewFiles:
                     "(Stanford), 000_000.ppm (JPEG Pleno) or view_000_000.png (a title, row and column): rename them")
 
 
-def read_views(files: ViewFiles, mirror: str = "", progress: Progress = silent) -> Array:
-    """Views (rows, columns, height, width, 3) uint8 display values; ``mirror``: see ``ImportGeometry``."""
+def read_views(files: ViewFiles, progress: Progress = silent) -> Array:
+    """Views (rows, columns, height, width, 3) uint8 display values."""
     (across, down), (width, height) = files.count, files.size
     views = np.empty((down, across, height, width, 3), np.uint8)
     for row, paths in enumerate(files.paths):
         progress("import", row / down, paths[0].name)
         for column, path in enumerate(paths):
-            views[row, column] = _read(path)
-    return views[::-1 if "y" in mirror else 1, ::-1 if "x" in mirror else 1]
+            views[row, column] = read_image(path)
+    return views
 
 
 def _hci(names: list[str], columns: int | None) -> dict[Place, str]:
@@ -140,9 +140,9 @@ def _grid(folder: Path, places: dict[Place, str]) -> ViewFiles:
 
 def _one_size(paths: tuple[tuple[Path, ...], ...]) -> tuple[int, int]:
     """(width, height) of all views, from their headers; LfsrError where one differs or they are too large."""
-    first = _size(paths[0][0])
+    first = image_size(paths[0][0])
     for path in (path for row in paths for path in row):
-        if (size := _size(path)) != first:
+        if (size := image_size(path)) != first:
             raise LfsrError(f"{path.name} has {size[0]}×{size[1]} pixels, but {paths[0][0].name} has "
                             f"{first[0]}×{first[1]}: all views must have one size")
     if max(first) > MAX_PIXELS or first[0] * first[1] * len(paths) * len(paths[0]) * 3 > MOST_BYTES:
@@ -151,7 +151,7 @@ def _one_size(paths: tuple[tuple[Path, ...], ...]) -> tuple[int, int]:
     return first
 
 
-def _size(path: Path) -> tuple[int, int]:
+def image_size(path: Path) -> tuple[int, int]:
     with opened(path) as source:
         if source is None:
             oiio.geterror()
@@ -159,7 +159,7 @@ def _size(path: Path) -> tuple[int, int]:
         return source.spec().width, source.spec().height
 
 
-def _read(path: Path) -> Array:
+def read_image(path: Path) -> Array:
     """(height, width, 3) uint8."""
     with opened(path) as source:
         pixels = source.read_image("uint8") if source else None
