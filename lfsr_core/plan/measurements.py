@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -100,7 +102,7 @@ class Measurements:
     def next_group(self) -> Group | None:
         """The group to look at next, None where the choice is certain or nothing more can be learned."""
         options = self.question.options
-        return Known(self.rated(), self.looks, self.sample.count, options.target, options.limit,
+        return Known(self.rated(), self.looks, self._narrowing, options.target, options.limit,
                      self._affords).next_group()
 
     def rated(self) -> list[Rated]:
@@ -127,6 +129,19 @@ class Measurements:
         if chosen and row.seconds > chosen.seconds:
             return f"not needed: costs more than {chosen.name}"
         return "not measured: beyond the sample's budget (--budget)"
+
+    def _narrowing(self, lenses: int) -> float:
+        """Return by what factor bounds from the first ``lenses`` narrow with those of all looks, 0 if none is left.
+
+        They narrow with the root of 1 / count - 1 / population, in lenses that count for the metric.
+        """
+        names, sample = STRATA if self.question.every_lens else STRATA[:1], self.sample
+        counts = itertools.accumulate(sum(len(added[name]) for name in names) for added in sample.added)
+        sizes = itertools.accumulate(len(sample.lenses(number)) for number in range(len(sample.added)))
+        population = sum(int(sample.look.masks[name].sum()) for name in names)
+        variances = {size: max(1 / count - 1 / population, 0.0) for size, count in zip(sizes, counts, strict=True)}
+        now, last = variances[lenses], min(variances.values())
+        return math.sqrt(last / now) if now > 0 else 0.0
 
     def _affords(self, group: Group) -> bool:
         """Whether another look at a group is possible."""

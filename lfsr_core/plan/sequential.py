@@ -9,7 +9,6 @@ luck. So each look has bounds of ``certainty(looks)``: the chance that any of th
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Mapping, Sequence
 from statistics import NormalDist
 
@@ -31,7 +30,7 @@ class Known:
 
     rated: Sequence[Rated]
     looks: Mapping[Group, int]  # taken of the candidates of each group; 0 where they were not measured
-    lenses: int  # of a sample after its last look
+    narrowing: Callable[[int], float]  # of bounds from so many lenses, as a factor, with all lenses of the last look
     target: float
     limit: float  # longest time of a frame in seconds
     affords: Callable[[Group], bool]  # whether another look at a group is possible
@@ -75,12 +74,12 @@ class Known:
     def _is_open(self, row: Rated) -> bool:
         """Return whether a candidate that was not proved to reach the target can be, with all lenses that there are.
 
-        Its bound must then rise above the target, while it narrows with the root of the number of lenses.
+        Its bound must then rise above the target, while it narrows.
         """
         found = row.estimate
         if found is None or row.low >= self.target or row.seconds > self.limit:
             return False
-        narrowed = (found.mean - found.low) * math.sqrt(found.lenses / self.lenses)
+        narrowed = (found.mean - found.low) * self.narrowing(found.lenses)
         return found.high >= self.target + narrowed and self.affords(self._group(row))
 
     def _group(self, row: Rated) -> Group:

@@ -20,7 +20,7 @@ from lfsr_core.plan.options import PlanOptions
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, FAST_METHOD
 from lfsr_core.records import read_record, write_record
 from lfsr_lab.experiments.engine.renders import Store
-from lfsr_lab.experiments.engine.report import UNKNOWN, exit_code, markdown_table
+from lfsr_lab.experiments.engine.report import UNKNOWN, exit_code, markdown_table, number
 from lfsr_lab.experiments.plan_validation.__main__ import Draws, summary, validate
 from lfsr_lab.experiments.plan_validation.records import Validation, Verdict
 from lfsr_lab.experiments.sweeps.breaks import DROP
@@ -31,7 +31,7 @@ from lfsr_lab.experiments.sweeps.sweeps import MOTION, choose_sweeps, label
 SCALES, SPPS, SEEDS = (1, 2, 4), (4, 16, 64), (0, 1, 2)
 JUDGED = "ssim_lens_fg"  # what plans are made for
 RATE = 1e-4  # seconds of a path sample, so large that plans minimise path samples, as on displays of many lenses
-COLUMNS = ("sweep, unit", "from – to", "target", "plan at", "chosen", "met", "cost")
+COLUMNS = ("sweep, unit", "from – to", "default, scores", "target", "plan at", "chosen", "met", "cost")
 
 
 def value_of(sweep: SweepReport) -> float:
@@ -64,7 +64,10 @@ def verdicts(report: Report, store: Store, output: Path) -> Iterator[Verdict]:
 
 
 def table(report: Report, plans: Iterable[Verdict]) -> list[str]:
-    """Return the lines of the table: where each method breaks, and what plans choose there."""
+    """Return the lines of the table: where each method breaks, and what plans choose there.
+
+    The default's scores are its judged figures at the first value, in the middle and at the last.
+    """
     rows = list(plans)
     return markdown_table([*COLUMNS[:2], *(f"`{name}`" for name in report.methods), *COLUMNS[2:]],
                           (_row(sweep, report.methods, rows) for sweep in report.sweeps))
@@ -73,7 +76,9 @@ def table(report: Report, plans: Iterable[Verdict]) -> list[str]:
 def _row(sweep: SweepReport, methods: Sequence[str], rows: Sequence[Verdict]) -> list[str]:
     value = value_of(sweep)
     made = [row for row in rows if row.scene == choose_sweeps([sweep.name])[0].scene_name(value)]
-    breaks = [f"{sweep.name}, {sweep.unit}", sweep.span, *map(sweep.break_text, methods)]
+    scores = sweep.series(DEFAULT_METHOD, sweep.judged)
+    shown = " ".join(number(scores[place]).lstrip("0") for place in (0, len(scores) // 2, -1))
+    breaks = [f"{sweep.name}, {sweep.unit}", sweep.span, *map(sweep.break_text, methods), shown]
     if not made:
         return [*breaks, *[UNKNOWN] * 5]
     chosen = dict.fromkeys(row.chosen or f"nothing ({row.limit.partition(':')[0]})" for row in made)
