@@ -1,0 +1,1 @@
+"""Methods of others, with their own weights, on our renders and on captured light fields. Nothing of theirs ships."""

@@ -1,0 +1,155 @@
+"""Captured light fields: views are left out and made again, ours through `lfsr import`, and compared with the captured.
+
+The protocol is that of the papers: luma of 8 bits, 22 pixels cut from every border, mean over the views that were made.
+Ours lies at half-view places, so an even ratio cannot be imported: there its kernels are evaluated at the views.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from lfsr_core.arrays import Array
+from lfsr_core.errors import LfsrError
+from lfsr_core.exports.importing import import_views
+from lfsr_core.exports.view_files import find_views, read_views
+from lfsr_core.images.png import write_png
+from lfsr_core.images.srgb import srgb_decode, srgb_encode
+from lfsr_core.metrics.split_ssim import stacked_ssim
+from lfsr_core.optics.eia import to_views
+from lfsr_core.reconstruct.encoding import decode, encode
+from lfsr_core.reconstruct.methods.interpolation import KERNELS
+from lfsr_core.reconstruct.second_stage import finished_linear
+from lfsr_lab.experiments.rivals.makers import MAKERS
+from lfsr_lab.experiments.rivals.matlab import to_ycbcr
+
+VERSION = 1  # of how figures are measured
+CUT = 22  # pixels
+OURS = ("bilinear", "bicubic", "lanczos", "bilinear+epi")
+KERNEL_OF = {"bilinear": "linear", "bicubic": "cubic", "lanczos": "lanczos"}
+FOLDERS = {
+    "antinous": "epinet/hci_dataset/additional/antinous",
+    "translucent": "LightField_Denoising/data/clean/translucent",
+    "t_rex": "LightField_Denoising/data/clean/t_rex",
+    "Amethyst": "Sheared-EPI/Training/TrainDataLF/Amethyst",
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Task:
+    """Views of a light field, from a first one on, every ``ratio``-th of which is given."""
+
+    field: str  # of FOLDERS
+    given: int  # views along each axis, or along the row
+    ratio: int
+    first: int = 0
+    shear: int = 0  # pixels between two given views, for Sheared-EPI; 0 where it cannot run
+
+    @property
+    def made(self) -> int:
+        """Views along each axis."""
+        return self.ratio * (self.given - 1) + 1
+
+    @property
+    def name(self) -> str:
+        """As papers write it."""
+        return f"{self.field} {self.given}→{self.made}"
+
+
+# Shears: 9 as in the tests of Sheared-EPI, more where neighbouring views differ by more (antinous: up to 3.1 pixels).
+TASKS = (Task("antinous", 3, 3, 1), Task("antinous", 2, 6, 1, 19), Task("antinous", 2, 7),
+         Task("translucent", 3, 3, shear=9), Task("translucent", 2, 6, shear=9), Task("t_rex", 2, 3),
+         Task("Amethyst", 6, 3), Task("Amethyst", 3, 7))
+
+
+@dataclasses.dataclass(frozen=True)
+class Likeness:
+    """Of the views that one method made."""
+
+    psnr: float  # dB, mean over views
+    ssim: float  # mean over views
+
+
+def read_field(clones: Path, task: Task) -> Array:
+    """Return the views (m, n, H, W, 3) uint8 of a task, with those to leave out; LfsrError where they are missing."""
+    files = find_views(clones / FOLDERS[task.field])
+    across, down = files.count
+    if task.first + task.made > across:
+        raise LfsrError(f"{clones / FOLDERS[task.field]} has {across} views across, expected "
+                        f"{task.first + task.made}: fetch the whole folder")
+    part = slice(task.first, task.first + task.made)
+    return read_views(files)[part if down > 1 else slice(0, 1), part]
+
+
+def methods(task: Task, views: Array) -> list[str]:
+    """Return the names of the methods that can do a task."""
+    row = len(views) == 1
+    able = [name for name, maker in MAKERS.items() if maker.makes(task.ratio) and (
+        name == "EPICNN" or (not row and (name != "Sheared-EPI" or task.shear)))]
+    return [*(OURS if task.ratio % 2 else KERNEL_OF), *able]
+
+
+def made(views: Array, task: Task, name: str, clones: Path) -> Array:
+    """Return the views (m, n, H, W, 3) uint8 that a method makes of those that are given."""
+    given = views[::task.ratio, ::task.ratio]
+    if name in MAKERS:
+        shown = MAKERS[name].load(clones, task.ratio, task.shear)(given.astype(np.float32) / 255)
+    elif task.ratio % 2:
+        shown = _imported(given, task.ratio, name)
+    else:
+        shown = _resampled(given, task.ratio, KERNEL_OF[name])
+    return np.round(np.clip(shown, 0, 1) * 255).astype(np.uint8)
+
+
+def _imported(given: Array, ratio: int, name: str) -> Array:
+    """Return what `lfsr import --scale` and the second stage make, without the views beyond the outermost given."""
+    with tempfile.TemporaryDirectory() as folder:
+        source, frame = Path(folder) / "views", Path(folder) / "frame"
+        source.mkdir()
+        for row, column in np.ndindex(given.shape[:2]):
+            write_png(source / f"view_{row:03d}_{column:03d}.png", given[row, column])
+        import_views(source, frame, scale=ratio)
+        views = to_views(finished_linear(frame, name), (given.shape[3], given.shape[2]))
+    margin = slice(ratio // 2, -(ratio // 2))
+    return srgb_encode(views[margin if len(given) > 1 else slice(None), margin])
+
+
+def _resampled(given: Array, ratio: int, kernel: str) -> Array:
+    """Return our kernel's values at the views, encoded as the second stage does; the last view is repeated."""
+    reach, weight = KERNELS[kernel]
+    values = encode(srgb_decode(given.astype(np.float32) / 255))
+    for axis in (0, 1):
+        count = values.shape[axis]
+        places = np.arange(ratio * (count - 1) + 1) / ratio
+        taps = np.floor(places).astype(int)[:, None] + np.arange(1 - reach, reach + 1)
+        weights = weight(places[:, None] - taps)
+        matrix = np.zeros((len(places), count))
+        np.add.at(matrix, (np.arange(len(places))[:, None], np.clip(taps, 0, count - 1)),
+                  weights / weights.sum(1, keepdims=True))
+        values = np.moveaxis(np.tensordot(matrix, values, (1, axis)), 0, axis)
+    return srgb_encode(decode(values))
+
+
+def likeness(shown: Array, views: Array, ratio: int) -> Likeness:
+    """Compare the views that were left out, (m, n, H, W, 3) uint8 each."""
+    left_out = [place for place in np.ndindex(views.shape[:2]) if any(index % ratio for index in place)]
+    pairs = [[_luma(each[place]) for each in (shown, views)] for place in left_out]
+    return Likeness(float(np.mean([_psnr(*pair) for pair in pairs])), float(np.mean([_ssim(*pair) for pair in pairs])))
+
+
+def _luma(view: Array) -> Array:
+    """Return luma (H, W) in [0, 1], rounded to 8 bits, without its borders."""
+    return np.asarray(np.round(to_ycbcr(view[CUT:-CUT, CUT:-CUT] / 255)[..., 0] * 255) / 255)
+
+
+def _psnr(x: Array, y: Array) -> float:
+    return -10 * math.log10(max(float(np.mean((x - y)**2)), 1e-10))
+
+
+def _ssim(x: Array, y: Array) -> float:
+    x, y = (values[None, ..., None].astype(np.float32) for values in (x, y))
+    return float(stacked_ssim(x, y, y).mean())

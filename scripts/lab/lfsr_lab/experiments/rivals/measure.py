@@ -1,0 +1,129 @@
+"""Accuracy of denoisers and interpolations, ours and those of others, on our renders.
+
+A network makes no views beyond the outermost that it is given, so only the views within count, for all methods.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lfsr_core.arrays import Array
+from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
+from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world
+from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.srgb import srgb_decode, srgb_encode
+from lfsr_core.reconstruct.registry import PREFILTERS, method
+from lfsr_core.reconstruct.second_stage import finished_lenses
+from lfsr_lab.experiments.denoiser.measure import Truth
+from lfsr_lab.experiments.engine.accuracy import lens_ssims
+from lfsr_lab.experiments.engine.timing import children_cpu_seconds, cpu_seconds
+from lfsr_lab.experiments.rivals import lfbm5d
+from lfsr_lab.experiments.rivals.lfdnpatch import LFDnPatch
+from lfsr_lab.experiments.rivals.makers import MAKERS
+from lfsr_lab.experiments.rivals.renders import SAMPLES, SCALES, WIDE, View
+
+VERSION = 1  # of how figures are measured
+MOST_SHEAR = 4  # pixels between two low-resolution views, as in the demo of Sheared-EPI
+OURS = ("bilinear", "bicubic", "bilinear+epi")
+# What follows a denoiser, by the scale. Sheared-EPI at scale 3 has 169 cells of views: minutes for each image.
+FOLLOWERS = {7: (*OURS, "AngularSR-1", "AngularSR-2", "Sheared-EPI"), 3: (*OURS, "EPICNN")}
+AFTER_OTHERS = {7: ("bilinear", "AngularSR-2"), 3: ("bilinear",)}
+OTHERS = ("LFBM5D", "LFDnPatch")
+SLOW = ("Sheared-EPI",)  # after our denoiser alone
+
+
+@dataclasses.dataclass(frozen=True)
+class Figures:
+    """Of one render and method: one value per foreground lens."""
+
+    ssim: tuple[float, ...]  # split SSIM
+    squared: tuple[float, ...]  # squared error of display values, split
+    cpu_seconds: float  # of interpolating all lenses
+
+    @property
+    def psnr(self) -> float:
+        """In dB, of the mean squared error."""
+        return -10 * math.log10(max(float(np.mean(self.squared)), 1e-9))
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """Of one render and denoiser."""
+
+    cpu_seconds: float  # of denoising
+    followers: dict[str, Figures]  # by the interpolation
+
+
+def denoisers(view: View) -> tuple[str, ...]:
+    """Return the denoisers that are measured on a render; filters of 196 views take minutes each."""
+    few = view.scale == SCALES[0] or (view.width, view.samples) == (WIDE, SAMPLES[-1])
+    return (*PREFILTERS, *OTHERS) if few else tuple(PREFILTERS)
+
+
+def measure(render: Path, truth: Truth, denoiser: str, clones: Path) -> Row:
+    """Finish every lens in every way after a denoiser, and compare those that the reference shows."""
+    layers, frame = clean(read_layers(render / LOW_RES_FILE))[0], read_frame(render)
+    low = low_resolution(layers, frame, read_world(render, frame))
+    without, seconds = _timed(lambda: denoised(low, denoiser, clones))
+    names = (AFTER_OTHERS if denoiser in OTHERS else FOLLOWERS)[low.scale]
+    names = tuple(name for name in names if name not in SLOW or denoiser == "denoise")
+    made = {name: _timed(functools.partial(finished, without, name, clones)) for name in names}
+    return Row(seconds, {name: _figures(*each, truth, low.scale // 2) for name, each in made.items()})
+
+
+def _figures(images: Array, seconds: float, truth: Truth, margin: int) -> Figures:
+    shown = images[tuple(truth.lenses.T)]
+    a, b = (_inside(srgb_encode(half), margin) for half in truth.halves)
+    squared = ((shown - a) * (shown - b)).mean((1, 2, 3), dtype=np.float64)
+    return Figures(_values(lens_ssims(shown, a, b)), _values(squared), seconds)
+
+
+def _timed(work: Callable[[], Any]) -> tuple[Any, float]:
+    """Return a result, and the processor seconds that it took in this process and its children."""
+    started = cpu_seconds() + children_cpu_seconds()
+    result = work()
+    return result, round(cpu_seconds() + children_cpu_seconds() - started, 2)
+
+
+def finished(low: LowResEIA, name: str, clones: Path) -> Array:
+    """Return the elemental images (sy, sx, r·(h - 1) + 1, r·(w - 1) + 1, 3) of all lenses, display values."""
+    if name in MAKERS:
+        return MAKERS[name].load(clones, low.scale, MOST_SHEAR)(_views(low.color)).transpose(2, 3, 0, 1, 4)
+    sy, sx = low.color.shape[:2]
+    every = np.stack(np.divmod(np.arange(sy * sx), sx), -1)
+    images = finished_lenses(low, np.ones(len(every), bool), method(name), every)
+    images = _inside(srgb_encode(images), low.scale // 2)
+    return images.reshape(sy, sx, *images.shape[1:])
+
+
+def denoised(low: LowResEIA, denoiser: str, clones: Path) -> LowResEIA:
+    """Return a low-resolution EIA without noise; light-field filters of others see views of display values."""
+    if denoiser in PREFILTERS:
+        return PREFILTERS[denoiser](low)
+    if denoiser == "LFDnPatch":
+        views = LFDnPatch(clones)(_views(low.color))
+    else:
+        views = lfbm5d.denoised(lfbm5d.program(clones), _views(low.color))
+    color = srgb_decode(views.transpose(2, 3, 0, 1, 4).astype(np.float32))
+    return dataclasses.replace(low, color=color, noisy=low.color)
+
+
+def _inside(images: Array, margin: int) -> Array:
+    """Return the pixels of (n, py, px, 3) between the outermost low-resolution views."""
+    return images[:, margin:-margin, margin:-margin]
+
+
+def _views(color: Array) -> Array:
+    """Return views (h, w, sy, sx, 3) of display values in [0, 1] of scene-linear EIs."""
+    return np.ascontiguousarray(srgb_encode(color).transpose(2, 3, 0, 1, 4))
+
+
+def _values(values: Array) -> tuple[float, ...]:
+    return tuple(float(f"{value:.5g}") for value in values)
