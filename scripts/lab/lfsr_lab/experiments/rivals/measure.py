@@ -21,9 +21,9 @@ from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_decode, srgb_encode
 from lfsr_core.reconstruct.registry import PREFILTERS, method
 from lfsr_core.reconstruct.second_stage import finished_lenses
-from lfsr_lab.experiments.denoiser.measure import Truth
 from lfsr_lab.experiments.engine.accuracy import lens_ssims
 from lfsr_lab.experiments.engine.timing import children_cpu_seconds, cpu_seconds
+from lfsr_lab.experiments.engine.truth import Truth
 from lfsr_lab.experiments.rivals import lfbm5d
 from lfsr_lab.experiments.rivals.lfdnpatch import LFDnPatch
 from lfsr_lab.experiments.rivals.makers import MAKERS

@@ -10,10 +10,10 @@ from lfsr_core.arrays import Array
 from lfsr_core.reconstruct.registry import PREFILTERS
 from lfsr_core.records import to_data
 from lfsr_core.render.store import is_complete
-from lfsr_lab.experiments.denoiser.measure import Truth
 from lfsr_lab.experiments.engine.cells import to_stderr
 from lfsr_lab.experiments.engine.records import Fingerprint, Records, method_facts
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, digest, frame_digest
+from lfsr_lab.experiments.engine.truth import Truth
 from lfsr_lab.experiments.rivals.captured import OURS, TASKS, Likeness, Task, likeness, made, methods, read_field
 from lfsr_lab.experiments.rivals.captured import VERSION as CAPTURED_VERSION
 from lfsr_lab.experiments.rivals.measure import VERSION, Row, denoisers, measure
