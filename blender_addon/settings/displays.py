@@ -14,6 +14,7 @@ TITLES = {
     "looking-glass-8.9": "Looking Glass 8.9″ Gen 1", "looking-glass-15.6": "Looking Glass 15.6″ Gen 1",
     "looking-glass-16": "Looking Glass 16″ Gen 2", "looking-glass-16-gen3": "Looking Glass 16″ Gen 3",
     "looking-glass-32": "Looking Glass 32″ Gen 2", "looking-glass-65": "Looking Glass 65″",
+    "cubevi-c1": "CubeVi C1", "litiholo": "LitiHolo Hologram Printer",
     "small": "14″ for Trials", "mini": "5″ for Trials"}
 
 

@@ -28,6 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bridge", action="store_true",
                         help="list the displays of Looking Glass Bridge; with -o FILE.toml: make the profile of one, "
                              "named by its index or name where there are several")
+    parser.add_argument("--cubevi", nargs=3, type=float, metavar=("SLOPE", "INTERVAL", "X0"),
+                        help="make a profile of a CubeVi C1 from what Cubestage shows as obliquity, lineNumber "
+                             "and deviation; needs -o FILE.toml; negative ones as \" -1.95\"")
     parser.add_argument("--pattern", metavar="phase|lens|band|rgb|grid",
                         help="write a test image for the panel, for judging by eye or for a photograph; needs -o "
                              "FILE.png")
@@ -45,6 +48,8 @@ def run(arguments: argparse.Namespace) -> None:
         return _print_connected()
     if arguments.bridge or arguments.calibration:
         profile = _imported(arguments)
+    elif arguments.cubevi:
+        profile = _of_c1(arguments)
     elif arguments.pattern:
         return _write_pattern(arguments)
     elif arguments.fit:
@@ -100,6 +105,18 @@ def _imported(arguments: argparse.Namespace) -> DisplayProfile:
     for name, usual in (("fringe", 0), ("invView", 1)):
         if (value := calibration.numbers[name]) != usual:
             print(f"note: the calibration's {name} of {value:g} is ignored, as by the maker's programs")
+    return profile
+
+
+def _of_c1(arguments: argparse.Namespace) -> DisplayProfile:
+    """Profile of a CubeVi C1, written to the output file and named after it."""
+    from lfsr_core.optics.panel.cubevi import profile_of_c1
+    from lfsr_core.optics.profile_file import write_profile
+
+    output = _output(arguments, "--cubevi writes a profile", "-o FILE.toml")
+    slope, interval, x0 = arguments.cubevi
+    profile = profile_of_c1(slope, interval, x0, output.stem)
+    write_profile(output, profile)
     return profile
 
 

@@ -89,3 +89,12 @@ def test_without_bridge_no_profile_is_written(monkeypatch, tmp_path, capsys):
     monkeypatch.setenv(loopback.PORT_VARIABLE, "1")
     assert "is not running" in fails(["displays", "--bridge", "-o", str(tmp_path / "desk.toml")], capsys)
     assert not list(tmp_path.iterdir())
+
+
+def test_the_three_numbers_of_a_cubevi(tmp_path, capsys):
+    assert main(["displays", "--cubevi", "0.0988", "19.6138", " -1.95", "-o", str(tmp_path / "c1.toml")]) == 0
+    assert "19.614" in capsys.readouterr().out and load_display(tmp_path / "c1.toml").views == (40, 1)
+    assert "add -o FILE.toml" in fails(["displays", "--cubevi", "0.1", "19", "1"], capsys)
+    assert "interval (lineNumber) is 0.0" in fails(
+        ["displays", "--cubevi", "0.1", "0", "1", "-o", str(tmp_path / "c2.toml")], capsys)
+    assert not (tmp_path / "c2.toml").exists()

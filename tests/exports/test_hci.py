@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from lfsr_core.errors import LfsrError
+from lfsr_core.exports.disparity import central_disparity
 from lfsr_core.exports.formats import export
+from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.frame import read_frame, write_frame
 from tests.support.finished import MINI, TALL, finished, picture
@@ -90,6 +92,15 @@ def test_hci_disparity_warps_views_onto_each_other(fine_hci, row, column):
         return np.abs(warped[inside].astype(float) - views[3, 3][inside]).mean()
 
     assert error(1) < 0.6 * error(0) < 0.6 * error(-1)
+
+
+def test_disparity_of_one_row_of_views_lies_where_things_are(tmp_path):
+    row = dataclasses.replace(MINI, name="row", views=(8, 1), lenses=(64, 48), panel_pixels=(512, 48))
+    field = read_light_field(finished(tmp_path / "frame", row, scale=4))
+    near = field.view_at(3.5, 0)[..., 2] > 160  # the near square is the only blue
+    wrong = ((central_disparity(field) > 0) != near).any(axis=1)
+    assert set(np.nonzero(wrong)[0]) <= set(np.nonzero(near.any(axis=1))[0]), "above and below nothing is near"
+    assert (central_disparity(field)[:, 28] > 0).tolist() == near[:, 28].tolist()
 
 
 def test_hci_without_a_position_layer_says_so(tmp_path):
