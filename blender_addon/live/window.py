@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Iterator
+
 import bpy
 
 from lfsr_core.errors import LfsrError
 
 from .scene import MARK, PANEL
+
+LEFT = "left"  # value of MARK: the screen of a live window that is closed
 
 
 def find(kind: str = PANEL) -> bpy.types.Window | None:
@@ -39,17 +44,43 @@ def toggle_full_screen(window: bpy.types.Window) -> None:
 
 
 def close_window(kind: str = PANEL) -> None:
-    """Close the live window of one kind, if it is open."""
+    """Close the live window of one kind, if it is open, and remove its screens, which Blender would keep."""
     window = find(kind)
-    if window is None:
-        return
-    if window.screen.show_fullscreen:
-        with bpy.context.temp_override(window=window, area=window.screen.areas[0]):
-            bpy.ops.screen.back_to_previous()
-    if MARK in window.screen:
-        del window.screen[MARK]
-    with bpy.context.temp_override(window=window):
-        bpy.ops.wm.window_close()
+    if window is not None:
+        if window.screen.show_fullscreen:
+            with bpy.context.temp_override(window=window, area=window.screen.areas[0]):
+                bpy.ops.screen.back_to_previous()
+        with bpy.context.temp_override(window=window):
+            bpy.ops.wm.window_close()
+    for screen in bpy.data.screens:
+        if screen.get(MARK) == kind:
+            screen[MARK] = LEFT
+    if any(screen.get(MARK) == LEFT for screen in bpy.data.screens):
+        bpy.app.timers.register(functools.partial(next, _removal(), None), first_interval=0)
+
+
+def _removal() -> Iterator[float]:
+    """Remove screens that are left, and yield where Blender must act first.
+
+    Blender deletes only the screen that a window shows. So a main window shows each for a moment, which Blender acts on
+    after the timers, mostly before it draws. A screen of a workspace that no window shows stays until the next time.
+    """
+    homes: dict[str, str] = {}  # by workspace: what its window shows
+    for name in [screen.name for screen in bpy.data.screens if screen.get(MARK) == LEFT and not screen.show_fullscreen]:
+        window = next((window for window in bpy.context.window_manager.windows
+                       if window.parent is None and name in window.workspace.screens), None)
+        if window is None:
+            continue
+        home = homes.setdefault(window.workspace.name, window.screen.name)
+        window.screen = bpy.data.screens[name]
+        if any(screen.get(MARK) == LEFT and screen.show_fullscreen for screen in bpy.data.screens):
+            yield 0.0
+            if window.screen.show_fullscreen:  # of a window that the user has closed: its screen without borders
+                with bpy.context.temp_override(window=window, area=window.screen.areas[0]):
+                    bpy.ops.screen.back_to_previous()
+        with bpy.context.temp_override(window=window, screen=bpy.data.screens[name]):
+            bpy.ops.screen.delete()
+        window.screen = bpy.data.screens[home]
 
 
 def region_of(window: bpy.types.Window) -> bpy.types.Region:

@@ -2,8 +2,9 @@
 
 Everything that ``panel_rays.py`` computes is linear in the place on the panel and in how far that place is from the
 centre of its elemental image. So the quad's corners store the linear parts, which Cycles interpolates, and the material
-only rounds, adds and multiplies (``card_rays``). Elemental images are counted along the rows of their lattice and from
-row to row, the first axis square to the second: the nearest centre is then in the row below the place or above it.
+only rounds, adds and multiplies (``card_rays``). Elemental images are counted along the rows of their lattice, in which
+neighbours are nearest, and from row to row, the first axis square to the second: the nearest centre is then in the row
+below the place or above it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from lfsr_core.arrays import Array
 from lfsr_core.optics.lens_card import MIN_SIZE, RIM, UNIT
 from lfsr_core.optics.panel.panel_rays import PERIOD, PanelLayout, subpixel_table
-from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice, elemental_waves
+from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice, elemental_waves, short_steps
 from lfsr_core.optics.rays import directed
 from lfsr_core.optics.sheet import Lenticular
 
@@ -138,12 +139,13 @@ def _lenses(layout: PanelLayout, geometry: Geometry) -> _Sheet:
     assert sheet is not None
     throw = geometry.distance / geometry.gap
     elemental = elemental_lattice(sheet, geometry)
-    steps, images = _by_rows(elemental.matrix(sheet.packing))
-    matrix = sheet.lenses.matrix(sheet.packing)
-    lens_steps, lenses = _by_rows(matrix)
+    matrix, images_matrix = sheet.lenses.matrix(sheet.packing), elemental.matrix(sheet.packing)
+    short = short_steps(images_matrix)
+    steps, images = _by_rows(images_matrix @ short)
+    lens_steps, lenses = _by_rows(matrix @ short_steps(matrix))
     waves = np.linalg.inv(steps)
     phases = waves @ np.array(elemental.shift_mm)
-    counted = matrix @ [[1, -images.shift], [0, 1]]  # a lens's place by the count of its elemental image
+    counted = matrix @ short @ [[1, -images.shift], [0, 1]]  # a lens's place by the count of its elemental image
     lens, shift = counted @ waves, sheet.lenses.shift_mm - counted @ phases
     return _Sheet(
         waves, phases, lens, shift, images, lenses, lens * (1 + throw) - np.eye(2) * throw, shift * (1 + throw),

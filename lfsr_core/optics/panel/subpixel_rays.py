@@ -146,17 +146,36 @@ def lattice_point(lattice: Lattice, packing: str, first: Array, second: Array) -
 
 def nearest_point(lattice: Lattice, packing: str, x: Array, y: Array) -> Pair:
     """Numbers (first, second) of the lattice point nearest to (x, y)."""
-    matrix = lattice.matrix(packing)
+    plain = packing == "square" and not lattice.shear
+    steps = lattice.matrix(packing)
+    short = np.eye(2) if plain else short_steps(steps)
+    matrix = steps @ short
     inverse = np.linalg.inv(matrix)
     right, up = x - lattice.shift_mm[0], y - lattice.shift_mm[1]
     first, second = (inverse[n, 0] * right + inverse[n, 1] * up for n in (0, 1))
-    if packing == "square" and not lattice.shear:
+    if plain:
         return np.floor(first + 0.5), np.floor(second + 0.5)
-    return _nearest_of_four(matrix, first, second)
+    first, second = _nearest_of_four(matrix, first, second)
+    return short[0, 0] * first + short[0, 1] * second, short[1, 0] * first + short[1, 1] * second
+
+
+def short_steps(steps: Array) -> Array:
+    """(2, 2) whole numbers: columns are the sums of a lattice's steps, its columns, that are its two shortest ones.
+
+    The lattice has no other points for them (Lagrange's reduction). The angle between the two is 60 to 120 degrees.
+    """
+    short = np.eye(2)
+    while True:
+        along, up = (steps @ short).T
+        short[:, 1] -= np.rint(along @ up / (along @ along)) * short[:, 0]
+        up = steps @ short[:, 1]
+        if up @ up > (1 - 1e-9) * (along @ along):
+            return short
+        short = short[:, ::-1].copy()
 
 
 def _nearest_of_four(matrix: Array, first: Array, second: Array) -> Pair:
-    """Nearest corner of the cell that contains (first, second); exact unless the lattice is strongly sheared."""
+    """Nearest corner of the cell that contains (first, second), where the columns of ``matrix`` are short steps."""
     left, below = np.floor(first), np.floor(second)
     in_first, in_second = first - left, second - below
     metric = matrix.T @ matrix

@@ -32,7 +32,8 @@ SECONDS_BETWEEN_PICTURES = 2
 STATE = """
 def state():
     scene = bpy.context.scene
-    kinds = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups", "worlds", "collections", "images")
+    kinds = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups", "worlds", "collections", "images",
+             "screens")
     owners = {"scene": scene, "render": scene.render, "cycles": scene.cycles, "view": scene.view_settings,
               "space": bpy.context.space_data.shading, "region": bpy.context.space_data.region_3d}
     plain = {f"{name}.{item.identifier}": str(getattr(owner, item.identifier)) for name, owner in owners.items()
@@ -201,6 +202,25 @@ def test_start_and_stop_leave_everything_as_it_was(window):
     window.run("bpy.ops.lfsr.live_stop()")
     window.settle()
     assert window.get("state()") == before
+
+
+@pytest.mark.parametrize("by", ["button", "hand"])
+def test_closed_windows_leave_no_screens(window, by):
+    before = window.get("state()")
+    for _ in range(5):
+        start(window)
+        start(window, kind="eye")
+        if by == "button":
+            window.run("bpy.ops.lfsr.live_stop(); bpy.ops.lfsr.live_eye_stop()")
+        else:
+            window.close_others()
+            window.until("not live.is_on() and not live.is_on('eye')", 10)
+        window.settle()
+    assert window.get("state()") == before
+    start(window)
+    window.run("bpy.ops.lfsr.live_stop(); bpy.ops.lfsr.live_start()")
+    window.settle()
+    assert window.get("len(bpy.data.screens)") == len(before["screens"]) + 2, "only those of the window that is open"
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0, 1.0), (0.6, -0.4, 1.0), (-0.3, 0.2, 2.0)])

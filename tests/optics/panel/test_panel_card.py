@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from lfsr_core.optics.panel.panel_card import PARTS, Rows, card_rays, nearest, panel_card
 from lfsr_core.optics.panel.panel_rays import PanelLayout, panel_rays
 from lfsr_core.optics.rays import CameraArray
+from lfsr_core.optics.sheet import Lattice
 from tests.support.panels import SHEETS, large, lenticular, square
 
 FLIPPED = lenticular(subpixels={"stripes": "bgr"})
@@ -19,7 +20,9 @@ FLIPPED = dataclasses.replace(FLIPPED, lenticular=dataclasses.replace(FLIPPED.le
 APART = square()  # elemental images that are not those of the lenses seen from the middle
 APART = dataclasses.replace(APART, lenslet=dataclasses.replace(
     APART.lenslet, elemental_images=dataclasses.replace(APART.lenslet.lenses.scaled(1.03), rotation_deg=-1.5)))
-DISPLAYS = {**{name: make() for name, make in SHEETS.items()}, "flipped": FLIPPED, "apart": APART,
+SHEARED = dataclasses.replace(APART, lenslet=dataclasses.replace(
+    APART.lenslet, lenses=Lattice((2.0, 5.0), 20.0, 1.0), elemental_images=None))
+DISPLAYS = {**{name: make() for name, make in SHEETS.items()}, "flipped": FLIPPED, "apart": APART, "sheared": SHEARED,
             "flipped cells": dataclasses.replace(SHEETS["cells"](), lenticular=FLIPPED.lenticular),
             "white": lenticular(subpixels={"stripes": "white"})}
 
@@ -58,7 +61,7 @@ def test_a_ray_of_a_whole_pixel_is_that_of_the_subpixel_at_its_place(name):
             assert ours == pytest.approx(theirs, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", ["cells", "hexagonal", "square"])
+@pytest.mark.parametrize("name", ["cells", "hexagonal", "square", "sheared"])
 def test_random_points_fill_the_lens_as_those_of_the_layout(name):
     """Not number by number: both choose points evenly over the lens, in other orders."""
     layout, random = layout_of(DISPLAYS[name]), np.random.default_rng(0).random((2, 20000))

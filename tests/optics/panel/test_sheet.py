@@ -15,7 +15,8 @@ from lfsr_core.errors import MOST_CHARACTERS, LfsrError
 from lfsr_core.frames.frame import Frame
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.gather import gather_map
-from lfsr_core.optics.sheet import CELL_RULES, Lattice, cell_of
+from lfsr_core.optics.panel.subpixel_rays import lattice_point, nearest_point
+from lfsr_core.optics.sheet import CELL_RULES, PACKINGS, Lattice, cell_of
 from lfsr_core.records import from_data, to_data
 from tests.support.panels import CELLS, SHEETS, hexagonal, lenticular, profile
 from tests.support.synthetic import frame_of
@@ -45,6 +46,17 @@ def test_rotating_shearing_and_packing_a_lattice():
     np.testing.assert_allclose(Lattice((2.0, 3.0), 90.0).matrix("square"), [[0, -3], [2, 0]], atol=1e-12)
     np.testing.assert_allclose(Lattice((2.0, 3.0)).matrix("hexagonal"), [[2, 1], [0, 3]])
     np.testing.assert_allclose(Lattice((2.0, 3.0), shear=0.5).matrix("square"), [[2, 1.5], [0, 3]])
+
+
+@given(st.tuples(st.floats(1, 8), st.floats(1, 8)), st.floats(-90, 90), st.floats(-1, 1), st.sampled_from(PACKINGS))
+def test_no_point_of_a_lattice_is_nearer_than_the_nearest(pitch, rotation, shear, packing):
+    lattice, inside = Lattice(pitch, rotation, shear), np.linspace(-1, 1, 12)
+    places = np.stack(lattice_point(lattice, packing, inside[:, None], inside)).reshape(2, -1)
+    found = nearest_point(lattice, packing, *places)
+    np.testing.assert_array_equal(found, np.rint(found))
+    every = np.stack(lattice_point(lattice, packing, np.arange(-24, 25)[:, None], np.arange(-24, 25)))
+    nearest = np.hypot(*(every.reshape(2, -1, 1) - places[:, None])).min(0)
+    assert np.hypot(*(lattice_point(lattice, packing, *found) - places)) == pytest.approx(nearest, abs=1e-9)
 
 
 @pytest.mark.parametrize("rule", CELL_RULES)
