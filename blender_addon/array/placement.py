@@ -62,17 +62,20 @@ def focus_notice(scene: bpy.types.Scene, placed: Placement) -> str:
             "the array would reach through what stands beside the camera")
 
 
-def unseen_notice(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.types.Object]) -> str:
-    """Return the notice that the middle of a ``placed`` array sees other things than the subject, and where that lies.
+def unseen_notice(scene: bpy.types.Scene, profile: DisplayProfile, placed: Placement,
+                  subject: set[bpy.types.Object]) -> str:
+    """Return the notice that a ``placed`` array of ``profile`` sees other things than the subject, and where that lies.
 
-    "" if it sees some of the subject, or if rays could not tell: they meet neither hair nor volumes.
+    "" if some of its views see the subject, or if rays could not tell: they meet neither hair nor volumes.
     """
     array, matrix = placed
     sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), to_blender(matrix), clip_of(scene))
     half = array.half_width / array.distance, array.half_height / array.distance
     points = [points.mean(0) for points in world_points(subject)]
     unmet = any(item.type in BOXED for item, _, _ in instances(subject))
-    if not points or unmet or any(item.original in subject for _, item in _hits(sight, half)):
+    eyes = (array.spacing * np.multiply(profile.views, np.subtract(at, 1) / 2) for at in np.ndindex(3, 3))
+    seen = (item for eye in eyes for _, item in _hits(sight, half, eye, array.distance))
+    if not points or unmet or any(item.original in subject for item in seen):
         return ""
     names, where = _seen_names(sight, half), _where(np.mean(points, axis=0), sight, half)
     return f"The array sees {names}, but nothing of the subject, which {where}" if names else (
@@ -241,11 +244,11 @@ class _Sight:
         """Depth at which rays begin."""
         return self.clip[0] if self.clip else 0.0
 
-    def look(self, x: float, y: float) -> tuple[mathutils.Vector, bpy.types.Object] | None:
-        """World place and object seen in the direction of (x, y) at depth 1, None for nothing."""
+    def look(self, x: float, y: float, eye: mathutils.Vector) -> tuple[mathutils.Vector, bpy.types.Object] | None:
+        """World place and object seen from ``eye`` in the direction of (x, y) at depth 1, None for nothing."""
         direction = mathutils.Vector((x, y, -1))
         start, end = self.clip or (0.0, MOST_REACH)
-        return self.cast(direction, min((end - start) * direction.length, MOST_REACH), start * direction)
+        return self.cast(direction, min((end - start) * direction.length, MOST_REACH), eye + start * direction)
 
     def cast(self, direction: Sequence[float], reach: float,
              start: Sequence[float]) -> tuple[mathutils.Vector, bpy.types.Object] | None:
@@ -277,9 +280,10 @@ def _depths(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Obj
     return [-(toward @ place).z for place, item in _hits(sight, half) if item.original in subject]
 
 
-def _hits(sight: _Sight, half: tuple[float, float]) -> list[tuple[mathutils.Vector, bpy.types.Object]]:
-    """World places and objects that a grid of PROBES rays meets."""
-    hits = (sight.look(x * half[0], y * half[1])
+def _hits(sight: _Sight, half: tuple[float, float], eye: Sequence[float] = (0.0, 0.0),
+          distance: float = 1.0) -> list[tuple[mathutils.Vector, bpy.types.Object]]:
+    """World places and objects that a grid of PROBES rays meets, from ``eye`` through the frame at ``distance``."""
+    hits = (sight.look(x * half[0] - eye[0] / distance, y * half[1] - eye[1] / distance, mathutils.Vector((*eye, 0)))
             for x in np.linspace(-1, 1, PROBES[0]) for y in np.linspace(-1, 1, PROBES[1]))
     return [hit for hit in hits if hit is not None]
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
+from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.panel.panel_rays import rendered_size
 
 LEAST_LEFT = 0.5  # seconds
 # Seconds of the second stage on two cores: its start, per million finished pixels, and per million rendered ones.
@@ -115,14 +118,19 @@ def forget_speeds() -> None:
 
 
 def paths(job: Job) -> float:
-    """Path samples of all lenses of ``job``, whatever scale it chooses."""
-    finished = job.display.eia_pixels[0] * job.display.eia_pixels[1]
-    return finished * (job.rays or job.spp / job.display.finished_pixels(job.scale))
+    """Path samples of the whole image of ``job``, whatever scale it chooses."""
+    return (finished_pixels(job.display, job.layout == SUBPIXELS)
+            * (job.rays or job.spp / job.display.finished_pixels(job.scale)))
 
 
-def second_stage(display: DisplayProfile, scale: int, method: str) -> float:
+def finished_pixels(display: DisplayProfile, is_direct: bool) -> int:
+    """Pixels of the finished EIA, or with ``is_direct`` the panel's subpixels."""
+    return math.prod(rendered_size(display) if is_direct else display.eia_pixels)
+
+
+def second_stage(display: DisplayProfile, scale: int, method: str, is_direct: bool = False) -> float:
     """Seconds of the second stage of a frame, on a usual machine."""
-    finished = display.eia_pixels[0] * display.eia_pixels[1] / 1e6
+    finished = finished_pixels(display, is_direct) / 1e6
     rendered = finished / display.finished_pixels(scale)
     denoises = method.startswith(("denoise", "oidn"))
     return START + PER_FINISHED * finished + (PER_DENOISED if denoises else PER_RENDERED) * rendered

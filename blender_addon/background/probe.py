@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from pathlib import Path
 
@@ -10,11 +11,12 @@ import bpy
 import numpy as np
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.frames.frame import Frame, read_part
+from lfsr_core.frames.frame import SUBPIXELS, Frame, read_part
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.plan.times import path_samples, render_seconds
 
+from ..render import devices
 from ..settings import scene_settings
 from ..settings.scene_settings import Resolved
 from . import estimate
@@ -22,9 +24,10 @@ from .steps import SAVING, Steps, file_copy, render_step, write_job
 
 PATHS = 600_000  # path samples to measure: a second or two
 SAMPLES = 16  # at most, so that many lenses are seen
-# Renders of one lens, which prepares the scene, and of some and many: their difference is that of their samples alone,
-# since a change of lenses makes Cycles prepare some things again.
+# Renders of one lens or a few, which prepare the scene, and of some and many: their difference is that of their samples
+# alone, since a change of lenses makes Cycles prepare some things again.
 NAMES, SOME = ("first", "some", "many"), 4
+LEAST_SIDE = 4  # pixels that Blender renders, which lenses with a single row of views reach together
 SECONDS = 12.0  # that a probe takes on a usual machine
 
 
@@ -38,13 +41,19 @@ class Measured:
 
 
 def measure(job: Job) -> Steps:
-    """Render a few lenses of ``job`` in one background Blender; the result is a ``Measured``."""
-    started = time.monotonic()
+    """Render a few lenses of ``job`` in one background Blender; the result is a ``Measured``.
+
+    Of a panel's subpixels too: their paths are those of a light field of the same scene.
+    """
+    started, image = time.monotonic(), job
+    if job.layout == SUBPIXELS:
+        job = dataclasses.replace(job, layout=devices.way_of(job.device))
     yield SAVING
     with file_copy() as copy:
         folder = copy.parent
         many = _lenses(job)
-        lenses = {"first": [(0, 0)], "some": many[::SOME], "many": many}
+        few = max(math.ceil(LEAST_SIDE / views) for views in job.display.low_views(job.scale)) ** 2
+        lenses = {"first": many[:few], "some": many[::SOME], "many": many}
         jobs = {name: dataclasses.replace(job, scene=str(copy), output=str(folder / name), parts=None, rays=None,
                                           spp=_samples(job), lens_list=tuple(lenses[name])) for name in NAMES}
         for each in jobs.values():
@@ -54,7 +63,7 @@ def measure(job: Job) -> Steps:
         yield dataclasses.replace(step, command=[*step.command, *others], seconds=SECONDS)
         frames = {name: read_part(folder / name) for name in NAMES}
     measured = _measured(frames, time.monotonic() - started)
-    estimate.learn_sampling(job, measured.per_path * estimate.paths(job))
+    estimate.learn_sampling(image, measured.per_path * estimate.paths(image))
     return measured
 
 
@@ -100,8 +109,6 @@ def expected_seconds(scene: bpy.types.Scene) -> float | None:
         return None
     try:
         settings = scene_settings.resolve(scene)
-        if settings.is_direct:
-            return None
         return _seconds(settings, Measured(state.probe_fixed, state.probe_per_path, state.probe_scale))
     except LfsrError:
         return None  # the panel says what is wrong
@@ -110,6 +117,7 @@ def expected_seconds(scene: bpy.types.Scene) -> float | None:
 def _seconds(settings: Resolved, measured: Measured) -> float:
     display, scale = settings.display, measured.scale if settings.scales else settings.scale
     samples = settings.samples if settings.rays is None else samples_at(display, scale, settings.rays)
-    rendered = display.eia_pixels[0] * display.eia_pixels[1] / display.finished_pixels(scale)
-    finish = estimate.expected("Upscaling", estimate.second_stage(display, scale, str(settings.method)))
+    rendered = estimate.finished_pixels(display, settings.is_direct) / display.finished_pixels(scale)
+    finish = estimate.expected("Denoising" if settings.is_direct else "Upscaling", estimate.second_stage(
+        display, scale, str(settings.method), settings.is_direct))
     return measured.fixed + measured.per_path * rendered * samples + finish

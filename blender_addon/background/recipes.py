@@ -132,7 +132,7 @@ def _render_frame(recipe: Recipe, copy: Path, fraction: float, stage: str = "") 
         job = dataclasses.replace(recipe.job, scene=str(copy), output=str(staged),
                                   parts=str(parts_folder(recipe.folder)))
         second = stage or ("Denoising" if recipe.is_direct else "Upscaling")
-        seconds = estimate.second_stage(job.display, job.scale, recipe.method)
+        seconds = estimate.second_stage(job.display, job.scale, recipe.method, recipe.is_direct)
         yield render_step(job, folder, fraction * RENDER_FRACTION, stage or "Rendering",
                           estimate.expected(second, seconds))
         finish = second_stage_step(

@@ -90,7 +90,7 @@ def prepared(scene: bpy.types.Scene, job: Job, warn: Warn = print) -> Iterator[F
             frame = _frame(scene, job, subject)
             placed = frame.array, frame.matrix_world
             for sentence in filter(None, (placement.focus_notice(scene, placed),
-                                          placement.unseen_notice(scene, placed, subject))):
+                                          placement.unseen_notice(scene, job.display, placed, subject))):
                 warn(sentence)
             yield dataclasses.replace(frame, world_apart=_world_apart(scene, frame, job, warn))
 

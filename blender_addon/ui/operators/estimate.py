@@ -7,7 +7,6 @@ import functools
 import bpy
 
 from ...background import probe, recipes
-from ...settings import scene_settings
 from .base import Prepared, TaskOperator, add_missing_array
 
 
@@ -20,7 +19,6 @@ class LFSR_OT_estimate_time(TaskOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Prepared:
         """Measure the current frame."""
         scene = context.scene
-        scene_settings.resolve(scene).check_light_field("an estimate of the time")
         add_missing_array(scene)
         return probe.measure(recipes.frame_recipe(scene).job), functools.partial(probe.remember, scene.name_full)
 

@@ -220,7 +220,7 @@ def test_what_a_camera_sees_instead_of_its_subject_is_named(scene):
 
     def notice(chosen):
         bpy.context.view_layer.update()
-        return placement.unseen_notice(scene, placement.place_array(scene, SMALL, chosen), chosen)
+        return placement.unseen_notice(scene, SMALL, placement.place_array(scene, SMALL, chosen), chosen)
 
     assert notice({wall}) == notice({box, wall}) == ""
     assert "sees Wall, but nothing of the subject, which is hidden" in notice({box})
@@ -236,13 +236,24 @@ def test_what_a_camera_sees_instead_of_its_subject_is_named(scene):
     assert "lies behind the camera" in notice({box})
 
 
+def test_a_sheet_along_the_middle_view_is_seen_by_others(scene):
+    sheet = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.0))
+    bpy.context.view_layer.update()
+    placed = placement.place_array(scene, SMALL, {sheet})
+    assert not len(placement.seen_depths(scene, placed, {sheet}))
+    assert placement.unseen_notice(scene, SMALL, placed, {sheet}) == ""
+    side_by_side = load_display("looking-glass-go")
+    assert "sees nothing" in placement.unseen_notice(
+        scene, side_by_side, placement.place_array(scene, side_by_side, {sheet}), {sheet})
+
+
 def test_hair_and_volumes_are_left_to_the_render(scene):
     """Rays do not meet them."""
     points = bpy.data.objects.new("points", bpy.data.pointclouds.new("points"))
     scene.collection.objects.link(points)
     add_camera(scene, (0, -6, 0)).data.dof.use_dof = True
     bpy.context.view_layer.update()
-    assert placement.unseen_notice(scene, placement.place_array(scene, SMALL, {points}), {points}) == ""
+    assert placement.unseen_notice(scene, SMALL, placement.place_array(scene, SMALL, {points}), {points}) == ""
 
 
 def test_a_subject_that_only_renders_show_is_left_to_the_render(scene):
@@ -252,7 +263,7 @@ def test_a_subject_that_only_renders_show_is_left_to_the_render(scene):
     camera.data.dof.use_dof = True
     bpy.context.view_layer.update()
     chosen = {box, camera}
-    assert placement.unseen_notice(scene, placement.place_array(scene, SMALL, chosen), chosen) == ""
+    assert placement.unseen_notice(scene, SMALL, placement.place_array(scene, SMALL, chosen), chosen) == ""
 
 
 def test_a_focus_that_walls_override_is_said(scene):

@@ -10,7 +10,9 @@ import pytest
 from blender_addon.background import probe, recipes, session
 from blender_addon.ui.operators import check
 from lfsr_core.optics.display import load_display
+from lfsr_core.optics.profile_file import write_profile
 from tests.support import panel
+from tests.support.panels import lenticular, small
 
 
 @pytest.fixture
@@ -44,6 +46,21 @@ def test_the_button_measures_and_the_image_takes_about_that_long(scene):
     took = time.monotonic() - started
     print(f"expected {expected:.1f} s, took {took:.1f} s")
     assert 0.2 < expected / took < 5  # tests run on busy machines
+
+
+def test_direct_subpixel_rendering_is_measured_too(scene, tmp_path):
+    write_profile(tmp_path / "own.toml", small(lenticular()))
+    scene.lfsr.profile_file = str(tmp_path / "own.toml")
+    scene.lfsr.display, scene.lfsr.straight, scene.lfsr.samples = "FILE", True, 8
+    assert bpy.ops.lfsr.estimate_time() == {"FINISHED"}
+    expected = probe.expected_seconds(scene)
+    scene.lfsr.samples = 16
+    paths = 8 * 120 * 3 * 80
+    assert probe.expected_seconds(scene) - expected == pytest.approx(
+        paths * bpy.context.window_manager.lfsr.probe_per_path, rel=1e-3)
+    started = time.monotonic()
+    session.run("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)))
+    assert 0.2 < expected / (time.monotonic() - started) < 5  # tests run on busy machines
 
 
 def test_other_settings_need_no_other_probe(scene):
