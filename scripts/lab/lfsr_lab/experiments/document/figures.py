@@ -32,6 +32,7 @@ from lfsr_lab.experiments.sweeps.records import Report
 if TYPE_CHECKING:
     from markupsafe import Markup
 
+WIDE = 800  # points
 IMAGE = re.compile(r"!\[[^]]*\]\([^)]*?([\w-]+\.png)\)")
 
 
@@ -42,6 +43,12 @@ class Drawn:
     title: str
     image: Markup  # SVG, or an image in itself
     words: str = ""  # below it
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether it has several panels beside each other, so that it needs the page's width."""
+        found = re.search(r'viewBox="0 0 ([\d.]+)', self.image)
+        return found is not None and float(found[1]) > WIDE
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,10 +10,10 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_lab.experiments.document import manifest, page
 from lfsr_lab.experiments.document.studies import FORMS, SHORT, Kept, Study, Unit, units
-from lfsr_lab.experiments.document.work import MEASURED, Ended, Work
+from lfsr_lab.experiments.document.work import IMAGES, MEASURED, Ended, Work
 from lfsr_lab.experiments.engine.cells import to_stderr
 
-MANIFEST, IMAGES = "manifest.json", "images"
+MANIFEST = "manifest.json"
 KEPT = "kept"  # form of a folder in which nothing is measured, such as docs/results
 WORDS = {KEPT: "Drawn from the records that the documents quote, each measured as its command says."}
 SECONDS_ARE_ROUGH = "Seconds on a busy machine mean little; the load says how busy it was."
@@ -64,7 +64,7 @@ def _records(work: Work, form: str) -> Iterator[tuple[Study, Kept]]:
     """Yield study and description of every record that is there: of this form, or those that the documents quote."""
     for study in work.table.study:
         how = study.short if form == SHORT else study.long
-        command = work.shown(Unit(study, "all", how)) if how else ""
+        command = work.shown(Unit(study, ",".join(how.each), how)) if how else ""
         own = Kept(f"{study.name}.json", study.title, command, study.kind)
         for kept in study.kept if form == KEPT else (own,):
             if (work.folder / MEASURED / kept.file).exists():

@@ -14,6 +14,7 @@ import contextlib
 import dataclasses
 import os
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -24,7 +25,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.files import locks, read_json, replace, write_json
+from lfsr_core.files import atomic_path, locks, read_json, replace, write_json
 from lfsr_core.progress import duration
 from lfsr_core.records import read_record, write_record
 from lfsr_core.render.blender import find_blender
@@ -36,7 +37,7 @@ from lfsr_lab.experiments.engine.environment import Environment, environment, lo
 from lfsr_lab.scenes import scene_script
 from lfsr_lab.scenes.running import run_script
 
-UNIT_FILE, LOG_FILE, SCENES, MEASURED = "unit.json", "log.txt", "scenes", "measured"
+UNIT_FILE, LOG_FILE, SCENES, MEASURED, IMAGES = "unit.json", "log.txt", "scenes", "measured", "images"
 PROGRAMS = {"lfsr": ["-c", "import sys; from lfsr_core.cli import main; sys.exit(main())"], "python": []}
 SECONDS_TO_STOP, BETWEEN_LOOKS, LAST_WORDS = 20.0, 0.5, 300
 
@@ -88,16 +89,19 @@ class Work:
 
     def shown(self, unit: Unit) -> str:
         """Return its command as a person would type it, without this machine's folders."""
-        files = {asset.name: Path(asset.file).name for asset in self.table.asset}
+        files = {asset.name: Path(asset.file).name for asset in self.table.asset} | {",".join(unit.form.each): "SCENE"}
         return _filled(unit, files, {"out": "DIR", "all": "ALL", "assets": "ASSETS", "here": "document"})
 
     def gather(self, units: Sequence[Unit]) -> None:
-        """Write DIR/measured/STUDY.json of every study that has whole units."""
+        """Write DIR/measured/STUDY.json of every study that has whole units, and copy their images to DIR/images."""
         for study in dict.fromkeys(unit.study for unit in units):
-            paths = [self._folder(unit) / study.record for unit in units
-                     if unit.study == study and self.is_whole(unit)]
-            if paths:
-                write_json(self.folder / MEASURED / f"{study.name}.json", joined(study, paths))
+            folders = [self._folder(unit) for unit in units if unit.study == study and self.is_whole(unit)]
+            if folders:
+                whole = joined(study, [folder / study.record for folder in folders])
+                write_json(self.folder / MEASURED / f"{study.name}.json", whole)
+            for image in (image for folder in folders for image in (folder / IMAGES).glob("*.png")):
+                with atomic_path(self.folder / IMAGES / image.name) as temporary:
+                    shutil.copyfile(image, temporary)
 
     def _record(self, unit: Unit, lock: IO[bytes]) -> None:
         """Measure a unit, and store that it is whole or why it is not."""

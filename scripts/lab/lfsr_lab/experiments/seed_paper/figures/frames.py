@@ -129,7 +129,10 @@ def draw_scales(rows: Sequence[Row], _folder: Path) -> plots.Figure:
     for color, scene in zip(plots.COLORS, scenes_of(rows), strict=False):
         points = sorted((row.value("scale"), row.value(TOTAL)) for row in rows if row.scene == scene)
         grid[0, 0].plot(*zip(*points, strict=True), "o-", color=color, label=scene)
-    grid[0, 0].set(xlabel="scale factor (1: direct path tracing)", ylabel="seconds per frame", yscale="log")
+    grid[0, 0].set(xlabel="scale factor (1: direct path tracing)", ylabel="time per frame", yscale="log")
+    ticks = plots.time_ticks(*grid[0, 0].get_ylim())
+    grid[0, 0].set_yticks(ticks, map(plots.time_text, ticks))
+    grid[0, 0].set_yticks([], minor=True)
     grid[0, 0].set_xticks(sorted({int(row.value("scale")) for row in rows}))
     grid[0, 0].legend(frameon=False, fontsize=8)
     return sheet
