@@ -82,6 +82,14 @@ def test_the_manifest_names_every_record_with_its_digest_command_machine_and_see
     assert {unit["state"] for unit in facts["units"]} == {"not measured"} and len(facts["units"]) > 5
 
 
+def test_the_command_of_a_study_names_all_its_units():
+    study = next(study for study in TABLE.study if study.name == "stress")
+    every = Unit(study, ",".join(study.short.each), study.short)
+    assert f"--sweeps {','.join(study.short.each)} " in Work(Path("out"), TABLE).shown(every)
+    chart = TABLE.study[0]
+    assert "chart SCENE -o DIR" in Work(Path("out"), TABLE).shown(Unit(chart, ",".join(chart.long.each), chart.long))
+
+
 def test_every_figure_names_the_command_that_made_it(folder):
     list(document.draw(Work(folder, TABLE)))
     captions = re.findall(r"<figcaption>(.*?)</figcaption>", (folder / "report.html").read_text("utf-8"), re.DOTALL)
