@@ -21,6 +21,7 @@ from lfsr_lab.experiments.engine.report import inline_svg, markdown_table
 from lfsr_lab.experiments.gpu_budget import __main__ as gpu_budget
 from lfsr_lab.experiments.plan_validation import __main__ as plans
 from lfsr_lab.experiments.plan_validation.records import Validation
+from lfsr_lab.experiments.rivals import page as rivals
 from lfsr_lab.experiments.scales import __main__ as scales
 from lfsr_lab.experiments.scales.fit import fit, groups_of
 from lfsr_lab.experiments.scales.table import Table
@@ -119,6 +120,11 @@ def _gpu_budget(record: Path, _images: Path) -> Shown:
     return Shown([], text, text.split("\n## ")[2].partition("\n\n")[2])
 
 
+def _rivals(record: Path, _images: Path) -> Shown:
+    text = rivals.tables(read_json(record, "methods of others")).partition("\n\n")[2]
+    return Shown([], text, text.split("## ")[1].partition("\n\n")[2] + "\n\n" + text.split("## ")[-1])
+
+
 def _seed_paper(record: Path, images: Path) -> Shown:
     data = read_json(record, "the figures of a paper")["figures"]
     results = {name: from_data(Results, found, str(record)) for name, found in data.items()}
@@ -155,4 +161,5 @@ def embedded(file: Path, title: str) -> Markup:
 
 KINDS: dict[str, Callable[[Path, Path], Shown]] = {
     "chart": _chart, "sweeps": _sweeps, "animations": _animations, "displays": _displays, "plans": _plans,
-    "scales": _scales, "denoiser": _denoiser, "gpu_budget": _gpu_budget, "seed_paper": _seed_paper, "page": _page}
+    "scales": _scales, "denoiser": _denoiser, "gpu_budget": _gpu_budget,
+    "rivals": _rivals, "seed_paper": _seed_paper, "page": _page}

@@ -13,7 +13,7 @@ from lfsr_core.files import read_json
 from lfsr_lab.experiments.document.studies import Table
 
 Digests = dict[str, str]  # SHA-256 by the file's path below the asset's folder
-ALONE = (".blend", ".glb")  # scenes that are one file; others have theirs beside them
+BESIDE = (".gltf", ".obj")  # scenes whose other files lie beside them
 
 
 def sha256(path: Path) -> str:
@@ -23,9 +23,9 @@ def sha256(path: Path) -> str:
 
 
 def digests(scene: Path) -> Digests:
-    """Return the digest of a scene's file, and of all files in its folder where it is not of one file."""
+    """Return the digest of an asset's file, and of all files in its folder where it is not of one file."""
     folder = scene.parent
-    files = [scene] if scene.suffix in ALONE else sorted(path for path in folder.rglob("*") if path.is_file())
+    files = sorted(path for path in folder.rglob("*") if path.is_file()) if scene.suffix in BESIDE else [scene]
     return {path.relative_to(folder).as_posix(): sha256(path) for path in files}
 
 

@@ -111,6 +111,8 @@ class Work:
             if waits:
                 raise LfsrError(f"it needs {waits[0].title}, which has not ended: run the command again after that")
             files = {asset.name: self._file(asset) for asset in unit.assets(self.table)}
+            if "{assets}" in unit.form.command and self.assets is None:
+                raise LfsrError("it needs scenes of other people: give their folder with --assets")
             self._measure(unit, files, lock)
         except LfsrError as error:
             sentence = str(error)
