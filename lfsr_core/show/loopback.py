@@ -95,7 +95,11 @@ def _exchange(endpoint: str, content: bytes, seconds: float) -> tuple[int, bytes
 def _connected(seconds: float) -> socket.socket:
     """Return a connection to this computer; LfsrError if nobody listens."""
     for address in ADDRESSES:
-        with contextlib.suppress(ConnectionRefusedError, socket.gaierror):
+        try:
             return socket.create_connection((address, port()), seconds)
+        except TimeoutError:
+            raise
+        except OSError:  # nobody listens, or this computer has no such address
+            continue
     raise LfsrError(f"{PROGRAM} is not running: nothing listens on port {port()} of this computer. Start it, with the "
                     "display connected")

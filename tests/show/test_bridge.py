@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import http.client
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.show import loopback
 from lfsr_core.show.bridge import Bridge, Quilt, chosen
+from tests.support.bridge import TOKEN
 from tests.support.bridge_displays import MONITOR, PORTRAIT
 
 CALLS = ("enter_orchestration", "available_output_devices", "instance_playlist", "insert_playlist_entry", "show_window",
@@ -71,6 +76,35 @@ def test_each_call_can_fail_in_each_way(bridge, endpoint, fault, message):
         session = Bridge(quickly)
         session.play(QUILTS[0], session.devices()[0])
     assert stand_in.endpoints[-1] == endpoint, "nothing is asked after a failure"
+
+
+def test_the_stand_in_hangs_once_a_playlist_is_deleted_and_answers_post_with_nothing(bridge):
+    stand_in = bridge()
+    posted = http.client.HTTPConnection("127.0.0.1", stand_in.port, timeout=20)
+    posted.request("POST", "/enter_orchestration", b"{}")
+    assert posted.getresponse().read() == b""
+    for endpoint in ("delete_playlist", "enter_orchestration"):
+        with pytest.raises(LfsrError, match=f"did not answer {endpoint} within 0.5 s"):
+            quickly(endpoint, {"orchestration": TOKEN, "name": "x", "loop": True})
+
+
+NUMBERS = st.integers() | st.floats(allow_nan=False, allow_infinity=False)
+NAMES = st.sampled_from(["value", "payload", "status", "index", "hwid", "calibration", "defaultQuilt", "windowCoords",
+                         "hardwareVersion", "message", "pitch", "screenW"]) | st.text()
+ANSWERS = st.recursive(st.none() | st.booleans() | NUMBERS | st.text(),
+                       lambda inside: st.lists(inside) | st.dictionaries(NAMES, inside))
+
+
+@given(st.fixed_dictionaries({"payload": ANSWERS, "status": ANSWERS | st.just("Completion")}) | ANSWERS, ANSWERS)
+def test_whatever_is_answered_is_a_display_or_a_sentence(answer, entry):
+    answers = {"enter_orchestration": {"payload": {"value": TOKEN}}}
+    for found in (answer, {"status": "Completion", "payload": {"value": {"0": entry, "1": {"value": entry}}}}):
+        with contextlib.suppress(LfsrError):
+            for each in Bridge(lambda endpoint, _, found=found: answers.get(endpoint, found)).devices():
+                assert chosen([each], str(each.index)) == each
+                assert each.calibration.numbers["pitch"] > 0
+    with contextlib.suppress(LfsrError):
+        Bridge(lambda *_: answer)
 
 
 def test_a_session_that_bridge_has_forgotten(bridge):

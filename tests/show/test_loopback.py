@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 import socket
 import subprocess
@@ -48,6 +49,18 @@ def test_nobody_listens(monkeypatch):
         port = free.getsockname()[1]
     monkeypatch.setenv(loopback.PORT_VARIABLE, str(port))
     with pytest.raises(LfsrError, match=f"is not running: nothing listens on port {port} of this computer. Start it"):
+        loopback.put("x", {})
+
+
+def test_a_computer_without_the_other_protocol(monkeypatch):
+    def connect(place, seconds, real=socket.create_connection):
+        if place[0] == "::1":
+            raise OSError(errno.EADDRNOTAVAIL, "Cannot assign requested address")
+        return real(place, seconds)
+
+    monkeypatch.setattr(socket, "create_connection", connect)
+    monkeypatch.setenv(loopback.PORT_VARIABLE, "1")
+    with pytest.raises(LfsrError, match="is not running: nothing listens on port 1"):
         loopback.put("x", {})
 
 

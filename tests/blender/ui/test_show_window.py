@@ -1,0 +1,144 @@
+"""In a real window: Show on Display after a render for each kind of display, with a stand-in for Bridge."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+
+import numpy as np
+import pytest
+
+from lfsr_core.images.png import read_png
+from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.show import loopback
+from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
+from tests.optics.panel.test_visual_json import OLD
+from tests.support.bridge import device, stand_in
+from tests.support.panels import cells, lenticular, small
+from tests.support.window.desktop import NEEDS_WINDOW, blender_window
+
+pytestmark = NEEDS_WINDOW
+TASK, STATE = "addon.background.session.current()", "bpy.context.window_manager.lfsr"
+UNIT = device(1, "LKG-S1", "small", OLD | {"screenW": 120, "screenH": 80})
+SHEETS = {"lenticular": lenticular, "third-generation": cells}
+SECONDS_TO_ANSWER, SECONDS_TO_SHOW = 15, 120
+
+
+@pytest.fixture(scope="module")
+def bridges(tmp_path_factory):
+    """Change what Blender finds on its port: ``bridges(window, "hang:show_window")``."""
+    with contextlib.ExitStack() as stack:
+        def start(window, *faults, devices=(UNIT,)):
+            found = stack.enter_context(stand_in(tmp_path_factory.mktemp("bridge"), [*devices], *faults))
+            window.run(f"import os; os.environ[{loopback.PORT_VARIABLE!r}] = '{found.port}'")
+            return found
+        yield start
+
+
+@pytest.fixture(scope="module")
+def window(tmp_path_factory):
+    """One Blender with the panel open, an array fitted to the monkey, and a browser that notes what it opens."""
+    folder = tmp_path_factory.mktemp("gui")
+    for name, sheet in SHEETS.items():
+        write_profile(folder / f"{name}.toml", small(sheet()))
+    (folder / "browser.sh").write_text(f'echo "$1" >> {folder}/opened.txt\n')
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("BROWSER", f"sh {folder}/browser.sh %s")
+        patch.setenv(loopback.PORT_VARIABLE, "1")  # nobody listens there
+        with blender_window(folder) as window:
+            window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
+            window.open_tab()
+            window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True)")
+            yield window
+
+
+def render(window, name: str) -> None:
+    """Render for the display of this name, and close the image's window."""
+    window.run(f"lfsr = bpy.context.scene.lfsr\nlfsr.display = 'mini' if {name!r} == 'mini' else 'FILE'\n"
+               f"lfsr.profile_file = {str(window.folder / name)!r} + '.toml'\nlfsr.use_overwrite = True\n"
+               "lfsr.scale = '2'\nbpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
+    window.until(f"{TASK} is None", SECONDS_TO_RENDER)
+    assert window.get(f"{STATE}.message") == ""
+    window.close_others()
+    window.scroll_down()
+    window.xdotool("mousemove", 400, 500)
+
+
+def press(window) -> None:
+    """Click on *Show on Display*: the row that gains a button where there is another way to show the image."""
+    window.run(f"{STATE}.message = ''")
+    window.scroll_down()
+    window.xdotool("mousemove", 400, 500)
+    x, top, width, height = window.get("[(r.x, bpy.context.window.height - r.y - r.height, r.width, r.height) "
+                                       "for r in bpy.context.area.regions if r.type == 'UI'][0]")
+    sidebar, pictures = np.s_[top:top + height, x:x + width], []
+    window.run("settings, has = addon.settings.scene_settings, addon.settings.scene_settings.has_quilts")
+    for answer in ("False", "True"):
+        window.run(f"settings.has_quilts = lambda _: {answer}; addon.background.session.redraw()")
+        pictures.append(read_png(window.screenshot("row"))[sidebar])
+    window.run("settings.has_quilts = has; addon.background.session.redraw()")
+    rows, _, _ = np.nonzero(pictures[0] != pictures[1])
+    assert rows.size and np.ptp(rows) < 40, "one row of buttons changes"
+    window.click(x + 80, int(top + rows.mean()))
+    window.until(f"{TASK} is not None or {STATE}.message", SECONDS_TO_ANSWER)
+
+
+def shown(window) -> str:
+    """Wait for the end; what the panel says then. The same sentence beside the pointer is closed."""
+    window.until(f"{TASK} is None", SECONDS_TO_SHOW)
+    window.xdotool("key", "Escape")
+    window.xdotool("mousemove", 400, 500)
+    return window.get(f"{STATE}.message")
+
+
+def test_a_lens_array_is_opened_in_the_browser(window):
+    render(window, "mini")
+    press(window)
+    assert shown(window).startswith("The browser shows it full screen: move its window")
+    page = window.folder / "lightfield" / "scene" / "Scene" / "0001" / "show.html"
+    assert (window.folder / "opened.txt").read_text().split() == [page.as_uri()] and page.is_file()
+    window.scroll_down()
+    window.screenshot("show-lens-array")
+
+
+@pytest.mark.parametrize("name", SHEETS)
+def test_a_lenticular_display_shows_a_quilt_through_bridge(window, bridges, name):
+    stand_in = bridges(window)
+    render(window, name)
+    press(window)
+    message = shown(window)
+    window.scroll_down()
+    window.screenshot(f"show-{name}")
+    assert message.endswith("is shown on LKG-S1 (small)") and not window.get(f"{STATE}.message_is_error")
+    (quilt,) = stand_in.shown
+    assert read_png(quilt).std() > 5
+
+
+def test_while_bridge_hangs_blender_does_not(window, bridges):
+    stand_in = bridges(window, "hang:available_output_devices")
+    press(window)
+    ends = time.monotonic() + SECONDS_TO_SHOW
+    while "available_output_devices" not in stand_in.endpoints:
+        assert time.monotonic() < ends
+        time.sleep(0.1)
+    asked = time.monotonic()
+    assert window.get(f"{TASK}.stage") == "Showing"
+    assert time.monotonic() - asked < loopback.SECONDS / 2
+    window.screenshot("show-hangs")
+    assert shown(window) == ("Looking Glass Bridge did not answer available_output_devices within 10 s: end it and "
+                             "start it again")
+
+
+@pytest.mark.parametrize(("name", "faults", "devices", "message"), [
+    ("none", None, (), "Looking Glass Bridge is not running: nothing listens on port 1 of this computer"),
+    ("refuses", ["refuse:play_playlist"], (UNIT,), "Looking Glass Bridge refuses play_playlist (Failure: display is"),
+    ("no-display", [], (), "Looking Glass Bridge sees no Looking Glass: connect the display"),
+    ("other-size", [], (device(1, "LKG-P1", "portrait", OLD),), "The image is made for a panel of width / height 1.5")])
+def test_each_failure_is_a_sentence_in_the_panel(window, bridges, name, faults, devices, message):
+    if faults is None:
+        window.run(f"import os; os.environ[{loopback.PORT_VARIABLE!r}] = '1'")
+    else:
+        bridges(window, *faults, devices=devices)
+    press(window)
+    assert shown(window).startswith(message) and window.get(f"{STATE}.message_is_error")
+    window.screenshot(f"show-{name}")
