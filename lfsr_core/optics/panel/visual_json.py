@@ -64,10 +64,10 @@ def calibration_of(data: Any, path: str | Path) -> Calibration:
     for name in ("screenW", "screenH"):
         _check(path, name, numbers[name], numbers[name] == int(numbers[name]), "a whole number of pixels")
     _check(path, "slope", numbers["slope"], numbers["slope"] != 0, "a number other than 0")
-    mode: Any = data.get("CellPatternMode", data.get("cellPatternMode", 0))
-    mode = mode.get("value") if isinstance(mode, dict) else mode
+    mode = _unwrapped(data.get("CellPatternMode", data.get("cellPatternMode", 0)))
     _check(path, "CellPatternMode", mode, isinstance(mode, (int, float)) and mode in RULES, "one of 0, 1, 2, 3, 4")
-    return Calibration(numbers, int(mode), _cells(path, data.get("subpixelCells") or []), str(data.get("serial", "")))
+    cells = _cells(path, _unwrapped(data.get("subpixelCells")) or [])
+    return Calibration(numbers, int(mode), cells, str(data.get("serial", "")))
 
 
 def _read(path: str | Path) -> Any:
@@ -75,6 +75,8 @@ def _read(path: str | Path) -> Any:
     what = "the visual.json of a display"
     content = read_bytes(path, what, MOST_JSON_BYTES)
     try:
+        if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):  # PowerShell's
+            content = content.decode("utf-16").encode()
         return parse_json(content.removeprefix(codecs.BOM_UTF8))
     except ValueError as error:
         raise LfsrError(f"{path} cannot be read as {what} ({error}): copy it from the display again") from None
@@ -112,7 +114,8 @@ def profile_from_calibration(calibration: Calibration, name: str) -> DisplayProf
     lenses, views = proposed_light_field(PanelShape(pixels, panel_mm), sheet)
     serial = f" {calibration.serial}" if calibration.serial else ""
     return DisplayProfile(
-        name, pixels, panel_mm, lenses, views, DISTANCE_BY_HEIGHT * panel_mm[1], numbers["viewCone"],
+        name, pixels, panel_mm, lenses, views, DISTANCE_BY_HEIGHT * panel_mm[1],
+        numbers["viewCone"] or CONE,
         ei_order="direct", description=f"Lenticular display{serial}, from its calibration.", subpixels=subpixels,
         lenticular=sheet)
 
@@ -132,13 +135,17 @@ def _turned_over(sheet: Lenticular, subpixels: Subpixels, panel_mm: tuple[float,
 
 
 def _number(path: str | Path, data: Mapping[str, Any], name: str, default: float | None) -> float:
-    value = data.get(name, default)
-    value = value.get("value", default) if isinstance(value, dict) else value
+    value = _unwrapped(data.get(name))
+    value = default if value is None else float(value) if isinstance(value, bool) and name in OPTIONAL else value
     if value is None:
         raise LfsrError(f"{path}: field {name!r} is missing; every calibration needs it")
     _check(path, name, value, isinstance(value, (int, float)) and not isinstance(value, bool)
            and abs(value) <= MOST_NUMBER, f"a number, at most {MOST_NUMBER:g}")
     return float(value)
+
+
+def _unwrapped(value: Any) -> Any:
+    return value.get("value") if isinstance(value, dict) else value
 
 
 def _cells(path: str | Path, data: Any) -> tuple[tuple[float, ...], ...]:

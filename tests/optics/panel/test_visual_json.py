@@ -111,6 +111,18 @@ def test_a_byte_order_mark_and_what_bridge_puts_round_a_calibration(tmp_path):
         read_calibration(tmp_path / "two.json")
 
 
+@pytest.mark.parametrize("changes", [
+    {"flipImageY": True, "invView": False}, {"flipImageY": {"value": True}, "invView": {"value": False}},
+    {"flipImageY": {"value": 1.0}, "invView": 0, "viewCone": None, "subpixelCells": {"value": []}},
+    {"flipImageY": 1, "invView": {"value": 0.0}, "viewCone": {"value": 0.0}, "subpixelCells": None}])
+def test_switches_and_empty_fields_as_other_programs_write_them(tmp_path, changes):
+    wanted = profile_from_calibration(read_calibration(written(tmp_path, OLD | {"flipImageY": 1, "invView": 0})), "d")
+    data = {name: {"value": value} for name, value in OLD.items()} | {"serial": "LKG-1"} | changes
+    (tmp_path / "visual.json").write_bytes(json.dumps(data).encode("utf-16"))
+    assert profile_from_calibration(read_calibration(tmp_path / "visual.json"), "d") == wanted
+    assert wanted.flip == (False, True) and wanted.viewing_angle_deg == 40
+
+
 def test_the_old_formula_on_a_new_panel_is_mostly_wrong(tmp_path):
     profile = profile_from_calibration(read_calibration(new_unit(tmp_path)), "new")
     random = np.random.default_rng(0)
