@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.profile_file import write_profile
 from lfsr_core.show import loopback
@@ -112,6 +113,15 @@ def test_a_lenticular_display_shows_a_quilt_through_bridge(window, bridges, name
     assert message.endswith("is shown on LKG-S1 (small)") and not window.get(f"{STATE}.message_is_error")
     (quilt,) = stand_in.shown
     assert read_png(quilt).std() > 5
+    window.xdotool("mousemove", 900, 600)
+    window.xdotool("click", "--repeat", 30, "--delay", 20, 4)
+    window.screenshot(f"show-{name}-top")  # which display it is
+    window.run("bpy.ops.lfsr.show('INVOKE_DEFAULT', True, full_screen=True)")
+    assert shown(window).startswith("The browser shows it full screen")
+    frame = window.folder / "lightfield" / "scene" / "Scene" / "0001"
+    assert bool(read_frame(frame).display.pixel_layout.cells) == (name == "third-generation")
+    assert (frame / "panel.png").as_uri() in (frame / "show.html").read_text()
+    assert read_png(frame / "panel.png").std() > 5
 
 
 def test_while_bridge_hangs_blender_does_not(window, bridges):
