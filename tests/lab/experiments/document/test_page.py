@@ -83,10 +83,10 @@ def test_the_manifest_names_every_record_with_its_digest_command_machine_and_see
 
 def test_the_command_of_a_study_names_all_its_units():
     study = next(study for study in TABLE.study if study.name == "stress")
-    every = Unit(study, ",".join(study.short.each), study.short)
+    every = Unit(study, ",".join(study.short.each), SHORT)
     assert f"--sweeps {','.join(study.short.each)} " in Work(Path("out"), TABLE).shown(every)
     chart = TABLE.study[0]
-    assert "chart SCENE -o DIR" in Work(Path("out"), TABLE).shown(Unit(chart, ",".join(chart.long.each), chart.long))
+    assert "chart SCENE -o DIR" in Work(Path("out"), TABLE).shown(Unit(chart, ",".join(chart.long.each), LONG))
 
 
 def test_every_figure_names_the_command_that_made_it(folder):

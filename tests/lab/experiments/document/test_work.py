@@ -92,7 +92,7 @@ def lines(path: Path) -> list[str]:
 
 
 def every(found: Table):
-    return list(units(found.study, SHORT))
+    return units(found.study, SHORT)
 
 
 def wait_for(path: Path) -> None:
@@ -195,6 +195,19 @@ def test_a_command_that_fails_leaves_its_last_words(tmp_path):
     work = Work(tmp_path / "out", read_table(path))
     document.measure(work, SHORT, work.table.study)
     assert work.ended(every(work.table)[0]).sentence == "out of lamps"
+
+
+def test_a_unit_waits_for_those_that_it_reads(tmp_path):
+    path = table(tmp_path, "a")
+    text = path.read_text(encoding="utf-8")
+    study = text[text.index("[[study]]"):]
+    path.write_text(text + study.replace('name = "study"', 'name = "reader"\nafter = "study"'), encoding="utf-8")
+    work = Work(tmp_path / "out", read_table(path))
+    first, reader = every(work.table)
+    document.measure(work, SHORT, [reader.study])
+    assert work.ended(reader).sentence == "it needs study/a, which has not ended: run the command again after that"
+    document.measure(work, SHORT, work.table.study)
+    assert work.is_whole(first) and work.is_whole(reader)
 
 
 def test_parts_cover_all_units_once(tmp_path):

@@ -9,7 +9,7 @@ from typing import Any
 from lfsr_core.errors import LfsrError
 from lfsr_core.files import read_json, write_json
 from lfsr_lab.experiments.document import manifest, page
-from lfsr_lab.experiments.document.studies import FORMS, SHORT, Kept, Study, Unit, units
+from lfsr_lab.experiments.document.studies import FORMS, Kept, Study, Unit, units
 from lfsr_lab.experiments.document.work import IMAGES, MEASURED, Ended, Work
 from lfsr_lab.experiments.engine.cells import to_stderr
 
@@ -29,14 +29,14 @@ def measure(work: Work, form: str, studies: Sequence[Study], part: tuple[int, in
         raise LfsrError(f"{work.folder} was begun with --{begun}: choose another folder for --{form}")
     write_json(work.folder / MANIFEST, _manifest(work.folder) | {"form": form})
     index, count = part or (1, 1)
-    work.run(list(units(studies, form))[index - 1::count])
+    work.run(units(studies, form)[index - 1::count])
 
 
 def draw(work: Work) -> Iterator[Path]:
     """Join records, write manifest and report, and yield their paths; errors as of ``page.write``."""
     before = _manifest(work.folder)
     form = before.get("form", KEPT)
-    every = [] if form == KEPT else list(units(work.table.study, form))
+    every = [] if form == KEPT else units(work.table.study, form)
     work.gather(every)
     found = {unit: ended for unit in every if (ended := work.ended(unit))}
     rows = [*_records(work, form)]
@@ -63,12 +63,16 @@ def draw(work: Work) -> Iterator[Path]:
 def _records(work: Work, form: str) -> Iterator[tuple[Study, Kept]]:
     """Yield study and description of every record that is there: of this form, or those that the documents quote."""
     for study in work.table.study:
-        how = study.short if form == SHORT else study.long
-        command = work.shown(Unit(study, ",".join(how.each), how)) if how else ""
-        own = Kept(f"{study.name}.json", study.title, command, study.kind)
-        for kept in study.kept if form == KEPT else (own,):
+        for kept in study.kept if form == KEPT else _own(work, study, form):
             if (work.folder / MEASURED / kept.file).exists():
                 yield study, kept
+
+
+def _own(work: Work, study: Study, form: str) -> Iterator[Kept]:
+    """Yield what a study leaves in this form, if it has it."""
+    if every := units([study], form):
+        command = work.shown(Unit(study, ",".join(unit.name for unit in every), form))
+        yield Kept(f"{study.name}.json", study.title, command, study.kind)
 
 
 def _unit(unit: Unit, ended: Ended | None) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from lfsr_core.errors import LfsrError, did_you_mean
@@ -75,7 +75,13 @@ class Unit:
 
     study: Study
     name: str
-    form: Form
+    length: str  # SHORT or LONG
+
+    @property
+    def form(self) -> Form:
+        """How it is measured."""
+        form: Form = getattr(self.study, self.length)
+        return form
 
     @property
     def title(self) -> str:
@@ -114,10 +120,7 @@ def read_table(path: Path = TABLE) -> Table:
         raise LfsrError(f"{path} cannot be read as a table of studies ({error}): check the file") from None
 
 
-def units(studies: Sequence[Study], form: str) -> Iterator[Unit]:
-    """Yield the units of a form, in the order in which they are measured."""
-    for study in studies:
-        how: Form | None = getattr(study, form)
-        for name in how.each if how else ():
-            assert how
-            yield Unit(study, name, how)
+def units(studies: Iterable[Study], length: str) -> list[Unit]:
+    """Return the units of a form, in the order in which they are measured."""
+    return [Unit(study, name, length) for study in studies if getattr(study, length)
+            for name in getattr(study, length).each]

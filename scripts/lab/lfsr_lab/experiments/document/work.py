@@ -31,7 +31,7 @@ from lfsr_core.records import read_record, write_record
 from lfsr_core.render.blender import find_blender
 from lfsr_core.render.process_group import START, ProcessGroup
 from lfsr_lab.experiments.document.manifest import Digests, digests
-from lfsr_lab.experiments.document.studies import TABLE, Asset, Study, Table, Unit
+from lfsr_lab.experiments.document.studies import TABLE, Asset, Study, Table, Unit, units
 from lfsr_lab.experiments.engine.cells import to_stderr
 from lfsr_lab.experiments.engine.environment import Environment, environment, load_average
 from lfsr_lab.scenes import scene_script
@@ -106,10 +106,11 @@ class Work:
     def _record(self, unit: Unit, lock: IO[bytes]) -> None:
         """Measure a unit, and store that it is whole or why it is not."""
         started, sentence, files = time.monotonic(), "", dict[str, Path]()
-        waits = [other for other in self._before(unit) if self.ended(other) is None]
+        before = units((study for study in self.table.study if study.name == unit.study.after), unit.length)
         try:
-            if waits:
-                raise LfsrError(f"it needs {waits[0].title}, which has not ended: run the command again after that")
+            for other in before:
+                if self.ended(other) is None:
+                    raise LfsrError(f"it needs {other.title}, which has not ended: run the command again after that")
             files = {asset.name: self._file(asset) for asset in unit.assets(self.table)}
             if "{assets}" in unit.form.command and self.assets is None:
                 raise LfsrError("it needs scenes of other people: give their folder with --assets")
@@ -120,15 +121,7 @@ class Work:
         known = {name: digests(path) for name, path in files.items()}
         write_record(self._folder(unit) / UNIT_FILE, Ended(
             self.shown(unit), sentence, round(time.monotonic() - started, 1), load_average(),
-            os.environ.get("OMP_NUM_THREADS", str(os.cpu_count())), environment(), known))
-
-    def _before(self, unit: Unit) -> Iterator[Unit]:
-        """Yield the units of the study that a unit reads."""
-        for study in self.table.study:
-            if study.name == unit.study.after:
-                form = next(form for form in (study.short, study.long) if form is not None)
-                form = study.long if unit.form is unit.study.long and study.long else form
-                yield from (Unit(study, name, form) for name in form.each)
+            _threads(), environment(), known))
 
     def _measure(self, unit: Unit, files: Mapping[str, Path], lock: IO[bytes]) -> None:
         """Run the unit's command; LfsrError with its last words if it fails or leaves no record."""
@@ -163,6 +156,12 @@ class Work:
 
     def _folder(self, unit: Unit) -> Path:
         return self.folder / unit.study.name / unit.name
+
+
+def _threads() -> str:
+    """Return how many threads there may be, for libraries that ask and for others."""
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return os.environ.get("OMP_NUM_THREADS") or str(allowed)
 
 
 def joined(study: Study, paths: Sequence[Path]) -> Any:
