@@ -83,7 +83,8 @@ class Store:
 
         LfsrError where a folder holds another render. A reference that is there may have any samples and lenses.
         """
-        missing = [job for job in jobs if not is_complete(Path(job.output), job.kind)]
+        wanted = {job.output: job for job in jobs}.values()  # values of a sweep may share a reference
+        missing = [job for job in wanted if not is_complete(Path(job.output), job.kind)]
         for job in missing:
             check_scene(job.scene)
         if missing:
