@@ -85,8 +85,10 @@ def _sweeps(record: Path, _images: Path) -> Shown:
 
 def _animations(record: Path, _images: Path) -> Shown:
     found = read_record(record, animations.Report, "animations").found
-    title = "Split SSIM and flicker by samples"
-    return Shown([Drawn(title, inline_svg(plots.svg(animations.chart(found)), title))], animations.markdown(found))
+    of_each = {animations.TITLES[name]: [each for each in found if each.animation == name]
+               for name in dict.fromkeys(each.animation for each in found)}
+    return Shown([Drawn(title, inline_svg(plots.svg(animations.chart(of_one)), title), "Split SSIM and flicker by "
+                        "samples.") for title, of_one in of_each.items()], animations.markdown(found))
 
 
 def _displays(record: Path, _images: Path) -> Shown:

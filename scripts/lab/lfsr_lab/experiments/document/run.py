@@ -45,7 +45,8 @@ def draw(work: Work) -> Iterator[Path]:
         known |= {asset.name: manifest.digests(path) for asset in work.table.asset
                   if not asset.script and (path := work.assets / asset.file).is_file()}
     facts = {"form": form, "words": WORDS.get(form) or f"The {form} form: {FORMS[form]}. {SECONDS_ARE_ROUGH}",
-             "commit": manifest.commit(), "units": [_unit(unit, found.get(unit)) for unit in every],
+             "commit": None if form == KEPT else manifest.commit(),
+             "units": [_unit(unit, found.get(unit)) for unit in every],
              "inputs": manifest.inputs(work.table, known, before.get("inputs", [])),
              "records": [manifest.record_facts(work.folder / MEASURED / kept.file, kept.command) for _, kept in rows]}
     write_json(work.folder / MANIFEST, facts)
