@@ -170,7 +170,7 @@ def test_a_bench_without_scenes_is_refused(tmp_path, capsys):
     assert "has no scene" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", ["plan-replay", "plan-lenticular"])
+@pytest.mark.parametrize("name", ["plan-unseen", "plan-stress", "plan-lenticular"])
 def test_published_validations_are_read(name):
     published = Path(__file__).parents[4] / "docs" / "results" / "measured" / f"{name}.json"
     assert read_record(published, Validation, "a validation").plans

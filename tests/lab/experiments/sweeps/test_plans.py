@@ -9,6 +9,7 @@ import pytest
 from lfsr_core.plan import score
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, FAST_METHOD
 from lfsr_core.records import read_record, write_record
+from lfsr_lab.experiments.engine.environment import environment
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.plan_validation.records import Validation
 from lfsr_lab.experiments.sweeps import plans
@@ -44,7 +45,7 @@ def test_plans_at_a_breaking_point_are_made_judged_and_shown(tmp_path, monkeypat
     monkeypatch.setattr(plans, "SPPS", (4, 16))
     monkeypatch.setattr(plans, "SEEDS", (0,))
     wire = sweep_of(**{DEFAULT_METHOD: Break(0.5, 0.7, "below its start", 0.5, 0.25)})
-    report = Report(FORMAT, SETTINGS, {}, METHODS, (wire, sweep_of("motion")))
+    report = Report(FORMAT, SETTINGS, environment(), METHODS, (wire, sweep_of("motion")))
     write_record(tmp_path / "stress.json", report)
     scene = Scene(Store(tmp_path), SETTINGS, choose_sweeps(["wire"])[0], 0.5)
     jobs = [scene.reference_job, *plans.jobs_of(scene)]
@@ -57,7 +58,7 @@ def test_plans_at_a_breaking_point_are_made_judged_and_shown(tmp_path, monkeypat
     assert [(row.scene, row.target) for row in found] == [("wire-0.5", 0.57)]
     assert found[0].chosen and found[0].met and found[0].cost >= 0.9
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith("| sweep, unit | from – to | `bicubic` |")
-    end = f"| 0.57 | 0.5 | {found[0].chosen} | 1 of 1 | {found[0].cost:.2f} |"
+    assert lines[0].startswith("| sweep | from – to | `bicubic` |")
+    end = f"| 0.57 | 0.5 | {found[0].chosen} | 1/1 | {found[0].cost:.2f} |"
     assert lines[2].endswith(f"| 0.5 s (0.5 to 0.25) | .800 .800 .800 {end}")
     assert lines[3].endswith("| – | – | – | – | – |"), "no plan sees a motion"

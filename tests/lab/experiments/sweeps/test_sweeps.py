@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import tomllib
-from pathlib import Path
-
 import pytest
 
 from lfsr_core.errors import LfsrError
-from lfsr_lab.experiments import document
 from lfsr_lab.experiments.sweeps.sweeps import SWEEPS, choose_sweeps
 
 
@@ -33,10 +29,3 @@ def test_sweeps_are_chosen_in_the_suites_order():
     assert choose_sweeps(None) == SWEEPS
     with pytest.raises(LfsrError, match="did you mean 'wire'"):
         choose_sweeps(["wires"])
-
-
-def test_the_document_of_all_studies_runs_every_sweep():
-    studies = tomllib.loads((Path(document.__file__).parent / "document.toml").read_text(encoding="utf-8"))["study"]
-    (stress,) = (study for study in studies if study["name"] == "stress")
-    assert stress["long"]["each"] == [sweep.name for sweep in SWEEPS]
-    assert choose_sweeps(stress["short"]["each"])

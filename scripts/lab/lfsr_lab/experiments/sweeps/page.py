@@ -15,7 +15,6 @@ from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.reconstruct import registry
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.second_stage import finished_linear
-from lfsr_core.records import to_data
 from lfsr_lab.experiments.engine.environment import environment
 from lfsr_lab.experiments.engine.plots import COLORS, MARKERS, Curve, draw_curves, panel_sheet, svg
 from lfsr_lab.experiments.engine.renders import SCENE_FILE, Store
@@ -58,7 +57,7 @@ def run(store: Store, settings: Settings, methods: Sequence[str], names: Sequenc
     for index, (sweep, of_sweep) in enumerate(scenes.items(), start=1):
         print(f"sweep {index} of {len(scenes)}: {sweep.name}, {len(of_sweep)} values", flush=True)
         sweeps.append(measured_sweep(store, of_sweep, methods, seeds))
-    report = Report(FORMAT, settings, to_data(environment()), methods, tuple(sweeps))
+    report = Report(FORMAT, settings, environment(), methods, tuple(sweeps))
     file, _ = write_report(store.folder, STEM, report, {".md": lambda: markdown(report)})
     write_drawn(store.folder / PAGE_FILE, lambda: html(store, report), file)
     return file

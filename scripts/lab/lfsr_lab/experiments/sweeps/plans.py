@@ -19,6 +19,7 @@ from lfsr_core.frames.job import Job
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, FAST_METHOD
 from lfsr_core.records import read_record, write_record
+from lfsr_lab.experiments.engine.accuracy import MAIN_METRICS
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.report import UNKNOWN, exit_code, markdown_table, number
 from lfsr_lab.experiments.plan_validation.__main__ import Draws, summary, validate
@@ -31,7 +32,7 @@ from lfsr_lab.experiments.sweeps.sweeps import MOTION, choose_sweeps, label
 SCALES, SPPS, SEEDS = (1, 2, 4), (4, 16, 64), (0, 1, 2)
 JUDGED = "ssim_lens_fg"  # what plans are made for
 RATE = 1e-4  # seconds of a path sample, so large that plans minimise path samples, as on displays of many lenses
-COLUMNS = ("sweep, unit", "from – to", "default, scores", "target", "plan at", "chosen", "met", "cost")
+COLUMNS = ("sweep", "from – to", "default, scores", "target", "plan at", "chosen", "met", "cost")
 
 
 def value_of(sweep: SweepReport) -> float:
@@ -78,14 +79,15 @@ def _row(sweep: SweepReport, methods: Sequence[str], rows: Sequence[Verdict]) ->
     made = [row for row in rows if row.scene == choose_sweeps([sweep.name])[0].scene_name(value)]
     scores = sweep.series(DEFAULT_METHOD, sweep.judged)
     shown = " ".join(number(scores[place]).lstrip("0") for place in (0, len(scores) // 2, -1))
-    breaks = [f"{sweep.name}, {sweep.unit}", sweep.span, *map(sweep.break_text, methods), shown]
+    judged = "" if sweep.judged == MAIN_METRICS[0] else f" (`{sweep.judged}`)"
+    breaks = [f"{sweep.name}{judged}", sweep.span.replace(" ", ""), *map(sweep.break_text, methods), shown]
     if not made:
         return [*breaks, *[UNKNOWN] * 5]
     chosen = dict.fromkeys(row.chosen or f"nothing ({row.limit.partition(':')[0]})" for row in made)
     costs = [row.cost for row in made if row.cost is not None]
     return [*breaks, f"{made[0].target:.2f}", label(value), "; ".join(chosen),
-            f"{sum(bool(row.met) for row in made)} of {len(made)}",
-            " to ".join(dict.fromkeys(f"{each:.2f}" for each in (min(costs), max(costs)))) if costs else UNKNOWN]
+            f"{sum(bool(row.met) for row in made)}/{len(made)}",
+            "–".join(dict.fromkeys(f"{each:.2f}" for each in (min(costs), max(costs)))) if costs else UNKNOWN]
 
 
 def main(argv: Sequence[str] | None = None) -> int:

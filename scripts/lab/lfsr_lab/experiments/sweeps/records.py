@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from statistics import fmean
-from typing import Any
 
 from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_lab.experiments.engine.accuracy import Figures
+from lfsr_lab.experiments.engine.environment import Environment
 from lfsr_lab.experiments.sweeps.breaks import BELOW_BICUBIC, BELOW_START, Break
 from lfsr_lab.experiments.sweeps.sweeps import label
 
@@ -126,6 +126,6 @@ class Report:
 
     format: int  # of the file
     settings: Settings  # of the folder
-    environment: dict[str, Any]  # of the machine that wrote the report; older reports have fewer fields
+    environment: Environment  # of the machine that wrote the report
     methods: tuple[str, ...]  # their names, bicubic first
     sweeps: tuple[SweepReport, ...] = dataclasses.field(metadata={"key": "dials"})
