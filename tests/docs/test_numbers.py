@@ -17,6 +17,7 @@ from lfsr_lab.experiments.gpu_budget import page as gpu_page
 from lfsr_lab.experiments.gpu_budget.__main__ import Record as GPURecord
 from lfsr_lab.experiments.gpu_budget.budget import read_gpus
 from lfsr_lab.experiments.plan_validation.records import Validation
+from lfsr_lab.experiments.rivals import page as rivals_page
 from lfsr_lab.experiments.scales.fit import ENOUGH, Group, fit, groups_of
 from lfsr_lab.experiments.scales.table import Table
 from lfsr_lab.experiments.sweeps import plans
@@ -385,7 +386,8 @@ def test_a_quoted_number_is_that_of_its_record(claim):
 
 GENERATED: dict[str, Callable[[], str]] = {
     "docs/results/gpu-budget.md": lambda: gpu_page.markdown(read_gpus(), read_record(
-        ROOT / "docs/results/measured/gpu-budget.json", GPURecord, "measured steps").measured)}
+        ROOT / "docs/results/measured/gpu-budget.json", GPURecord, "measured steps").measured),
+    "docs/results/rivals.md": lambda: rivals_page.markdown(record("rivals"))}
 
 # Words whose numbers no record here has: settings and thresholds, file sizes and times of other programs, and what was
 # measured once with weights or by ways that are not kept (the notebook has those).

@@ -19,7 +19,7 @@ from lfsr_core.files import read_json, write_json
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.report import exit_code, write_text
 from lfsr_lab.experiments.rivals import run
-from lfsr_lab.experiments.rivals.page import record, tables
+from lfsr_lab.experiments.rivals.page import markdown, record
 from lfsr_lab.experiments.rivals.renders import SCENES
 
 RECORD = "rivals.json"
@@ -38,7 +38,7 @@ def compare(arguments: argparse.Namespace) -> None:
     rows = run.scenes(arguments.scenes, clones, store, arguments.only)
     captured = {} if arguments.no_captured else run.captured(clones, folder / "captured")
     write_json(folder / RECORD, record(rows, captured))
-    text = tables(read_json(folder / RECORD, "a record"))
+    text = markdown(read_json(folder / RECORD, "a record"))
     print(write_text(folder / "rivals.md", text).read_text(encoding="utf-8"))
 
 

@@ -27,14 +27,14 @@ from lfsr_lab.experiments.engine.truth import Truth
 from lfsr_lab.experiments.rivals import lfbm5d
 from lfsr_lab.experiments.rivals.lfdnpatch import LFDnPatch
 from lfsr_lab.experiments.rivals.makers import MAKERS
-from lfsr_lab.experiments.rivals.renders import SAMPLES, SCALES, WIDE, View
+from lfsr_lab.experiments.rivals.renders import SCALES, View
 
 VERSION = 1  # of how figures are measured
 MOST_SHEAR = 4  # pixels between two low-resolution views, as in the demo of Sheared-EPI
 OURS = ("bilinear", "bicubic", "bilinear+epi")
 # What follows a denoiser, by the scale. Sheared-EPI at scale 3 has 169 cells of views: minutes for each image.
 FOLLOWERS = {7: (*OURS, "AngularSR-1", "AngularSR-2", "Sheared-EPI"), 3: (*OURS, "EPICNN")}
-AFTER_OTHERS = {7: ("bilinear", "AngularSR-2"), 3: ("bilinear",)}
+AFTER_OTHERS = ("bilinear", "AngularSR-2")
 OTHERS = ("LFBM5D", "LFDnPatch")
 SLOW = ("Sheared-EPI",)  # after our denoiser alone
 
@@ -62,9 +62,8 @@ class Row:
 
 
 def denoisers(view: View) -> tuple[str, ...]:
-    """Return the denoisers that are measured on a render; filters of 196 views take minutes each."""
-    few = view.scale == SCALES[0] or (view.width, view.samples) == (WIDE, SAMPLES[-1])
-    return (*PREFILTERS, *OTHERS) if few else tuple(PREFILTERS)
+    """Return the denoisers that are measured on a render: to filter 196 views takes minutes."""
+    return (*PREFILTERS, *OTHERS) if view.scale == SCALES[0] else tuple(PREFILTERS)
 
 
 def measure(render: Path, truth: Truth, denoiser: str, clones: Path) -> Row:
@@ -72,7 +71,7 @@ def measure(render: Path, truth: Truth, denoiser: str, clones: Path) -> Row:
     layers, frame = clean(read_layers(render / LOW_RES_FILE))[0], read_frame(render)
     low = low_resolution(layers, frame, read_world(render, frame))
     without, seconds = _timed(lambda: denoised(low, denoiser, clones))
-    names = (AFTER_OTHERS if denoiser in OTHERS else FOLLOWERS)[low.scale]
+    names = AFTER_OTHERS if denoiser in OTHERS else FOLLOWERS[low.scale]
     names = tuple(name for name in names if name not in SLOW or denoiser == "denoise")
     made = {name: _timed(functools.partial(finished, without, name, clones)) for name in names}
     return Row(seconds, {name: _figures(*each, truth, low.scale // 2) for name, each in made.items()})
