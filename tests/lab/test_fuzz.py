@@ -234,7 +234,6 @@ CASES = {
     "plan anew": Case(sampled, {"plan's .exr": "work/s2-spp4/lr_eia.exr", "plan's world": "work/quick/lr_eia.exr",
                                 "plan's reference": "work/reference-0/reference_a.exr"}, plan_words, part=0.1),
     "chart": Case(charted, {"chart.json": "chart.json", "chart's cell": "vase/cells/s2-spp1-bicubic.json",
-                            "chart's process": "fresh-process/bicubic.json",
                             "chart's frame.json": "vase/s2-spp1/frame.json"}, chart_folder.arguments, part=0.05),
     "stress": Case(stressed, {"stress settings.json": "settings.json",
                               "stress cell": "wire-2/cells/bicubic-wire-spp16.json",

@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from lfsr_lab.experiments.chart.settings import Settings
 
 NAME = "chart"
-HELP = "measure every method's end-to-end time and accuracy on scenes, and draw both"
-EVERY = ("all",)
+HELP = "measure every method's errors and end-to-end time on scenes, and draw both"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,12 +34,10 @@ def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
                         help="samples per pixel of low-resolution renders, default: 1,4,16,64")
     parser.add_argument("--direct-spps", type=_numbers, default=(1, 4, 16), metavar="N,N",
                         help="samples of direct high-resolution renders, default: 1,4,16; `none` for none")
-    parser.add_argument("--ceiling-spp", type=int, default=4096, metavar="N",
-                        help="samples of the nearly noise-free low-resolution render, default: %(default)s; 0: none")
     parser.add_argument("--reference-spp", type=int, default=1024, metavar="N", help="default: %(default)s")
     parser.add_argument("--lenses", type=int, metavar="N", help="sampled reference of N lenses; default: all")
-    parser.add_argument("--seed", type=int, default=0, metavar="N",
-                        help="of the noise of all renders but the reference; those of each lie beside each other")
+    parser.add_argument("--seeds", type=int, default=10, metavar="N",
+                        help="renders of each, whose noise differs, default: %(default)s")
     parser.add_argument("--subject", metavar="COLLECTION", help="the foreground; default: everything but the world and "
                                                                 "a collection called Background")
     parser.add_argument("--world-visible", action=argparse.BooleanOptionalAction,
@@ -52,17 +49,11 @@ def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_measure_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--repeats", type=int, default=3, metavar="N",
                         help="timed runs of the second stage, default: %(default)s")
-    parser.add_argument("--render-repeats", type=int, default=1, metavar="N",
-                        help="timed runs of every render, default: %(default)s")
+    parser.add_argument("--render-repeats", type=int, default=3, metavar="N",
+                        help="renders that are made again for their time, default: %(default)s; 0: count all seeds")
+    parser.add_argument("--times", action="store_true",
+                        help="time renders and second stages that are not timed; without it nothing is timed")
     parser.add_argument("--only-measure", action="store_true", help="render nothing; leave out what is not there")
-    parser.add_argument("--replace", action="store_true",
-                        help="replace a chart of other settings in DIR; cells and renders stay")
-    parser.add_argument("--again", type=names, default=(), metavar="NAME,NAME",
-                        help="methods to measure again; `all` for every one")
-    parser.add_argument("--retime", type=names, default=(), metavar="NAME,NAME",
-                        help="methods to time again, without measuring their metrics again; `all` for every one")
-    parser.add_argument("--retime-renders", action="store_true",
-                        help="time every render again, --render-repeats times; images stay; once per folder")
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -86,13 +77,10 @@ def _settings(arguments: argparse.Namespace) -> Settings:
 
     ours = arguments.ours or DEFAULT_METHOD
     methods = tuple(dict.fromkeys([ours, *(arguments.methods or default_methods())]))
-    every = (*methods, *DIRECT_METHODS)
-    chosen = {name: every if given == EVERY else given
-              for name, given in (("again", arguments.again), ("retime", arguments.retime))}
-    for name in (*methods, *chosen["again"], *chosen["retime"]):
+    for name in methods:
         method(name)
     given = {name: value for name, value in vars(arguments).items() if name in Settings.__dataclass_fields__}
-    return Settings(**given | chosen | {"methods": methods, "direct_methods": DIRECT_METHODS, "ours": ours})
+    return Settings(**given | {"methods": methods, "direct_methods": DIRECT_METHODS, "ours": ours})
 
 
 def _numbers(text: str) -> tuple[int, ...]:

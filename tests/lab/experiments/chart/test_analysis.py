@@ -1,114 +1,141 @@
-"""What a chart concludes: fronts, times to reach an accuracy, wins and losses."""
+"""Times to equal error: exact on power laws, never too short, with intervals that hold the truth."""
 
 from __future__ import annotations
 
-import dataclasses
-import itertools
-
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_lab.experiments.chart.analysis import (
-    analyse,
-    ceiling,
-    curves,
-    duel,
+    Point,
+    drawn_seconds,
+    duels,
+    geometric_mean,
     mean_cells,
-    pareto_front,
-    points,
-    target,
-    time_to_reach,
+    mean_duels,
+    reach,
+    reaches,
 )
-from lfsr_lab.experiments.chart.records import DIRECT, LOW, Ceiling, Point
-from tests.support.chart_example import measured_cell, scene_row
+from lfsr_lab.experiments.chart.records import DIRECT, LOW, Cost, Measured, SceneRow, Times, UsedReference
+from lfsr_lab.experiments.engine.measures import MEASURES, SSIM
 
-SECONDS = st.sampled_from([1.0, 2.0, 3.0]) | st.floats(0.01, 1e4)  # some alike: ties happen
-VALUES = st.sampled_from([0.2, 0.4, 0.6]) | st.floats(-1, 1)
-POINTS = st.lists(st.builds(Point, st.just(LOW), st.sampled_from("ab"), st.integers(1, 64), SECONDS, VALUES),
-                  min_size=1, max_size=12)
+SAMPLES = (1, 4, 16, 64)
+COSTS = np.array(SAMPLES, float)[:, None]
 
 
-def curve(*pairs, role=LOW, method="ours"):
-    """Points of (seconds, value) at 1, 4, 16, … samples."""
-    return [Point(role, method, 4**index, *pair) for index, pair in enumerate(pairs)]
+def column(values):
+    return np.array(values, float)[:, None]
 
 
-def cell(role, method, samples, render, second, value, flip=0.1):
-    metrics = {"ssim_eia_fg": value, "flip": flip}
-    return dataclasses.replace(measured_cell(role, method, samples, render, (second,), metrics), open_seconds=1.0)
+@pytest.mark.parametrize("target", [0.9, 0.5, 0.3, 0.125])
+def test_the_cost_on_a_power_law_is_exact(target):
+    found, bound = reach(COSTS, COSTS**-0.5, np.array([target]))
+    assert found[0] == pytest.approx(target**-2) and not bound[0]
 
 
-@given(POINTS)
-def test_the_front_rises_and_something_on_it_is_as_fast_and_as_good_as_any_point(candidates):
-    front = pareto_front(candidates)
-    for before, after in itertools.pairwise(front):
-        assert before.seconds < after.seconds and before.value < after.value
-    for point in candidates:
-        assert any(better.seconds <= point.seconds and better.value >= point.value for better in front)
+def test_what_is_never_reached_is_infinite_and_what_is_reached_at_once_is_a_bound():
+    found, bound = reach(COSTS, np.tile(COSTS**-0.5, 3), np.array([0.01, 1.0, 2.0]))
+    assert found.tolist() == [np.inf, 1.0, 1.0] and bound.tolist() == [False, False, True]
 
 
-@given(POINTS, VALUES, VALUES)
-def test_a_higher_accuracy_never_takes_less_time(candidates, one, other):
-    lower, higher = (time_to_reach(candidates, value)[0] for value in sorted((one, other)))
-    assert higher is None or (lower is not None and lower <= higher * (1 + 1e-9))
+def test_a_dearer_point_that_is_worse_does_not_count():
+    found, _ = reach(COSTS, column([0.5, 0.8, 0.4, 0.2]), np.array([0.6]))
+    assert found[0] == 1.0
+    assert 4 < reach(COSTS, column([0.5, 0.8, 0.4, 0.2]), np.array([0.45]))[0][0] < 16
 
 
-@given(POINTS)
-def test_the_front_is_reached_at_its_own_time(candidates):
-    for point in pareto_front(candidates):
-        assert time_to_reach(candidates, point.value) == (pytest.approx(point.seconds), False)
+def test_a_point_that_costs_more_than_one_with_less_error_costs_no_more():
+    """As measured times do on a busy machine."""
+    assert reach(column([2.0, 1.0, 4.0]), column([0.5, 0.25, 0.1]), np.array([0.5]))[0][0] == 1.0
+    assert reach(column([2.0, 1.0, 4.0]), column([0.5, 0.25, 0.1]), np.array([0.3]))[0][0] == 1.0
 
 
-def test_time_goes_by_its_logarithm_and_past_the_curve_there_is_a_bound_or_nothing():
-    assert time_to_reach(curve((1, 0.5), (100, 0.9)), 0.7)[0] == pytest.approx(10)
-    below, above = (time_to_reach(curve((2, 0.5), (8, 0.9)), value) for value in (0.4, 0.91))
-    assert below == (2, True) and above == (None, False)
-    assert time_to_reach(curve((2, 0.8), (4, 0.7), (8, 0.9)), 0.75)[0] == 2, "what is slower and worse does not count"
+@given(st.lists(st.floats(1e-4, 1), min_size=4, max_size=4), st.floats(1e-4, 1), st.floats(0.5, 1))
+def test_less_error_never_costs_less(errors, target, part):
+    both = reach(COSTS, np.tile(column(errors), 2), np.array([target, part * target]))[0]
+    assert both[0] <= both[1] * (1 + 1e-12)
 
 
-def test_wins_and_losses_are_both_named():
-    ours, rival, key = curve((1, 0.5), (4, 0.8)), curve((3, 0.4), (12, 0.8), (40, 0.9)), (DIRECT, "oidn")
-    duels = [duel(point, ours, key) for point in rival]
-    assert [(each.outcome, each.ratio, each.bound) for each in duels] == [
-        ("win", pytest.approx(1 / 3), True), ("win", pytest.approx(1 / 3), False), ("loss", None, False)]
-    back = [duel(point, rival, key, of_rival=True) for point in ours]
-    assert [(each.method, each.outcome) for each in back] == [("oidn", "win"), ("oidn", "win")]
-    assert back[1].needs_seconds == pytest.approx(12)
-    lost = duel(Point(LOW, "ours", 1, 10, 0.5), curve((2, 0.6)), key, of_rival=True)
-    assert lost.outcome == "loss" and lost.ratio == pytest.approx(0.2)
+def test_an_error_below_nothing_is_reached_like_the_least_there_is():
+    """Split errors of nearly perfect images can come out negative."""
+    found, _ = reach(COSTS, column([0.5, 0.1, 0.01, -0.001]), np.array([-0.002]))
+    assert found[0] == pytest.approx(64)
 
 
-def test_the_target_takes_the_worst_accuracy_between_one_and_four_samples():
-    rival = curve((8, 0.5), (16, 0.7), (64, 0.9), role=DIRECT, method="oidn")
-    found = target(curve((1, 0.5), (5, 0.6), (6, 0.7)), rival)
-    assert found.worst_ratio == pytest.approx(5 / (8 * 16) ** 0.5)
-    assert not found.met
-    assert target(curve((1, 0.5), (2, 0.7)), rival).stretch_met
-    assert target(curve((1, 0.5), (2, 0.69)), rival).worst_ratio is None
-    assert target(curve((1, 0.5)), rival[2:]) is None
+def points(method, scale, factor, random=None, role=LOW, samples=SAMPLES, lenses=20, seeds=10):
+    """A method whose error is factor / √rays, on lenses that are hard or easy for all alike."""
+    hard = np.exp(np.random.default_rng(5).normal(0, 0.5, lenses))
+    found = []
+    for count in samples:
+        noise = random.normal(1, 0.1, (seeds, lenses)) if random else np.ones((seeds, lenses))
+        rows = tuple(map(tuple, (factor * (count / scale**2)**-0.5 * hard * noise).tolist()))
+        times = Times((0.2 + count / scale**2,), (0.1,), None)
+        found.append(Point.of(role, method, scale, count, Measured(dict.fromkeys(MEASURES, rows)), times,
+                              np.arange(lenses)))
+    return found
 
 
-def test_less_flip_is_better_and_the_ceiling_is_no_point():
-    cells = [cell(LOW, "ours", 1, 1, 1, 0.5, flip=0.2), cell(LOW, "ours", 4, 2, 1, 0.7, flip=0.1),
-             cell(DIRECT, "oidn", 1, 4, 1, 0.6, flip=0.05), cell("ceiling", "ours", 4096, 900, 1, 0.95, flip=0.01),
-             cell("ceiling", "bicubic", 4096, 900, 1, 0.9, flip=0.02)]
-    assert ceiling(cells, "flip") == Ceiling("ours", 4096, 0.01)
-    found = analyse(cells, "ours", "flip")
-    assert [point.samples for point in found.front] == [1, 4, 1]
-    assert [duel.outcome for duel in found.versus] == ["loss"]
-    assert [duel.outcome for duel in analyse(cells, "ours").versus] == ["win"]
+def test_a_duel_of_power_laws_has_the_ratio_of_their_squares():
+    found = duels(points("ours", 4, 1.0) + points("theirs", 1, 2.0, role=DIRECT, samples=(1,)), (LOW, "ours"))
+    assert len(found) == len(MEASURES)
+    duel = found[0]
+    assert (duel.role, duel.method, duel.samples) == (DIRECT, "theirs", 1)
+    assert duel.rays.value == pytest.approx(0.25, rel=1e-4) and not duel.rays.bound
+    assert duel.seconds.value == pytest.approx((0.3 + 0.25) / 1.3, rel=0.1)
 
 
-def test_opening_the_scene_counts_only_where_it_is_asked_for():
-    cells = [cell(LOW, "ours", 1, 0.5, 0.5, 0.6), cell(DIRECT, "oidn", 1, 3, 1, 0.6)]
-    found = analyse(cells, "ours")
-    assert found.target.worst_ratio == pytest.approx(1 / 4)
-    assert found.target_with_opening.worst_ratio == pytest.approx(2 / 5)
+def test_intervals_of_the_ratio_hold_the_truth_about_as_often_as_they_say():
+    random, inside, runs = np.random.default_rng(3), 0, 60
+    for _ in range(runs):
+        every = points("ours", 4, 1.0, random) + points("theirs", 1, 2.0, random, DIRECT, (1,))
+        rays = next(each.rays for each in duels(every, (LOW, "ours")) if each.measure == SSIM)
+        inside += rays.low < 0.25 < rays.high
+    assert inside / runs > 0.85 and rays.high - rays.low < 0.05
 
 
-def test_means_are_over_what_every_scene_has():
-    scenes = [scene_row("a", (cell(LOW, "ours", 1, seconds - 1, 1, value), cell(LOW, "only", samples, 1, 1, 0.1)))
-              for seconds, value, samples in ((2, 0.4, 1), (8, 0.6, 4))]
-    (_, points_of), = curves(points(mean_cells(scenes), "ssim_eia_fg")).items()
-    assert points_of == [Point(LOW, "ours", 1, pytest.approx(4), pytest.approx(0.5))]
+def test_a_fixed_error_is_reached_or_never():
+    found = {(each.method, each.measure): each for each in reaches(points("ours", 4, 1.0) + points("worse", 4, 9.0),
+                                                                   {SSIM: 0.75})}
+    hard = np.exp(np.random.default_rng(5).normal(0, 0.5, 20)).mean()
+    assert found["ours", SSIM].rays.value == pytest.approx((hard / 0.75)**2, rel=1e-4)
+    assert found["worse", SSIM].rays.value is None
+
+
+def scene(every):
+    reference = UsedReference(1024, None, 20, 1.0, {})
+    return SceneRow("a", "5.0", reference, tuple(each.cell for each in every), tuple(duels(every, (LOW, "ours"))), ())
+
+
+def test_the_geometric_mean_has_an_interval_over_scenes():
+    sharp = [Cost(ratio, ratio, ratio, False) for ratio in (0.1, 0.2, 0.4, 0.8)]
+    found = geometric_mean(sharp)
+    assert found.value == pytest.approx((0.1 * 0.2 * 0.4 * 0.8)**0.25, rel=1e-4)
+    assert 0.1 <= found.low < 0.2 and 0.4 < found.high <= 0.8
+    wide = geometric_mean([Cost(each.value, each.value / 2, each.value * 2, False) for each in sharp])
+    assert wide.value == found.value and wide.low < found.low and wide.high > found.high
+    assert geometric_mean([*sharp, Cost(0.3, 0.2, None, True)]).high is None
+    assert geometric_mean([]).value is None and geometric_mean(sharp[:1]) == sharp[0]
+
+
+def test_the_mean_duel_is_over_the_scenes_in_which_ours_gets_there():
+    scenes = [scene(points("ours", 4, factor) + points("theirs", 1, 2.0, role=DIRECT, samples=(1,)))
+              for factor in (1.0, 0.5, 50.0)]
+    duel = mean_duels(scenes)[0]
+    assert duel.scenes == 2 and duel.rays.value == pytest.approx((0.25 * 0.0625)**0.5, rel=1e-4)
+    assert duel.seconds.value is not None
+
+
+def test_means_over_scenes_are_of_the_cells_that_all_have():
+    first, second = scene(points("ours", 4, 1.0)), scene(points("ours", 4, 3.0, samples=SAMPLES[:2]))
+    found, one = mean_cells([first, second]), first.cells[0]
+    assert [cell.samples for cell in found] == [1, 4]
+    assert found[0].errors[SSIM].mean == pytest.approx(2 * one.errors[SSIM].mean, rel=1e-4)
+    half = one.errors[SSIM].high - one.errors[SSIM].mean
+    assert found[0].errors[SSIM].high - found[0].errors[SSIM].mean == pytest.approx(half * 10**0.5 / 2, rel=1e-3)
+    assert found[0].seconds.mean == pytest.approx(one.seconds.mean, rel=1e-4)
+
+
+def test_repeated_times_are_drawn_anew():
+    drawn = drawn_seconds(Times((1.0, 2.0, 9.0), (0.5,), None))
+    assert drawn[0] == 2.5 and set(np.unique(drawn)) == {1.5, 2.5, 9.5}

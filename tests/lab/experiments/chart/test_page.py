@@ -6,11 +6,15 @@ import dataclasses
 import re
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 from lfsr_lab.experiments.chart import findings, panels
-from lfsr_lab.experiments.chart.records import LOW, Point
-from tests.support.chart_example import LOW_METHODS, example, scene_row
+from lfsr_lab.experiments.chart.analysis import mean_duels
+from lfsr_lab.experiments.chart.crops import Crops, Row
+from lfsr_lab.experiments.chart.findings import RIVAL
+from lfsr_lab.experiments.engine.measures import MEASURES, SSIM
+from tests.support.chart_example import LOW_METHODS, example
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -20,15 +24,35 @@ def chart():
     return example()
 
 
+@pytest.fixture(scope="module")
+def page(chart):
+    return panels.page(chart, None)
+
+
 def texts(svg: str) -> list[str]:
     return ["".join(element.itertext()) for element in ElementTree.fromstring(svg).iter(f"{SVG}text")]
 
 
-def test_the_image_has_a_panel_per_scene_and_one_of_the_mean(chart):
-    words = texts(panels.image(chart))
-    assert {scene.scene for scene in chart.scenes} | {"Mean of 6 scenes"} <= set(words)
-    assert sum("without noise" in word for word in words) == 7
+def test_the_image_has_every_error_against_every_cost(chart):
+    words = " ".join(texts(panels.image(chart)))
+    assert words.count("Mean of 6 scenes") == 2 * (len(MEASURES) + 1)
+    assert words.count("slope −½") == 10 and words.count("slope −1") == 6, "of squares the slope of their root too"
+    assert words.count("end to end →") == words.count("rays per finished pixel →") == 5
     assert "Mean" not in " ".join(texts(panels.image(example(1))))
+
+
+def test_the_noise_of_the_reference_is_shaded(chart):
+    scenes = tuple(dataclasses.replace(scene, reference=dataclasses.replace(
+        scene.reference, noise=dict.fromkeys(MEASURES, 0.05))) for scene in chart.scenes)
+    words = " ".join(texts(panels.image(dataclasses.replace(chart, scenes=scenes))))
+    assert words.count("the reference's own noise") == 10
+
+
+def test_without_times_there_are_only_rays():
+    chart = example(2, timed=False)
+    words = " ".join(texts(panels.image(chart)))
+    assert "end to end →" not in words and "rays per finished pixel →" in words
+    assert "of the rays" in findings.headline(chart) and panels.page(chart, None)
 
 
 @pytest.mark.parametrize("name", ["$a_b$", "do$ll", "$\\frac$", "back\\slash", "a^b_c{d}", "%s"])
@@ -38,7 +62,7 @@ def test_the_name_of_a_scene_is_no_formula(name):
                                 settings=dataclasses.replace(chart.settings, display=f"{name}.toml"))
     words = texts(panels.image(chart))
     assert name in words and any(f"Display {name}.toml" in word for word in words)
-    assert panels.page(chart)
+    assert panels.page(chart, None)
 
 
 def test_every_text_lies_inside_the_image(chart):
@@ -54,62 +78,58 @@ def place(element) -> tuple[float, float]:
     return tuple(map(float, moved.groups() if moved else (element.get("x"), element.get("y"))))
 
 
-def test_the_page_stands_alone_and_its_tables_are_whole(chart):
-    page = panels.page(chart)
+def test_the_page_stands_alone_and_its_tables_are_whole(chart, page):
     assert not re.search(r"<script|<link|src=|url\((?!#)|@import", page)
     for table in re.findall(r"<table>.*?</table>", page):
         rows = ElementTree.fromstring(table).iter("tr")
         assert len({len(row) for row in rows}) == 1
-    assert all(name in page for name in LOW_METHODS)
+    assert all(name in page for name in LOW_METHODS) and all(scene.scene in page for scene in chart.scenes)
     assert chart.skipped[0] in page and "Example processor" in page
 
 
-def test_losses_are_named_as_wins_are(chart):
-    page = panels.page(chart)
-    duels = [duel for scene in chart.scenes for duel in scene.by(chart.metric).versus]
-    for outcome, mark in (("win", "✔ win"), ("loss", "✘ loss")):
-        count = sum(duel.outcome == outcome for duel in duels)
-        assert count > 0 and page.count(mark) == count
-    assert findings.losses(chart)[0] == "every view +OIDN: wins 6 of 18 times"
+def test_losses_are_named_as_wins_are(chart, page):
+    duels = [duel for scene in chart.scenes for duel in scene.duels]
+    lost = sum(map(findings.is_lost, duels))
+    assert 0 < lost < len(duels)
+    assert page.count("✘ ") == lost and page.count("✔ ") == len(duels) - lost
+    told = [int(count) for line in findings.losses(chart) for count in re.findall(r"(\d+) of \d+ times", line)]
+    assert sum(told) == lost
 
 
-def test_the_headline_counts_what_the_analysis_found(chart):
-    ratios = [scene.by(chart.metric).target.worst_ratio for scene in chart.scenes]
-    assert f"{min(ratios):.0%} to {max(ratios):.0%}" in findings.headline(chart)
-    assert f"A quarter or less: {sum(ratio <= 0.25 for ratio in ratios)} of 6 scenes" in findings.headline(chart)
+def test_a_tie_at_less_error_is_no_loss(chart):
+    duel = chart.scenes[0].duels[0]
+    tie = dataclasses.replace(duel, seconds=dataclasses.replace(duel.rays, value=1.0, bound=False))
+    assert findings.is_lost(tie)
+    assert not findings.is_lost(dataclasses.replace(tie, seconds=dataclasses.replace(tie.seconds, bound=True)))
+    assert findings.is_lost(dataclasses.replace(tie, seconds=dataclasses.replace(tie.seconds, value=None)))
 
 
-def test_where_a_reference_shows_only_some_lenses_all_scenes_are_judged_lens_by_lens(chart):
-    whole, sampled = chart.scenes[:2]
-    known = ("p", "ssim_lens", "ssim_lens_fg", "psnr_fg", "flip")
-    cells = tuple(dataclasses.replace(cell, metrics={name: cell.metrics[name] for name in known})
-                  for cell in sampled.cells)
-    mixed = dataclasses.replace(chart, scenes=(whole, scene_row("Sampled", cells)))
-    assert (chart.metric, mixed.metric) == ("ssim_eia_fg", "ssim_lens_fg")
-    assert "lens by lens" in " ".join(texts(panels.image(mixed)))
-    assert "each lens on its own" in panels.page(mixed) and "on the whole image" in panels.page(chart)
-    tables_of = findings.markdown(mixed).split("## Sampled: subject")
-    assert "ssim_eia_fg" not in tables_of[1] and "ssim_eia_fg" in tables_of[0]
+def test_the_headline_has_the_geometric_mean_and_the_scenes(chart):
+    found = [duel for duel in mean_duels(chart.scenes) if (duel.measure, duel.role, duel.method) == (SSIM, *RIVAL)]
+    ratios = [duel.seconds.value for scene in chart.scenes for duel in scene.duels
+              if (duel.measure, duel.key, duel.samples) == (SSIM, RIVAL, 1)]
+    assert found[0].seconds.value == pytest.approx(np.exp(np.mean(np.log(ratios))), rel=1e-3)
+    words = findings.headline(chart)
+    assert findings.percent(found[0].seconds.value) in words and "of the time" in words
+    assert f"{findings.percent(min(ratios))} to {findings.percent(max(ratios))}" in words
 
 
-def test_a_chart_without_direct_rendering_or_ceiling_is_still_a_page():
-    chart = example(2)
-    scenes = (scene_row(scene.scene, tuple(cell for cell in scene.cells if cell.role == LOW)) for scene in chart.scenes)
-    chart = dataclasses.replace(chart, scenes=tuple(scenes))
-    assert "was not measured" in panels.page(chart)
-    assert "without noise" not in panels.image(chart)
+def test_a_chart_without_direct_rendering_is_still_a_page():
+    chart = example(2, direct=False)
+    assert "was not measured" in panels.page(chart, None)
 
 
-def test_advice_rises_and_skips_what_is_not_worth_a_line(chart):
-    front = [Point(LOW, "a", 1, 1.0, 0.5), Point(LOW, "b", 1, 1.1, 0.6), Point(LOW, "c", 1, 2.0, 0.602),
-             Point(LOW, "d", 1, 4.0, 0.7)]
-    assert [point.method for point in findings.worth_a_step(front)] == ["b", "d"]
-    assert len(findings.advice(chart).rows) >= 2
-
-
-def test_the_table_has_every_cell_with_its_metrics(chart):
+def test_the_tables_have_every_cell_with_interval_and_spread(chart):
     table = findings.markdown(chart)
-    rows = [line for line in table.splitlines() if line.startswith("| espcn | 16 | 4 |")]
+    rows = [line for line in table.splitlines() if line.startswith("| espcn | 16 | 4 | 1 |")]
     assert len(rows) == 7, "one per scene and one of the mean"
-    assert "±" in rows[1] and "±" not in rows[0]
-    assert "| espcn | 24,192 | 24,336 | 1.5 |" in table
+    assert all(row.count("–") == row.count("(") == 6 and row.count("±") == 4 for row in rows), rows
+
+
+def test_crops_stand_in_the_page(chart):
+    random = np.random.default_rng(0)
+    row = Row("equal time", ("ours 4", "theirs 1"), (0.1, 0.2), *random.random((1, 24, 24, 3)),
+              tuple(random.random((2, 24, 24, 3))))
+    crops = Crops((row, row))
+    assert crops.png().startswith(b"\x89PNG")
+    assert 'src="data:image/png;base64,' in panels.page(chart, crops)

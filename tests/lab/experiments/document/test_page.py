@@ -66,7 +66,7 @@ def test_a_drawing_error_loses_no_record_and_no_other_figure(folder, content):
         list(document.draw(Work(folder, TABLE)))
     assert {path.name: path.read_bytes() for path in (folder / "measured").iterdir()} == before
     text = (folder / "report.html").read_text(encoding="utf-8")
-    assert text.count("<svg") == 3 and "This record could not be drawn" in text
+    assert text.count("<svg") == 10 and "This record could not be drawn" in text
     broken.unlink()
     list(document.draw(Work(folder, TABLE)))  # again, and now it can
     assert "could not be drawn" not in (folder / "report.html").read_text(encoding="utf-8")
@@ -77,7 +77,7 @@ def test_the_manifest_names_every_record_with_its_digest_command_machine_and_see
     facts = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     [record] = facts["records"]
     assert record["sha256"] == hashlib.sha256((folder / "measured/small.json").read_bytes()).hexdigest()
-    assert record["command"].startswith("lfsr chart ") and record["machine"] and record["seeds"] == [0]
+    assert record["command"].startswith("lfsr chart ") and record["machine"] and record["seeds"] == [0, 1, 2]
     assert {unit["state"] for unit in facts["units"]} == {"not measured"} and len(facts["units"]) > 5
 
 
@@ -92,7 +92,7 @@ def test_the_command_of_a_study_names_all_its_units():
 def test_every_figure_names_the_command_that_made_it(folder):
     list(document.draw(Work(folder, TABLE)))
     captions = re.findall(r"<figcaption>(.*?)</figcaption>", (folder / "report.html").read_text("utf-8"), re.DOTALL)
-    assert len(captions) == 3 and all("Made by <code>lfsr chart" in caption for caption in captions)
+    assert len(captions) == 10 and all("Made by <code>lfsr chart" in caption for caption in captions)
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")

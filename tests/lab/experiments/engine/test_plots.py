@@ -58,7 +58,8 @@ def test_a_long_footer_is_broken_and_lies_below_the_panels(count):
 def test_points_wear_what_is_known_of_them():
     figure, axes = plots.sheet(3, 2)
     axes = axes[0, 0]
-    plots.draw_curve(axes, Curve("a", plots.INK, "o", (1, 2), (3, 4), spans=((0.5, 1), (2, 2.5)), halves=(0.1, None)))
+    plots.draw_curve(axes, Curve("a", plots.INK, "o", (1, 2), (3, 4), spans=((0.5, 1), (2, 2.5)),
+                                 bars=((2.9, 3.1), (4, 4))))
     sides, ups = (collection.get_segments() for collection in axes.collections)
     assert np.allclose(sides, [[(0.5, 3), (1, 3)], [(2, 4), (2.5, 4)]])
     assert np.allclose(ups, [[(1, 2.9), (1, 3.1)], [(2, 4), (2, 4)]])

@@ -11,7 +11,7 @@ from jinja2 import DictLoader, UndefinedError
 
 from lfsr_core.errors import LfsrError
 from lfsr_lab.experiments.engine import report
-from lfsr_lab.experiments.engine.report import count, markdown_table, number
+from lfsr_lab.experiments.engine.report import markdown_table, number
 
 TABLE = """{% extends "base.html" %}{% import "macros.html" as macros %}{% block title %}T{% endblock %}
 {% block body %}{{ macros.table(["name", "n"], rows) }}{{ picture }}{% endblock %}"""
@@ -70,4 +70,3 @@ def test_the_last_letter_aligns_the_columns_behind_it():
 
 def test_numbers_show_what_is_known():
     assert (number(None), number(2, 0.25, 2), number(2.0)) == ("–", "2.00 ± 0.25", "2.000")
-    assert (count(None), count(1234567.0)) == ("–", "1,234,567")

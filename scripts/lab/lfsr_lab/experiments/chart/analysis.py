@@ -1,153 +1,230 @@
-"""What follows from the cells of a chart: fronts, times to reach an accuracy, wins and losses. Pure functions."""
+"""What follows from the measured values of a chart: means, times to equal error, and what is certain. Pure functions.
+
+A statistic is computed for the values themselves and for every draw of the bootstrap of ``engine.seeds`` alike: arrays
+end in an axis of 1 + DRAWS, the values themselves first. Repeated times are drawn anew too.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import statistics
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
-from lfsr_lab.experiments.chart.records import (
-    CEILING,
-    DIRECT,
-    LOW,
-    MAIN_METRICS,
-    Analysis,
-    Ceiling,
-    Cell,
-    Duel,
-    Goal,
-    Key,
-    Point,
-    SceneRow,
-    Spread,
-)
+import numpy as np
 
-METRICS = (*MAIN_METRICS, "ssim_views_fg", "ssim_eia", "ssim_lens", "psnr_fg", "flip")
-TARGET, STRETCH = 1 / 4, 1 / 8
-TARGET_SAMPLES = (1, 4)
-RIVAL: Key = (DIRECT, "oidn")
+from lfsr_core.arrays import Array
+from lfsr_core.metrics.intervals import NORMAL_95
+from lfsr_lab.experiments.chart.records import Cell, Cost, Duel, Key, MeanDuel, Measured, Reach, Role, SceneRow, Times
+from lfsr_lab.experiments.engine.measures import FLIP, MEASURES, RELMSE, SMAPE, SSIM
+from lfsr_lab.experiments.engine.seeds import DRAWS, Estimate, interval, replicates
+
+FIXED = {SSIM: 0.1, RELMSE: 0.02, SMAPE: 0.2, FLIP: 0.2}  # errors to be reached
+LEAST = 1e-7  # split errors can come out at 0 or below
 
 
-def sign_of(metric: str) -> int:
-    """Return the factor that makes more of a metric better."""
-    return -1 if metric == "flip" else 1
+@dataclasses.dataclass(frozen=True)
+class Point:
+    """One cell with its draws."""
+
+    role: Role
+    method: str
+    scale: int
+    samples: int
+    drawn: dict[str, Array]  # by error, (1 + DRAWS,)
+    seconds: Array | None  # (1 + DRAWS,)
+    spreads: dict[str, float | None]  # over seeds, by error
+    times: Times | None
+
+    @classmethod
+    def of(cls, role: Role, method: str, scale: int, samples: int, measured: Measured, times: Times | None,
+           blocks: Array) -> Point:
+        """Return the point of a measurement; ``blocks`` (n,): lenses of one number are drawn together."""
+        values = {name: np.array(rows) for name, rows in measured.values.items()}
+        drawn = {name: np.concatenate([[rows.mean()], replicates(rows, blocks)]) for name, rows in values.items()}
+        spreads = {name: float(rows.mean(1).std(ddof=1)) if len(rows) > 1 else None for name, rows in values.items()}
+        return cls(role, method, scale, samples, drawn, drawn_seconds(times) if times else None, spreads, times)
+
+    @property
+    def key(self) -> Key:
+        """The curve it belongs to."""
+        return self.role, self.method
+
+    @property
+    def rays(self) -> Array:
+        """Rays per finished pixel, (1,)."""
+        return np.array([self.samples / self.scale**2])
+
+    @property
+    def cell(self) -> Cell:
+        """What chart.json has of it."""
+        return Cell(role=self.role, method=self.method, scale=self.scale, samples=self.samples,
+                    errors={name: _estimate(drawn, self.spreads[name]) for name, drawn in self.drawn.items()},
+                    seconds=None if self.seconds is None else _estimate(self.seconds),
+                    second_stage=short(statistics.median(self.times.second_stage_seconds)) if self.times else None,
+                    load_average=self.times.load_average if self.times else None)
 
 
-def points(cells: Iterable[Cell], metric: str, with_opening: bool = False) -> list[Point]:
-    """Return the point of every cell that has ``metric``, but for the ceiling's.
-
-    ``with_opening``: the time of opening the scene counts.
-    """
-    return [Point(*cell.key, cell.seconds.median + (cell.open_seconds if with_opening else 0), sign_of(metric) * value)
-            for cell in cells if cell.role != CEILING and (value := cell.metrics.get(metric)) is not None]
+def _estimate(drawn: Array, spread: float | None = None) -> Estimate:
+    """Return the value of draws (1 + DRAWS,) with its interval."""
+    mean, (low, high) = float(drawn[0]), interval(drawn[1:])
+    return Estimate(short(mean), short(low), short(high), spread and short(spread))
 
 
-def pareto_front(candidates: Iterable[Point]) -> list[Point]:
-    """Return the points that are better than every faster one, from the fastest to the most accurate."""
-    front: list[Point] = []
-    for point in sorted(candidates, key=lambda point: (point.seconds, -point.value)):
-        if not front or point.value > front[-1].value:
-            front.append(point)
-    return front
+def drawn_seconds(times: Times) -> Array:
+    """Return the seconds end to end, (1 + DRAWS,): repeats of the render and of the second stage drawn anew."""
+    random = np.random.default_rng(0)
+    parts = [np.array(runs)[random.integers(0, len(runs), (DRAWS, len(runs)))]
+             for runs in (times.render_seconds, times.second_stage_seconds)]
+    return np.concatenate([[times.median], sum(np.median(part, 1) for part in parts)])
 
 
-def curves(candidates: Iterable[Point]) -> dict[Key, list[Point]]:
+def curves(points: Iterable[Point]) -> dict[Key, list[Point]]:
     """Return points by role and method, each curve by samples."""
     found: dict[Key, list[Point]] = {}
-    for point in sorted(candidates, key=lambda point: point.samples):
-        found.setdefault(point.curve, []).append(point)
+    for point in sorted(points, key=lambda point: point.samples):
+        found.setdefault(point.key, []).append(point)
     return found
 
 
-def time_to_reach(curve: Iterable[Point], value: float) -> tuple[float | None, bool]:
-    """Return the least seconds at which a method reaches ``value``, None for never, and whether it may need less.
+def reach(costs: Array, errors: Array, target: Array) -> tuple[Array, Array]:
+    """Return the cost (draws,) at which a curve reaches an error, infinite for never, and whether it may need less.
 
-    Between two sample counts time is interpolated by its logarithm. Points that are slower and no better than another
-    one are left out, so that the time never falls as ``value`` rises.
+    Between two points the logarithm of the cost is interpolated by that of the error. A point has the least
+    error of those up to it, and the least cost of those from it on: what costs more is never worse.
+
+    Parameters
+    ----------
+    costs : (points, draws) or (points, 1), by samples
+    errors : (points, draws)
+    target : (draws,)
     """
-    rising = pareto_front(curve)
-    if not rising or value > rising[-1].value:
-        return None, False
-    if value <= rising[0].value:
-        return rising[0].seconds, value < rising[0].value
-    index = next(index for index, point in enumerate(rising) if point.value >= value)
-    before, after = rising[index - 1], rising[index]
-    if after.value == value:
-        return after.seconds, False
-    part = (value - before.value) / (after.value - before.value)
-    return math.exp(math.log(before.seconds) * (1 - part) + math.log(after.seconds) * part), False
+    best, wanted = np.log(np.maximum(np.minimum.accumulate(errors), LEAST)), np.log(np.maximum(target, LEAST))
+    prices = np.log(np.minimum.accumulate(np.broadcast_to(costs, best.shape)[::-1])[::-1])
+    met = best <= wanted
+    after, draw = met.argmax(0), np.arange(best.shape[1])
+    before = np.maximum(after - 1, 0)
+    step = best[before, draw] - best[after, draw]
+    part = np.divide(best[before, draw] - wanted, step, out=np.ones_like(step), where=step > 0)
+    found = np.exp(prices[before, draw] * (1 - part) + prices[after, draw] * part)
+    return np.where(met.any(0), found, np.inf), met[0] & (best[0] < wanted)
 
 
-def duel(point: Point, curve: Iterable[Point], rival: Key, of_rival: bool = False) -> Duel:
-    """Return how ``curve``, ours or ``of_rival`` the rival's, does against ``point``: how long it takes, who wins."""
-    seconds, bound = time_to_reach(curve, point.value)
-    ratio = None if seconds is None else seconds / point.seconds
-    faster = ratio is not None and ratio < 1
-    return Duel(*rival, point.samples, point.seconds, point.value, seconds, bound, ratio,
-                "loss" if faster == of_rival else "win")
+def cost(drawn: Array, bound: bool) -> Cost:
+    """Return the value of draws (1 + DRAWS,) and its interval."""
+    value, low, high = (short(found) if np.isfinite(found) else None for found in (drawn[0], *interval(drawn[1:])))
+    return Cost(value, low, high, bound)
 
 
-def target(ours: Sequence[Point], rival: Sequence[Point]) -> Goal | None:
-    """Return the worst ratio of our time to the rival's over every accuracy it reaches from 1 to 4 samples.
+def stack(curve: Sequence[Point], measure: str) -> tuple[Array, Array, Array | None]:
+    """Return rays (points, 1), errors and seconds (points, 1 + DRAWS) of a curve; no seconds where one is not timed."""
+    seconds = [point.seconds for point in curve if point.seconds is not None]
+    return (np.array([point.rays for point in curve]), np.array([point.drawn[measure] for point in curve]),
+            np.array(seconds) if len(seconds) == len(curve) else None)
 
-    Both times are piecewise log-linear in the accuracy, so the worst lies at a measured accuracy of either.
-    None where the rival was not measured there.
+
+def duels(points: Sequence[Point], ours: Key) -> list[Duel]:
+    """Return what ours needs for the error of every measured point of every other method, by every measure."""
+    found = curves(points)
+    mine = found.get(ours, [])
+    others = [point for key, curve in found.items() if key != ours for point in curve]
+    return [_duel(point, mine, measure) for measure in MEASURES for point in others] if mine else []
+
+
+def _duel(point: Point, mine: Sequence[Point], measure: str) -> Duel:
+    rays, errors, seconds = stack(mine, measure)
+    needed, bound = reach(rays, errors, point.drawn[measure])
+    times = None
+    if seconds is not None and point.seconds is not None:
+        times = cost(reach(seconds, errors, point.drawn[measure])[0] / point.seconds, bool(bound[0]))
+    return Duel(measure, *point.key, point.samples, cost(needed / point.rays, bool(bound[0])), times)
+
+
+def reaches(points: Sequence[Point], fixed: Mapping[str, float]) -> list[Reach]:
+    """Return what every method needs to reach fixed errors."""
+    found = []
+    for (measure, error), ((role, method), curve) in itertools.product(fixed.items(), curves(points).items()):
+        rays, errors, seconds = stack(curve, measure)
+        target = np.full(errors.shape[1], error)
+        needed, bound = reach(rays, errors, target)
+        times = None if seconds is None else cost(reach(seconds, errors, target)[0], bool(bound[0]))
+        found.append(Reach(measure, error, role, method, cost(needed, bool(bound[0])), times))
+    return found
+
+
+def mean_duels(scenes: Sequence[SceneRow]) -> list[MeanDuel]:
+    """Return the geometric means of the duels that every scene has, over the scenes in which ours gets there."""
+    found: dict[tuple[str, Role, str, int], list[Duel]] = {}
+    for duel in (duel for scene in scenes for duel in scene.duels):
+        found.setdefault((duel.measure, duel.role, duel.method, duel.samples), []).append(duel)
+    return [MeanDuel(*key, *_mean_duel(every)) for key, every in found.items() if len(every) == len(scenes)]
+
+
+def _mean_duel(every: Sequence[Duel]) -> tuple[int, Cost, Cost | None]:
+    reached = [duel for duel in every if duel.rays.value is not None]
+    seconds = [duel.seconds for duel in reached if duel.seconds is not None]
+    return (len(reached), geometric_mean([duel.rays for duel in reached]),
+            geometric_mean(seconds) if len(seconds) == len(reached) else None)
+
+
+def geometric_mean(costs: Sequence[Cost]) -> Cost:
+    """Return the geometric mean of costs, one per scene, with an interval over scenes.
+
+    Each draw takes as many scenes anew, each moved at random by what its own interval leaves open.
     """
-    measured = pareto_front(point for point in rival if TARGET_SAMPLES[0] <= point.samples <= TARGET_SAMPLES[1])
-    if not measured:
-        return None
-    low, high = measured[0].value, measured[-1].value
-    accuracies = {point.value for point in (*measured, *ours) if low <= point.value <= high}
-    times = [(time_to_reach(ours, accuracy)[0], time_to_reach(measured, accuracy)[0]) for accuracy in accuracies]
-    ratios = [we / they for we, they in times if we is not None and they is not None]
-    worst = max(ratios) if len(ratios) == len(times) else None
-    return Goal(low, high, worst, worst is not None and worst <= TARGET, worst is not None and worst <= STRETCH)
+    values = [each.value for each in costs if each.value is not None]
+    if len(values) < 2:
+        return costs[0] if costs else Cost(None, None, None, False)
+    logs, count, random = np.log(values), len(values), np.random.default_rng(len(values))
+    open_ = np.array([_log_error(each) for each in costs])
+    chosen = random.integers(0, count, (DRAWS, count))
+    drawn = np.exp((logs[chosen] + open_[chosen] * random.normal(size=(DRAWS, count))).mean(1))
+    low, high = interval(drawn)
+    certain = all(each.high is not None for each in costs)
+    return Cost(short(np.exp(logs.mean())), short(low), short(high) if certain else None,
+                any(each.bound for each in costs))
 
 
-def ceiling(cells: Iterable[Cell], metric: str) -> Ceiling | None:
-    """Return the best that a method makes of the nearly noise-free low-resolution render."""
-    known = [Ceiling(cell.method, cell.samples, value) for cell in cells
-             if cell.role == CEILING and (value := cell.metrics.get(metric)) is not None]
-    return max(known, key=lambda found: sign_of(metric) * found.value, default=None)
-
-
-def analyse(cells: Sequence[Cell], ours: str, metric: str = MAIN_METRICS[0]) -> Analysis:
-    """Return everything that follows from one scene by one metric."""
-    found, opened = curves(points(cells, metric)), curves(points(cells, metric, with_opening=True))
-    us: Key = (LOW, ours)
-    mine, rival = found.get(us, []), found.get(RIVAL, [])
-    others = {key: curve for key, curve in found.items() if key != us}
-    front = pareto_front(point for curve in found.values() for point in curve)
-    return Analysis(metric, ceiling(cells, metric), tuple(front), target(mine, rival),
-                    target(opened.get(us, []), opened.get(RIVAL, [])),
-                    {method: target(curve, rival) for (role, method), curve in others.items() if role == LOW},
-                    tuple(duel(point, mine, key) for key, curve in others.items() for point in curve),
-                    tuple(duel(point, curve, key, of_rival=True) for key, curve in others.items() for point in mine))
+def _log_error(found: Cost) -> float:
+    """Return the standard error of a cost's logarithm; that of its lower half where it has no upper end."""
+    assert found.value is not None
+    low = found.low or found.value
+    high = found.high or found.value**2 / low
+    return float(np.log(high / low)) / (2 * NORMAL_95)
 
 
 def mean_cells(scenes: Sequence[SceneRow]) -> list[Cell]:
-    """Return the cells that every scene has: geometric means of times, means of metrics, no intervals."""
-    tables = [{cell.key: cell for cell in scene.cells} for scene in scenes]
-    return [_mean([table[key] for table in tables]) for key in tables[0] if all(key in table for table in tables)]
+    """Return the cells that every scene has: means of errors and geometric means of times over these very scenes."""
+    tables = [{(cell.key, cell.samples): cell for cell in scene.cells} for scene in scenes]
+    shared = [key for key in tables[0] if all(key in table for table in tables)]
+    return [_mean_cell([table[key] for table in tables]) for key in shared]
 
 
-def _mean(cells: Sequence[Cell]) -> Cell:
-    first = cells[0]
-    seconds = [_typical(values) for values in zip(*(dataclasses.astuple(cell.seconds) for cell in cells), strict=True)]
+def _mean_cell(cells: Sequence[Cell]) -> Cell:
+    seconds = [cell.seconds for cell in cells if cell.seconds]
+    names = [name for name in cells[0].errors if all(name in cell.errors for cell in cells)]
     return dataclasses.replace(
-        first, seconds=Spread(*seconds), ci95={}, second_stage_seconds=(_typical(cell.second_stage for cell in cells),),
-        stage_seconds={name: _typical(cell.stage_seconds[name] for cell in cells) for name in first.stage_seconds},
-        metrics={name: average([cell.metrics.get(name) for cell in cells]) for name in first.metrics})
+        cells[0], errors={name: mean_estimate([cell.errors[name] for cell in cells]) for name in names},
+        seconds=_geometric(seconds) if len(seconds) == len(cells) else None, second_stage=None,
+        load_average=None)
 
 
-def _typical(values: Iterable[float]) -> float:
-    """Return the geometric mean, 0 where any value is 0."""
-    known = list(values)
-    return statistics.geometric_mean(known) if min(known) > 0 else 0.0
+def mean_estimate(every: Sequence[Estimate]) -> Estimate:
+    """Return the mean of independent estimates, as for these very scenes."""
+    mean, low, high = (np.array([vars(each)[name] for each in every]) for name in ("mean", "low", "high"))
+    spreads = [each.spread for each in every if each.spread is not None]
+    below, above = (np.sqrt(np.sum(part**2)) / len(mean) for part in (mean - low, high - mean))
+    return Estimate(short(mean.mean()), short(mean.mean() - below), short(mean.mean() + above),
+                    short(float(np.mean(spreads))) if spreads else None)
 
 
-def average(values: Sequence[float | None]) -> float | None:
-    """Return the mean, None where a value is missing."""
-    known = [value for value in values if value is not None]
-    return statistics.fmean(known) if len(known) == len(values) else None
+def _geometric(seconds: Sequence[Estimate]) -> Estimate:
+    logs = mean_estimate([Estimate(math.log(each.mean), math.log(each.low), math.log(each.high), None)
+                          for each in seconds])
+    return Estimate(short(math.exp(logs.mean)), short(math.exp(logs.low)), short(math.exp(logs.high)), None)
+
+
+def short(value: float) -> float:
+    """Return a figure with five digits."""
+    return float(f"{value:.5g}")

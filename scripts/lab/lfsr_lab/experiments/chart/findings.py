@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import collections
 import dataclasses
-import statistics
-from collections.abc import Iterator, Sequence
-from itertools import groupby
+from collections.abc import Callable, Iterator, Sequence
 
-from lfsr_lab.experiments.chart.analysis import RIVAL, mean_cells, pareto_front, points
-from lfsr_lab.experiments.chart.records import DIRECT, Cell, Chart, Duel, Goal, Key, Point, SceneRow
+from lfsr_lab.experiments.chart.analysis import mean_cells, mean_duels
+from lfsr_lab.experiments.chart.records import DIRECT, Cell, Chart, Cost, Duel, Key, MeanDuel
+from lfsr_lab.experiments.engine.measures import LABELS, MEASURES, PARTS, SSIM
 from lfsr_lab.experiments.engine.plots import time_text
-from lfsr_lab.experiments.engine.report import UNKNOWN, count, markdown_table, number
+from lfsr_lab.experiments.engine.report import UNKNOWN, markdown_table, number
+from lfsr_lab.experiments.engine.seeds import Estimate
 
-LITTLE_MORE, LEAST_GAIN = 1.15, 0.005  # steps of advice smaller than these are not worth a line
-METRICS = ("ssim_eia", "ssim_eia_fg", "ssim_lens", "ssim_lens_fg", "psnr_fg", "ssim_views_fg", "ssim_eia_plain",
-           "ssim_ceiling", "ssim_lens_plain", "ssim_lens_ceiling", "flip")
-MARKS = {"win": "✔ win", "loss": "✘ loss"}
-AGAINST_US = ("scene", "samples", "SSIM", "it takes", "we take", "ours ÷ its", "")
+RIVAL: Key = (DIRECT, "oidn")
+SHORT = {name: LABELS[name].partition(",")[0] for name in (*MEASURES, *PARTS)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,131 +40,145 @@ def label(key: Key, ours: str) -> str:
 
 
 def headline(chart: Chart) -> str:
-    """Return in one sentence how much of direct rendering's time we need, and on how many scenes the target is met."""
-    known = [goal for scene in chart.scenes if (goal := scene.by(chart.metric).target)]
-    if not known:
-        return "Direct high-resolution rendering with OIDN was not measured at 1 to 4 samples."
-    ratios = [goal.worst_ratio for goal in known if goal.worst_ratio is not None]
-    words = f"{chart.settings.ours} reaches every accuracy of rendering all views at 1 to 4 samples with OIDN "
-    words += f"in {_range(ratios)} of the time" if ratios else "on no scene"
-    if 0 < len(ratios) < len(known):
-        words += f" on {len(ratios)} of {len(known)} scenes, and not all of them on the others"
-    return (f"{words}. A quarter or less: {sum(goal.met for goal in known)} of {len(known)} scenes; "
-            f"an eighth or less: {sum(goal.stretch_met for goal in known)} of {len(known)}.")
+    """Return in one sentence what ours needs for the SSIM of rendering all views with OIDN."""
+    found = [duel for duel in mean_duels(chart.scenes) if (duel.measure, duel.role, duel.method) == (SSIM, *RIVAL)]
+    if not found:
+        return "Direct high-resolution rendering with OIDN was not measured."
+    parts = [f"{cost_text(duel.seconds or duel.rays, percent)} of {'the time' if duel.seconds else 'the rays'} "
+             f"at {duel.samples} sample{'s' if duel.samples > 1 else ''} ({_scenes(duel, chart)})" for duel in found]
+    return f"For the same SSIM as rendering every view with OIDN, {chart.settings.ours} needs {'; '.join(parts)}."
 
 
-def _range(ratios: Sequence[float]) -> str:
-    low, high = (f"{ratio:.0%}" if ratio >= 0.1 else f"{ratio:.1%}" for ratio in (min(ratios), max(ratios)))
-    return low if low == high else f"{low} to {high}"
+def _scenes(duel: MeanDuel, chart: Chart) -> str:
+    """Return in how many scenes ours gets there, and the range of ratios over them."""
+    ratios = [cost.value for scene in chart.scenes for one in scene.duels
+              if (one.measure, one.key, one.samples) == (duel.measure, (duel.role, duel.method), duel.samples)
+              and (cost := one.seconds or one.rays).value is not None]
+    words = f"{duel.scenes} of {len(chart.scenes)} scenes"
+    return f"{words}, {percent(min(ratios))} to {percent(max(ratios))}" if len(ratios) > 1 else words
+
+
+def percent(value: float) -> str:
+    """Return a ratio as a percentage with two digits."""
+    return f"{100 * value:.2g} %" if value < 1 else f"{100 * value:.0f} %"
+
+
+def ratio(value: float) -> str:
+    """Return a ratio with two digits behind the point."""
+    return f"{value:.2f}" if value < 10 else f"{value:.0f}"
+
+
+def cost_text(cost: Cost | None, text: Callable[[float], str] = ratio) -> str:
+    """Return a cost with its interval: "never" where the error is not reached, ≤ where only a bound is known."""
+    if cost is None:
+        return UNKNOWN
+    if cost.value is None:
+        return "never"
+    ends = ["∞" if end is None else text(end) for end in (cost.low, cost.high)]
+    return f"{'≤ ' if cost.bound else ''}{text(cost.value)}" + (f" ({'–'.join(ends)})" if ends[0] != ends[1] else "")
 
 
 def losses(chart: Chart) -> list[str]:
-    """Return a sentence for every method that ours loses to, most often first, or one that there is none."""
-    duels = [duel for scene in chart.scenes for duel in scene.by(chart.metric).versus]
-    every, ours = collections.Counter(duel.curve for duel in duels), chart.settings.ours
-    lost = collections.Counter(duel.curve for duel in duels if duel.outcome == "loss")
-    return [f"{label(key, ours)}: wins {lost[key]} of {every[key]} times"
-            for key in sorted(lost, key=lambda key: (key[0] != DIRECT, -lost[key]))] or [
-                f"{ours} loses to no method that was measured, at no accuracy, on no scene."]
+    """Return a sentence for every method that needs less than ours somewhere, or one that there is none."""
+    ours, sentences = chart.settings.ours, []
+    for key in dict.fromkeys(duel.key for scene in chart.scenes for duel in scene.duels):
+        duels = [duel for scene in chart.scenes for duel in scene.duels if duel.key == key]
+        lost = [f"{SHORT[measure]} {count} of {sum(duel.measure == measure for duel in duels)} times"
+                for measure in MEASURES
+                if (count := sum(duel.measure == measure and is_lost(duel) for duel in duels))]
+        if lost:
+            sentences.append(f"{label(key, ours)}: {', '.join(lost)}")
+    return sentences or [f"{ours} needs more than no method that was measured, at no error, on no scene."]
 
 
-def opening(chart: Chart) -> str:
-    """Return how long opening a scene takes, which the time axis leaves out."""
-    seconds = [statistics.median(cell.open_seconds for cell in scene.cells) for scene in chart.scenes]
-    return f"{min(seconds):.1f} to {max(seconds):.1f} s" if len(seconds) > 1 else f"{seconds[0]:.1f} s"
+def is_lost(duel: Duel) -> bool:
+    """Whether ours needs as much as the other or more, or never gets there; not if it has less error for as much."""
+    cost = duel.seconds or duel.rays
+    return cost.value is None or cost.value > 1 or (cost.value == 1 and not cost.bound)
 
 
 def markdown(chart: Chart) -> str:
     """Return the headline and all tables as Markdown."""
-    tables = [advice(chart), *duels(chart), target(chart), *numbers(chart), costs(chart)]
+    tables = [equal_error(chart), *duels(chart), *fixed(chart), noise(chart), *numbers(chart)]
     parts = [[f"## {table.title}", "", *markdown_table(table.header, table.rows, table.align), ""] for table in tables]
     return "\n".join([headline(chart), "", *(line for part in parts for line in part)])
 
 
-def advice(chart: Chart) -> Table:
-    """Return which method to use when: the front of the mean in steps."""
-    front = worth_a_step(pareto_front(points(mean_cells(chart.scenes), chart.metric)))
-    steps = [list(group) for _, group in groupby(front, key=lambda point: point.curve)]
-    return Table("Which method when", ("you can wait", "use", "samples", "SSIM"), [
-        [f"from {time_text(step[0].seconds)}", label(step[0].curve, chart.settings.ours),
-         ", ".join(str(point.samples) for point in step),
-         " to ".join(dict.fromkeys(f"{point.value:.3f}" for point in (step[0], step[-1])))] for step in steps], "llr")
+def cost_name(chart: Chart) -> str:
+    """Return what the tables' costs are."""
+    return "seconds" if chart.timed else "rays"
 
 
-def worth_a_step(front: Sequence[Point]) -> list[Point]:
-    """Return the points of a front that a little more time does not better, and that better the one before."""
-    patient = [point for point in front
-               if not any(other.value > point.value and other.seconds <= LITTLE_MORE * point.seconds
-                          for other in front)]
-    worth: list[Point] = []
-    for point in patient:
-        if not worth or point.value >= worth[-1].value + LEAST_GAIN:
-            worth.append(point)
-    return worth
+def equal_error(chart: Chart) -> Table:
+    """Return the geometric means over scenes of what ours needs at the error of each other method."""
+    ours, rows, means = chart.settings.ours, [], mean_duels(chart.scenes)
+    for key, samples in dict.fromkeys(((duel.role, duel.method), duel.samples) for duel in means):
+        every = {duel.measure: duel for duel in means
+                 if (duel.role, duel.method, duel.samples) == (*key, samples)}
+        first = every[SSIM]
+        rows.append([label(key, ours), str(samples), f"{cost_text(first.rays)}",
+                     *(f"{cost_text(duel.seconds or duel.rays)}{_of(duel, chart)}" for duel in every.values())])
+    header = ("other method", "its samples", "SSIM, rays", *(f"{SHORT[name]}, {cost_name(chart)}" for name in MEASURES))
+    return Table(f"What {ours} needs for the same error, over what the other needs", header, rows, "lr")
+
+
+def _of(duel: MeanDuel, chart: Chart) -> str:
+    return "" if duel.scenes == len(chart.scenes) else f", {duel.scenes} of {len(chart.scenes)} scenes"
 
 
 def duels(chart: Chart) -> list[Table]:
-    """Return a table of ours against every other method, direct rendering with OIDN first."""
+    """Return a table of ours against every other method, scene by scene, direct rendering with OIDN first."""
     rows: dict[Key, list[list[str]]] = {}
     for scene in chart.scenes:
-        for duel in scene.by(chart.metric).versus:
-            row = [scene.scene, str(duel.samples), f"{duel.value:.3f}", time_text(duel.seconds), *_needs(duel)]
-            rows.setdefault(duel.curve, []).append([*row, MARKS[duel.outcome]])
-    ours, rivals = chart.settings.ours, sorted(rows, key=lambda key: (key != RIVAL, key[0] != DIRECT))
-    return [Table(f"{ours} against {label(key, ours)}", AGAINST_US, rows[key]) for key in rivals]
+        for key, samples in dict.fromkeys((duel.key, duel.samples) for duel in scene.duels):
+            every = [duel for duel in scene.duels if (duel.key, duel.samples) == (key, samples)]
+            rows.setdefault(key, []).append([
+                scene.scene, str(samples), *(("✘ " if is_lost(duel) else "✔ ") + cost_text(duel.seconds or duel.rays)
+                                             for duel in every)])
+    ours, header = chart.settings.ours, ("scene", "its samples", *(SHORT[name] for name in MEASURES))
+    return [Table(f"{ours} over {label(key, ours)} at equal error, {cost_name(chart)}", header, rows[key])
+            for key in sorted(rows, key=lambda key: (key != RIVAL, key[0] != DIRECT))]
 
 
-def _needs(duel: Duel) -> tuple[str, str]:
-    """Return time and ratio of a duel: "never" where the accuracy is not reached, ≤ where only a bound is known."""
-    if duel.needs_seconds is None:
-        return "never", UNKNOWN
-    at_most = "≤ " if duel.bound else ""
-    return at_most + time_text(duel.needs_seconds), at_most + number(duel.ratio, digits=2)
+def fixed(chart: Chart) -> Iterator[Table]:
+    """Yield what every method needs to reach a fixed error on every scene."""
+    for measure in MEASURES:
+        found = {(scene.scene, (reach.role, reach.method)): reach for scene in chart.scenes for reach in scene.reaches
+                 if reach.measure == measure}
+        keys, error = dict.fromkeys(key for _, key in found), next(iter(found.values())).error
+        header = ("method", *(scene.scene for scene in chart.scenes))
+        yield Table(f"To reach {SHORT[measure]} of {error:g}, {cost_name(chart)}", header, [
+            [label(key, chart.settings.ours), *(
+                cost_text(reach.seconds, time_text) if (reach := found[scene.scene, key]).seconds
+                else cost_text(reach.rays) for scene in chart.scenes)] for key in keys])
 
 
-def target(chart: Chart) -> Table:
-    """Return how our method does against the target on every scene."""
-    return Table("The target", ("scene", "ours ÷ its", "with opening", "", "best other method"),
-                 [_target_row(chart, scene) for scene in chart.scenes], "lrrll")
-
-
-def _target_row(chart: Chart, scene: SceneRow) -> list[str]:
-    main = scene.by(chart.metric)
-    goal, others = main.target, main.targets_of_others.items()
-    ratios = [(found.worst_ratio, method) for method, found in others if found and found.worst_ratio is not None]
-    best = "{1}: {0:.2f}".format(*min(ratios)) if ratios else "none"
-    met = goal and ("✔ an eighth" if goal.stretch_met else "✔ a quarter" if goal.met else "✘ missed")
-    return [scene.scene, _ratio(goal), _ratio(main.target_with_opening), met or "", best]
-
-
-def _ratio(goal: Goal | None) -> str:
-    return "not measured" if goal is None else "never" if goal.worst_ratio is None else f"{goal.worst_ratio:.2f}"
+def noise(chart: Chart) -> Table:
+    """Return the references and their own noise."""
+    return Table("References", ("scene", "samples", "lenses", "with foreground", *(SHORT[name] for name in MEASURES)), [
+        [scene.scene, str(scene.reference.samples), "all" if scene.reference.lenses is None
+         else str(scene.reference.lenses), str(scene.reference.counted),
+         *(f"{scene.reference.noise[name]:.2g}" for name in MEASURES)] for scene in chart.scenes])
 
 
 def numbers(chart: Chart) -> Iterator[Table]:
-    """Yield every cell with its times and metrics: of the mean where there are several scenes, then of every scene."""
+    """Yield every cell with its times and errors: of the mean where there are several scenes, then of every scene."""
     if len(chart.scenes) > 1:
         yield _numbers(f"Mean of {len(chart.scenes)} scenes", mean_cells(chart.scenes), chart)
     for scene in chart.scenes:
-        shown = "every lens" if scene.reference.lenses is None else f"{scene.reference.lenses} lenses"
-        yield _numbers(f"{scene.scene}: subject in {scene.p:.0%} of the lenses, reference of {scene.reference.samples} "
-                       f"samples, {shown}", scene.cells, chart)
+        yield _numbers(scene.scene, scene.cells, chart)
 
 
 def _numbers(title: str, cells: Sequence[Cell], chart: Chart) -> Table:
-    metrics = [name for name in METRICS if any(cell.metrics.get(name) is not None for cell in cells)]
-    header = ("method", "samples", "scale", "seconds (spread)", "second stage ms", "method ms", *metrics)
+    names = [name for name in (*MEASURES, *PARTS) if any(name in cell.errors for cell in cells)]
+    header = ("method", "samples", "scale", "rays", "seconds", *(SHORT[name] for name in names))
     return Table(title, header, [
-        [label((cell.role, cell.method), chart.settings.ours), str(cell.samples), str(cell.scale),
-         f"{cell.seconds.median:.2f} ({cell.seconds.least:.2f}–{cell.seconds.most:.2f})",
-         f"{1000 * cell.second_stage:.0f}", f"{1000 * cell.stage_seconds['upscale']:.1f}",
-         *(number(cell.metrics.get(name), cell.ci95.get(name), 1 if name == "psnr_fg" else 4) for name in metrics)]
+        [label(cell.key, chart.settings.ours), str(cell.samples), str(cell.scale), f"{cell.rays:g}",
+         number(cell.seconds.mean if cell.seconds else None, digits=2), *(_error(cell.errors[name]) for name in names)]
         for cell in cells])
 
 
-def costs(chart: Chart) -> Table:
-    """Return what each method costs."""
-    header = ("method", "multiply-adds per low pixel", "parameters", "in a process of its own s")
-    return Table("What each method costs", header, [
-        [cost.method, count(cost.multiply_adds_per_low_pixel), count(cost.parameters),
-         number(cost.fresh_process_seconds, digits=1)] for cost in chart.methods])
+def _error(error: Estimate) -> str:
+    """Return an error with its interval, and its spread over seeds."""
+    spread = f" ± {error.spread:.1g}" if error.spread else ""
+    return f"{error.mean:.3g} ({error.low:.3g}–{error.high:.3g}){spread}"

@@ -1,70 +1,100 @@
-"""The image of a chart and its page: seconds across, accuracy up; the same method looks the same in every panel."""
+"""The images of a chart and its page: cost across, error up, both logarithmic; a method looks the same everywhere."""
 
 from __future__ import annotations
 
-import collections
+import base64
 import dataclasses
-from collections.abc import Sequence
+import statistics
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from lfsr_lab.experiments.chart import findings
-from lfsr_lab.experiments.chart.analysis import RIVAL, average, curves, mean_cells, pareto_front, points
-from lfsr_lab.experiments.chart.records import DIRECT, LOW, Cell, Chart, Key, Point, SceneRow
-from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.chart.analysis import mean_cells
+from lfsr_lab.experiments.chart.findings import RIVAL
+from lfsr_lab.experiments.chart.records import DIRECT, LOW, Cell, Chart, Key, SceneRow
+from lfsr_lab.experiments.engine import loglog, plots
+from lfsr_lab.experiments.engine.measures import BIAS, LABELS, MEASURES, PARTS, RELMSE, SSIM, VARIANCE
 from lfsr_lab.experiments.engine.plots import Curve
 from lfsr_lab.experiments.engine.report import inline_svg, page_html
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from lfsr_lab.experiments.chart.crops import Crops
+
 STYLES = list(zip(plots.COLORS, plots.MARKERS, strict=True))
-FRONT = "#f3dfa2"
-AXES = {"ssim_eia_fg": "SSIM of the subject", "ssim_lens_fg": "SSIM of the subject, lens by lens"}
+COSTS = {True: "render and second stage, end to end →", False: "rays per finished pixel →"}  # by whether it is seconds
 
 
 @dataclasses.dataclass(frozen=True)
 class Panel:
-    """What one panel of the chart shows."""
+    """What one panel shows."""
 
     title: str
     cells: Sequence[Cell]
-    ceiling: float | None  # value of the line across
+    noise: Mapping[str, float]  # of the reference, by error
+    measure: str  # or PARTS for bias and variance of the same methods
+    seconds: bool  # whether the cost is seconds, else rays per finished pixel
+
+    @property
+    def parts(self) -> bool:
+        """Whether bias and variance are shown."""
+        return self.measure in PARTS
+
+    @property
+    def error(self) -> str:
+        """What its vertical axis shows."""
+        return "bias² and variance, parts of relMSE" if self.parts else LABELS[self.measure]
+
+    @property
+    def words(self) -> str:
+        """What it shows, in words."""
+        return f"{self.title}: {self.error}, by {'time' if self.seconds else 'rays'}"
 
 
-def panels(chart: Chart) -> list[Panel]:
-    """Return the mean where there are several scenes that share a cell, then every scene."""
-    found = [Panel(scene.scene, scene.cells, _ceiling(chart, [scene])) for scene in chart.scenes]
-    shared = mean_cells(chart.scenes)
-    if len(chart.scenes) > 1 and points(shared, chart.metric):
-        found.insert(0, Panel(f"Mean of {len(chart.scenes)} scenes", shared, _ceiling(chart, chart.scenes)))
-    return found
+def overview(chart: Chart) -> list[Panel]:
+    """Return every error against every cost, then bias and variance: means over the scenes."""
+    title = f"Mean of {len(chart.scenes)} scenes" if len(chart.scenes) > 1 else chart.scenes[0].scene
+    noise = {name: statistics.fmean(scene.reference.noise[name] for scene in chart.scenes) for name in MEASURES}
+    cells = mean_cells(chart.scenes)
+    several = any(BIAS in cell.errors for cell in cells)
+    return [Panel(title, cells, noise, measure, seconds)
+            for measure in (*MEASURES, *((BIAS,) if several else ())) for seconds in costs(chart)]
 
 
-def _ceiling(chart: Chart, scenes: Sequence[SceneRow]) -> float | None:
-    """Return the mean of the scenes' ceilings, None where one of them has none."""
-    found = [scene.by(chart.metric).ceiling for scene in scenes]
-    return average([ceiling.value if ceiling else None for ceiling in found])
+def of_scene(chart: Chart, scene: SceneRow) -> list[Panel]:
+    """Return the panels of one scene: SSIM and relMSE."""
+    return [Panel(scene.scene, scene.cells, scene.reference.noise, measure, chart.timed) for measure in (SSIM, RELMSE)]
+
+
+def costs(chart: Chart) -> tuple[bool, ...]:
+    """Return the costs that are known: seconds where everything is timed, and rays."""
+    return (True, False) if chart.timed else (False,)
 
 
 def styles(chart: Chart) -> dict[Key, tuple[str, str]]:
-    """Return colour and marker of every method drawn with its name: ours, direct rendering, and who is on a front."""
-    fixed: list[Key] = [(LOW, chart.settings.ours), RIVAL, (DIRECT, "none")]
-    seen = collections.Counter(point.curve for scene in chart.scenes for point in scene.by(chart.metric).front)
-    more = [key for key, _ in seen.most_common() if key not in fixed]
-    return dict(zip([*fixed, *more], STYLES, strict=False))
+    """Return colour and marker of every method drawn with its name: ours, direct rendering, and others in order."""
+    keys: list[Key] = [(LOW, chart.settings.ours), RIVAL, *((DIRECT, name) for name in chart.settings.direct_methods),
+                       *((LOW, name) for name in chart.settings.methods)]
+    return dict(zip(dict.fromkeys(keys), STYLES, strict=False))
 
 
 def image(chart: Chart) -> str:
-    """Return all panels as one SVG."""
-    environment = chart.environment
-    return drawn(chart, panels(chart), "Pale band: Pareto front. Numbers: samples per pixel. Grey: other methods. "
-                 f"Display {chart.settings.display}, {environment.cores} cores of {environment.cpu}.")
+    """Return the overview as one SVG."""
+    environment, settings = chart.environment, chart.settings
+    return drawn(chart, overview(chart), f"Ours: {settings.ours}. Numbers: samples per pixel. Bars: 95 % intervals "
+                 f"over seeds and lenses. Display {settings.display}, {settings.seeds} "
+                 f"seed{'s' if settings.seeds > 1 else ''}, {environment.cores} cores of {environment.cpu}.")
 
 
-def page(chart: Chart) -> str:
+def page(chart: Chart, crops: Crops | None) -> str:
     """Return the chart as one HTML file, without a script, that loads nothing from elsewhere."""
-    images = [inline_svg(drawn(chart, [panel]), panel.title) for panel in panels(chart)]
-    return page_html("chart.html", chart=chart, findings=findings, images=images)
+    images = [inline_svg(drawn(chart, [panel]), panel.words) for panel in overview(chart)]
+    scenes = [inline_svg(drawn(chart, [panel]), panel.words)
+              for scene in chart.scenes for panel in of_scene(chart, scene)] if len(chart.scenes) > 1 else []
+    picture = base64.b64encode(crops.png()).decode() if crops else ""
+    return page_html("chart.html", chart=chart, findings=findings, images=images, scenes=scenes, crops=crops,
+                     picture=picture)
 
 
 def drawn(chart: Chart, shown: Sequence[Panel], footer: str = "") -> str:
@@ -76,56 +106,57 @@ def drawn(chart: Chart, shown: Sequence[Panel], footer: str = "") -> str:
 
 
 def _draw(axes: Axes, chart: Chart, panel: Panel) -> None:
-    every, look = points(panel.cells, chart.metric), styles(chart)
-    found, front = curves(every), pareto_front(every)
-    named = [_curve(chart, panel, key, found[key], look[key]) for key in look if key in found]
-    _limits(axes, [*front, *(point for key in look for point in found.get(key, []))], panel.ceiling)
-    _words(axes, panel.title, AXES[chart.metric])
-    x, y = [point.seconds for point in front], [point.value for point in front]
-    axes.step([*x, axes.get_xlim()[1]], [*y, y[-1]], where="post", color=FRONT, linewidth=9, zorder=2)
-    others = [point for point in every if point.curve not in look]
-    axes.plot([point.seconds for point in others], [point.value for point in others], ".", color=plots.FAINT,
-              zorder=2.5)
+    named = [curve for key, look in styles(chart).items() for curve in _curves(chart, panel, key, look)]
+    noise = panel.noise[RELMSE if panel.parts else panel.measure]
+    ours = [cell for cell in panel.cells if cell.key == (LOW, chart.settings.ours)]
+    loglog.error_axis(axes, *loglog.limits([*(y for curve in named for y in curve.y), noise], 0.06))
+    loglog.cost_axis(axes, *loglog.limits([x for curve in named for x in curve.x], 0.04), panel.seconds)
+    _words(axes, panel)
     for index, curve in enumerate(reversed(named)):  # the first comes on top
         plots.draw_curve(axes, curve, 3 + index / 10)
-    plots.name_curves(axes, named, _draw_ceiling(axes, panel.ceiling))
+    taken = loglog.draw_noise(axes, noise)
+    start = min(ours, key=lambda cell: cell.samples, default=None)
+    if start:
+        measure = VARIANCE if panel.parts else panel.measure
+        taken += loglog.draw_slopes(axes, measure, (_cost(panel, start), start.errors[measure].mean))
+    plots.name_curves(axes, named, taken)
 
 
-def _curve(chart: Chart, panel: Panel, key: Key, line: Sequence[Point], look: tuple[str, str]) -> Curve:
-    """Return a method's curve, with bars where the panel's cells have intervals."""
-    cells = {cell.key: cell for cell in panel.cells if cell.ci95}
-    barred = [cells[(*key, point.samples)] for point in line if cells]
-    us = (LOW, chart.settings.ours)
-    return Curve(findings.label(key, chart.settings.ours), *look, x=[point.seconds for point in line],
-                 y=[point.value for point in line], halves=[cell.ci95.get(chart.metric) for cell in barred],
-                 spans=[(cell.seconds.least, cell.seconds.most) for cell in barred],
-                 notes=[str(point.samples) for point in line] if key in (us, RIVAL) else (), bold=key == us)
+def _curves(chart: Chart, panel: Panel, key: Key, look: tuple[str, str]) -> list[Curve]:
+    """Return a method's curve; of bias and variance both, for ours and direct rendering with OIDN."""
+    us: Key = (LOW, chart.settings.ours)
+    if panel.parts and key not in (us, RIVAL):
+        return []
+    name, found = "ours" if key == us else findings.label(key, chart.settings.ours), []
+    for measure in PARTS if panel.parts else (panel.measure,):
+        cells = [cell for cell in panel.cells if cell.key == key and measure in cell.errors
+                 and cell.errors[measure].mean > 0]
+        color, marker = STYLES[STYLES.index(look) + (2 if measure == VARIANCE else 0)]
+        words = f"{name}: {'variance' if measure == VARIANCE else 'bias²'}" if panel.parts else name
+        if cells:
+            found.append(_curve(panel, cells, measure, Curve(
+                words, color, marker, (), (), bold=key == us,
+                notes=[str(cell.samples) for cell in cells] if key in (us, RIVAL) and not panel.parts else ())))
+    return found
 
 
-def _words(axes: Axes, title: str, axis: str) -> None:
+def _curve(panel: Panel, cells: Sequence[Cell], measure: str, look: Curve) -> Curve:
+    """Return a curve that looks like ``look`` through cells, with bars for intervals."""
+    errors, bottom = [cell.errors[measure] for cell in cells], min(cell.errors[measure].mean for cell in cells) / 10
+    spans = [(cell.seconds.low, cell.seconds.high) for cell in cells if cell.seconds] if panel.seconds else []
+    return dataclasses.replace(
+        look, x=[_cost(panel, cell) for cell in cells], y=[error.mean for error in errors], spans=spans,
+        bars=[(max(error.low, bottom), max(error.high, bottom)) for error in errors])
+
+
+def _cost(panel: Panel, cell: Cell) -> float:
+    return cell.seconds.mean if panel.seconds and cell.seconds else cell.rays
+
+
+def _words(axes: Axes, panel: Panel) -> None:
     axes.grid(color=plots.GRID)
-    axes.set_title(title, loc="left", fontsize=16, weight="bold", pad=21)
+    axes.set_title(panel.title, loc="left", fontsize=16, weight="bold", pad=21)
     quiet: dict[str, Any] = {"fontsize": 12, "color": plots.QUIET, "textcoords": "offset points",
                              "xycoords": "axes fraction"}
-    axes.annotate(f"↑ {axis}", (0, 1), (0, 7), **quiet)
-    axes.annotate("render and second stage, end to end →", (1, 0), (0, -36), ha="right", **quiet)
-
-
-def _draw_ceiling(axes: Axes, value: float | None) -> list[Any]:
-    """Draw the line across, and return its words, if there is one."""
-    if value is None:
-        return []
-    axes.axhline(value, color=plots.INK, linewidth=1.5, linestyle=(0, (1.3, 2.7)), zorder=2.7)
-    words = f"the best from a low resolution without noise: {value:.3f}"
-    return [axes.annotate(words, (0, value), (2, 5), xycoords=("axes fraction", "data"), textcoords="offset points",
-                          fontsize=11.5, zorder=9)]
-
-
-def _limits(axes: Axes, shown: Sequence[Point], ceiling: float | None) -> None:
-    """Make room for points and the ceiling."""
-    seconds = [point.seconds for point in shown]
-    heights = plots.height([point.value for point in shown] + ([] if ceiling is None else [ceiling]))
-    low, high = min(heights), max(heights)
-    space = max(high - low, 1e-3) * 0.05
-    plots.time_axis(axes, min(seconds) / 1.15, max(seconds) * 1.15)
-    plots.value_axis(axes, low - space, high + 1.6 * space)
+    axes.annotate(f"↓ {panel.error}", (0, 1), (0, 7), **quiet)
+    axes.annotate(COSTS[panel.seconds], (1, 0), (0, -36), ha="right", **quiet)

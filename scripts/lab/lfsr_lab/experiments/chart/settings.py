@@ -22,17 +22,14 @@ class Settings(ChartSettings):
 
     folder: Path  # output folder, with a folder per scene
     only_measure: bool = False  # new renders are refused
-    replace: bool = False  # a chart of other settings may be replaced
-    again: tuple[str, ...] = ()  # methods whose cells are measured afresh
-    retime: tuple[str, ...] = ()  # methods that are only timed afresh
-    retime_renders: bool = False  # renders are made again for their time, as often as ``render_repeats``
+    times: bool = False  # what is not timed is timed
     device: str = "CPU"  # what Cycles renders on
     blender: str | None = None  # executable used instead of the one found
 
     def __post_init__(self) -> None:
         for name in ("spps", "direct_spps"):
             _check_samples(name, getattr(self, name))
-        for name, least in (("repeats", 1), ("render_repeats", 1), ("ceiling_spp", 0), ("reference_spp", 2)):
+        for name, least in (("seeds", 1), ("repeats", 1), ("render_repeats", 0), ("reference_spp", 2)):
             if getattr(self, name) < least:
                 raise LfsrError(f"{name} is {getattr(self, name)}, but it must be {least} or more")
         if self.ours not in self.methods:
@@ -48,8 +45,7 @@ class Settings(ChartSettings):
     @property
     def steps(self) -> int:
         """Renders and cells of a scene, with its reference."""
-        return 1 + (len(self.spps) + bool(self.ceiling_spp)) * (1 + len(self.methods)) + (
-            len(self.direct_spps) * (1 + len(self.direct_methods)))
+        return 1 + len(self.spps) * (1 + len(self.methods)) + len(self.direct_spps) * (1 + len(self.direct_methods))
 
     @property
     def figures(self) -> ChartSettings:

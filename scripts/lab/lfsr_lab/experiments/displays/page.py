@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from lfsr_lab.experiments.chart.analysis import time_to_reach
-from lfsr_lab.experiments.chart.records import LOW
-from lfsr_lab.experiments.chart.records import Point as ChartPoint
+import numpy as np
+
 from lfsr_lab.experiments.displays.measure import Accuracy, Point
 from lfsr_lab.experiments.displays.ways import EVERY_VIEW, OURS, SUBPIXEL, USUAL, WAYS, Way
 from lfsr_lab.experiments.engine import plots
@@ -67,10 +67,18 @@ def judged(point: Point, reference: str) -> Accuracy:
 
 
 def seconds_for(points: Sequence[Point], value: float, reference: str = WOVEN) -> float | None:
-    """Return the CPU seconds at which a way's curve reaches an ``ssim_eye``; None where it never does."""
-    curve = [ChartPoint(LOW, point.way, point.samples, point.cpu, judged(point, reference).ssim_eye)
-             for point in points]
-    return time_to_reach(curve, value)[0]
+    """Return the CPU seconds at which a way's curve reaches an ``ssim_eye``; None where it never does.
+
+    Between two points the logarithm of time is interpolated; points that are slower and no better do not count.
+    """
+    rising: list[tuple[float, float]] = []  # value, seconds
+    for seconds, reached in sorted((point.cpu, judged(point, reference).ssim_eye) for point in points):
+        if not rising or reached > rising[-1][0]:
+            rising.append((reached, seconds))
+    if not rising or value > rising[-1][0]:
+        return None
+    values, times = np.array(rising).T
+    return math.exp(np.interp(value, values, np.log(times)))
 
 
 def figure(found: Comparison, reference: str = WOVEN) -> Figure | None:

@@ -68,11 +68,11 @@ def shown(kind: str, record: Path, images: Path) -> Shown:
 
 def _chart(record: Path, _images: Path) -> Shown:
     chart = read_chart(record)
-    figures = [Drawn(panel.title, inline_svg(panels.drawn(chart, [panel]), panel.title))
-               for panel in panels.panels(chart)]
-    advice = findings.advice(chart)
-    table = "\n".join(markdown_table(advice.header, advice.rows, advice.align))
-    return Shown(figures, findings.markdown(chart), f"{findings.headline(chart)}\n\n{advice.title}\n\n{table}")
+    figures = [Drawn(panel.words, inline_svg(panels.drawn(chart, [panel]), panel.words))
+               for panel in panels.overview(chart)]
+    equal = findings.equal_error(chart)
+    table = "\n".join(markdown_table(equal.header, equal.rows, equal.align))
+    return Shown(figures, findings.markdown(chart), f"{findings.headline(chart)}\n\n{equal.title}\n\n{table}")
 
 
 def _sweeps(record: Path, _images: Path) -> Shown:

@@ -66,9 +66,11 @@ def commit() -> str | None:
 
 
 def _seeds(data: Any) -> Iterator[int]:
-    """Yield every number called seed in a record."""
+    """Yield every number called seed in a record, and those below a number of seeds."""
     for key, value in data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ():
         if key == "seed" and isinstance(value, int):
             yield value
+        elif key == "seeds" and isinstance(value, int):
+            yield from range(value)
         elif isinstance(value, (dict, list)):
             yield from _seeds(value)

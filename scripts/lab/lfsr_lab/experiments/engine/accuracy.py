@@ -20,7 +20,6 @@ from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES, compare
 from lfsr_core.optics.eia import to_elemental_images
-from lfsr_lab.experiments.engine.intervals import lens_intervals
 from lfsr_lab.experiments.engine.measures import lens_ssims
 
 MAIN_METRICS = ("ssim_eia_fg", "ssim_lens_fg")  # of whole EIAs; of single lenses, which every reference has
@@ -29,7 +28,7 @@ Figures = dict[str, float | None]  # by the name of the metric; None where it ca
 
 @dataclasses.dataclass(frozen=True)
 class Accuracy:
-    """Metrics of docs/reference/metrics.md, and half-widths of their 95 % intervals over lenses."""
+    """Metrics of docs/reference/metrics.md, and half-widths of their 95 % intervals over sampled lenses."""
 
     metrics: Figures
     ci95: Figures
@@ -67,20 +66,18 @@ class Target:
         """Both halves of the reference, scene-linear."""
         return self.reference.half_a, self.reference.half_b
 
-    def accuracy(self, image: Array, found: Mask | None = None, intervals: bool = True) -> Accuracy:
+    def accuracy(self, image: Array, found: Mask | None = None) -> Accuracy:
         """Return every metric of an EIA.
 
         Parameters
         ----------
         image : (H, W, 3), scene-linear, in view order
         found : (sy, sx), the foreground that a render found, for its recall
-        intervals : False: none over a whole reference
         """
         reference = self.reference
         metrics: dict[str, Any] = compare(image, self.halves, self.lenses, self.mask, reference.lens_list)
         ci95: Figures = metrics.pop("ci95", {})
         if reference.lens_list is None:
-            ci95 = lens_intervals(image, *self.halves, self.lenses, self.mask) if intervals else {}
             metrics["recall"] = None if found is None else recall(found, self.mask)
         known = {name: metrics[name] for name in (*METRIC_NAMES, *metrics) if name in metrics}
         return Accuracy({name: finite(value) for name, value in known.items() if name not in ("lenses", "notes")}, ci95)

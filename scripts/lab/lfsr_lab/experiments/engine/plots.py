@@ -58,7 +58,7 @@ class Curve:
     x: Sequence[float]  # of its points, from left to right
     y: Sequence[float]
     spans: Sequence[tuple[float, float]] = ()  # least and most x of each point, as thin lines
-    halves: Sequence[float | None] = ()  # half-width of the interval of each y, None where it is not known
+    bars: Sequence[tuple[float, float]] = ()  # ends of the interval of each y, as thin lines
     notes: Sequence[str] = ()  # a short text at each point
     bold: bool = False  # drawn thicker than the others
 
@@ -115,9 +115,8 @@ def draw_curve(axes: Axes, curve: Curve, order: float = 3) -> None:
     thin: dict[str, Any] = {"color": curve.color, "linewidth": 1.2, "alpha": 0.6, "zorder": order}
     if curve.spans:
         axes.hlines(curve.y, *np.transpose(curve.spans), **thin)
-    if curve.halves:
-        y, half = np.asarray(curve.y), np.array([half or 0 for half in curve.halves])
-        axes.vlines(curve.x, y - half, y + half, **thin)
+    if curve.bars:
+        axes.vlines(curve.x, *np.transpose(curve.bars), **thin)
 
 
 def name_curves(axes: Axes, curves: Sequence[Curve], taken: Iterable[Any] = ()) -> None:

@@ -100,11 +100,6 @@ def number(value: float | None, half: float | None = None, digits: int = 3) -> s
     return f"{value:.{digits}f}" + (f" ± {half:.{digits}f}" if half else "")
 
 
-def count(value: float | None) -> str:
-    """Return a whole number with commas between its thousands; a dash for None."""
-    return UNKNOWN if value is None else f"{value:,.0f}"
-
-
 def _line(cells: Iterable[object]) -> str:
     return "| " + " | ".join(map(cell_text, cells)) + " |"
 
