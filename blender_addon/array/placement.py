@@ -280,7 +280,7 @@ def _depths(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Obj
     return [-(toward @ place).z for place, item in _hits(sight, half) if item.original in subject]
 
 
-def _hits(sight: _Sight, half: tuple[float, float], eye: Sequence[float] = (0.0, 0.0),
+def _hits(sight: _Sight, half: tuple[float, float], eye: Sequence[float] | Array = (0.0, 0.0),
           distance: float = 1.0) -> list[tuple[mathutils.Vector, bpy.types.Object]]:
     """World places and objects that a grid of PROBES rays meets, from ``eye`` through the frame at ``distance``."""
     hits = (sight.look(x * half[0] - eye[0] / distance, y * half[1] - eye[1] / distance, mathutils.Vector((*eye, 0)))

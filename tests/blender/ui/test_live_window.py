@@ -206,15 +206,15 @@ def test_start_and_stop_leave_everything_as_it_was(window):
 
 @pytest.mark.parametrize("by", ["button", "hand"])
 def test_closed_windows_leave_no_screens(window, by):
+    window.run("lfsr = bpy.context.scene.lfsr\nlfsr.display, lfsr.live_samples = 'mini', 1")
     before = window.get("state()")
-    for _ in range(5):
-        start(window)
-        start(window, kind="eye")
+    for kind in ("panel", "panel", "eye", "panel", "panel"):
+        start(window, kind=kind)
         if by == "button":
-            window.run("bpy.ops.lfsr.live_stop(); bpy.ops.lfsr.live_eye_stop()")
+            window.run(f"live.stop({kind!r})")
         else:
             window.close_others()
-            window.until("not live.is_on() and not live.is_on('eye')", 10)
+            window.until("not live.is_on() and not live.is_on('eye')", 30)
         window.settle()
     assert window.get("state()") == before
     start(window)
