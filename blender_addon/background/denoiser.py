@@ -86,6 +86,18 @@ def replacement(settings: Resolved) -> MethodName:
     return settings.method.undenoised
 
 
+def is_replaced(scene: bpy.types.Scene) -> bool:
+    """True if ``scene``, where no method was chosen, gets the ``replacement`` unasked: that was answered before."""
+    return (not scene.lfsr.is_property_set("method")
+            and getattr(runtime.preferences_of_addon(), "without_denoiser", False))
+
+
+def remember_answer() -> None:
+    """Give new scenes the ``replacement`` from now on."""
+    if (preferences := runtime.preferences_of_addon()) is not None:
+        preferences.without_denoiser = True
+
+
 def use_replacement(scene: bpy.types.Scene, settings: Resolved) -> None:
     """Set the ``replacement`` in ``scene``."""
     scene.lfsr.method = replacement(settings).text

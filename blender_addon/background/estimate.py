@@ -19,6 +19,9 @@ FIRST_PACE, PACE = 0.8, 0.9
 # Cycles reports its first sample early and the next ones rarely: a speed of the same scene before counts as if so much
 # of the work had been done at it.
 TRUST = 0.15
+# Other programs take and leave cores meanwhile, but a sample takes the same CPU seconds. So the work is counted in these,
+# at the rate of the last BEATS reports, unless the process rests, as one that waits for a GPU.
+BEATS, LEAST_RATE = 6, 0.1
 _speeds: dict[tuple[str, str | None], float] = {}  # seconds per path sample of scenes, in this session
 _slower: dict[str, float] = {}  # seconds that steps took as multiples of those expected, in this session
 
@@ -29,6 +32,7 @@ class Moment:
 
     time: float  # seconds, of a clock that only runs forward
     done: float  # fraction, 0 to 1
+    cpu: float | None = None  # seconds of all its process's threads
 
 
 class StepClock:
@@ -45,20 +49,28 @@ class StepClock:
         self._first_pace, self._pace = (FIRST_PACE, PACE) if is_render else (1.0, 1.0)
         # When the work itself began, after scenes were opened and prepared, and all that was heard of it since.
         self._heard: list[Moment] = []
+        self._beats: list[Moment] = []
 
-    def take(self, now: float, done: float) -> None:
-        """Note new progress."""
+    def take(self, now: float, done: float, cpu: float | None = None) -> None:
+        """Note new progress, and the CPU seconds of the process if they are known."""
+        self.beat(now, cpu)
+        moment = Moment(now, done, cpu)
         if not self._heard or done <= self._heard[0].done:
-            self._heard = [Moment(now, done)]
+            self._heard = [moment]
         elif done > self._heard[-1].done:
-            self._heard.append(Moment(now, done))
+            self._heard.append(moment)
+
+    def beat(self, now: float, cpu: float | None) -> None:
+        """Note that the process works on."""
+        if cpu is not None:
+            self._beats = [*self._beats[1 - BEATS:], Moment(now, 0.0, cpu)]
 
     def left(self, now: float) -> float | None:
         """Seconds left, None while they cannot be told."""
         if self.expected is not None:
             left = self.started + self.expected - now
         elif (pace := self._seconds_of_all()) is not None:
-            left = pace * (1 - self._heard[-1].done) - (now - self._heard[-1].time)
+            left = pace * (1 - self._heard[-1].done) - self._work(self._heard[-1], Moment(now, 0.0))
         else:
             return None
         # A step that is late by some seconds is expected to take as many more.
@@ -85,9 +97,27 @@ class StepClock:
         half = (first.done + last.done) / 2
         since = next(moment for moment in reversed(self._heard) if moment.done <= half)
         pace = self._pace if len(self._heard) > 2 else self._first_pace
-        seen = pace * (last.time - since.time) / (last.done - since.done)
+        seen = pace * self._work(since, last) / (last.done - since.done)
         known = last.done - first.done
         return seen if self.before is None else (known * seen + TRUST * self.before) / (known + TRUST)
+
+    def _work(self, since: Moment, until: Moment) -> float:
+        """Work between two moments, in seconds of the rate at which the process works now."""
+        rate = self._rate()
+        if rate < LEAST_RATE or since.cpu is None:
+            return until.time - since.time
+        last = self._beats[-1]
+        assert last.cpu is not None
+        cpu = last.cpu + rate * (until.time - last.time) if until.cpu is None else until.cpu
+        return (cpu - since.cpu) / rate
+
+    def _rate(self) -> float:
+        """CPU seconds per second of late, 0 where they are not known."""
+        if len(self._beats) < 2:
+            return 0.0
+        first, last = self._beats[0], self._beats[-1]
+        assert first.cpu is not None and last.cpu is not None
+        return (last.cpu - first.cpu) / max(last.time - first.time, 1e-3)
 
 
 def expected(stage: str, seconds: float) -> float:

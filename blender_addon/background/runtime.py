@@ -81,7 +81,7 @@ def environment() -> dict[str, str]:
 
 def _few_cores() -> dict[str, str]:
     """Variables that leave the preferred number of cores to this Blender and other programs."""
-    cores = str(max(1, (os.cpu_count() or 1) - getattr(_preferences(), "free_cores", 1)))
+    cores = str(max(1, (os.cpu_count() or 1) - getattr(preferences_of_addon(), "free_cores", 1)))
     return {CORES: cores, "OIDN_NUM_THREADS": cores}
 
 
@@ -93,7 +93,7 @@ def temporary(kind: str, folder: Path) -> Path:
 
 def chosen_python() -> str | None:
     """The user's own Python: the preference, else $LFSR_PYTHON; None means Blender's."""
-    preferred = getattr(_preferences(), "python_path", "").strip()
+    preferred = getattr(preferences_of_addon(), "python_path", "").strip()
     chosen: str = bpy.path.abspath(preferred) if preferred else os.environ.get(PYTHON_VARIABLE, "")
     if chosen and not Path(chosen).is_file():
         raise LfsrError(f"Python {chosen!r} does not exist: choose another in the add-on's preferences, or clear it "
@@ -103,7 +103,7 @@ def chosen_python() -> str | None:
 
 def chosen_library() -> str:
     """The user's own library of Open Image Denoise: the preference, else $LFSR_OIDN; "" means one that is found."""
-    preferred = getattr(_preferences(), "oidn_path", "").strip()
+    preferred = getattr(preferences_of_addon(), "oidn_path", "").strip()
     chosen: str = bpy.path.abspath(preferred) if preferred else os.environ.get(LIBRARY_VARIABLE, "")
     if chosen and not Path(chosen).is_file():
         raise LfsrError(f"the library {chosen!r} of Open Image Denoise does not exist: choose another in the add-on's "
@@ -111,7 +111,7 @@ def chosen_library() -> str:
     return chosen
 
 
-def _preferences() -> bpy.types.AddonPreferences | None:
+def preferences_of_addon() -> bpy.types.AddonPreferences | None:
     """The add-on's preferences; None where it was not enabled in them."""
     addon = bpy.context.preferences.addons.get(PACKAGE)
     return addon.preferences if addon else None

@@ -152,8 +152,11 @@ class Task:
         elif "fraction" in record:
             is_open = record.get("stage") == "open"
             self.message = OPENING if is_open else str(record.get("message", ""))
-            if not is_open and not record.get("repeated"):
-                self._clock.take(record.get("heard", time.monotonic()), min(1.0, float(record["fraction"])))
+            heard, cpu = record.get("heard", time.monotonic()), record.get("cpu")
+            if record.get("repeated"):
+                self._clock.beat(heard, cpu)
+            elif not is_open:
+                self._clock.take(heard, min(1.0, float(record["fraction"])), cpu)
 
     def _advance(self, record: dict[str, Any] | None) -> None:
         if self._step is not None:

@@ -32,10 +32,15 @@ class LfsrPreferences(bpy.types.AddonPreferences):
         name="Free Cores", default=1, min=0, soft_max=8,
         description="Processor cores that renders and the second stage leave to Blender and other programs")
 
+    without_denoiser: bpy.props.BoolProperty(
+        name="Render Without Denoiser Where There Is None",
+        description="Give new scenes a method that this Blender can run, instead of asking; set once it was answered")
+
     def draw(self, _context: bpy.types.Context) -> None:
-        """Draw the cores, the library, and the path with its button."""
+        """Draw the cores, the library and what is done without it, and the path with its button."""
         self.layout.prop(self, "free_cores")
         self.layout.prop(self, "oidn_path")
+        self.layout.prop(self, "without_denoiser")
         row = self.layout.row(align=True)
         row.prop(self, "python_path")
         row.operator(LFSR_OT_test_python.bl_idname, text="Test", icon="CHECKMARK")

@@ -46,8 +46,12 @@ def emit_last(**record: Any) -> None:
 
 
 def emit_progress(stage: str, fraction: float, message: str) -> None:
-    """Write progress as a record; a ``progress.Progress``."""
-    emit(stage=stage, fraction=round(fraction, 4), message=message)
+    """Write progress as a record, with the CPU seconds of this process; a ``progress.Progress``."""
+    emit(stage=stage, fraction=round(fraction, 4), message=message, cpu=_cpu())
+
+
+def _cpu() -> float:
+    return round(time.process_time(), 2)
 
 
 def emit_warning(message: str) -> None:
@@ -99,4 +103,4 @@ def _repeat(ended: threading.Event, silence: float) -> None:
         if last and seconds >= silence:
             message = f"{last[0].get('message', '')}, for {seconds:.0f} s".removeprefix(", ")
             with _speaking:
-                _write(last[0] | {"message": message, "repeated": True})
+                _write(last[0] | {"message": message, "cpu": _cpu(), "repeated": True})

@@ -123,6 +123,9 @@ def _asked(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
 def _denoising(scene: bpy.types.Scene) -> list[Question]:
     settings = scene_settings.resolve(scene)
     lacking = denoiser.lacking(settings)
+    if lacking and denoiser.is_replaced(scene):
+        _use_replacement(scene, settings)
+        return []
     name = title(denoiser.replacement(settings).text)
     return [Question(lacking, f"Use {name}", f"choose the method {name}, or get it. {denoiser.where_to_get()}",
                      denoiser.where_to_get(), functools.partial(_use_replacement, scene, settings))
@@ -130,6 +133,8 @@ def _denoising(scene: bpy.types.Scene) -> list[Question]:
 
 
 def _use_replacement(scene: bpy.types.Scene, settings: scene_settings.Resolved) -> None:
+    if not scene.lfsr.is_property_set("method"):
+        denoiser.remember_answer()
     denoiser.use_replacement(scene, settings)
     bpy.ops.ed.undo_push(message="Set Method")
 

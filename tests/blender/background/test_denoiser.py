@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import pytest
@@ -12,7 +13,7 @@ from blender_addon.background import denoiser, recipes, runtime
 from blender_addon.background.steps import Task
 from blender_addon.check.problems import check_scene
 from blender_addon.settings import folders, scene_settings
-from blender_addon.ui.operators import check, finish
+from blender_addon.ui.operators import check, finish, render
 from lfsr_core.errors import LfsrError
 from lfsr_core.frames.report import read_report
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
@@ -51,6 +52,19 @@ def test_the_render_is_refused_before_it_starts(scene, without_library):
         with pytest.raises(RuntimeError, match=f"{said}.*blender.org.*preferences"):
             operator()
     assert not folders.scene_folder(scene).exists()
+
+
+def test_the_answer_is_remembered_for_scenes_without_a_chosen_method(scene, without_library, monkeypatch):
+    addon = SimpleNamespace(without_denoiser=False)
+    monkeypatch.setattr(runtime, "preferences_of_addon", lambda: addon)
+    scene.lfsr.property_unset("method")
+    (question,) = render._denoising(scene)
+    question.accept()
+    assert addon.without_denoiser and scene.lfsr.method == "bilinear"
+    scene.lfsr.property_unset("method")
+    assert render._denoising(scene) == [] and scene.lfsr.method == "bilinear"
+    scene.lfsr.method = DEFAULT_METHOD
+    assert len(render._denoising(scene)) == 1, "a method that was chosen is asked about"
 
 
 def test_a_blender_without_it_is_named(scene, monkeypatch):

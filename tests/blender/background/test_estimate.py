@@ -35,6 +35,22 @@ def test_even_work_is_told_exactly_whatever_came_before_it(kept):
         assert done <= clock.share(OPENING + second + 0.5) < 1
 
 
+@pytest.mark.parametrize("rates", [(1.0, 0.25), (0.3, 1.0), (0.5, 0.5), (0.02, 0.02)])
+def test_other_programs_that_take_cores_meanwhile_do_not_mislead(rates):
+    """100 CPU seconds, of which the first 30 seconds get another part of the machine than the rest; few reports."""
+    clock, cpu, reports, times = StepClock(0.0), [0.0], [0.0, 0.02, 0.5], []
+    while cpu[-1] < 100:
+        cpu.append(cpu[-1] + rates[len(cpu) > 30])
+    for second, spent in enumerate(cpu):
+        if reports and spent / 100 >= reports[0]:
+            clock.take(second, reports.pop(0), spent)
+        else:
+            clock.beat(second, spent)
+        times.append(clock.left(second + 0.5))
+    for second in range(max(36, len(cpu) // 5), len(cpu) - 1):  # at a new rate it takes some beats
+        assert times[second] == pytest.approx(len(cpu) - 1 - second - 0.5, rel=0.25, abs=2.0), second
+
+
 def test_silence_never_ends_at_nothing_left():
     clock = StepClock(0.0)
     clock.take(0.0, 0.0)

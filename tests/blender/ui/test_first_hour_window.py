@@ -117,3 +117,36 @@ def test_one_press_in_a_new_file_makes_an_image(window):
     window.run("bpy.ops.lfsr.preview_view('INVOKE_DEFAULT', True)")
     window.until(f"{task} is None", SECONDS_TO_RENDER)
     assert window.get(f"{state}.message") == "" and "Light Field View" in window.run(IMAGE)["name"]
+
+
+def test_cheapest_settings_are_guessed_first_and_what_is_said_can_be_read(window):
+    """Every text of the panels that are closed at first; the pictures are for a person to read."""
+    window.close_others()
+    window.run("bpy.ops.wm.read_homefile(app_template=''); scene = bpy.context.scene; scene.lfsr.display = 'mini'")
+    window.open_tab()
+    window.run(OPEN)
+    window.run("bpy.ops.lfsr.plan('INVOKE_DEFAULT', True)")
+    task, state = "addon.background.session.current()", "bpy.context.window_manager.lfsr"
+    began = time.monotonic()
+    window.until(f"{state}.plan_text or {task} is None", SECONDS_TO_RENDER)
+    print(f"first guess after {time.monotonic() - began:.1f} s")
+    assert window.get(f"{state}.plan_text").startswith("First guess, from the depth")
+    window.scroll_down()
+    window.screenshot("cheapest-guess")
+    window.run("bpy.ops.lfsr.cancel()")
+    assert window.get(f"{state}.plan_text").startswith("First guess"), "it stays after a cancel"
+    window.screenshot("cheapest-cancelled")
+    window.run("bpy.ops.screen.userpref_show('INVOKE_DEFAULT', section='ADDONS')")
+    window.run("bpy.context.window_manager.addon_search = 'Light Field'\n"
+               "bpy.ops.preferences.addon_expand(module=addon.__name__)")
+    window.screenshot("preferences")
+    window.close_others()
+
+
+OPEN = """
+for name in ("LFSR_PT_plan", "LFSR_PT_reference"):
+    panel = getattr(bpy.types, name)
+    bpy.utils.unregister_class(panel)
+    panel.bl_options = set()
+    bpy.utils.register_class(panel)
+"""

@@ -1,4 +1,4 @@
-"""Pictures of docs/guide/artist-guide.md, taken in a real window (see desktop.py):
+"""Pictures of docs/guide/artist-guide.md and of a lenticular display live, taken in a real window (see desktop.py):
 
     python tests/support/window/pictures.py docs/images
 """
@@ -9,13 +9,17 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
+from lfsr_core.optics.profile_file import write_profile
+from tests.support.panels import lenticular
 from tests.support.window.desktop import Window, blender_window, inside
 
 SECONDS_TO_RENDER = 1200
+SECONDS_OF_LIVE = 90   # on a busy machine
 COLORS = 200   # keeps a picture below 300 kB
 SCENE = """
 scene = bpy.context.scene
@@ -86,6 +90,20 @@ def take(window: Window, folder: Path) -> None:
     keep(window, folder, "panel-preview")
 
 
+def live(window: Window, folder: Path) -> None:
+    """A panel under slanted cylinders, live over Blender's own window."""
+    panel = lenticular(panel_pixels=[600, 400], panel_mm=[300.0, 200.0], viewing_distance_mm=600.0)
+    write_profile(window.folder / "lenticular.toml", panel)
+    window.close_others()
+    window.run(f"lfsr = bpy.context.scene.lfsr; lfsr.profile_file = {str(window.folder / 'lenticular.toml')!r}")
+    window.run("lfsr.display, lfsr.live_rays = 'FILE', 64; bpy.data.objects['Suzanne'].select_set(True)\n"
+               "bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True); bpy.ops.lfsr.live_start()")
+    window.settle()
+    window.place(window.windows()[-1], *panel.panel_pixels)
+    time.sleep(SECONDS_OF_LIVE)
+    keep(window, folder, "live-lenticular", (0, 0, 1280, 640))
+
+
 def keep(window: Window, folder: Path, name: str, crop: tuple[int, int, int, int] | None = None) -> None:
     """Take a picture and make it small enough for the repository."""
     window.xdotool("mousemove", 400, 700)
@@ -99,3 +117,4 @@ def keep(window: Window, folder: Path, name: str, crop: tuple[int, int, int, int
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as scratch, blender_window(Path(scratch)) as it:
         take(it, Path(sys.argv[1]).resolve())
+        live(it, Path(sys.argv[1]).resolve())
