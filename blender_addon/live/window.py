@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
 
 import bpy
@@ -11,7 +10,9 @@ from lfsr_core.errors import LfsrError
 
 from .scene import MARK, PANEL
 
+SECONDS_TO_ACT = 0.05
 LEFT = "left"  # value of MARK: the screen of a live window that is closed
+_removals: list[Iterator[float]] = []
 
 
 def find(kind: str = PANEL) -> bpy.types.Window | None:
@@ -56,7 +57,19 @@ def close_window(kind: str = PANEL) -> None:
         if screen.get(MARK) == kind:
             screen[MARK] = LEFT
     if any(screen.get(MARK) == LEFT for screen in bpy.data.screens):
-        bpy.app.timers.register(functools.partial(next, _removal(), None), first_interval=0)
+        if not bpy.app.timers.is_registered(_remove):  # also after another file was opened, which ends it
+            _removals.clear()
+            bpy.app.timers.register(_remove, first_interval=0)
+        _removals.append(_removal())
+
+
+def _remove() -> float | None:
+    """Timer: one removal after the other."""
+    while _removals:
+        if (seconds := next(_removals[0], None)) is not None:
+            return seconds
+        del _removals[0]
+    return None
 
 
 def _removal() -> Iterator[float]:
@@ -66,21 +79,25 @@ def _removal() -> Iterator[float]:
     after the timers, mostly before it draws. A screen of a workspace that no window shows stays until the next time.
     """
     homes: dict[str, str] = {}  # by workspace: what its window shows
-    for name in [screen.name for screen in bpy.data.screens if screen.get(MARK) == LEFT and not screen.show_fullscreen]:
+    for name in [screen.name for screen in bpy.data.screens if screen.get(MARK) == LEFT]:
+        screen = bpy.data.screens.get(name)
         window = next((window for window in bpy.context.window_manager.windows
                        if window.parent is None and name in window.workspace.screens), None)
-        if window is None:
+        if screen is None or window is None:
             continue
         home = homes.setdefault(window.workspace.name, window.screen.name)
-        window.screen = bpy.data.screens[name]
-        if any(screen.get(MARK) == LEFT and screen.show_fullscreen for screen in bpy.data.screens):
-            yield 0.0
-            if window.screen.show_fullscreen:  # of a window that the user has closed: its screen without borders
-                with bpy.context.temp_override(window=window, area=window.screen.areas[0]):
-                    bpy.ops.screen.back_to_previous()
-        with bpy.context.temp_override(window=window, screen=bpy.data.screens[name]):
+        window.screen = screen
+        if screen.show_fullscreen:  # of a window that the user has closed: Blender shows the one without borders
+            while window.screen.name == home:
+                yield SECONDS_TO_ACT
+            with bpy.context.temp_override(window=window, screen=window.screen, area=window.screen.areas[0]):
+                bpy.ops.screen.back_to_previous()
+            screen = window.screen
+        with bpy.context.temp_override(window=window, screen=screen):
             bpy.ops.screen.delete()
         window.screen = bpy.data.screens[home]
+        while window.screen.name != home:
+            yield SECONDS_TO_ACT
 
 
 def region_of(window: bpy.types.Window) -> bpy.types.Region:
