@@ -19,8 +19,8 @@ FIRST_PACE, PACE = 0.8, 0.9
 # Cycles reports its first sample early and the next ones rarely: a speed of the same scene before counts as if so much
 # of the work had been done at it.
 TRUST = 0.15
-# Other programs take and leave cores meanwhile, but a sample takes the same CPU seconds. So the work is counted in these,
-# at the rate of the last BEATS reports, unless the process rests, as one that waits for a GPU.
+# Other programs take and leave cores meanwhile, but a sample takes the same CPU seconds. So the work is counted in
+# these, at the rate of the last BEATS reports, unless the process rests, as one that waits for a GPU.
 BEATS, LEAST_RATE = 6, 0.1
 _speeds: dict[tuple[str, str | None], float] = {}  # seconds per path sample of scenes, in this session
 _slower: dict[str, float] = {}  # seconds that steps took as multiples of those expected, in this session
