@@ -101,7 +101,7 @@ def live(window: Window, folder: Path) -> None:
     window.settle()
     window.place(window.windows()[-1], *panel.panel_pixels)
     time.sleep(SECONDS_OF_LIVE)
-    keep(window, folder, "live-lenticular", (0, 0, 1280, 640))
+    keep(window, folder, "live-lenticular", (0, 0, 764, 600))
 
 
 def keep(window: Window, folder: Path, name: str, crop: tuple[int, int, int, int] | None = None) -> None:
