@@ -6,7 +6,6 @@ step of two views. It sees luma; chroma is interpolated linearly, as the authors
 
 from __future__ import annotations
 
-import functools
 from pathlib import Path
 
 import numpy as np
@@ -75,9 +74,3 @@ def _arranged(others: Tensor, corners: Tensor) -> Tensor:
     whole[OTHERS] = others
     whole[CORNERS] = corners.transpose(0, 1).flatten(0, 1)
     return whole.reshape(8, 8, *others.shape[1:]).transpose(0, 1)
-
-
-@functools.cache
-def load(clones: Path, pairs: int = 2) -> AngularSR:
-    """Return the network, read once."""
-    return AngularSR(clones, pairs)

@@ -76,6 +76,8 @@ def mean(found: Record, view: View, method: str, place: int) -> float:
 
 def _cell(found: Record, view: View, method: str, with_psnr: bool) -> str:
     ssim, psnr = (mean(found, view, method, place) for place in (SSIM, PSNR))
+    if not math.isfinite(ssim):
+        return UNKNOWN
     return f"{ssim:.3f}".removeprefix("0") + (f", {psnr:.1f}" if with_psnr else "")
 
 
@@ -100,12 +102,12 @@ def _gaps(found: Record) -> dict[str, str]:
         "epicnn": _signed(mean(found, fine, "denoise+EPICNN", SSIM) - mean(found, fine, DEFAULT, SSIM)),
         "narrow": _signed(mean(found, narrow, DEFAULT, SSIM) - default),
         "deep_ssim": _signed(above("deep", "denoise+AngularSR-2", DEFAULT, SSIM)),
-        "deep_psnr": f"{above('deep', 'denoise+AngularSR-2', DEFAULT, PSNR):.1f}",
+        "deep_psnr": _decibels(above("deep", "denoise+AngularSR-2", DEFAULT, PSNR)),
         "figures_ssim": _signed(above("figures", "LFBM5D+AngularSR-2", DEFAULT, SSIM)),
-        "figures_psnr": f"{above('figures', 'LFBM5D+AngularSR-2', DEFAULT, PSNR):.1f}",
+        "figures_psnr": _decibels(above("figures", "LFBM5D+AngularSR-2", DEFAULT, PSNR)),
         "filtered": _signed(above("truck", "LFBM5D+bilinear", "denoise+bilinear", SSIM)),
-        "sheared": f"{_gain(found, 'antinous 2→7', 'Sheared-EPI', 'bilinear'):.1f}",
-        "row": f"{_gain(found, 'Amethyst 6→16', 'EPICNN', 'bilinear+epi'):.1f}",
+        "sheared": _decibels(_gain(found, "antinous 2→7", "Sheared-EPI", "bilinear")),
+        "row": _decibels(_gain(found, "Amethyst 6→16", "EPICNN", "bilinear+epi")),
         "known": ", ".join(name for name, group in found["groups"].items() if group == "known")}
 
 
@@ -116,4 +118,8 @@ def _gain(found: Record, task: str, method: str, other: str) -> float:
 
 
 def _signed(number: float) -> str:
-    return f"{number:+.3f}".replace("0.", ".").replace("-", "−")
+    return f"{number:+.3f}".replace("0.", ".").replace("-", "−") if math.isfinite(number) else UNKNOWN
+
+
+def _decibels(number: float) -> str:
+    return f"{number:.1f}" if math.isfinite(number) else UNKNOWN
