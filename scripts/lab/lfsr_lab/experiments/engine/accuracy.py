@@ -27,14 +27,6 @@ Figures = dict[str, float | None]  # by the name of the metric; None where it ca
 
 
 @dataclasses.dataclass(frozen=True)
-class Accuracy:
-    """Metrics of docs/reference/metrics.md, and half-widths of their 95 % intervals over sampled lenses."""
-
-    metrics: Figures
-    ci95: Figures
-
-
-@dataclasses.dataclass(frozen=True)
 class Target:
     """A reference and the foreground that counts."""
 
@@ -66,8 +58,8 @@ class Target:
         """Both halves of the reference, scene-linear."""
         return self.reference.half_a, self.reference.half_b
 
-    def accuracy(self, image: Array, found: Mask | None = None) -> Accuracy:
-        """Return every metric of an EIA.
+    def accuracy(self, image: Array, found: Mask | None = None) -> Figures:
+        """Return every metric of an EIA, those of docs/reference/metrics.md.
 
         Parameters
         ----------
@@ -76,11 +68,10 @@ class Target:
         """
         reference = self.reference
         metrics: dict[str, Any] = compare(image, self.halves, self.lenses, self.mask, reference.lens_list)
-        ci95: Figures = metrics.pop("ci95", {})
         if reference.lens_list is None:
             metrics["recall"] = None if found is None else recall(found, self.mask)
         known = {name: metrics[name] for name in (*METRIC_NAMES, *metrics) if name in metrics}
-        return Accuracy({name: finite(value) for name, value in known.items() if name not in ("lenses", "notes")}, ci95)
+        return {name: finite(value) for name, value in known.items() if name not in ("lenses", "notes", "ci95")}
 
     def lens_ssim(self, image: Array) -> Array:
         """Return the split SSIM (n,) of the reference's foreground lenses, each on its own."""

@@ -87,7 +87,7 @@ def _inputs(settings: Settings, view: View, name: str) -> dict[str, Any]:
 def accuracy(made: Finished) -> Row:
     """Return the metrics of an image, and its split SSIM per foreground lens."""
     lenses = tuple(round(float(value), 6) for value in made.target.lens_ssim(made.image))
-    return Row(values=made.target.accuracy(made.image).metrics, series={LENS_SSIM: lenses})
+    return Row(values=made.target.accuracy(made.image), series={LENS_SSIM: lenses})
 
 
 def frame_seconds(settings: Settings, folder: Path, method: Method) -> Numbers:

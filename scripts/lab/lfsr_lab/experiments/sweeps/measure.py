@@ -112,7 +112,7 @@ class Scene:
         return {"ssim_eia_fg": metrics.foreground_ssim(of)}
 
     def _every_figure(self, name: str, image: Array, of: metrics.Compared) -> Figures:
-        found = self.target.accuracy(image, foreground(Path(self.job().output))).metrics
+        found = self.target.accuracy(image, foreground(Path(self.job().output)))
         found |= metrics.border_and_centre(of, width=self.settings.scale)
         found["neighbour_error"] = metrics.neighbour_view_error(of)
         if self.sweep.name == EYE:
