@@ -104,12 +104,13 @@ def test_it_is_printed_where_there_is_a_browser(tmp_path):
 
 def test_markdown_becomes_html_and_stays_text():
     lines = ["## A *b* <c>", "", "One `x<y` and **two**.", "", *markdown_table(["a", "b"], [["x & y", 1.5]], "lr"),
-             "", "- first", "- second"]
+             "", "- first", "  goes on", "- second"]
     text = str(page.html("\n".join(lines)))
     reader = Reader(text)
     assert [tag for tag, _ in reader.tags if tag in ("h4", "code", "b", "table", "li")] == [
         "h4", "code", "b", "table", "li", "li"]
-    assert "A *b* &lt;c&gt;" in text and "x &amp; y" in text and "<td>1.500</td>" in text
+    assert "<li>first goes on</li>" in text
+    assert "A <i>b</i> &lt;c&gt;" in text and "x &amp; y" in text and "<td>1.500</td>" in text
 
 
 def test_the_short_form_is_meant_to_end_in_half_an_hour():

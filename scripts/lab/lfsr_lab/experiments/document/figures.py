@@ -123,8 +123,7 @@ def _gpu_budget(record: Path, _images: Path) -> Shown:
 
 
 def _rivals(record: Path, _images: Path) -> Shown:
-    text = rivals.tables(read_json(record, "methods of others")).partition("\n\n")[2]
-    return Shown([], text, text.split("## ")[1].partition("\n\n")[2] + "\n\n" + text.split("## ")[-1])
+    return Shown([], "", rivals.markdown(read_json(record, "methods of others")).partition("\n\n")[2])
 
 
 def _seed_paper(record: Path, images: Path) -> Shown:

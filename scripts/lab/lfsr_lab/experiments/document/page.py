@@ -78,7 +78,7 @@ def html(markdown: str) -> Markup:
     """Return our own Markdown as HTML: headings, tables, lists and paragraphs with code and bold words."""
     from markupsafe import Markup
 
-    blocks = re.split(r"\n{2,}", markdown.strip())
+    blocks = re.split(r"\n{2,}", re.sub(r"\n {2,}(?=\S)", " ", markdown.strip()))  # items go on in further lines
     return Markup("\n").join(part for block in blocks for part in _parts(block.splitlines()))
 
 
@@ -118,7 +118,8 @@ def _inline(text: str) -> Markup:
 
     words = re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", str(escape(text)))
     words = re.sub(r"`([^`]+)`", r"<code>\1</code>", words)
-    return Markup(re.sub(r"\*\*([^*]+)\*\*", r"<b>\1</b>", words))  # escaped above
+    words = re.sub(r"\*\*([^*]+)\*\*", r"<b>\1</b>", words)
+    return Markup(re.sub(r"\*(\w[^*<]*)\*", r"<i>\1</i>", words))  # escaped above
 
 
 def _own_ids(image: Markup, start: str) -> Markup:
