@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import collections
 import hashlib
-import importlib
+import importlib.util
 import json
 import re
 import shlex
@@ -123,7 +123,8 @@ def test_a_command_of_the_table_is_one_that_its_program_accepts(unit: Unit, monk
     if program == "lfsr":
         assert build_parser().parse_args(words).verb == words[0]
         return
-    module = importlib.import_module(f"{words[1]}.__main__")
+    is_package = importlib.util.find_spec(words[1]).submodule_search_locations is not None  # type: ignore[union-attr]
+    module = importlib.import_module(words[1] + (".__main__" if is_package else ""))
     began = list[str]()
     monkeypatch.setattr(module, "exit_code", lambda name, action: began.append(name))  # called once words are parsed
     module.main(words[2:])

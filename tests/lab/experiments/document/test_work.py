@@ -201,7 +201,8 @@ def test_a_unit_waits_for_those_that_it_reads(tmp_path):
     path = table(tmp_path, "a")
     text = path.read_text(encoding="utf-8")
     study = text[text.index("[[study]]"):]
-    path.write_text(text + study.replace('name = "study"', 'name = "reader"\nafter = "study"'), encoding="utf-8")
+    reading = study.replace('name = "study"', 'name = "reader"').replace("minutes", 'after = "study"\nminutes')
+    path.write_text(text + reading, encoding="utf-8")
     work = Work(tmp_path / "out", read_table(path))
     first, reader = every(work.table)
     document.measure(work, SHORT, [reader.study])

@@ -41,6 +41,7 @@ class Form:
     minutes: float  # of each unit on two cores, as far as it is known
     each: tuple[str, ...] = ("all",)  # names of the units
     assets: tuple[str, ...] = ()  # that every unit needs
+    after: str = ""  # study whose units it reads
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,7 +67,6 @@ class Study:
     short: Form | None = None
     long: Form | None = None
     kept: tuple[Kept, ...] = ()
-    after: str = ""  # study whose units it reads
 
 
 @dataclasses.dataclass(frozen=True)

@@ -106,7 +106,7 @@ class Work:
     def _record(self, unit: Unit, lock: IO[bytes]) -> None:
         """Measure a unit, and store that it is whole or why it is not."""
         started, sentence, files = time.monotonic(), "", dict[str, Path]()
-        before = units((study for study in self.table.study if study.name == unit.study.after), unit.length)
+        before = units((study for study in self.table.study if study.name == unit.form.after), unit.length)
         try:
             for other in before:
                 if self.ended(other) is None:
