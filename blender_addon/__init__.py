@@ -12,8 +12,8 @@ import importlib
 MODULES = ("ui.preferences", "settings.properties", "array.known", "results.preview", "check.watch",
            "background.session", "live.session", "ui.operators.render", "ui.operators.finish", "ui.operators.array",
            "ui.operators.check", "ui.operators.estimate", "ui.operators.plan", "ui.operators.exports",
-           "ui.operators.farm", "ui.operators.live", "ui.presets", "ui.panels", "ui.live_panel", "ui.menus",
-           "ui.overlay", "ui.look")
+           "ui.operators.farm", "ui.operators.live", "ui.operators.calibration", "ui.presets", "ui.panels",
+           "ui.live_panel", "ui.menus", "ui.overlay", "ui.look")
 
 
 def register() -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import copy
 import functools
+import io
 import json
 import resource
 import tempfile
@@ -18,6 +19,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 from lfsr_core.errors import MOST_CHARACTERS, LfsrError
 from lfsr_core.exports import films
@@ -28,6 +30,7 @@ from lfsr_core.frames.job import Job, read_job
 from lfsr_core.frames.low_res import low_resolution
 from lfsr_core.frames.report import Report, read_report, write_report
 from lfsr_core.images.exr import read_finite, read_layers
+from lfsr_core.images.photo import read_photograph
 from lfsr_core.images.png import read_mask, read_png, write_mask
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.panel.visual_json import profile_from_calibration, read_calibration
@@ -118,6 +121,15 @@ def denoiser_weights(path: Path) -> bytes:
     return path.read_bytes()
 
 
+def telephone_jpeg() -> bytes:
+    """A small photograph, stored turned, as EXIF says."""
+    file, exif = io.BytesIO(), Image.Exif()
+    exif[0x0112] = 6
+    picture = np.random.default_rng(0).integers(0, 255, (24, 32, 3), np.uint8)
+    Image.fromarray(picture).save(file, "jpeg", exif=exif)
+    return file.getvalue()
+
+
 def use_frame(path: Path) -> None:
     frame = read_frame(path.parent)
     assert frame.rays.size and frame.rays.tiles
@@ -158,7 +170,7 @@ def read_frames(path: Path) -> None:
 KINDS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "frame": (FRAME_FILE, use_frame), "report": (REPORT_FILE, lambda path: read_report(path.parent)),
     "job": ("job.json", read_job), "profile": ("profile.toml", load_display), "exr": ("lr_eia.exr", use_picture),
-    "png": ("mask.png", read_pictures),
+    "png": ("mask.png", read_pictures), "photo": ("photo.jpg", read_photograph),
     "quilt": ("mask_qs2x2a1.png", lambda path: read_quilt(path, quilt_of(path))),
     "quilt film": ("film_qs2x2a1.mp4", read_frames),
     "calibration": ("visual.json", lambda path: profile_from_calibration(read_calibration(path), "fuzz")),
@@ -171,6 +183,7 @@ def good(tmp_path_factory) -> dict[str, bytes]:
     files = render_files(folder) | {"denoiser.tza": denoiser_weights(folder / "denoiser.tza")}
     files |= {"mask_qs2x2a1.png": files["mask.png"], "film_qs2x2a1.mp4": film_bytes(folder / "film_qs2x2a1.mp4"),
               "visual.json": json.dumps({name: {"value": value} for name, value in CALIBRATION.items()}).encode()}
+    files["photo.jpg"] = telephone_jpeg()
     job = Job("out", MINI, "scene.blend", layers=("albedo",), lens_list=((0, 0), (1, 1)), scale=2)
     return files | {"job.json": json.dumps(to_data(job)).encode(), "profile.toml": json.dumps(MINI.to_dict()).encode()}
 
@@ -197,7 +210,7 @@ def attempt(folder: Path, kind: str, data: bytes) -> None:
 
 
 def fuzz(folder: Path, kind: str, content: bytes, cases: int) -> None:
-    binary = kind in ("exr", "png", "denoiser", "quilt", "quilt film")
+    binary = kind in ("exr", "png", "denoiser", "photo", "quilt", "quilt film")
     strategy = damaged_bytes(content) if binary else damaged_json(content.decode()) | damaged_bytes(content)
 
     @settings(max_examples=cases, deadline=None, database=None, suppress_health_check=list(HealthCheck))

@@ -45,6 +45,9 @@ class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
             if settings.display.is_woven:
                 # Without a column for labels: its label is as long as the sidebar is wide.
                 self.layout.prop(lfsr, "straight")
+                row = self.layout.row(align=True)
+                row.operator("lfsr.test_picture", text="Test Picture…")
+                row.operator("lfsr.calibrate", text="Calibrate…")
             _draw_scale(row_if(not settings.is_direct, self.layout), lfsr)
             facts(self.layout, summary.display_facts(settings))
         except LfsrError as error:

@@ -35,7 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="write a test image for the panel, for judging by eye or for a photograph; needs -o "
                              "FILE.png")
     parser.add_argument("--fit", nargs="+", type=Path, metavar="PHOTO",
-                        help="find pitch, rotation and shift of the lens sheet from photographs of the phase pattern")
+                        help="find pitch, rotation and shift of the lens sheet from photographs (JPEG, PNG) of the "
+                             "phase pattern; -o FILE.toml writes the profile, and FILE.png with what it predicts")
     parser.add_argument("--from", dest="places", action="append", type=position, metavar="X,Y,Z",
                         help="camera position of each photograph, in order, in millimetres from the centre of the "
                              "lenses: rightwards, upwards, towards the viewer; default: 0,0 and the viewing distance")
@@ -131,20 +132,18 @@ def _write_pattern(arguments: argparse.Namespace) -> None:
 
 def _fitted(arguments: argparse.Namespace) -> DisplayProfile:
     """Profile with the lens sheet of the photographs, written if an output file is given."""
-    from lfsr_core.images.png import read_png
-    from lfsr_core.optics.panel.fit import Photograph, fit_profile
-    from lfsr_core.optics.profile_file import write_profile
+    from lfsr_core.images.calibration import calibrate
 
     profile, photos = _given(arguments), arguments.fit
     places = arguments.places or [(0.0, 0.0, profile.viewing_distance_mm)] * len(photos)
     if len(places) != len(photos):
         raise LfsrError(f"{len(photos)} photographs and {len(places)} positions were given: give --from X,Y,Z once for "
                         "each photograph")
-    found = fit_profile(profile, [Photograph(read_png(photo) / 255, place)
-                                     for photo, place in zip(photos, places, strict=True)])
-    if arguments.output:
-        write_profile(arguments.output, found)
-    return found
+    if arguments.output and arguments.output.suffix != ".toml":
+        raise LfsrError(f"{arguments.output} cannot be a display profile: end its name in .toml")
+    found, lines = calibrate(profile, photos, places, arguments.output)
+    print("\n".join(lines))
+    return found.profile
 
 
 def _given(arguments: argparse.Namespace) -> DisplayProfile:

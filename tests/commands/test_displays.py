@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import numpy as np
+import dataclasses
+
 import pytest
 
 from lfsr_core.cli import main
-from lfsr_core.images.png import read_png, write_png
+from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.profile_file import write_profile
 from lfsr_core.show import loopback
-from tests.optics.panel.test_fit import CYLINDERS
+from lfsr_lab.experiments.photographs.camera import jpeg
+from tests.optics.panel.test_fit import CYLINDERS, GOOD
 from tests.optics.panel.test_visual_json import CELLS, NEW, new_unit, written
 from tests.support.bridge import device
 from tests.support.bridge_displays import DEVICES, PORTRAIT
-from tests.support.photographs import photograph
 from tests.support.synthetic import fails
 
 
@@ -32,16 +33,20 @@ def test_what_is_not_used_of_a_calibration_is_said(tmp_path, capsys):
     assert "fringe of 2 is ignored" in shown and "invView of 0 is ignored" in shown
 
 
-def test_a_pattern_photographed_fits_the_profile(tmp_path, capsys):
+def test_a_telephones_photograph_of_the_pattern_fits_the_profile(tmp_path, capsys):
     profile, panel = tmp_path / "large.toml", tmp_path / "phase.png"
     write_profile(profile, CYLINDERS)
     assert main(["displays", str(profile), "--pattern", "phase", "-o", str(panel)]) == 0
-    photo = photograph(read_png(panel), CYLINDERS, (0.0, 0.0, 500.0))
-    write_png(tmp_path / "photo.png", np.rint(photo * 255).astype(np.uint8))
+    shot = dataclasses.replace(GOOD, orientation=6, flagged=False, bend=(0.05, 0.0), quality=95)
+    (tmp_path / "photo.jpg").write_bytes(jpeg(read_png(panel), CYLINDERS, shot))
     fitted = tmp_path / "fitted.toml"
-    assert main(["displays", str(profile), "--fit", str(tmp_path / "photo.png"), "--from", "0,0,500",
+    assert main(["displays", str(profile), "--fit", str(tmp_path / "photo.jpg"), "--from", "30,-20,520",
                  "-o", str(fitted)]) == 0
-    assert load_display(fitted).lenticular.pitch_mm == pytest.approx(1.6, rel=1e-4)
+    said = capsys.readouterr().out
+    assert "by 1 photograph: pitch ±" in said and "an error of 1 mm" in said
+    assert "photo.jpg shows the panel turned by" in said and "distorts by" in said
+    assert load_display(fitted).lenticular.pitch_mm == pytest.approx(1.6, rel=2e-5)
+    assert read_png(fitted.with_suffix(".png")).shape == (405, 1452, 3)
 
 
 def test_what_is_missing_is_named(tmp_path, capsys):

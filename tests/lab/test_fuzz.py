@@ -30,18 +30,18 @@ from lfsr_core.optics.profile_file import write_profile
 from lfsr_core.reconstruct import denoiser, tza
 from lfsr_core.records import to_data
 from lfsr_core.render.parts import INPUTS_FILE, remove_others
+from lfsr_lab.experiments.photographs.camera import photograph
 from lfsr_lab.experiments.sweeps.sweeps import choose_sweeps, label
 from lfsr_lab.networks import comparators
 from lfsr_lab.train.config import CONFIG_FOLDER
 from lfsr_lab.train.denoiser.data import load_scenes
 from tests.lab.train.denoiser.test_denoiser import write_scene
-from tests.optics.panel.test_fit import CYLINDERS
+from tests.optics.panel.test_fit import CYLINDERS, GOOD
 from tests.render.test_content import BASE, blend, scene
 from tests.support import chart_folder, damage
 from tests.support.damage import Case
 from tests.support.finished import finished
 from tests.support.noisy_renders import JOB, render
-from tests.support.photographs import photograph
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import MINI, light_field, write_apart, write_reference, write_render
 from tests.support.training_photographs import write_photographs
@@ -106,7 +106,7 @@ def views(folder: Path) -> None:
 
 def photographed(folder: Path) -> None:
     write_profile(folder / "panel.toml", CYLINDERS)
-    photo = photograph(pattern(CYLINDERS, "phase"), CYLINDERS, (0.0, 0.0, 500.0), size=(450, 320))
+    photo = photograph(pattern(CYLINDERS, "phase"), CYLINDERS, dataclasses.replace(GOOD, eye_mm=(0.0, 0.0, 500.0)))
     write_png(folder / "photo.png", np.rint(photo * 255).astype(np.uint8))
 
 

@@ -1,13 +1,16 @@
 """Test patterns that show, by eye or in a photograph, how a lens sheet lies on a panel.
 
-``phase``: fringes, slightly more than one per lens, so that an eye sees one fringe over several lenses, and dots as
-landmarks; ``fit.py`` measures a sheet by them. ``lens``: all pixels behind one lens in LENS_STEP, the others dark.
+``phase``: fringes, slightly more than one per lens, so that an eye sees one fringe over several lenses, and light and
+dark dots as landmarks, arranged so that no turn and no mirror maps them onto themselves; ``fit.py`` measures a sheet by
+them. ``lens``: all pixels behind one lens in LENS_STEP, the others dark.
 ``band``: only the middle view, so that the panel is white from the middle of the viewing zone and dark from elsewhere.
 ``rgb``: the left third of the views red, the middle third green, the right third blue. ``grid``: the borders of the
 elemental images.
 """
 
 from __future__ import annotations
+
+import dataclasses
 
 import numpy as np
 
@@ -27,10 +30,16 @@ from lfsr_core.optics.sheet import Lenslet, Lenticular
 PATTERNS = ("phase", "lens", "band", "rgb", "grid")
 LENS_STEP = 8
 BORDER = 0.12  # of a lens pitch
-MIN_CARRIER, MAX_CARRIER, FRINGES = 4, 16, 12
-DOTS = (7, 4)  # across, down
-DOT_LEVELS = 0.3, 1.0
-MIN_DOT_LENSES = 1.5
+# Dots are green, which JPEG keeps best; fringes are red and blue.
+DOT_CHANNEL, FRINGE_CHANNELS = 1, (0, 2)
+MIN_CARRIER, MAX_CARRIER, FRINGES = 5, 28, 12
+FINER = 0.75  # carrier of the second tone, by the first: fringes that a far-off profile turns round disagree
+CONTRAST = 0.44
+MOST_DOTS, DOT_LENSES = 13, 7.5  # dots along the longer side; least lenses from one to the next
+DOT_SPREAD = 1 / 6  # standard deviation of a dot, of the distance to the next
+DOT_LIGHT, DOT_CONTRAST = 0.55, 0.4
+# Which dots are light, a bit each in rows of MOST_DOTS: of 14,000 codes the least like itself when turned or mirrored.
+CODE = 0x37195674488f1899f0879d50d4b8b55ec6d0adb571
 
 
 def pattern(profile: DisplayProfile, kind: str) -> Array:
@@ -51,32 +60,57 @@ def pattern(profile: DisplayProfile, kind: str) -> Array:
     return image
 
 
-def carrier(profile: DisplayProfile) -> int:
-    """Lenses that one fringe of the phase pattern spans for an eye, if the profile is right."""
+def carriers(profile: DisplayProfile) -> tuple[float, float]:
+    """Lenses that a fringe of the phase pattern's two tones spans for an eye, if the profile is right."""
     sheet = profile.sheet
     lenses = (sheet.lenses_across(profile.panel_mm[0]) if isinstance(sheet, Lenticular)
               else min(profile.panel_mm) / max(sheet.pitches))
-    return int(np.clip(lenses / FRINGES, MIN_CARRIER, MAX_CARRIER))
+    first = float(np.clip(lenses / FRINGES, MIN_CARRIER, MAX_CARRIER))
+    return first, first * FINER
 
 
-def dots(profile: DisplayProfile) -> tuple[Array, float]:
-    """Centres (n, 2) of the phase pattern's dots, millimetres from the panel's, y up, and their standard deviation."""
-    places = [((np.arange(count) + 0.5) / count - 0.5) * size for count, size
-              in zip(DOTS, profile.panel_mm, strict=True)]
-    spread = max(MIN_DOT_LENSES * max(profile.sheet.pitches), profile.panel_mm[0] / DOTS[0] / 9)
-    return np.stack(np.meshgrid(*places), -1).reshape(-1, 2), spread
+def tones(profile: DisplayProfile, channel: int) -> tuple[tuple[int, float], ...]:
+    """(axis of the lenses, carrier) of the fringes in one of FRINGE_CHANNELS of the phase pattern.
+
+    Cylinders: one tone each. Small lenses: both, along different axes.
+    """
+    first, second = carriers(profile)[::1 if channel == FRINGE_CHANNELS[0] else -1]
+    return ((0, first),) if profile.lenticular else ((0, first), (1, second))
+
+
+@dataclasses.dataclass(frozen=True)
+class Dots:
+    """The landmarks of the phase pattern, in millimetres from the panel's centre, y up."""
+
+    x: Array  # (columns,) of their centres
+    y: Array  # (rows,)
+    signs: Array  # (rows, columns) 1 light, -1 dark
+    spread: float  # standard deviation
+
+    def shown(self, x: Array, y: Array, spread: float | None = None) -> Array:
+        """Value of DOT_CHANNEL at (x, y), with dots of another ``spread`` if one is given."""
+        across, up = (np.exp(-0.5 * ((place[..., None] - axis) / (spread or self.spread)) ** 2)
+                      for place, axis in ((x, self.x), (y, self.y)))
+        return np.asarray(DOT_LIGHT + DOT_CONTRAST * np.clip((up @ self.signs * across).sum(-1), -1, 1))
+
+
+def dots(profile: DisplayProfile) -> Dots:
+    """Landmarks of the phase pattern of a display with a lens sheet."""
+    step = max(max(profile.panel_mm) / MOST_DOTS, DOT_LENSES * max(profile.sheet.pitches))
+    counts = [min(max(round(size / step), 2), MOST_DOTS) for size in profile.panel_mm]
+    x, y = (((np.arange(count) + 0.5) / count - 0.5) * size
+            for count, size in zip(counts, profile.panel_mm, strict=True))
+    bits = np.array([CODE >> bit & 1 for bit in reversed(range(MOST_DOTS ** 2))]).reshape(MOST_DOTS, MOST_DOTS)
+    return Dots(x, y, bits[:len(y), :len(x)] * 2.0 - 1, step * DOT_SPREAD)
 
 
 def _phase(profile: DisplayProfile, channel: int, rows: Array, columns: Array) -> Array:
-    x, y = subpixel_places(profile, channel, rows, columns)
-    if channel == 2:
-        centers, spread = dots(profile)
-        across, up = (np.exp(-0.5 * ((place[..., None] - np.unique(axis)) / spread) ** 2).sum(-1)
-                      for place, axis in zip(np.broadcast_arrays(x, y), centers.T, strict=True))
-        light: Array = DOT_LEVELS[0] + (DOT_LEVELS[1] - DOT_LEVELS[0]) * np.minimum(across * up, 1)
-        return light
-    light = 0.5 + 0.5 * np.cos(2 * np.pi * (1 + 1 / carrier(profile)) * lattice_coordinates(profile, x, y)[channel])
-    return light
+    x, y = np.broadcast_arrays(*subpixel_places(profile, channel, rows, columns))
+    if channel == DOT_CHANNEL:
+        return dots(profile).shown(x, y)
+    places, used = lattice_coordinates(profile, x, y), tones(profile, channel)
+    waves = [np.cos(2 * np.pi * (1 + 1 / lenses) * places[axis]) for axis, lenses in used]
+    return np.asarray(0.5 + CONTRAST * sum(waves) / len(waves))
 
 
 def _lens(profile: DisplayProfile, channel: int, rows: Array, columns: Array) -> Array:

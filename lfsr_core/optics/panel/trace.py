@@ -39,17 +39,26 @@ def seen_panel(panel: Array, profile: DisplayProfile, eye_mm: Point) -> Array:
     The result (rows, columns, 3) uint8 has about one pixel per lens across and is black beyond the panel. ``eye_mm``:
     (x, y, z) from the middle of the lenses, y up, z towards the viewer.
     """
-    columns, rows = _result_size(profile)
-    light, count = np.zeros((rows, columns, 3)), np.zeros((rows, columns, 3))
+    (columns, rows), (width, height) = _result_size(profile), Geometry.of(profile).lens_plane
+    x, y = ((np.arange(columns) + 0.5) / columns - 0.5) * width, (0.5 - (np.arange(rows) + 0.5) / rows) * height
+    image: Array = np.rint(seen_at(panel, profile, eye_mm, x, y)).astype(np.uint8)
+    return image
+
+
+def seen_at(panel: Array, profile: DisplayProfile, eye_mm: Point, x: Array, y: Array) -> Array:
+    """Return what an eye sees of a panel's image at evenly spaced places: float (rows, columns, 3), 0 to 255.
+
+    ``x`` (columns,), ``y`` (rows,): millimetres from the middle of the lenses, y up. Each value is a mean around its
+    place, black beyond the panel.
+    """
+    light, count = np.zeros((len(y), len(x), 3)), np.zeros((len(y), len(x), 3))
     for sample in range(SAMPLES):
-        place = np.modf(0.5 + sample * GOLDEN)[0]
-        seen = _seen_by_pixels(profile, eye_mm, (columns, rows), place)
+        seen = _seen_by_pixels(profile, eye_mm, x, y, np.modf(0.5 + sample * GOLDEN)[0] - 0.5)
         values = panel[seen.row, seen.column] * seen.on_panel[..., None]
         shown = (seen.channel[..., None] == np.arange(3)) | (seen.channel[..., None] < 0)
         light += values * shown
         count += shown
-    image: Array = np.rint(_filled(light) / np.maximum(_filled(count), 1e-12)).astype(np.uint8)
-    return image
+    return np.asarray(_filled(light) / np.maximum(_filled(count), 1e-12))
 
 
 def trace(profile: DisplayProfile, eye_mm: Point, x: Array, y: Array,
@@ -74,15 +83,14 @@ def _result_size(profile: DisplayProfile) -> tuple[int, int]:
     return columns, max(1, round(columns * height / width))
 
 
-def _seen_by_pixels(profile: DisplayProfile, eye_mm: Point, size: tuple[int, int], place: Array) -> SeenSubpixels:
-    """One ray of every pixel of an image of ``size``, through ``place`` in [0, 1)⁴: in the pixel, in the focus."""
-    (columns, rows), (width, height) = size, Geometry.of(profile).lens_plane
-    x = ((np.arange(columns) + place[0]) / columns - 0.5) * width
-    y = (0.5 - (np.arange(rows)[:, None] + place[1]) / rows) * height
+def _seen_by_pixels(profile: DisplayProfile, eye_mm: Point, x: Array, y: Array, place: Array) -> SeenSubpixels:
+    """One ray of every pixel around (x, y), through ``place`` in [-1/2, 1/2)⁴: in the pixel, in the focus."""
+    across, down = (axis + place[number] * (axis[-1] - axis[0]) / max(len(axis) - 1, 1)
+                    for number, axis in enumerate((x, y)))
     # A lens focuses on a whole pixel, or it would show one colour; a cylinder passes many rows anyway.
     wide = 0.0 if profile.pixel_layout.count == 1 else 1.0 if profile.lenslet else 1 / 3
-    points_x, points_y = np.broadcast_arrays(x, y)
-    return trace(profile, eye_mm, points_x, points_y, ((place[2] - 0.5) * wide, (place[3] - 0.5) * wide))
+    points_x, points_y = np.meshgrid(across, down)
+    return trace(profile, eye_mm, points_x, points_y, (place[2] * wide, place[3] * wide))
 
 
 def _cylinder_focus(profile: DisplayProfile, sheet: Lenticular, eye: Point, point: Pair) -> Pair:

@@ -1,0 +1,1 @@
+"""Calibration from photographs: simulated telephones before random lens sheets."""

@@ -1,0 +1,156 @@
+"""A telephone's photograph of a panel, simulated ray by ray.
+
+The rays are those of ``lfsr_core.optics.panel.trace``, which shares no formula with the fit. A lens images a spot of
+the panel and each subpixel in it lights its own channel, so that colour moiré appears as on a real display. Light is
+linear until the camera encodes it; the sensor's distortion is another polynomial than the one that the fit solves for.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import math
+
+import numpy as np
+from PIL import Image
+
+from lfsr_core.arrays import Array
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.panel.trace import trace
+
+# Bases of the generalised golden ratio in four dimensions: points that fill the unit cube evenly.
+GOLDEN = np.array([0.8566748838545029, 0.733891856627126, 0.6287067210378087, 0.5385972572236101])
+ORIENTATION = 0x0112  # EXIF's tag
+STRATA = 3  # so that a focus of one pixel meets each of its subpixels once
+ROWS_AT_ONCE = 64
+PANEL_GAMMA = 2.2
+
+
+@dataclasses.dataclass(frozen=True)
+class Shot:
+    """How a photograph is taken."""
+
+    eye_mm: tuple[float, float, float]
+    size: tuple[int, int] = (1200, 900)  # pixels of the sensor
+    fill: float = 0.8  # of the sensor's width, or its height if less remains, that the panel covers
+    aim: tuple[float, float] = (0.0, 0.0)  # of the sensor's middle, in panel widths and heights
+    roll_deg: float = 0.0
+    orientation: int = 1  # the way the picture is stored, as EXIF counts it
+    flagged: bool = True  # whether EXIF says so
+    bend: tuple[float, float] = (0.0, 0.0)  # ideal radius = radius · (1 + a r² + b r⁴), 1 at the sensor's corner
+    off_axis: tuple[float, float] = (0.0, 0.0)  # of the lens, from the sensor's middle, in half diagonals
+    spot: float = 1.0  # pixels of the panel that a lens's focus covers
+    blur: float = 0.6  # standard deviation in pixels
+    vignette: float = 0.0  # light lost at the corners
+    exposure: float = 0.9  # of white
+    ambient: float = 0.0  # light that the panel reflects
+    mixing: float = 0.0  # of each channel that the others get
+    noise: float = 0.01  # of white; half of it is shot noise
+    quality: int = 90  # of the JPEG
+    rays: int = 2  # per pixel, across and down, each for STRATA parts of the focus
+    cover: tuple[float, float, float] | None = None  # a finger: place in widths and heights, radius in widths
+    seed: int = 0
+
+
+def jpeg(panel: Array, real: DisplayProfile, shot: Shot) -> bytes:
+    """JPEG of ``panel`` (H, W, 3) uint8 seen through the sheet of ``real``."""
+    picture = Image.fromarray(np.rint(photograph(panel, real, shot) * 255).astype(np.uint8))
+    exif = Image.Exif()
+    if shot.flagged:
+        exif[ORIENTATION] = shot.orientation
+    file = io.BytesIO()
+    stored(picture, shot.orientation).save(file, "jpeg", quality=shot.quality, exif=exif)
+    return file.getvalue()
+
+
+def stored(picture: Image.Image, orientation: int) -> Image.Image:
+    """The upright ``picture`` as a file with EXIF's ``orientation`` holds it."""
+    way = Image.Transpose
+    # What undoes the turn or mirror that a reader applies.
+    change = {2: way.FLIP_LEFT_RIGHT, 3: way.ROTATE_180, 4: way.FLIP_TOP_BOTTOM, 5: way.TRANSPOSE,
+              6: way.ROTATE_90, 7: way.TRANSVERSE, 8: way.ROTATE_270}.get(orientation)
+    return picture if change is None else picture.transpose(change)
+
+
+def photograph(panel: Array, real: DisplayProfile, shot: Shot) -> Array:
+    """(H, W, 3) from 0 to 1, upright, as the camera encodes it."""
+    random = np.random.default_rng(shot.seed)
+    light = _blurred(exposed(panel, real, shot, random), shot.blur)
+    mixed = light * (1 - 2 * shot.mixing) + shot.mixing * (light.sum(-1, keepdims=True) - light)
+    noise = random.normal(size=light.shape) * shot.noise * np.sqrt((0.5 + np.clip(mixed, 0, None)) / 1.5)
+    seen = np.clip(mixed + noise, 0, 1)
+    encoded: Array = np.where(seen <= 0.0031308, 12.92 * seen, 1.055 * seen ** (1 / 2.4) - 0.055)
+    return encoded
+
+
+def exposed(panel: Array, real: DisplayProfile, shot: Shot, random: np.random.Generator) -> Array:
+    """(H, W, 3) linear light on the sensor, without blur and noise."""
+    columns, rows = shot.size
+    linear = (panel / 255) ** PANEL_GAMMA
+    light = np.empty((rows, columns, 3))
+    focus, count = random.random((4, rows, columns)), shot.rays ** 2
+    for start in range(0, rows, ROWS_AT_ONCE):
+        part = slice(start, start + ROWS_AT_ONCE)
+        light[part] = sum(_ray(linear, real, shot, (n % shot.rays, n // shot.rays), start, np.stack(
+            [(within[0] + stratum) / STRATA - 0.5, within[1] - 0.5, within[2], within[3]]))
+            for n in range(count) for within in [np.modf(focus[:, part] + n * GOLDEN[:, None, None])[0]]
+            for stratum in range(STRATA)) / count / STRATA
+    x, y = (np.arange(columns) + 0.5) / columns * 2 - 1, (np.arange(rows) + 0.5) / rows * 2 - 1
+    falloff = 1 - shot.vignette * (x ** 2 + y[:, None] ** 2) / 2
+    return np.asarray(light * falloff[..., None] * shot.exposure + shot.ambient)
+
+
+def _ray(linear: Array, real: DisplayProfile, shot: Shot, place: tuple[int, int], start: int, focus: Array) -> Array:
+    """Light (rows, columns, 3) of one ray of each pixel of some rows, from the row ``start`` on."""
+    columns, rows = shot.size
+    half = math.hypot(*shot.size) / 2
+    # Within its part of the pixel a ray goes through another place in every pixel: no second lattice, no false moiré.
+    right, down = ((number + within) / shot.rays for number, within in zip(place, focus[2:], strict=True))
+    x = (np.arange(columns) + right - columns / 2) / half
+    y = (rows / 2 - start - np.arange(focus.shape[1])[:, None] - down) / half
+    x, y = x - shot.off_axis[0], y - shot.off_axis[1]
+    square = x ** 2 + y ** 2
+    straight = 1 + shot.bend[0] * square + shot.bend[1] * square ** 2
+    aim, right, up, zoom = _axes(real, shot)
+    ray = aim + zoom * ((x * straight)[..., None] * right + (y * straight)[..., None] * up)
+    eye = np.array(shot.eye_mm)
+    hit = eye - ray * (eye[2] / ray[..., 2:])
+    seen = trace(real, shot.eye_mm, hit[..., 0], hit[..., 1], (focus[0] * shot.spot, focus[1] * shot.spot))
+    brought = linear[seen.row, seen.column] * (seen.on_panel & ~_covered(real, shot, hit))[..., None]
+    if real.pixel_layout.count == 1:
+        return np.asarray(brought)
+    return np.asarray(3 * brought * (seen.channel[..., None] == np.arange(3)))
+
+
+def _covered(real: DisplayProfile, shot: Shot, hit: Array) -> Array:
+    if shot.cover is None:
+        return np.zeros(hit.shape[:2], bool)
+    (width, height), (x, y, radius) = real.panel_mm, shot.cover
+    return np.asarray(np.hypot(hit[..., 0] - x * width, hit[..., 1] - y * height) < radius * width)
+
+
+def _axes(real: DisplayProfile, shot: Shot) -> tuple[Array, Array, Array, float]:
+    """Unit vectors of the camera, forwards, right and up, and tan of half its diagonal field."""
+    (width, height), eye = real.panel_mm, np.array(shot.eye_mm)
+    target = np.array([shot.aim[0] * width, shot.aim[1] * height, 0])
+    aim = (target - eye) / np.linalg.norm(target - eye)
+    upright = np.array([-math.sin(math.radians(shot.roll_deg)), math.cos(math.radians(shot.roll_deg)), 0])
+    right = np.cross(aim, upright)
+    right /= np.linalg.norm(right)
+    columns, rows = shot.size
+    seen = max(width, height * columns / rows) / shot.fill  # of the panel's plane across the sensor
+    zoom = seen / 2 / np.linalg.norm(target - eye) * math.hypot(columns, rows) / columns
+    return aim, right, np.cross(right, aim), float(zoom)
+
+
+def _blurred(image: Array, sigma: float) -> Array:
+    if sigma <= 0:
+        return image
+    reach = max(1, math.ceil(3 * sigma))
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    weights /= weights.sum()
+    for axis in (0, 1):
+        padded = np.pad(image, [(reach, reach) if number == axis else (0, 0) for number in range(3)], mode="edge")
+        image = np.asarray(sum(weight * np.take(padded, np.arange(image.shape[axis]) + step, axis)
+                               for step, weight in enumerate(weights)))
+    return image
