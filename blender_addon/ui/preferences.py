@@ -8,6 +8,7 @@ from lfsr_core.errors import LfsrError
 from lfsr_core.render.child import output_of
 
 from ..background import denoiser, runtime
+from .drawing import columns
 from .operators.base import Result, reports_errors
 
 SECONDS_FOR_TEST = 120
@@ -33,17 +34,18 @@ class LfsrPreferences(bpy.types.AddonPreferences):
         description="Processor cores that renders and the second stage leave to Blender and other programs")
 
     without_denoiser: bpy.props.BoolProperty(
-        name="Render Without Denoiser Where There Is None",
-        description="Give new scenes a method that this Blender can run, instead of asking; set once it was answered")
+        name="Render Without Denoiser",
+        description="Give new scenes a method that a Blender without Open Image Denoise can run, instead of asking; "
+                    "the answer to that question sets it")
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the cores, the library and what is done without it, and the path with its button."""
-        self.layout.prop(self, "free_cores")
-        self.layout.prop(self, "oidn_path")
-        self.layout.prop(self, "without_denoiser")
-        row = self.layout.row(align=True)
-        row.prop(self, "python_path")
-        row.operator(LFSR_OT_test_python.bl_idname, text="Test", icon="CHECKMARK")
+        column = columns(self.layout)
+        column.prop(self, "free_cores")
+        column.prop(self, "oidn_path")
+        column.prop(self, "without_denoiser")
+        column.prop(self, "python_path")
+        column.operator(LFSR_OT_test_python.bl_idname, text="Test", icon="CHECKMARK")
 
 
 class LFSR_OT_test_python(bpy.types.Operator):
