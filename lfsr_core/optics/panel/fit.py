@@ -30,7 +30,7 @@ PER_LENS = 3  # pixels of a photograph that are enough for a lens
 MAX_DIFFERENCE = 0.05  # between the lenses of several photographs, in lens pitches
 PLACE, PLACE_MM = 0.06, 5.0  # from the stated place to that by the perspective: of the distance, and millimetres
 PITCH, LENSES, TURN = 1e-5, 2e-3, 1e-4  # most errors: of the pitch, all over the panel in pitches, of the rotation
-SURE = 2.2  # standard deviations as estimated; errors of simulated photographs deviated by .6 of one
+SURE = 2.2  # standard deviations as estimated; errors of simulated photographs deviated by 0.7 of one
 ROUNDS = 3  # until the gap, which follows from the pitch, stays
 
 
