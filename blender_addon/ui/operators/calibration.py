@@ -7,8 +7,6 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.errors import LfsrError
-from lfsr_core.images.calibration import calibrate
-from lfsr_core.images.png import write_png
 from lfsr_core.optics.panel.patterns import pattern
 
 from ...background import session
@@ -37,6 +35,8 @@ class LFSR_OT_test_picture(bpy.types.Operator):
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
         """Write it."""
+        from lfsr_core.images.png import write_png  # needs OpenImageIO, which the panel does without
+
         path = Path(bpy.path.abspath(self.filepath)).with_suffix(".png")
         write_png(path, pattern(scene_settings.display_of(context.scene), "phase"))
         session.tell(f"Show {path.name} on the display at full size, and photograph it in a dark room.", "INFO")
@@ -68,6 +68,8 @@ class LFSR_OT_calibrate(bpy.types.Operator):
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
         """Write a profile beside the photographs, choose it and show what it predicts."""
+        from lfsr_core.images.calibration import calibrate  # needs OpenImageIO, too
+
         photos = [Path(bpy.path.abspath(self.directory)) / file.name for file in self.files if file.name]
         if not photos:
             raise LfsrError("no photograph was chosen: choose one or several of the test picture")
