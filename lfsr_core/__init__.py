@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from lfsr_core.version import __version__ as __version__
 
 if TYPE_CHECKING:  # the same names once more, for type checkers
-    from lfsr_core.errors import LfsrError
+    from lfsr_core.base.errors import LfsrError
     from lfsr_core.exports.formats import Exported, export
     from lfsr_core.exports.importing import Imported, ImportGeometry, import_views
     from lfsr_core.exports.options import ExportOptions
@@ -33,13 +33,13 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.optics.display import DisplayProfile, load_display
     from lfsr_core.optics.eye import eye_view
     from lfsr_core.optics.rays import CameraArray, RayLayout
+    from lfsr_core.pipeline.rendering import run_job
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import Planned, make_plan
+    from lfsr_core.process.blender import Blender, find_blender
     from lfsr_core.reconstruct.method_name import MethodName
     from lfsr_core.reconstruct.options import UpscaleOptions
     from lfsr_core.reconstruct.second_stage import upscale_frame
-    from lfsr_core.render.blender import Blender, find_blender
-    from lfsr_core.render.process import run_job
 
 __all__ = [
     "Blender", "CameraArray", "DisplayProfile", "ExportOptions", "Exported", "Frame", "ImportGeometry", "Imported",
@@ -50,7 +50,7 @@ __all__ = [
 ]
 
 _MODULES = {
-    "errors": "LfsrError",
+    "base.errors": "LfsrError",
     "exports.formats": "Exported export",
     "exports.importing": "Imported ImportGeometry import_views",
     "exports.options": "ExportOptions",
@@ -71,8 +71,8 @@ _MODULES = {
     "reconstruct.method_name": "MethodName",
     "reconstruct.options": "UpscaleOptions",
     "reconstruct.second_stage": "upscale_frame",
-    "render.blender": "Blender find_blender",
-    "render.process": "run_job",
+    "process.blender": "Blender find_blender",
+    "pipeline.rendering": "run_job",
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names.split()}
 

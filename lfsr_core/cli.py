@@ -12,6 +12,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import check_name, system_errors
+from lfsr_core.base.progress import accept_all_letters, is_openjd, tell_openjd
 from lfsr_core.commands import (
     compare,
     displays,
@@ -28,9 +31,6 @@ from lfsr_core.commands import (
     view,
     views,
 )
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import check_name, system_errors
-from lfsr_core.progress import accept_all_letters, is_openjd, tell_openjd
 from lfsr_core.version import __version__
 
 VERBS: tuple[laboratory.Verb, ...] = (

@@ -32,8 +32,8 @@ sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (0, 1)
 from review_extension import review
 
 from lfsr_core import __version__
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path
 
 ROOT = Path(__file__).resolve().parents[1]
 EXTENSION_TOOL = "*/scripts/addons_core/bl_pkg/cli/blender_ext.py"

@@ -27,7 +27,7 @@ OPTIONAL = {"PIL", "av", "flip_evaluator", "threadpoolctl", "zstandard"}
 NETWORK = {"aiohttp", "asyncio", "ftplib", "http", "imaplib", "poplib", "requests", "smtplib", "socket", "socketserver",
            "ssl", "telnetlib", "urllib", "urllib3", "webbrowser", "websockets", "xmlrpc"}
 # The module that calls a program on this computer, and the addresses that it may call.
-LOOPBACK, ADDRESSES = "packages/lfsr_core/show/loopback.py", {"127.0.0.1", "::1"}
+LOOPBACK, ADDRESSES = "packages/lfsr_core/exports/loopback.py", {"127.0.0.1", "::1"}
 SEARCH_PATH = {"sys.path", "sys.modules", "sys.meta_path", "sys.path_hooks", "site.addsitedir"}
 OF_OTHERS = {"addon_utils", "addon_disable", "addon_enable", "addon_install", "addon_remove", "package_install",
              "package_install_files", "package_uninstall"}
@@ -36,8 +36,8 @@ INSTALLERS = {"pip", "ensurepip", "venv"}
 # Modules that read data beside them; a new one is to be looked at, because an add-on's folder may be read-only.
 READS_ITS_FOLDER = {"background/runtime.py", "headless/entry.py", "render/inputs.py", "render/osl_camera.py",
                     "packages/lfsr_core/exports/page.py", "packages/lfsr_core/optics/display.py",
-                    "packages/lfsr_core/reconstruct/denoiser.py", "packages/lfsr_core/render/blender.py",
-                    "packages/lfsr_core/sequence/farms.py", "packages/lfsr_core/show/screen.py"}
+                    "packages/lfsr_core/reconstruct/denoiser.py", "packages/lfsr_core/process/blender.py",
+                    "packages/lfsr_core/pipeline/farms.py", "packages/lfsr_core/exports/screen.py"}
 KINDS = {".css", ".glsl", ".html", ".js", ".json", ".osl", ".py", ".toml", ".txt", ".tza", ".yaml"}
 DEVELOPERS = {"commands", "docs", "lfsr_lab", "scripts", "tests"}
 PERMISSIONS = {"files", "clipboard"}

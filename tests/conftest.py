@@ -32,7 +32,7 @@ def pytest_unconfigure() -> None:
 @pytest.fixture
 def bridge(tmp_path, monkeypatch):
     """Start a stand-in for Looking Glass Bridge, as ``bridge("hang:show_window")`` or ``bridge(devices=[])``."""
-    from lfsr_core.show import loopback
+    from lfsr_core.exports import loopback
     from tests.support.bridge import stand_in
     from tests.support.bridge_displays import DEVICES
 

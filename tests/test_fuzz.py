@@ -21,7 +21,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from lfsr_core.errors import MOST_CHARACTERS, LfsrError
+from lfsr_core.base.errors import MOST_CHARACTERS, LfsrError
+from lfsr_core.base.records import to_data
+from lfsr_core.calibration.photo import read_photograph
+from lfsr_core.calibration.visual_json import profile_from_calibration, read_calibration
 from lfsr_core.exports import films
 from lfsr_core.exports.quilt_files import quilt_of, read_film, read_quilt
 from lfsr_core.frames.foreground import foreground_mask
@@ -30,12 +33,9 @@ from lfsr_core.frames.job import Job, read_job
 from lfsr_core.frames.low_res import low_resolution
 from lfsr_core.frames.report import Report, read_report, write_report
 from lfsr_core.images.exr import read_finite, read_layers
-from lfsr_core.images.photo import read_photograph
 from lfsr_core.images.png import read_mask, read_png, write_mask
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.panel.visual_json import profile_from_calibration, read_calibration
 from lfsr_core.reconstruct import denoiser, tza
-from lfsr_core.records import to_data
 from tests.support.synthetic import MINI, frame_of, write_render
 
 CALIBRATION = {"pitch": 52.6, "slope": -7.1, "center": 0.8, "DPI": 324, "screenW": 1536, "screenH": 2048}

@@ -19,12 +19,12 @@ from tests.support.other_systems import FOLDER, ROOT
 FOUND = os.environ.get("LFSR_WINDOWS_PYTHON", "")
 pytestmark = pytest.mark.skipif(not FOUND, reason="needs LFSR_WINDOWS_PYTHON=DIR, made by scripts/windows_python.sh")
 # Tests that need nothing of POSIX.
-PORTABLE = ("tests/test_records.py", "tests/frames", "tests/render/test_parts.py",
-            "tests/render/test_staging.py::test_a_second_render_into_the_same_folder_is_refused",
-            "tests/render/test_staging.py::test_what_a_dead_run_left_goes_with_the_next",
-            "tests/render/test_staging.py::test_a_released_folder_locks_nobody_out_and_goes_with_its_process",
-            "tests/render/test_staging.py::test_a_folder_goes_at_whatever_moment_its_process_was_killed",
-            "tests/render/test_staging.py::test_files_are_replaced_all_or_none",
+PORTABLE = ("tests/base/test_records.py", "tests/frames", "tests/pipeline/test_parts.py",
+            "tests/pipeline/test_staging.py::test_a_second_render_into_the_same_folder_is_refused",
+            "tests/pipeline/test_staging.py::test_what_a_dead_run_left_goes_with_the_next",
+            "tests/pipeline/test_staging.py::test_a_released_folder_locks_nobody_out_and_goes_with_its_process",
+            "tests/pipeline/test_staging.py::test_a_folder_goes_at_whatever_moment_its_process_was_killed",
+            "tests/pipeline/test_staging.py::test_files_are_replaced_all_or_none",
             "tests/test_files.py::test_failure_keeps_the_old_file_and_leaves_nothing_else",
             "tests/test_files.py::test_what_a_killed_writer_left_goes_with_the_next_and_a_living_one_keeps_its_own")
 # A child and its own child, which do not read their input; the first says who they are.
@@ -33,7 +33,7 @@ child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
 print('LFSR {"stage": "x", "pid": %d}' % child.pid, flush=True)
 time.sleep(600)"""
 STOPPED = f"""import ctypes, os, sys
-from lfsr_core.render.child import Child
+from lfsr_core.process.child import Child
 def lives(pid):
     handle = ctypes.windll.kernel32.OpenProcess(0x100000, False, pid)
     return bool(handle) and ctypes.windll.kernel32.WaitForSingleObject(handle, 2000) == 258

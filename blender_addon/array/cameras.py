@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.frames.job import FIT
 
 from . import rig

@@ -9,8 +9,8 @@ import bpy
 import mathutils
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 
 from ..scene.subject import GEOMETRY, find_subject

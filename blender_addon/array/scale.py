@@ -7,8 +7,8 @@ from contextlib import suppress
 import bpy
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile

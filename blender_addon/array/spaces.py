@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import bpy
 import mathutils
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 
 FLAT = 1e-6  # determinant of three axes of length 1 that are not three directions
 Matrix = Sequence[Sequence[float]]

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.process.child import output_of
 from lfsr_core.reconstruct.method_name import MethodName
-from lfsr_core.render.child import output_of
 from lfsr_core.tasks.probe import DENOISER
 
 from ..settings.methods import title

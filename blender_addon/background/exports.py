@@ -5,12 +5,12 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path
 from lfsr_core.exports.format_names import default_target
 from lfsr_core.exports.frame_folders import frame_folders
-from lfsr_core.files import atomic_path
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
-from lfsr_core.render.staging import staging_folder
+from lfsr_core.pipeline.staging import staging_folder
 
 from . import runtime
 from .steps import Step, Steps, second_stage_step

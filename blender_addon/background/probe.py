@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import SUBPIXELS, Frame, read_part
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.depth_scale import samples_at

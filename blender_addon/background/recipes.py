@@ -9,14 +9,14 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import EIA_FILE, SUBPIXELS, frame_folder, read_rendered
 from lfsr_core.frames.job import Job
+from lfsr_core.frames.numbers import spread
 from lfsr_core.optics.depth_scale import ScaleChoice
-from lfsr_core.records import to_data
-from lfsr_core.render.process import DERIVED_FILES
-from lfsr_core.render.staging import parts_folder, publish, staging_folder
-from lfsr_core.sequence.numbers import spread
+from lfsr_core.pipeline.rendering import DERIVED_FILES
+from lfsr_core.pipeline.staging import parts_folder, publish, staging_folder
 
 from ..settings import folders, scene_settings
 from ..settings.proof import proof_of

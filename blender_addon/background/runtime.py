@@ -14,11 +14,11 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.cores import CORES
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.cores import CORES
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.process.blender import PACKAGES
+from lfsr_core.process.protocol import BLENDER_FOLDER
 from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
-from lfsr_core.render.blender import PACKAGES
-from lfsr_core.render.protocol import BLENDER_FOLDER
 
 PACKAGE = __package__.rpartition(".")[0]  # the add-on, under the name that Blender gave it
 PYTHON_VARIABLE = "LFSR_PYTHON"

@@ -9,8 +9,8 @@ from typing import Any
 
 import bpy
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import system_errors
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import system_errors
 
 from ..results import show_image
 from ..settings.words import capitalized, clock, for_panel

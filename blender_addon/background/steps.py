@@ -18,10 +18,10 @@ from typing import Any
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import to_data
 from lfsr_core.frames.job import Job
-from lfsr_core.records import to_data
-from lfsr_core.render.staging import has_parts
+from lfsr_core.pipeline.staging import has_parts
 
 from ..array.scale import CHOOSE, LOOK
 from ..render.overrides import preferred

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path, system_errors
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path, system_errors
 from lfsr_core.frames.identity import FARM_COPY
-from lfsr_core.sequence.farms import FarmJob, Submission, write_job
+from lfsr_core.pipeline.farms import FarmJob, Submission, write_job
 
 from ..array.scale import scale_of
 from ..results import show_image

@@ -14,8 +14,8 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.render.child import Child
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.process.child import Child
 
 from . import runtime
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 
 from ..settings import folders, scene_settings
 from ..settings.scene_settings import Resolved

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 
 from ..array.edit import add, remove
 from ..array.rig import check_editable

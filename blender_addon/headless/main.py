@@ -12,14 +12,14 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import system_errors
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import system_errors
 from lfsr_core.frames.identity import PLACES, digest, job_facts
 from lfsr_core.frames.job import Job, read_job
 from lfsr_core.optics.depth_scale import ScaleChoice
-from lfsr_core.render.content import scene_content, stamp
-from lfsr_core.render.parts import remove_others
-from lfsr_core.render.protocol import (
+from lfsr_core.pipeline.content import scene_content, stamp
+from lfsr_core.pipeline.parts import remove_others
+from lfsr_core.process.protocol import (
     EXIT_BAD_INPUT,
     EXIT_CANCELLED,
     RENDERED_STAGE,

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import bpy
 
-from lfsr_core.render.protocol import ENDS_WITH_INPUT
+from lfsr_core.process.protocol import ENDS_WITH_INPUT
 
 from ..render.output import UNFINISHED
 

@@ -6,7 +6,7 @@ import dataclasses
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 
 from ..render import devices
 from . import desktop

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 
 from .scene import MARK, PANEL
 

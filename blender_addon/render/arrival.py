@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.job import EVEN, OWN, Job
 from lfsr_core.images.exr import clean, read_layers
 

@@ -14,8 +14,8 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.images import exr
-from lfsr_core.render.pace import Pace, is_worth_storing
-from lfsr_core.render.parts import ImageParts, Part, gaps
+from lfsr_core.pipeline.pace import Pace, is_worth_storing
+from lfsr_core.pipeline.parts import ImageParts, Part, gaps
 
 from .output import render_to
 from .overrides import overridden

@@ -8,7 +8,7 @@ import math
 import bpy
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.optics.rays import CameraArray
 
 from .wiring import Wiring

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.images.color_settings import ColorSettings
 
 from .. import compat

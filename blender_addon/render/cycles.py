@@ -11,15 +11,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.cores import CORES, usable_cores
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.cores import CORES, usable_cores
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import SUBPIXELS, Clip
 from lfsr_core.frames.job import CLAMP_INDIRECT
 from lfsr_core.images import exr
 from lfsr_core.optics.panel.panel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
-from lfsr_core.render.parts import ImageParts, Part
+from lfsr_core.pipeline.parts import ImageParts, Part
 
 from .. import compat
 from ..array.spaces import Matrix, to_blender

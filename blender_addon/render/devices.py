@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.job import AUTO
 
 from .overrides import overridden

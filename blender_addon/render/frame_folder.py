@@ -11,13 +11,13 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, write_frame
 from lfsr_core.frames.job import AUTO, GUIDES, OWN, Job
 from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.optics.lens_rows import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
-from lfsr_core.render.parts import ImageParts, Part, remove_others
+from lfsr_core.pipeline.parts import ImageParts, Part, remove_others
 
 from ..array import motion, placement
 from ..array.scale import scale_of

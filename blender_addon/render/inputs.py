@@ -7,11 +7,11 @@ from pathlib import Path
 
 import bpy
 
+from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import Frame
 from lfsr_core.frames.identity import PLACES, digest, job_facts
 from lfsr_core.frames.job import AUTO, Job
-from lfsr_core.records import to_data
-from lfsr_core.render.content import file_content, stamp
+from lfsr_core.pipeline.content import file_content, stamp
 from lfsr_core.version import __version__
 
 from ..scene.notices import image_files
@@ -27,7 +27,7 @@ class Opened:
     """How the scene was opened."""
 
     seconds: float = 0.0  # it took
-    content: str = ""  # digest of its file, see ``lfsr_core.render.content``; empty if it is not known
+    content: str = ""  # digest of its file, see ``lfsr_core.pipeline.content``; empty if it is not known
     light: str = AUTO  # in which it is rendered, AUTO where that is not settled
     notes: tuple[str, ...] = ()  # what the user was told of it
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path, lock_file
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path, lock_file
 from lfsr_core.images import exr
 
 from .. import compat

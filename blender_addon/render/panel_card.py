@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.optics.panel.panel_card import PARTS, Linear, PanelCard, Rows
 
 from .card_parts import SLANT, Place, add_quads, random_pair, sent, with_z

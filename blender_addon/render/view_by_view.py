@@ -17,12 +17,12 @@ import bpy
 import mathutils
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.images import exr
 from lfsr_core.optics import eia
 from lfsr_core.optics.rays import RayLayout, view_offset
-from lfsr_core.render.pace import is_worth_storing, seconds_per_part
-from lfsr_core.render.parts import ImageParts, Part
+from lfsr_core.pipeline.pace import is_worth_storing, seconds_per_part
+from lfsr_core.pipeline.parts import ImageParts, Part
 
 from .. import compat
 from ..array.spaces import to_blender

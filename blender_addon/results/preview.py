@@ -13,8 +13,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 
 from . import show_image
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.job import EVEN, OWN, check_light, is_light_file
 
 from .. import compat

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.job import check_scene
 
 MOST_REASON = 100  # characters

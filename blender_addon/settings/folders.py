@@ -12,8 +12,8 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import check_name, is_forbidden, read_json, write_json
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import check_name, is_forbidden, read_json, write_json
 from lfsr_core.frames.averaging import seed_in_turn
 from lfsr_core.frames.frame import (
     EIA_FILE,

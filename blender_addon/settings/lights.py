@@ -6,7 +6,7 @@ import zlib
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.job import AUTO, EVEN, OWN, WORLD_IMAGES, check_light
 
 AUTO_LIGHT, OWN_LIGHT, FILE_LIGHT = "AUTO", "OWN", "FILE"

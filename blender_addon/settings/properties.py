@@ -18,7 +18,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.averaging import MOST_AVERAGED
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, GONE_SINCE
 

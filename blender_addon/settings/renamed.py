@@ -8,8 +8,8 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json, system_errors, write_json
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import read_json, system_errors, write_json
 from lfsr_core.frames.frame import FRAME_FILE
 
 from . import folders

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 
 from ..settings import scene_settings
 from ..settings.displays import PROFILE_FILE

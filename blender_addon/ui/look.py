@@ -12,7 +12,7 @@ import gpu
 import mathutils
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 
 from ..array import known, rig

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.progress import duration
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.progress import duration
 
 from ..array import known, rig
 from ..background import probe, session

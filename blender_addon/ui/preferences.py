@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.render.child import output_of
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.process.child import output_of
 
 from ..background import denoiser, runtime
 from .drawing import columns

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.progress import duration
 from lfsr_core.frames.frame import REPORT_FILE, SUBPIXELS
 from lfsr_core.frames.report import read_report
 from lfsr_core.optics.depth_scale import samples_at
@@ -16,7 +17,6 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.panel_rays import rendered_size
 from lfsr_core.plan.first import most_paths
 from lfsr_core.plan.options import PlanOptions
-from lfsr_core.progress import duration
 
 from ..array import known, rig
 from ..render import devices

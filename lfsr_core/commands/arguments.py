@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import LAYOUTS
 from lfsr_core.frames.job import AUTO, DEVICES, EVEN, OWN, WORLD_IMAGES, Job, check_light, check_scene
 from lfsr_core.optics.display import load_display
@@ -14,7 +14,7 @@ from lfsr_core.optics.lens_rows import parse_rows
 from lfsr_core.optics.rays import CONVENTIONS
 
 if TYPE_CHECKING:
-    from lfsr_core.sequence.cluster import Cluster
+    from lfsr_core.pipeline.cluster import Cluster
 
 FARTHEST_MM = 1e6
 MOST_WORKERS = 256
@@ -84,7 +84,7 @@ def add_cluster_arguments(parser: argparse.ArgumentParser, when: str = "") -> No
 
 def chosen_cluster(arguments: argparse.Namespace) -> Cluster | None:
     """The cluster asked for, None for this process alone; LfsrError where both kinds were."""
-    from lfsr_core.sequence.cluster import Cluster
+    from lfsr_core.pipeline.cluster import Cluster
 
     if arguments.workers is not None and arguments.cluster is not None:
         raise LfsrError(f"--workers {arguments.workers} and --cluster were both given: leave out one of them")

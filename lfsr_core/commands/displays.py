@@ -7,14 +7,14 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.commands.arguments import position
-from lfsr_core.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.optics.proposal import PanelShape, proposed_light_field
 from lfsr_core.optics.sheet import Lenslet, Lenticular
 
 if TYPE_CHECKING:
-    from lfsr_core.optics.panel.visual_json import Calibration
+    from lfsr_core.calibration.visual_json import Calibration
 
 NAME = "displays"
 HELP = "list the display profiles, show one with its derived numbers, import or calibrate one"
@@ -70,7 +70,7 @@ def _line(name: str) -> str:
 
 def _print_connected() -> None:
     """A line for each display of Looking Glass Bridge; a calibration that cannot be used is said in its place."""
-    from lfsr_core.show.bridge import Bridge
+    from lfsr_core.exports.bridge import Bridge
 
     for device in Bridge().devices():
         try:
@@ -85,7 +85,7 @@ def _print_connected() -> None:
 
 def _connected(name: str | None) -> Calibration:
     """Calibration of a display of Looking Glass Bridge; LfsrError where none is named among several."""
-    from lfsr_core.show.bridge import Bridge, chosen
+    from lfsr_core.exports.bridge import Bridge, chosen
 
     devices = Bridge().devices()
     if name is None and len(devices) > 1:
@@ -96,7 +96,7 @@ def _connected(name: str | None) -> Calibration:
 
 def _imported(arguments: argparse.Namespace) -> DisplayProfile:
     """Profile of a calibration, written to the output file and named after it."""
-    from lfsr_core.optics.panel.visual_json import profile_from_calibration, read_calibration
+    from lfsr_core.calibration.visual_json import profile_from_calibration, read_calibration
     from lfsr_core.optics.profile_file import write_profile
 
     output = _output(arguments, "--import writes a profile", "-o FILE.toml")
@@ -111,7 +111,7 @@ def _imported(arguments: argparse.Namespace) -> DisplayProfile:
 
 def _of_c1(arguments: argparse.Namespace) -> DisplayProfile:
     """Profile of a CubeVi C1, written to the output file and named after it."""
-    from lfsr_core.optics.panel.cubevi import profile_of_c1
+    from lfsr_core.calibration.cubevi import profile_of_c1
     from lfsr_core.optics.profile_file import write_profile
 
     output = _output(arguments, "--cubevi writes a profile", "-o FILE.toml")
@@ -122,8 +122,8 @@ def _of_c1(arguments: argparse.Namespace) -> DisplayProfile:
 
 
 def _write_pattern(arguments: argparse.Namespace) -> None:
+    from lfsr_core.calibration.patterns import pattern
     from lfsr_core.images.png import write_png
-    from lfsr_core.optics.panel.patterns import pattern
 
     output = _output(arguments, "--pattern writes an image", "-o FILE.png")
     write_png(output, pattern(_given(arguments), arguments.pattern))
@@ -132,7 +132,7 @@ def _write_pattern(arguments: argparse.Namespace) -> None:
 
 def _fitted(arguments: argparse.Namespace) -> DisplayProfile:
     """Profile with the lens sheet of the photographs, written if an output file is given."""
-    from lfsr_core.images.calibration import calibrate
+    from lfsr_core.calibration.measure import calibrate
 
     profile, photos = _given(arguments), arguments.fit
     places = arguments.places or [(0.0, 0.0, profile.viewing_distance_mm)] * len(photos)

@@ -7,9 +7,9 @@ import os
 from contextlib import closing
 from pathlib import Path
 
+from lfsr_core.base.progress import ProgressBar
 from lfsr_core.exports.format_names import DESCRIPTIONS, FILM_TYPES, VIEW_TYPES
 from lfsr_core.exports.quilt_names import PRESETS
-from lfsr_core.progress import ProgressBar
 
 NAME = "export"
 HELP = "write a finished frame or an animation as quilt, stereo pair, film or folder of views"

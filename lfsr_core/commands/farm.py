@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.sequence.farms import TEMPLATES, write_template
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.pipeline.farms import TEMPLATES, write_template
 
 NAME = "farm"
 HELP = "write the job template of a render farm: openjd, or flamenco"

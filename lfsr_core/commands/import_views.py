@@ -6,8 +6,8 @@ import argparse
 from contextlib import closing
 from pathlib import Path
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.progress import ProgressBar
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.progress import ProgressBar
 
 NAME = "import"
 HELP = "make a frame folder from a quilt or a folder of views (HCI, Stanford, JPEG Pleno), or several from a quilt film"

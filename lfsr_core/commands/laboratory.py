@@ -8,7 +8,7 @@ import importlib.metadata
 from collections.abc import Iterator
 from typing import Protocol
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 
 GROUP = "lfsr.verbs"
 NAMES = ("chart", "paper", "stress", "train")

@@ -6,7 +6,7 @@ import argparse
 from contextlib import closing
 from pathlib import Path
 
-from lfsr_core.progress import ProgressBar
+from lfsr_core.base.progress import ProgressBar
 
 NAME = "merge"
 HELP = "join parts of `lfsr render --rows` or `lfsr reference --rows`, or average references of other seeds"
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Join the parts and print the result."""
     from lfsr_core.frames.frame import frame_folder, read_part
-    from lfsr_core.render.merge import merge, part_folders
+    from lfsr_core.pipeline.merge import merge, part_folders
 
     parts, output = part_folders(arguments.parts), arguments.output
     if arguments.numbered:

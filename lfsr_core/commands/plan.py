@@ -7,9 +7,9 @@ import shlex
 from contextlib import closing
 from pathlib import Path
 
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.progress import ProgressBar
 from lfsr_core.commands.arguments import add_geometry_arguments, make_job, names, numbers, reals
-from lfsr_core.errors import LfsrError
-from lfsr_core.progress import ProgressBar
 
 NAME = "plan"
 HELP = "find the cheapest scale, samples and method that reach an accuracy, from a small sample of lenses"
@@ -45,13 +45,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Plan; print the table and the command that renders the choice."""
+    from lfsr_core.base.records import write_record
+    from lfsr_core.pipeline.rendering import run_job
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import make_plan
     from lfsr_core.plan.report import plan_report, table
     from lfsr_core.plan.work import work_folder
-    from lfsr_core.records import write_record
-    from lfsr_core.render.blender import find_blender
-    from lfsr_core.render.process import run_job
+    from lfsr_core.process.blender import find_blender
 
     if arguments.rays is not None and arguments.spps is not None:
         raise LfsrError("--rays and --spps were both given: leave out one of them")

@@ -12,18 +12,18 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.progress import ProgressBar
 from lfsr_core.commands import arguments as common
 from lfsr_core.commands.renamed import add_old_option
-from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.lens_sampling import check_count, choose_lenses
-from lfsr_core.progress import ProgressBar
-from lfsr_core.render.store import Render, with_blender
+from lfsr_core.pipeline.store import Render, with_blender
 
 if TYPE_CHECKING:
-    from lfsr_core.sequence.cluster import Cluster
+    from lfsr_core.pipeline.cluster import Cluster
 
 NAME = "reference"
 HELP = "render the full-resolution reference as two independent halves"
@@ -79,7 +79,7 @@ def _check_split(arguments: argparse.Namespace, cluster: Cluster | None) -> None
 
 
 def _render_on(cluster: Cluster, arguments: argparse.Namespace, job: Job) -> None:
-    from lfsr_core.sequence.cluster_reference import ROWS, SAMPLES, Split, reference_on
+    from lfsr_core.pipeline.cluster_reference import ROWS, SAMPLES, Split, reference_on
 
     # Workers start in folders of their own.
     job = dataclasses.replace(job, output=os.path.abspath(job.output))

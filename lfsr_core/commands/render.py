@@ -10,21 +10,21 @@ from collections.abc import Sequence
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.progress import ProgressBar
 from lfsr_core.commands import arguments as common
 from lfsr_core.commands import upscale
 from lfsr_core.commands.renamed import add_old_option
-from lfsr_core.errors import LfsrError
 from lfsr_core.frames.averaging import check_averaging, seed_in_turn
 from lfsr_core.frames.foreground import UNSEEN, check_dilate
 from lfsr_core.frames.frame import SUBPIXELS, read_frame
 from lfsr_core.frames.job import LAYERS, Job
+from lfsr_core.frames.numbers import parse_frames, spread
 from lfsr_core.frames.report import Report, read_report
 from lfsr_core.optics.depth_scale import USUAL_SAMPLES, USUAL_SCALE, samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.lens_rows import rows_text
-from lfsr_core.progress import ProgressBar
-from lfsr_core.render.store import with_blender
-from lfsr_core.sequence.numbers import parse_frames, spread
+from lfsr_core.pipeline.store import with_blender
 
 if TYPE_CHECKING:
     from lfsr_core.reconstruct.method_name import MethodName
@@ -113,9 +113,9 @@ def _sampling(arguments: argparse.Namespace, display: DisplayProfile, scales: tu
 
 
 def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) -> None:
-    from lfsr_core.sequence.animation import SecondStage, animation_of, kept_scale
-    from lfsr_core.sequence.cluster_animation import render_on
-    from lfsr_core.sequence.engine import FAILED, Tools, counts, render_animation, table
+    from lfsr_core.pipeline.animation import SecondStage, animation_of, kept_scale
+    from lfsr_core.pipeline.cluster_animation import render_on
+    from lfsr_core.pipeline.engine import FAILED, Tools, counts, render_animation, table
 
     cluster = common.chosen_cluster(arguments)
     # Workers start in folders of their own.

@@ -7,7 +7,7 @@ import webbrowser
 from contextlib import closing
 from pathlib import Path
 
-from lfsr_core.progress import ProgressBar
+from lfsr_core.base.progress import ProgressBar
 
 NAME = "show"
 HELP = "show a frame, an animation or a quilt on a display: through Looking Glass Bridge, or full screen in a browser"
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Show it and say where."""
-    from lfsr_core.show.show import show
+    from lfsr_core.exports.show import show
 
     with closing(ProgressBar()) as bar:
         shown = show(arguments.path, arguments.display, arguments.fps, bar)

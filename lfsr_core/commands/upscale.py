@@ -7,10 +7,10 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lfsr_core.base.progress import Progress, ProgressBar, silent
 from lfsr_core.commands.renamed import add_old_option
 from lfsr_core.frames.averaging import check_averaging
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, frame_folder, read_rendered
-from lfsr_core.progress import Progress, ProgressBar, silent
 
 if TYPE_CHECKING:  # slow to import, and `lfsr --help` has to be quick
     from lfsr_core.frames.report import Report

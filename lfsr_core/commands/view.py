@@ -7,7 +7,7 @@ import webbrowser
 from contextlib import closing
 from pathlib import Path
 
-from lfsr_core.progress import ProgressBar
+from lfsr_core.base.progress import ProgressBar
 
 NAME = "view"
 HELP = "write one HTML file that shows finished EIAs as an eye in front of the display sees them"

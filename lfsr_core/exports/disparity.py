@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.exports.light_field import LightField
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution

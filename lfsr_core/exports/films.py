@@ -8,8 +8,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports.format_names import H264_SIDE
 from lfsr_core.images.png import write_png
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports.format_names import VIEW_TYPES
 from lfsr_core.exports.light_field import LightField, camera_places, read_linear_views
 from lfsr_core.exports.options import ExportOptions, chosen_type

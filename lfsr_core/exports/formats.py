@@ -10,16 +10,16 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.base.errors import LfsrError, did_you_mean
+from lfsr_core.base.files import check_name, system_errors
+from lfsr_core.base.progress import Progress
 from lfsr_core.exports import folders, hci, quilt, rgbd, stereo, sway
 from lfsr_core.exports.format_names import default_target
 from lfsr_core.exports.frame_folders import frame_folders, is_sequence, one_display
 from lfsr_core.exports.light_field import LightField, read_light_field
 from lfsr_core.exports.options import ExportOptions
-from lfsr_core.files import check_name, system_errors
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.progress import Progress
-from lfsr_core.render.staging import publish, staging_folder
+from lfsr_core.pipeline.staging import publish, staging_folder
 
 DEFAULT = ExportOptions()
 

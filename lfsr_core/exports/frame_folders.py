@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, Frame
 from lfsr_core.optics.display import DisplayProfile
 

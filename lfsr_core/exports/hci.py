@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports.disparity import central_disparity
 from lfsr_core.exports.folders import each_view
 from lfsr_core.exports.light_field import LightField

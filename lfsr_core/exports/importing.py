@@ -9,14 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import read_bytes, system_errors
+from lfsr_core.base.progress import Progress, silent
 from lfsr_core.exports.hci import PARAMETERS_FILE
 from lfsr_core.exports.quilt_files import Quilt, read_film, read_quilt
 from lfsr_core.exports.quilt_names import Pair, without_suffix
 from lfsr_core.exports.retarget import Source, retargeted
 from lfsr_core.exports.view_files import ViewFiles, find_views, read_views
-from lfsr_core.files import read_bytes, system_errors
 from lfsr_core.frames.frame import (
     EIA_FILE,
     FRAME_FILE,
@@ -33,11 +34,10 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import from_views
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.optics.sheet import check_within
-from lfsr_core.progress import Progress, silent
+from lfsr_core.pipeline.content import file_content
+from lfsr_core.pipeline.rendering import DERIVED_FILES, check_folder
+from lfsr_core.pipeline.staging import publish, staging_folder
 from lfsr_core.reconstruct.second_stage import upscale_frame
-from lfsr_core.render.content import file_content
-from lfsr_core.render.process import DERIVED_FILES, check_folder
-from lfsr_core.render.staging import publish, staging_folder
 
 NAME = "imported"
 MOST_SCALE = 10

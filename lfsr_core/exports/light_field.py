@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import EIA_LINEAR_FILE, Frame, read_frame
 from lfsr_core.frames.views import eia_to_views, read_views
 from lfsr_core.images.exr import read_layers

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.progress import Progress, silent
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.progress import Progress, silent
 
 MOST_VIEWS = 1000  # a side
 WIDEST_EYES_MM = 1000.0

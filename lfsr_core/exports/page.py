@@ -19,17 +19,17 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path
+from lfsr_core.base.progress import Progress, silent
 from lfsr_core.exports.frame_folders import frame_folders, one_display
-from lfsr_core.files import atomic_path
 from lfsr_core.frames.frame import EIA_FILE, VIEWER_FILE, Frame, read_frame
 from lfsr_core.images.png import read_png
 from lfsr_core.images.source import opened
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.eye import gap_mm
-from lfsr_core.progress import Progress, silent
 
 PARTS = Path(__file__).parent / "viewer"
 BEST, USUAL_QUALITY, STILL_QUALITY = 100, 95, 85

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports.films import write_film as write_frames
 from lfsr_core.exports.format_names import QUILT_FILM_TYPES
 from lfsr_core.exports.light_field import LightField

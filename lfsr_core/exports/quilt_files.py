@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports.quilt_names import QuiltShape, read_quilt_name, usual_aspect
 from lfsr_core.exports.retarget import Source
 from lfsr_core.exports.view_files import image_size, read_image

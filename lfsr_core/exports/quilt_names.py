@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.base.errors import LfsrError, did_you_mean
 
 Pair = tuple[int, int]
 SUFFIX = re.compile(r"_qs(\d{1,4})x(\d{1,4})(?:a(\d{1,4}(?:\.\d{1,9})?))?(?![\dx])", re.IGNORECASE)

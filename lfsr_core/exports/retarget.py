@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.exports.light_field import view_between
 from lfsr_core.exports.screen_images import resized
 from lfsr_core.optics.display import DisplayProfile

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports.disparity import infinite_disparity, rendered_disparity
 from lfsr_core.exports.light_field import LightField
 from lfsr_core.exports.options import ExportOptions

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports.light_field import LightField
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.exports.screen_images import on_screen, usual_width

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.exports.films import write_film as write_frames
 from lfsr_core.exports.format_names import FILM_TYPES, WIGGLE_TYPES
 from lfsr_core.exports.light_field import LightField

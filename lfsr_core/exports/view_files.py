@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.progress import Progress, silent
 from lfsr_core.images.source import opened
 from lfsr_core.optics.proposal import MAX_PIXELS
-from lfsr_core.progress import Progress, silent
 
 MOST_CAMERAS = 65536
 MOST_BYTES = 2**35  # of all views together

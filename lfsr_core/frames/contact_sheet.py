@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame, read_rendered
 from lfsr_core.frames.views import view_order
 from lfsr_core.images.png import read_png, write_png

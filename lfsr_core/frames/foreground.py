@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lfsr_core.arrays import Array, Mask
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array, Mask
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.eia import to_elemental_images
 
 MOST_DILATE = 65536

@@ -9,14 +9,14 @@ import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json, write_json
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import read_json, write_json
+from lfsr_core.base.records import from_data, to_data
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lens_rows import check_rows, rows_text
 from lfsr_core.optics.panel.panel_rays import PanelLayout, check_sheet
 from lfsr_core.optics.rays import CameraArray, RayLayout
-from lfsr_core.records import from_data, to_data
 
 FORMAT = 1
 SUBPIXELS = "subpixels"

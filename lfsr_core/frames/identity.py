@@ -9,11 +9,11 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, Frame, read_part
 from lfsr_core.frames.job import AUTO, Job
 from lfsr_core.optics.lens_rows import rows_text
-from lfsr_core.records import to_data
 
 Facts = Mapping[str, object]  # what decides pixels, by name
 # Facts of the rays and their number; a render's folder is compared by these unless more are asked for.

@@ -6,14 +6,14 @@ import dataclasses
 import os
 from pathlib import Path
 
-from lfsr_core.errors import LfsrError, did_you_mean
-from lfsr_core.files import read_json
+from lfsr_core.base.errors import LfsrError, did_you_mean
+from lfsr_core.base.files import read_json
+from lfsr_core.base.records import from_data
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, check_direct
 from lfsr_core.optics.depth_scale import MOST_SAMPLES, ScaleChoice, samples_at, usual_rays
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lens_rows import check_rows, rows_text
 from lfsr_core.optics.rays import CONVENTIONS
-from lfsr_core.records import from_data
 
 KINDS = ("render", "reference")
 FIT = "fit"  # instead of a camera's name: the array is fitted to the subject

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, Frame
 from lfsr_core.frames.job import GUIDES
 from lfsr_core.optics.eia import to_elemental_images

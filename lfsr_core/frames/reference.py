@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array, Mask
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array, Mask
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import REFERENCE_FILES, Frame, read_frame
 from lfsr_core.frames.identity import first_difference, phrases

@@ -6,8 +6,8 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+from lfsr_core.base.records import read_record, write_record
 from lfsr_core.frames.frame import REPORT_FILE
-from lfsr_core.records import read_record, write_record
 
 
 @dataclasses.dataclass(frozen=True)

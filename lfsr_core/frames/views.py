@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array, Bytes
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array, Bytes
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, read_frame
 from lfsr_core.images.png import read_png
 from lfsr_core.optics import eia

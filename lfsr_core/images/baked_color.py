@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import PyOpenColorIO as ocio
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 
 # The table spans scene-linear light from 0 to BRIGHTEST, even in log2(light + 2^STOPS[0]).
 STOPS, GRID = (-7.0, 3.0), 97

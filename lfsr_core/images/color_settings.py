@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 
 MAX_STOPS, MAX_GAMMA = 100, 100
 

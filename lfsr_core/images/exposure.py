@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 
 BLACK, WHITE = 8.5 / 255, 249.5 / 255  # display values
 # Percentiles that are compared with these, so that a few sparks in the dark or specks on white do not count.

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path, reading
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path, reading
 from lfsr_core.images.source import opened
 
 # Names, in lower case, that Blender 4.5, Blender 5.x and this program give the same pass.

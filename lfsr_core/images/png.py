@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path, reading
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path, reading
 from lfsr_core.images.source import opened
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 
 
 def srgb_encode(linear: Array) -> Array:

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import PyOpenColorIO as ocio
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.images.baked_color import BRIGHTEST, bake
 from lfsr_core.images.color_settings import ColorSettings
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from lfsr_core.arrays import Mask
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Mask
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.foreground import recall
 from lfsr_core.frames.frame import MASK_FILE, read_frame
 from lfsr_core.frames.reference import Reference, check_reference

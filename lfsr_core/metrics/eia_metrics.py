@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from lfsr_core.arrays import Array, Mask
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array, Mask
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.intervals import Estimate, stratified, stratum
 from lfsr_core.metrics.split_ssim import (

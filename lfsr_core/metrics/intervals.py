@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from lfsr_core.arrays import Array, Mask
+from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.metrics.split_ssim import mean_of
 
 NORMAL_95 = 1.959964  # standard errors around the mean that contain 95 % of samples

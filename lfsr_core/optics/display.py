@@ -14,11 +14,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.errors import LfsrError, did_you_mean
-from lfsr_core.files import read_bytes, without_advice
+from lfsr_core.base.errors import LfsrError, did_you_mean
+from lfsr_core.base.files import read_bytes, without_advice
+from lfsr_core.base.records import from_data, to_data
 from lfsr_core.optics.proposal import MAX_PIXELS, PanelShape, proposed_light_field
 from lfsr_core.optics.sheet import Lenslet, Lenticular, Sheet, Subpixels, check_choice, check_within, fail
-from lfsr_core.records import from_data, to_data
 
 PROFILE_FOLDER = Path(__file__).parent / "displays"
 EI_ORDERS = ("flipped", "direct")

@@ -7,8 +7,8 @@ pixel k of an EI is view k, left to right and top to bottom.
 
 from __future__ import annotations
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 
 
 def to_elemental_images(eia: Array, lenses: tuple[int, int]) -> Array:

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eye import Point, seen_views
 from lfsr_core.optics.lens_card import LensCard, lens_card

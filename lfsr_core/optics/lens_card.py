@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.optics.rays import RayLayout, view_offset
 
 RIM = 0.01  # pixels by which the card is larger than the image, so that no ray misses it by a rounding error

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 
 Rows = tuple[int, int]  # first and last
 RANGE = re.compile(r"(\d{1,9})(?:([-/])(\d{1,9}))?$")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 
 LENSES_PER_BACKGROUND = 8  # one chosen lens in eight is background: it finds foreground that the mask missed
 BITS = 16

@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path
 from lfsr_core.optics.display import DisplayProfile, load_display
 
 

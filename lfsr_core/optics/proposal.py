@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.sheet import Lenticular, Sheet
 
 VIEWS_PER_SUBPIXEL = 2

@@ -13,8 +13,8 @@ import math
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 
 CONVENTIONS = ("centred", "paper")

@@ -12,8 +12,8 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 
 STRIPES = ("rgb", "bgr", "white")
 PACKINGS = ("square", "hexagonal")

@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.optics.rays import RayLayout, view_offset
 
 PER_PIXEL = 6  # pixels of the image across what a pixel of the light field sees

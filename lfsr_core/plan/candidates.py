@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Iterable, Sequence
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.estimate import Estimate

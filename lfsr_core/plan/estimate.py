@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.metrics.intervals import NORMAL_ONE_SIDED, student
 
 LEAST_FOR_REGRESSION = 12  # lenses of a stratum, beyond the number of its covariates

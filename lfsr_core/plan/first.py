@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.optics.depth_scale import MODEL
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import Candidate, samples_of

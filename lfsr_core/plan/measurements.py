@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.frames.frame import Frame
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import METRICS, SAMPLES, Candidate, candidates
 

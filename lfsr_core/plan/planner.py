@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json, write_json
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import read_json, write_json
+from lfsr_core.base.progress import Progress, silent
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
 from lfsr_core.frames.job import Job
 from lfsr_core.images.exposure import extreme_tone
@@ -29,7 +30,6 @@ from lfsr_core.plan.score import QuickLook, SampledReference, Scores, quick_look
 from lfsr_core.plan.sequential import Group
 from lfsr_core.plan.times import StageTime, TimeModel, path_samples, render_seconds
 from lfsr_core.plan.work import sample_facts
-from lfsr_core.progress import Progress, silent
 
 PILOT_LENSES = 64
 QUICK_FRACTION = 0.05  # of the plan, a guess until costs are known

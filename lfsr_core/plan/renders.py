@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from lfsr_core.base.progress import Progress
 from lfsr_core.frames.frame import REFERENCE_FILES, WORLD_FILE, Frame, read_frame
 from lfsr_core.frames.job import Job
+from lfsr_core.pipeline.store import Render, cached
 from lfsr_core.plan.sample import Lens
 from lfsr_core.plan.times import path_samples
-from lfsr_core.progress import Progress
-from lfsr_core.render.store import Render, cached
 
 QUICK, QUICK_SCALE, QUICK_SAMPLES = "quick", 4, 4
 PILOT_SAMPLES = 16

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lens_sampling import systematic_sample

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.cores import usable_cores
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.cores import usable_cores
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world

@@ -10,15 +10,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.files import locks
+from lfsr_core.base.cache import cache_folder
+from lfsr_core.base.files import locks
 from lfsr_core.frames.identity import PLACES, digest, job_facts
 from lfsr_core.frames.job import Job
-from lfsr_core.optics.panel.gather_cache import cache_folder
+from lfsr_core.pipeline.content import scene_content
+from lfsr_core.pipeline.rendering import Warn
+from lfsr_core.pipeline.staging import LOCK_FILE, has_parts
+from lfsr_core.pipeline.store import is_complete
 from lfsr_core.plan.options import PlanOptions
-from lfsr_core.render.content import scene_content
-from lfsr_core.render.process import Warn
-from lfsr_core.render.staging import LOCK_FILE, has_parts
-from lfsr_core.render.store import is_complete
 from lfsr_core.version import __version__
 
 IGNORED = (*PLACES, "scale", "spp")  # fields of the job that is planned for

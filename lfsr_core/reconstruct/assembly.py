@@ -14,12 +14,12 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.cores import usable_cores
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.cores import usable_cores
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.progress import Progress
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import to_elemental_images
-from lfsr_core.progress import Progress
 from lfsr_core.reconstruct.blas import blas_threads
 from lfsr_core.reconstruct.clock import StageClock
 from lfsr_core.reconstruct.contract import Upscaler

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import read_json
 from lfsr_core.reconstruct import tza
 
 WEIGHTS = Path(__file__).parent / "networks" / "weights" / "denoiser.tza"

@@ -11,7 +11,7 @@ import hashlib
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.contract import Network
 from lfsr_core.reconstruct.methods import denoise, epipolar

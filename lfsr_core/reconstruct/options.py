@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from lfsr_core.progress import Progress, silent
+from lfsr_core.base.progress import Progress, silent
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.cores import usable_cores
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.cores import usable_cores
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.progress import Progress, silent
 from lfsr_core.frames.foreground import foreground_pixels, unseen_notes
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS, Frame
 from lfsr_core.frames.low_res import over_background
@@ -24,7 +25,6 @@ from lfsr_core.images.exr import read_finite, replaced_notes
 from lfsr_core.images.png import write_png
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.panel.panel_rays import panel_image
-from lfsr_core.progress import Progress, silent
 from lfsr_core.reconstruct.clock import StageClock, peak_bytes
 from lfsr_core.reconstruct.method_name import AS_RENDERED, PANEL_METHODS, MethodName
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, span

@@ -7,7 +7,7 @@ import functools
 from collections.abc import Callable
 from pathlib import Path
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.contract import Cleaner, Upscaler
 from lfsr_core.reconstruct.method_name import DENOISE, RECOVERY, MethodName

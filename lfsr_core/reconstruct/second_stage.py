@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import system_errors
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import system_errors
 from lfsr_core.frames.foreground import foreground_mask, unseen_notes
 from lfsr_core.frames.frame import (
     EIA_FILE,
@@ -32,6 +32,7 @@ from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.eia import flip_order, to_elemental_images
 from lfsr_core.optics.panel.gather_cache import cached_gather_map
 from lfsr_core.optics.panel.weave import weave
+from lfsr_core.pipeline.staging import replace_files, staging_folder
 from lfsr_core.reconstruct import registry
 from lfsr_core.reconstruct.assembly import Assembly, filled, place, upscale_all
 from lfsr_core.reconstruct.clock import StageClock, peak_bytes
@@ -43,7 +44,6 @@ from lfsr_core.reconstruct.options import DEFAULT, UpscaleOptions
 from lfsr_core.reconstruct.panel_stage import check_panel_finish, finish_panel
 from lfsr_core.reconstruct.registry import Method
 from lfsr_core.reconstruct.world import finish_lenses, prepared
-from lfsr_core.render.staging import replace_files, staging_folder
 
 FILL_METHOD = PLAIN_METHOD
 FINISHED_FILES = (EIA_FILE, EIA_LINEAR_FILE, MASK_FILE, PANEL_FILE)

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path, read_bytes
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path, read_bytes
 
 HEADER = struct.Struct("<HBBQ")  # magic number, version, its second part, offset of the table
 MAGIC, VERSION, MINOR = 0x41D7, 2, 0

@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lfsr_core.base.records import from_data, to_data
 from lfsr_core.frames.job import Job
 from lfsr_core.plan.candidates import Candidate
-from lfsr_core.records import from_data, to_data
-from lfsr_core.render.protocol import emit_progress, emit_warning
+from lfsr_core.process.protocol import emit_progress, emit_warning
 
 if TYPE_CHECKING:
-    from lfsr_core.sequence.animation import Animation
-    from lfsr_core.sequence.engine import Result
+    from lfsr_core.pipeline.animation import Animation
+    from lfsr_core.pipeline.engine import Result
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,10 +42,10 @@ def plan(job: dict[str, Any], options: dict[str, Any], command: list[str], work:
 
     ``command``: words that start a render, before the job file; ``work``: folder for the sample.
     """
+    from lfsr_core.pipeline.rendering import run_job
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import make_plan
     from lfsr_core.plan.report import sentence
-    from lfsr_core.render.process import run_job
 
     wanted, blender = from_data(PlanOptions, options, "options of the plan"), RenderCommand(tuple(command))
     choice = make_plan(from_data(Job, job, "job of the plan"), wanted,
@@ -68,8 +68,8 @@ def animation(job: dict[str, Any], frames: list[int], second: dict[str, Any], co
     -------
     "table", a line per frame; "sentence", the outcome; "failed", the first failed frame's sentence or None
     """
-    from lfsr_core.sequence.animation import SecondStage, animation_of
-    from lfsr_core.sequence.engine import FAILED, Tools, counts, render_animation, table
+    from lfsr_core.pipeline.animation import SecondStage, animation_of
+    from lfsr_core.pipeline.engine import FAILED, Tools, counts, render_animation, table
 
     started = time.monotonic()
     animation = animation_of(from_data(Job, job, "job of the animation"), frames,
@@ -85,8 +85,8 @@ def animation(job: dict[str, Any], frames: list[int], second: dict[str, Any], co
 
 
 def _warn_of_older(animation: Animation, results: Sequence[Result]) -> None:
-    from lfsr_core.sequence.animation import is_older
-    from lfsr_core.sequence.engine import KEPT
+    from lfsr_core.pipeline.animation import is_older
+    from lfsr_core.pipeline.engine import KEPT
 
     older = [job.frame for job, result in zip(animation.jobs, results, strict=True)
              if result.state == KEPT and is_older(animation, job)]

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from lfsr_core.files import atomic_path
+from lfsr_core.base.files import atomic_path
 from lfsr_core.frames.frame import MASK_FILE, read_frame, read_rendered
-from lfsr_core.render.protocol import emit_progress, emit_warning
+from lfsr_core.process.protocol import emit_progress, emit_warning
 
 
 def upscale(folder: str, method: str, linear_exr: bool = False, views: str | None = None) -> dict[str, Any]:
@@ -87,7 +87,7 @@ def export(folder: str, name: str, target: str, type: str | None = None) -> dict
 
 def find_display(folder: str) -> dict[str, Any]:
     """Say whether a frame is shown through Looking Glass Bridge, in "through_bridge"; errors as of ``show``."""
-    from lfsr_core.show.show import find_display
+    from lfsr_core.exports.show import find_display
 
     return {"through_bridge": find_display(Path(folder)) is not None}
 
@@ -97,8 +97,8 @@ def show(path: str, full_screen: bool, fps: float) -> dict[str, Any]:
 
     ``full_screen``: the panel's own image, also where views could go through Looking Glass Bridge.
     """
-    from lfsr_core.show.show import SCREEN
-    from lfsr_core.show.show import show as show_now
+    from lfsr_core.exports.show import SCREEN
+    from lfsr_core.exports.show import show as show_now
 
     shown = show_now(path, SCREEN if full_screen else None, fps, emit_progress)
     return {"sentence": shown.sentence, "page": shown.page and str(shown.page.absolute())}

@@ -16,10 +16,10 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json, system_errors
-from lfsr_core.render.child import Child
-from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit, repeated
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import read_json, system_errors
+from lfsr_core.process.child import Child
+from lfsr_core.process.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit, repeated
 from lfsr_core.tasks import blender_tasks, frame_tasks
 
 # A task takes the entries of its file and returns JSON-ready data.

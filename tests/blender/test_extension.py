@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from lfsr_core import __version__
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_mask, read_png
 
@@ -134,11 +134,11 @@ def test_two_builds_are_the_same_bytes(archive, tmp_path):
 
 
 @pytest.mark.parametrize(("module", "place", "name"), [
-    ("lfsr_core.errors", "ui/operators/render.py", "...packages.lfsr_core.errors"),
-    ("lfsr_core.errors", "__init__.py", ".packages.lfsr_core.errors"),
+    ("lfsr_core.base.errors", "ui/operators/render.py", "...packages.lfsr_core.errors"),
+    ("lfsr_core.base.errors", "__init__.py", ".packages.lfsr_core.errors"),
     ("lfsr_core", "ui/panels.py", "..packages.lfsr_core"),
-    ("lfsr_core.errors", "packages/lfsr_core/files.py", ".errors"),
-    ("lfsr_core.optics.panel.weave", "packages/lfsr_core/optics/panel/fit.py", ".weave"),
+    ("lfsr_core.base.errors", "packages/lfsr_core/base/files.py", ".errors"),
+    ("lfsr_core.optics.panel.weave", "packages/lfsr_core/calibration/fit.py", ".weave"),
     ("lfsr_core.optics.rays", "packages/lfsr_core/tasks/runner.py", "..optics.rays"),
     ("lfsr_core.tasks", "packages/lfsr_core/tasks/runner.py", "."),
 ])
@@ -151,13 +151,13 @@ def test_relative_names(module, place, name):
 
 
 def test_imports_are_rewritten_and_nothing_else():
-    source = ('"""from lfsr_core.errors import LfsrError"""\nfrom lfsr_core.errors import (\n    LfsrError)\n'
-              "def f():\n    from lfsr_core.files import read_json  # from lfsr_core.files\n")
+    source = ('"""from lfsr_core.base.errors import LfsrError"""\nfrom lfsr_core.base.errors import (\n    LfsrError)\n'
+              "def f():\n    from lfsr_core.base.files import read_json  # from lfsr_core.base.files\n")
     assert builder.with_relative_imports(source, PurePosixPath("ui/panels.py")) == source.replace(
         "\nfrom lfsr_core", "\nfrom ..packages.lfsr_core").replace(
         "    from lfsr_core", "    from ..packages.lfsr_core")
     with pytest.raises(LfsrError, match=r"ui/panels\.py, line 1 imports lfsr_core itself"):
-        builder.with_relative_imports("import lfsr_core.errors", PurePosixPath("ui/panels.py"))
+        builder.with_relative_imports("import lfsr_core.base.errors", PurePosixPath("ui/panels.py"))
 
 
 def test_blender_of_each_version_finds_the_zip_valid(archive, blender):
@@ -312,7 +312,7 @@ BROKEN = [
     ("check_hidden_code", "compat.py", "import base64\nbase64.b64decode(b'')"),
     ("check_network", "compat.py", "import urllib.request"),
     ("check_network", "compat.py", "def f():\n    from http import client"),
-    ("check_network", "packages/lfsr_core/show/loopback.py", 'ADDRESSES = ("127.0.0.1", "192.0.2.1")'),
+    ("check_network", "packages/lfsr_core/exports/loopback.py", 'ADDRESSES = ("127.0.0.1", "192.0.2.1")'),
     ("check_self_contained", "compat.py", "import bpy\nbpy.ops.preferences.addon_enable(module='x')"),
     ("check_self_contained", "compat.py", "import subprocess\nsubprocess.run(['python', '-m', 'pip'])"),
     ("check_own_folder", "compat.py", "open(__file__, 'a')"),

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core import progress
+from lfsr_core.base import progress
 from lfsr_core.cli import build_parser, main
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.depth_scale import samples_at

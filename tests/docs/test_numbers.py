@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
+from lfsr_core.base.records import read_record
 from lfsr_core.optics.depth_scale import MODEL
-from lfsr_core.records import read_record
 from lfsr_lab.experiments.chart.analysis import mean_cells, mean_duels
 from lfsr_lab.experiments.chart.records import Chart, MeanDuel, read_chart
 from lfsr_lab.experiments.denoiser import records as denoiser

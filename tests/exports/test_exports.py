@@ -15,7 +15,7 @@ import OpenEXR
 import pytest
 from PIL import Image, ImageSequence
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports import films
 from lfsr_core.exports.format_names import DESCRIPTIONS, TITLES
 from lfsr_core.exports.formats import FORMATS, export

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports.disparity import central_disparity
 from lfsr_core.exports.formats import export
 from lfsr_core.exports.light_field import read_light_field

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports.formats import export
 from lfsr_core.exports.importing import ImportGeometry, import_views
 from lfsr_core.exports.light_field import read_light_field

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports import page
 from lfsr_core.exports.page import fewer_views, write_page
 from lfsr_core.images.png import read_png, write_png

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.cli import main
-from lfsr_core.errors import LfsrError
 from lfsr_core.exports.format_names import DESCRIPTIONS
 from lfsr_core.exports.formats import export
 from lfsr_core.exports.frame_folders import frame_folders

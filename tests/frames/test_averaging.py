@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.averaging import check_averaging, seed_in_turn
 from lfsr_core.frames.job import MOST_SEED
 

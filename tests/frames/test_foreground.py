@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.foreground import foreground_mask, recall, unseen_notes
 
 LENSES = (5, 4)  # across, down, of 3 × 2 pixels

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, Frame, read_frame, read_part, write_frame
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.optics.display import load_display

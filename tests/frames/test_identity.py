@@ -6,7 +6,7 @@ import dataclasses
 
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import SUBPIXELS, write_frame
 from lfsr_core.frames.identity import check_same, digest, first_difference, is_of, is_same, job_facts, phrases
 from lfsr_core.frames.job import AUTO, Job

@@ -8,11 +8,11 @@ import os
 
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import to_data, write_record
 from lfsr_core.frames.job import Job, check_light, check_scene, read_job
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import load_display
-from lfsr_core.records import to_data, write_record
 
 MINI = load_display("mini")
 JOB = Job("out", MINI, scene="s.blend", kind="reference", scale=2, spp=9, layers=("albedo",), layout="view-by-view",

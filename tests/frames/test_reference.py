@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import REFERENCE_FILES, write_frame
 from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.srgb import srgb_encode

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.views import eia_to_views, read_views, views_to_eia
 from lfsr_core.images.png import read_png
 from lfsr_core.reconstruct.second_stage import upscale_frame

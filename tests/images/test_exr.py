@@ -11,7 +11,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.images import exr, png
 
 OPEN = Path("/proc/self/fd")
@@ -239,7 +239,7 @@ def test_png_whose_size_lies_and_a_pipe(tmp_path):
 FULL_DISK = """
 import resource, sys, numpy as np
 from lfsr_core.images import exr, png
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 noise = np.random.default_rng(0).random((400, 400, 3))
 def write(name):
     if name == "a.png":

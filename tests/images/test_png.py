@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.images import png
 
 RANDOM = np.random.default_rng(0)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.images import baked_color
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.images.png import read_png

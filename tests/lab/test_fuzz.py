@@ -18,26 +18,26 @@ import numpy as np
 import pytest
 from _pytest.mark import ParameterSet
 from PIL import Image
+from tests.optics.panel.test_fit import CYLINDERS, GOOD
+from tests.render.test_content import BASE, blend, scene
 
+from lfsr_core.base.files import write_json
+from lfsr_core.base.records import to_data
+from lfsr_core.calibration.patterns import pattern
+from lfsr_core.calibration.visual_json import OFFSETS
 from lfsr_core.cli import main
-from lfsr_core.files import write_json
 from lfsr_core.frames.job import read_job
 from lfsr_core.images.png import write_png
 from lfsr_core.optics.eia import to_views
-from lfsr_core.optics.panel.patterns import pattern
-from lfsr_core.optics.panel.visual_json import OFFSETS
 from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.pipeline.parts import INPUTS_FILE, remove_others
 from lfsr_core.reconstruct import denoiser, tza
-from lfsr_core.records import to_data
-from lfsr_core.render.parts import INPUTS_FILE, remove_others
 from lfsr_lab.experiments.photographs.camera import photograph
 from lfsr_lab.experiments.sweeps.sweeps import choose_sweeps, label
 from lfsr_lab.networks import comparators
 from lfsr_lab.train.config import CONFIG_FOLDER
 from lfsr_lab.train.denoiser.data import load_scenes
 from tests.lab.train.denoiser.test_denoiser import write_scene
-from tests.optics.panel.test_fit import CYLINDERS, GOOD
-from tests.render.test_content import BASE, blend, scene
 from tests.support import chart_folder, damage
 from tests.support.damage import Case
 from tests.support.finished import finished

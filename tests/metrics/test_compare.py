@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import read_json
 from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE
 from lfsr_core.images.exr import write_layers
 from lfsr_core.images.png import read_mask, write_mask

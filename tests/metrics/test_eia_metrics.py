@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from skimage.metrics import structural_similarity
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.images.srgb import srgb_decode, srgb_encode
 from lfsr_core.metrics import eia_metrics
 from lfsr_core.metrics.split_ssim import psnr, split_ssim, split_ssim_map

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 
 GOOD = {"name": "test", "panel_pixels": [40, 20], "panel_mm": [80.0, 40.0], "lenses": [10, 5], "views": [4, 4],

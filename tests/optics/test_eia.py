@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics import eia
 
 SIZES = st.tuples(*[st.integers(1, 6)] * 4, st.integers(1, 4))

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.eye import eye_view

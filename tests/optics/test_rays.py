@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.rays import CameraArray, RayLayout, rays, view_offset
 from tests.support.rays import pixel_rays

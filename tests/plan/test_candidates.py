@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.plan import candidates as plan
 from lfsr_core.plan.candidates import Candidate, Rated, asymptote, candidates, chain, choose

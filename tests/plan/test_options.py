@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.plan.options import PlanOptions
 
 

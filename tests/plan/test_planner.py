@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame, write_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.low_res import finished_layout
@@ -18,13 +18,13 @@ from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.world_view import WorldImage
+from lfsr_core.pipeline.store import Render
 from lfsr_core.plan import planner, score
 from lfsr_core.plan.candidates import BETWEEN, Candidate
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.planner import Planned, make_plan
 from lfsr_core.plan.report import sentence, table
 from lfsr_core.reconstruct.second_stage import finished_linear
-from lfsr_core.render.store import Render
 from tests.support import noisy_renders
 from tests.support.noisy_renders import JOB, render
 from tests.support.synthetic import MINI, frame_of, light_field

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from lfsr_core.base.records import read_record, write_record
 from lfsr_core.plan import score
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.planner import make_plan
 from lfsr_core.plan.report import PlanReport, _front, plan_report, table
-from lfsr_core.records import read_record, write_record
 from tests.support.noisy_renders import JOB, render
 
 

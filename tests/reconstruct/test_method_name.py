@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.reconstruct.method_name import COMPARED, DEFAULT_METHOD, GONE, METHODS, PANEL_METHODS, MethodName
 from lfsr_core.reconstruct.networks import catalogue
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.cli import main
-from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame, read_rendered
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.exr import read_layers, write_layers

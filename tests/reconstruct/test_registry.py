@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct import method_name, registry
 from lfsr_core.reconstruct.method_name import MethodName

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames import low_res
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame, write_frame
 from lfsr_core.frames.report import read_report
@@ -238,7 +238,7 @@ def test_an_upscaler_that_is_not_thread_safe_runs_alone_in_steps(tmp_path):
 
 FULL_DISK = """
 import resource, sys
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.reconstruct.options import UpscaleOptions
 from lfsr_core.reconstruct.second_stage import upscale_frame
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames import low_res
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.images.exr import read_layers, write_layers

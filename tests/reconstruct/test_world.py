@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame
 from lfsr_core.frames.low_res import low_resolution, read_world
 from lfsr_core.images.exr import read_layers, write_layers

@@ -6,8 +6,8 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from lfsr_core.sequence.animation import Animation, SecondStage, animation_of
-from lfsr_core.sequence.engine import Result, Tools
+from lfsr_core.pipeline.animation import Animation, SecondStage, animation_of
+from lfsr_core.pipeline.engine import Result, Tools
 from tests.support.noisy_renders import JOB
 from tests.support.played_blender import played_blender
 

@@ -22,8 +22,8 @@ import numpy as np
 from PIL import Image
 from safetensors.numpy import load_file
 
+from lfsr_core.base.errors import MOST_CHARACTERS, LfsrError
 from lfsr_core.cli import main
-from lfsr_core.errors import MOST_CHARACTERS, LfsrError
 from lfsr_core.images.exr import read_layers
 from tests.test_fuzz import SPECIAL, places
 

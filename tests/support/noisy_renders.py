@@ -12,7 +12,7 @@ from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, write_frame
 from lfsr_core.frames.job import Job, read_job
 from lfsr_core.images.exr import write_layers
 from lfsr_core.optics.lens_rows import pixel_rows
-from lfsr_core.render.protocol import RENDERED_STAGE, emit
+from lfsr_core.process.protocol import RENDERED_STAGE, emit
 from tests.support.synthetic import MINI, frame_of, light_field, tiles, traced_panel
 
 NOISE = 0.3  # of one sample

@@ -51,9 +51,11 @@ def warm_lfsr(folder: Path) -> Iterator[Path]:
 def serve(address: str, blender: str) -> None:
     """Import what calls need, then answer them until the end."""
     from lfsr_core.cli import main
+    from lfsr_core.pipeline import (
+        engine,  # noqa: F401
+        merge,  # noqa: F401
+    )
     from lfsr_core.reconstruct import second_stage  # noqa: F401, a call would import it
-    from lfsr_core.render import merge  # noqa: F401
-    from lfsr_core.sequence import engine  # noqa: F401
     from tests.support.noisy_renders import play
 
     def lfsr(arguments: list[str]) -> int:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import read_frame, write_frame
-from lfsr_core.records import to_data
-from lfsr_core.render.protocol import parse_progress
+from lfsr_core.process.protocol import parse_progress
 from lfsr_core.tasks.blender_tasks import animation
 from tests.support.noisy_renders import JOB
 from tests.support.played_blender import played_blender

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from lfsr_core.base.records import to_data
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import load_display
-from lfsr_core.records import to_data
-from lfsr_core.render.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED
+from lfsr_core.process.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED
 from lfsr_core.tasks import runner
 from tests.support.played_blender import ROOT, played_blender
 from tests.support.synthetic import write_render

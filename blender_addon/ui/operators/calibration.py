@@ -6,8 +6,8 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.optics.panel.patterns import pattern
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.calibration.patterns import pattern
 
 from ...background import session
 from ...results import show_image
@@ -68,7 +68,7 @@ class LFSR_OT_calibrate(bpy.types.Operator):
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
         """Write a profile beside the photographs, choose it and show what it predicts."""
-        from lfsr_core.images.calibration import calibrate  # needs OpenImageIO, too
+        from lfsr_core.calibration.measure import calibrate  # needs OpenImageIO, too
 
         photos = [Path(bpy.path.abspath(self.directory)) / file.name for file in self.files if file.name]
         if not photos:

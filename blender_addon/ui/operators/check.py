@@ -6,8 +6,8 @@ import functools
 
 import bpy
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.progress import duration
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.progress import duration
 
 from ...array.rig import check_editable
 from ...background import probe, session

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_rendered
 from lfsr_core.reconstruct.method_name import AS_RENDERED, PANEL_METHODS, MethodName
 

@@ -11,13 +11,13 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import from_data, to_data
 from lfsr_core.frames.job import Job
 from lfsr_core.plan.candidates import METRICS, Candidate
 from lfsr_core.plan.first import Guess, first_guess
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.reconstruct.method_name import AS_RENDERED
-from lfsr_core.records import from_data, to_data
 from lfsr_core.tasks.blender_tasks import Found
 
 from ...background import recipes, session, steps

@@ -10,7 +10,7 @@ import dataclasses
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_rays
 from lfsr_core.optics.panel.trace import trace

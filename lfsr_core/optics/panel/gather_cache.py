@@ -10,14 +10,14 @@ import hashlib
 import json
 import os
 import shutil
-import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import parse_json, replace
+from lfsr_core.base.cache import cache_folder
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import parse_json, replace
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.gather import Axis, GatherMap, gather_map
 
@@ -43,17 +43,6 @@ def cached_gather_map(profile: DisplayProfile) -> GatherMap:
         _write(folder, mapped)
         _remove_old(folder.parent)
     return mapped
-
-
-def cache_folder() -> Path:
-    """Folder in which this user's programs store data that they can compute again."""
-    if "LFSR_CACHE" in os.environ:
-        return Path(os.environ["LFSR_CACHE"])
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "lfsr"
-    if sys.platform == "darwin":
-        return Path.home() / "Library/Caches/lfsr"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lfsr"
 
 
 def digest(profile: DisplayProfile) -> str:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.optics.lens_card import MIN_SIZE, RIM, UNIT
 from lfsr_core.optics.panel.panel_rays import PERIOD, PanelLayout, subpixel_table
 from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice, elemental_waves, short_steps

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.sheet import Lattice, Lenslet, Lenticular, Sheet
 

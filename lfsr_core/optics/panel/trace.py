@@ -12,7 +12,7 @@ import itertools
 
 import numpy as np
 
-from lfsr_core.arrays import Array, Mask
+from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import Geometry, Pair, subpixel_places
 from lfsr_core.optics.sheet import Lenslet, Lenticular

@@ -6,9 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.cores import usable_cores
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.cores import usable_cores
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.panel.gather import MAX_WORKERS, ONE, GatherMap
 
 AT_ONCE = 1 << 17  # subpixels: their data fit into a core's cache

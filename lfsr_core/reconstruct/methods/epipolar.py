@@ -16,8 +16,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.cores import usable_cores
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.cores import usable_cores
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.blas import blas_threads
 from lfsr_core.reconstruct.contract import Cleaner

@@ -19,10 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
+from lfsr_core.process.protocol import BLENDER_FOLDER
 from lfsr_core.reconstruct.methods import oidn_devices
 from lfsr_core.reconstruct.methods.oidn_devices import CPU, Wanted, check
-from lfsr_core.render.protocol import BLENDER_FOLDER
 
 # Relative to pyoidn's folder or Blender's: Linux, macOS, Windows (pyoidn, Blender, the bpy wheel).
 PLACES = ("lib/libOpenImageDenoise.so.2", "lib/libOpenImageDenoise.dylib", "bin/OpenImageDenoise.dll",

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.reconstruct.methods.interpolation import KERNELS, kernel_matrix
 
 LENS_KERNEL = "cubic"  # across lenses, along a line

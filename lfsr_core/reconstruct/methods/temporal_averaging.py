@@ -13,7 +13,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.encoding import encode
 

@@ -7,7 +7,7 @@ import importlib.metadata
 from collections.abc import Callable
 from typing import Any
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.reconstruct.contract import Network, Upscaler
 
 GROUP = "lfsr.networks"  # of entry points, each a dict of networks by name; importing one imports no PyTorch

@@ -9,7 +9,7 @@ import pytest
 
 from blender_addon.array import cameras, motion, placement, spaces
 from blender_addon.scene import subject
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_core.optics.rays import CameraArray
 from tests.support.scenes import add_box, add_camera

@@ -8,7 +8,7 @@ import pytest
 
 from blender_addon.array import edit, placement, rig
 from blender_addon.scene import subject
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import load_display
 from tests.support import panel
 from tests.support.problems import found

@@ -14,7 +14,7 @@ from blender_addon.background.steps import Task
 from blender_addon.check.problems import check_scene
 from blender_addon.settings import folders, scene_settings
 from blender_addon.ui.operators import check, finish, render
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.report import read_report
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE

@@ -13,7 +13,7 @@ import lfsr_core
 from blender_addon.background import runtime
 from blender_addon.ui import preferences
 from lfsr_core import __version__
-from lfsr_core.cores import CORES
+from lfsr_core.base.cores import CORES
 
 PROBE = "lfsr_core.tasks.probe"
 

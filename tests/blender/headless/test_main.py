@@ -11,12 +11,12 @@ import sys
 import bpy
 import pytest
 
-from lfsr_core.files import write_json
+from lfsr_core.base.files import write_json
+from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import DEVICES, Job
 from lfsr_core.images import exr
-from lfsr_core.records import to_data
-from lfsr_core.render.protocol import ENDS_WITH_INPUT, parse_progress
+from lfsr_core.process.protocol import ENDS_WITH_INPUT, parse_progress
 from tests.support.scenes import MINI, ROOT, add_box, add_camera, emission
 
 ENTRY = ROOT / "blender_addon" / "headless" / "from_sources.py"

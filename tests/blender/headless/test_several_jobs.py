@@ -12,8 +12,8 @@ import pytest
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.images.exr import read_layers
-from lfsr_core.render.blender import find_blender
-from lfsr_core.render.process import Listener, run_job, run_jobs
+from lfsr_core.pipeline.rendering import Listener, run_job, run_jobs
+from lfsr_core.process.blender import find_blender
 from tests.support.scenes import MINI, ROOT, add_box
 
 

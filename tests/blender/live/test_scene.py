@@ -12,7 +12,7 @@ from blender_addon.live import nodes, session
 from blender_addon.live import scene as live_scene
 from blender_addon.render import cycles, output
 from blender_addon.render.lens_card import CELL
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.images import exr
 from lfsr_core.optics.eia import flip_order

@@ -11,10 +11,10 @@ from blender_addon.render import bands, frame_folder, view_by_view
 from blender_addon.render.inputs import Opened
 from lfsr_core.frames.job import LAYERS, Job
 from lfsr_core.images import exr
-from lfsr_core.render.content import scene_content
-from lfsr_core.render.merge import merge
-from lfsr_core.render.pace import Pace
-from lfsr_core.render.parts import Part
+from lfsr_core.pipeline.content import scene_content
+from lfsr_core.pipeline.merge import merge
+from lfsr_core.pipeline.pace import Pace
+from lfsr_core.pipeline.parts import Part
 from tests.support.scenes import MINI, add_box, add_camera, emission
 
 LENSES = ((0, 0), (3, 4), (5, 8), (6, 9), (11, 15))

@@ -9,7 +9,7 @@ import pytest
 
 from blender_addon.render.color import color_settings
 from blender_addon.render.frame_folder import render_job
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.images.exr import read_layers
 from tests.support.scenes import MINI, add_box, add_camera, add_mesh, emission

@@ -12,7 +12,7 @@ import pytest
 from blender_addon import compat
 from blender_addon.render import card_camera, card_parts, cycles, lens_card
 from blender_addon.scene.volumes import distance_to_volume
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.images import exr
 from lfsr_core.optics.rays import RayLayout
 from tests.blender.render.test_view_by_view import same_image

@@ -10,7 +10,7 @@ import bpy
 import pytest
 
 from blender_addon.render import osl_camera
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.rays import RayLayout
 from tests.support.scenes import ARRAY, MINI, ROOT, add_box, emission, encoded
 
@@ -37,7 +37,7 @@ def test_blender_without_osl_says_what_to_do(scene, monkeypatch):
 FULL = """
 import resource, signal, sys, bpy
 from blender_addon.render import osl_camera
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 source = osl_camera.SOURCE.read_text()
 resource.setrlimit(resource.RLIMIT_FSIZE, (len(source) + int(sys.argv[1]),) * 2)

@@ -11,8 +11,8 @@ import pytest
 from blender_addon.render import frame_folder, view_by_view
 from blender_addon.render.cycles import RenderSettings, cycles_settings
 from blender_addon.render.overrides import overridden
-from lfsr_core.cores import CORES
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.cores import CORES
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.images import exr
 from tests.support.scenes import MINI, add_box, emission

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from blender_addon.array import spaces
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics import eia
 from lfsr_core.optics.rays import RayLayout, view_offset
 from tests.support.rays import pixel_rays

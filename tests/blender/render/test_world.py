@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon.render import arrival, cycles, frame_folder, world
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.frames.low_res import read_world

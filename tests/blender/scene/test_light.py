@@ -12,7 +12,7 @@ import pytest
 from blender_addon.render import arrival, frame_folder
 from blender_addon.scene import light
 from blender_addon.scene.open import open_scene
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import EVEN, OWN, Job
 from lfsr_core.images import exr

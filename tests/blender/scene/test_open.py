@@ -13,7 +13,7 @@ from blender_addon.array import edit, placement, rig
 from blender_addon.array.cameras import camera_notices, choose_camera
 from blender_addon.scene.open import open_scene
 from blender_addon.scene.subject import find_subject
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from tests.support.scenes import MINI, add_box, add_camera, fresh_scene, save_box
 
 # Box of the test files: not centred, not a cube, deeper than wide in no axis.

@@ -8,7 +8,7 @@ import pytest
 
 from blender_addon.render import frame_folder
 from blender_addon.scene import subject
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.images import exr

@@ -12,7 +12,7 @@ import pytest
 from blender_addon.array import placement as rig
 from blender_addon.scene.open import open_scene
 from blender_addon.scene.subject import find_subject
-from lfsr_core.files import write_json
+from lfsr_core.base.files import write_json
 from tests.support.scenes import MINI, ROOT, add_box, emission
 
 SCRIPT = ROOT / "scripts" / "lab" / "lfsr_lab" / "scenes" / "move_camera_array.py"

@@ -16,7 +16,7 @@ from blender_addon.array import rig
 from blender_addon.render.frame_folder import render_job
 from blender_addon.scene import light, open, subject
 from blender_addon.scene.notices import missing_images
-from lfsr_core.files import read_json
+from lfsr_core.base.files import read_json
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import Job

@@ -12,8 +12,8 @@ import pytest
 from blender_addon.background import recipes
 from blender_addon.check.problems import check_scene
 from blender_addon.settings import folders
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json, write_json
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import read_json, write_json
 from lfsr_core.frames.frame import read_frame, write_frame
 from lfsr_core.images.png import read_png
 from tests.support import panel

@@ -9,7 +9,7 @@ from blender_addon.background import recipes, session
 from blender_addon.scene.open import choose_scene
 from blender_addon.settings import scene_settings
 from blender_addon.ui.operators import check
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.optics.display import PROFILE_FOLDER
 from tests.support import panel

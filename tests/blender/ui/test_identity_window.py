@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.files import read_json, write_json
+from lfsr_core.base.files import read_json, write_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.png import read_png

@@ -13,7 +13,7 @@ from blender_addon.settings import folders, scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.display_panel import LFSR_MT_scale, LFSR_PT_display
 from blender_addon.ui.operators import check
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.job import LIGHTS
 from tests.support import panel
 from tests.support.problems import found

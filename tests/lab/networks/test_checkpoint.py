@@ -10,8 +10,8 @@ import pytest
 import torch
 from safetensors.numpy import save_file
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import read_json
 from lfsr_lab.networks import checkpoint, comparators
 from lfsr_lab.networks.networks import load
 from lfsr_lab.networks.photograph_networks import PaperGenerator

@@ -6,7 +6,7 @@ import torch
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.reconstruct import tza
 from lfsr_core.reconstruct.denoiser import BASE, SMALL, network_shapes
 from lfsr_core.reconstruct.methods import oidn

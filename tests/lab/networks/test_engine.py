@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_lab.networks import upscalers
 from lfsr_lab.networks.engine import Engine

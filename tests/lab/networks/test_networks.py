@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import nn
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_lab.networks import comparators
 from lfsr_lab.networks.networks import build
 from lfsr_lab.networks.photograph_networks import PaperGenerator

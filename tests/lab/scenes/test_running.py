@@ -2,8 +2,8 @@
 
 import pytest
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.render.blender import Blender
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.process.blender import Blender
 from lfsr_lab.scenes.running import run_script
 
 

@@ -6,7 +6,7 @@ import dataclasses
 
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_lab.networks import comparators
 from lfsr_lab.train.config import DENOISER, DenoiserConfig, builtin_configs, load_config
 

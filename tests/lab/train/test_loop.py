@@ -10,7 +10,7 @@ import cv2
 import pytest
 import torch
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_lab.train import loop
 from lfsr_lab.train.log import TrainLog, read_log
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.panel.panel_rays import PanelLayout, lens_points, panel_image, panel_rays
 from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_rays
 from lfsr_core.optics.panel.trace import trace

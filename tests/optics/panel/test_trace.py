@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.panel.gather import gather_map
 from lfsr_core.optics.panel.subpixel_rays import Geometry

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import WEAVES
 from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.panel.gather import ONE, gather_map

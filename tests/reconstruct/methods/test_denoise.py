@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.denoiser import WEIGHTS, load
 from lfsr_core.reconstruct.methods import denoise, oidn

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.encoding import decode, encode
 from lfsr_core.reconstruct.methods.epipolar import LINES, Recovering, lost_fraction

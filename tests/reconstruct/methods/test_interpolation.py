@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.metrics.split_ssim import blur
 from lfsr_core.optics import eia

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.reconstruct.networks import catalogue
 
 

@@ -20,9 +20,9 @@ from safetensors.numpy import load as from_bytes
 from safetensors.numpy import save as to_bytes
 from torch import nn
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path, read_bytes, write_json
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path, read_bytes, write_json
 
 FORMAT, VERSION = "lfsr-weights", 1
 MAX_BYTES = 1_000_000

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.reconstruct.contract import Network
 
 FOLDER = Path(__file__).parent / "weights"

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.reconstruct.denoiser import COLOR_INPUTS, LAYERS, SKIPS, SMALL, check_network, network_shapes
 
 MULTIPLE = 16  # of the sides of what the network sees

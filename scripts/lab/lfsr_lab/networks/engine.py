@@ -11,8 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_lab.networks.deconvolution import fold_for_inference
 from lfsr_lab.networks.srgb import srgb_decode, srgb_encode
 

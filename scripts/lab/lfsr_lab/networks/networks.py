@@ -7,7 +7,7 @@ from pathlib import Path
 
 from torch import nn
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_lab.networks import comparators
 from lfsr_lab.networks.checkpoint import load_into
 from lfsr_lab.networks.photograph_networks import ESPCN, FSRCNN, PaperGenerator

@@ -9,8 +9,8 @@ import contextlib
 import functools
 from pathlib import Path
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.reconstruct import tza
 from lfsr_core.reconstruct.methods import oidn
 

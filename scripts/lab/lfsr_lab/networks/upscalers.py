@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_lab.networks.engine import Engine
 from lfsr_lab.networks.networks import load

@@ -18,8 +18,8 @@ sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4)
 import bpy
 from mathutils import Vector
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.render.protocol import EXIT_BAD_INPUT, emit
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.process.protocol import EXIT_BAD_INPUT, emit
 from lfsr_lab.scenes.shared.light import world
 from lfsr_lab.scenes.shared.objects import add_object, settle
 from lfsr_lab.scenes.shared.script import leave, save, script_arguments

@@ -20,7 +20,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.graph import paint, principled
 from lfsr_lab.scenes.shared.light import demo_camera, lamp, sun, world

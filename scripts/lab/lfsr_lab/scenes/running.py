@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from lfsr_core.render.blender import Blender
-from lfsr_core.render.child import Child
+from lfsr_core.process.blender import Blender
+from lfsr_core.process.child import Child
 
 
 def run_script(blender: Blender, script: Path, argument: Path, products: Iterable[Path]) -> None:

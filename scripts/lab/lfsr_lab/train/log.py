@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.files import atomic_path, system_errors
+from lfsr_core.base.files import atomic_path, system_errors
 from lfsr_lab.train.reading import open_data
 
 LOG_NAME, IMAGE_NAME = "log.jsonl", "loss.png"

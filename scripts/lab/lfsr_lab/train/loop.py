@@ -21,10 +21,10 @@ from typing import IO, Any, Protocol
 import torch
 from torch import Tensor
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path
-from lfsr_core.progress import Progress, silent
-from lfsr_core.records import from_data
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path
+from lfsr_core.base.progress import Progress, silent
+from lfsr_core.base.records import from_data
 from lfsr_lab.train.log import TrainLog
 from lfsr_lab.train.reading import open_data
 

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import reading
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import reading
 
 
 @contextmanager

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.progress import ProgressBar
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.progress import ProgressBar
 
 NAME = "train"
 HELP = "train a network as a TOML config says"

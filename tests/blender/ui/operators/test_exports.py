@@ -6,8 +6,10 @@ import av
 import bpy
 import numpy as np
 import pytest
+from tests.optics.panel.test_visual_json import OLD
 
 from blender_addon.settings import folders
+from lfsr_core.exports import loopback
 from lfsr_core.exports.format_names import DESCRIPTIONS
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.screen_images import on_screen
@@ -15,8 +17,6 @@ from lfsr_core.exports.sway import eye_place
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.profile_file import write_profile
-from lfsr_core.show import loopback
-from tests.optics.panel.test_visual_json import OLD
 from tests.support import panel
 from tests.support.bridge import device
 from tests.support.bridge_displays import DEVICES

@@ -13,7 +13,7 @@ from blender_addon.background import recipes
 from blender_addon.results import preview
 from blender_addon.settings import folders, scene_settings
 from blender_addon.ui import summary
-from lfsr_core.files import read_json
+from lfsr_core.base.files import read_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png
 from tests.support import panel

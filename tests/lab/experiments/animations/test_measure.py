@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.records import read_record
+from lfsr_core.base.records import read_record
 from lfsr_lab.experiments.animations.__main__ import main
 from lfsr_lab.experiments.animations.accuracy import Figures, Truth, compare
 from lfsr_lab.experiments.animations.cells import (

@@ -6,8 +6,8 @@ import json
 
 import pytest
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.records import to_data, write_record
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import to_data, write_record
 from lfsr_lab.experiments.chart.records import read_chart
 from tests.support.chart_example import example
 

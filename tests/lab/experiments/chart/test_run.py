@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.cli import main
-from lfsr_core.errors import LfsrError
+from lfsr_core.pipeline.content import FORMAT as CONTENT_FORMAT
+from lfsr_core.pipeline.staging import staging_folder
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.registry import method
-from lfsr_core.render.content import FORMAT as CONTENT_FORMAT
-from lfsr_core.render.staging import staging_folder
 from lfsr_lab.experiments.chart import cells as chart_cells
 from lfsr_lab.experiments.chart.settings import Settings, default_methods
 from lfsr_lab.experiments.engine import timing

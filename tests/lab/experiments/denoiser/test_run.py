@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.files import read_json
+from lfsr_core.base.files import read_json
+from lfsr_core.base.records import read_record
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import to_elemental_images, to_views
-from lfsr_core.records import read_record
 from lfsr_lab.experiments.denoiser import page
 from lfsr_lab.experiments.denoiser.__main__ import BASELINES, main
 from lfsr_lab.experiments.denoiser.measure import Candidate, figures

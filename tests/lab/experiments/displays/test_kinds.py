@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_lab.experiments.displays.kinds import FULL_WIDTH, kind
 from lfsr_lab.experiments.displays.renders import FEW, with_few_views

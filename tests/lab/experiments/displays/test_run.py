@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.records import read_record
+from lfsr_core.base.records import read_record
 from lfsr_lab.experiments.displays import __main__ as run
 from lfsr_lab.experiments.displays import page
 from lfsr_lab.experiments.displays.measure import Accuracy, Point, Target, seen

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import write_record
 from lfsr_core.cli import build_parser
-from lfsr_core.errors import LfsrError
-from lfsr_core.records import write_record
 from lfsr_lab.experiments.animations.cells import NAMES as ANIMATIONS
 from lfsr_lab.experiments.document import page
 from lfsr_lab.experiments.document import run as document

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_lab.experiments.document import run as document
 from lfsr_lab.experiments.document.studies import SHORT, Table, read_table, units
 from lfsr_lab.experiments.document.work import Work, joined

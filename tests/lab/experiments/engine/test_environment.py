@@ -9,7 +9,7 @@ import sys
 import numpy as np
 
 import lfsr_core
-from lfsr_core.records import from_data, to_data
+from lfsr_core.base.records import from_data, to_data
 from lfsr_lab.experiments.engine.environment import Environment, environment
 from tests.support.synthetic import fails
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lfsr_core.frames.job import Job
-from lfsr_core.render.store import is_complete
+from lfsr_core.pipeline.store import is_complete
 from lfsr_lab.experiments.engine.renders import Store
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import MINI

@@ -9,7 +9,7 @@ import re
 import pytest
 from jinja2 import DictLoader, UndefinedError
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_lab.experiments.engine import report
 from lfsr_lab.experiments.engine.report import markdown_table, number
 

@@ -6,9 +6,9 @@ import pytest
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import read_record
 from lfsr_core.optics.display import builtin_names, load_display
-from lfsr_core.records import read_record
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.gpu_budget import page
 from lfsr_lab.experiments.gpu_budget.__main__ import Record

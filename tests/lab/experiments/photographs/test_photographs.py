@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lfsr_core.files import write_json
+from lfsr_core.base.files import write_json
 from lfsr_lab.experiments.photographs.__main__ import PITCH, TILT, measured, tables
 
 

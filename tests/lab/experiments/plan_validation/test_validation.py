@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lfsr_core.base.records import read_record
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame, write_frame
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.eia import to_elemental_images
@@ -18,7 +19,6 @@ from lfsr_core.plan.candidates import Candidate, Choice, Rated
 from lfsr_core.plan.estimate import Estimate
 from lfsr_core.plan.planner import Planned, SampleFacts
 from lfsr_core.plan.times import path_samples
-from lfsr_core.records import read_record
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.timing import Repeats
 from lfsr_lab.experiments.plan_validation import actual

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_lab.experiments.rivals.__main__ import main
 from lfsr_lab.experiments.rivals.captured import FOLDERS, TASKS, likeness, made, methods, read_field
 from tests.support import stored_weights as stored

@@ -7,7 +7,7 @@ import pytest
 import torch
 from scipy.ndimage import gaussian_filter
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_lab.experiments.rivals import lfbm5d
 from lfsr_lab.experiments.rivals.angular_sr import AngularSR
 from lfsr_lab.experiments.rivals.epicnn import EPICNN

@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
+from lfsr_core.base.records import write_record
 from lfsr_core.optics.depth_scale import LossModel
-from lfsr_core.records import write_record
 from lfsr_lab.experiments.denoiser.settings import places, read_settings
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.scales.__main__ import main

@@ -11,12 +11,12 @@ import cv2
 import numpy as np
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import from_data, to_data
 from lfsr_core.metrics.compare import compare_folders
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES
+from lfsr_core.pipeline import store
 from lfsr_core.reconstruct.second_stage import upscale_frame
-from lfsr_core.records import from_data, to_data
-from lfsr_core.render import store
 from lfsr_lab.experiments.engine import timing
 from lfsr_lab.experiments.engine.plots import save
 from lfsr_lab.experiments.seed_paper import __main__ as command

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray, RayLayout, rays
 from lfsr_lab.experiments.sweeps.measure import DISPLAY_FILE

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
+from lfsr_core.base.records import read_record
 from lfsr_core.cli import main
 from lfsr_core.frames.frame import write_frame
 from lfsr_core.images.png import read_png
 from lfsr_core.reconstruct import registry
 from lfsr_core.reconstruct.method_name import MethodName
-from lfsr_core.records import read_record
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import SCENE_FILE
 from lfsr_lab.experiments.plan_validation.records import Validation

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_lab.experiments.sweeps.sweeps import SWEEPS, choose_sweeps
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_lab.networks.srgb import srgb_decode
 from lfsr_lab.train.photographs.data import CropSampler, Photographs, downsample, load_photographs
 from tests.support.training_photographs import some_photographs, write_photographs

@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import nn
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_lab.networks.networks import load
 from lfsr_lab.train.photographs.data import load_photographs
 from lfsr_lab.train.photographs.discriminator import Discriminator

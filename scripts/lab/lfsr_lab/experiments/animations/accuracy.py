@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.frames.reference import Reference
 from lfsr_core.images.srgb import srgb_encode

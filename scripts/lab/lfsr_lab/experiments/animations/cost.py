@@ -15,11 +15,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+from lfsr_core.base.records import write_record
 from lfsr_core.frames.frame import LOW_RES_FILE
 from lfsr_core.frames.job import Job, read_job
+from lfsr_core.frames.numbers import parse_frames
 from lfsr_core.optics.display import load_display
-from lfsr_core.records import write_record
-from lfsr_core.sequence.numbers import parse_frames
 
 DISPLAY, SCALE, SAMPLES, ROUNDS, OWN = "small", 2, 64, 3, "Blender's own"
 

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.metrics.intervals import NORMAL_95
 from lfsr_lab.experiments.chart.records import Cell, Cost, Duel, Key, MeanDuel, Measured, Reach, Role, SceneRow, Times
 from lfsr_lab.experiments.engine.measures import FLIP, MEASURES, RELMSE, SMAPE, SSIM

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.reconstruct.registry import method
 from lfsr_lab.experiments.chart import cells

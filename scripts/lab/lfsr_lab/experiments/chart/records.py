@@ -11,9 +11,9 @@ import statistics
 from pathlib import Path
 from typing import Final, Literal
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json
-from lfsr_core.records import from_data
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import read_json
+from lfsr_core.base.records import from_data
 from lfsr_lab.experiments.engine.environment import Environment
 from lfsr_lab.experiments.engine.seeds import Estimate
 

@@ -6,15 +6,15 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.progress import ProgressBar
+from lfsr_core.base.records import write_record
 from lfsr_core.frames.frame import FRAME_FILE, read_frame
 from lfsr_core.frames.identity import is_changed
-from lfsr_core.progress import ProgressBar
+from lfsr_core.pipeline.content import scene_content
+from lfsr_core.pipeline.staging import staging_folder
+from lfsr_core.pipeline.store import is_complete
 from lfsr_core.reconstruct.method_name import MethodName
-from lfsr_core.records import write_record
-from lfsr_core.render.content import scene_content
-from lfsr_core.render.staging import staging_folder
-from lfsr_core.render.store import is_complete
 from lfsr_lab.experiments.chart import cells, crops, findings, panels
 from lfsr_lab.experiments.chart.analysis import FIXED, Point, duels, reaches, short
 from lfsr_lab.experiments.chart.cells import Render

@@ -6,7 +6,7 @@ import dataclasses
 import importlib.util
 from pathlib import Path
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.method_name import COMPARED, DEFAULT_METHOD, DENOISE, UPSCALERS
 from lfsr_core.reconstruct.networks import catalogue

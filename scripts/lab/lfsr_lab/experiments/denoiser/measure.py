@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.frames.frame import Frame
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.reconstruct.method_name import MethodName

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.metrics.intervals import student_95
 from lfsr_lab.experiments.denoiser.measure import METRICS, Figures
 from lfsr_lab.experiments.denoiser.settings import Render, Scene, Settings

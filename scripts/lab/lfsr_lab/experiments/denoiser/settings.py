@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import from_data
 from lfsr_core.frames.job import Job, check_scene
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.records import from_data
 from lfsr_lab.experiments.displays.kinds import FULL_WIDTH, kind
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, foreground, reference_of, sampled
 

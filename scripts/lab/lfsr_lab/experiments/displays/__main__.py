@@ -15,7 +15,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from lfsr_core.records import write_record
+from lfsr_core.base.records import write_record
 from lfsr_lab.experiments.displays import page
 from lfsr_lab.experiments.displays.kinds import FULL_WIDTH, kind
 from lfsr_lab.experiments.displays.measure import Point, Target, measure

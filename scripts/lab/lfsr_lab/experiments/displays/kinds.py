@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, load_display
 
 FULL_WIDTH = {"integral": 7680, "lenticular": 3840, "hexagonal": 7680}  # pixels of the real panels

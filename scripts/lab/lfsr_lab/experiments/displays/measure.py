@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.frames.frame import REFERENCE_FILES, SUBPIXELS, read_rendered
 from lfsr_core.frames.reference import Reference
 from lfsr_core.metrics.split_ssim import mean_of, psnr, split_mse, split_ssim_map

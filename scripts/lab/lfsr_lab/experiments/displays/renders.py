@@ -16,10 +16,10 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.render.store import is_complete
+from lfsr_core.pipeline.store import is_complete
 from lfsr_lab.experiments.displays.ways import EVERY_VIEW, GUIDES, SUBPIXEL, USUAL, Way, measured_at
 from lfsr_lab.experiments.engine.records import Fingerprint, Records
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, check_render, reference_of

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS, Frame, read_frame, read_rendered
 from lfsr_core.images.exr import read_finite
 from lfsr_core.images.srgb import srgb_encode

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lfsr_core.files import read_json
-from lfsr_core.records import from_data, read_record
+from lfsr_core.base.files import read_json
+from lfsr_core.base.records import from_data, read_record
 from lfsr_lab.experiments.animations import report as animations
 from lfsr_lab.experiments.chart import findings, panels
 from lfsr_lab.experiments.chart.records import read_chart

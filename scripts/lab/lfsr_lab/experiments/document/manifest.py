@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import read_json
 from lfsr_lab.experiments.document.studies import Table
 
 Digests = dict[str, str]  # SHA-256 by the file's path below the asset's folder

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path
 from lfsr_lab.experiments.document.figures import Shown, shown
 from lfsr_lab.experiments.document.studies import Kept, Study
 from lfsr_lab.experiments.engine.report import page_html, write_drawn

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json, write_json
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import read_json, write_json
 from lfsr_lab.experiments.document import manifest, page
 from lfsr_lab.experiments.document.studies import FORMS, Kept, Study, Unit, units
 from lfsr_lab.experiments.document.work import IMAGES, MEASURED, Ended, Work

@@ -7,8 +7,8 @@ import tomllib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from lfsr_core.errors import LfsrError, did_you_mean
-from lfsr_core.records import from_data
+from lfsr_core.base.errors import LfsrError, did_you_mean
+from lfsr_core.base.records import from_data
 
 TABLE = Path(__file__).parent / "document.toml"
 SHORT, LONG = "short", "long"

@@ -24,12 +24,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path, locks, read_json, replace, write_json
-from lfsr_core.progress import duration
-from lfsr_core.records import read_record, write_record
-from lfsr_core.render.blender import find_blender
-from lfsr_core.render.process_group import START, ProcessGroup
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path, locks, read_json, replace, write_json
+from lfsr_core.base.progress import duration
+from lfsr_core.base.records import read_record, write_record
+from lfsr_core.process.blender import find_blender
+from lfsr_core.process.group import START, ProcessGroup
 from lfsr_lab.experiments.document.manifest import Digests, digests
 from lfsr_lab.experiments.document.studies import TABLE, Asset, Study, Table, Unit, units
 from lfsr_lab.experiments.engine.cells import to_stderr

@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from lfsr_core import __version__
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 
 PACKAGES = ("bpy", "numpy", "pyoidn", "torch", "OpenImageIO", "opencolorio")
 REPORT_PACKAGES = ("Jinja2", "matplotlib")  # of the package lfsr-lab

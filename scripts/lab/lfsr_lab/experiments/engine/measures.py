@@ -20,7 +20,7 @@ from __future__ import annotations
 import flip_evaluator
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
 

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.files import atomic_path
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.files import atomic_path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json, write_json
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import read_json, write_json
+from lfsr_core.base.records import from_data, to_data
 from lfsr_core.reconstruct.method_name import MethodName
-from lfsr_core.records import from_data, to_data
 from lfsr_lab.experiments.engine.environment import load_average
 
 Record = TypeVar("Record")

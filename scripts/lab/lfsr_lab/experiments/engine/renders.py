@@ -9,20 +9,20 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.arrays import Mask
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import write_json
+from lfsr_core.base.arrays import Mask
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import write_json
+from lfsr_core.base.progress import ProgressBar
+from lfsr_core.base.records import read_record, write_record
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
 from lfsr_core.frames.identity import RAYS, check_same
 from lfsr_core.frames.job import Job, check_scene
 from lfsr_core.images.exr import read_finite
 from lfsr_core.optics.lens_sampling import choose_lenses
-from lfsr_core.progress import ProgressBar
-from lfsr_core.records import read_record, write_record
-from lfsr_core.render.blender import find_blender
-from lfsr_core.render.process import Listener, run_jobs
-from lfsr_core.render.store import is_complete
+from lfsr_core.pipeline.rendering import Listener, run_jobs
+from lfsr_core.pipeline.store import is_complete
+from lfsr_core.process.blender import find_blender
 from lfsr_lab.scenes import scene_script
 from lfsr_lab.scenes.running import run_script
 

@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path
-from lfsr_core.progress import accept_all_letters
-from lfsr_core.records import write_record
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path
+from lfsr_core.base.progress import accept_all_letters
+from lfsr_core.base.records import write_record
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -13,7 +13,7 @@ import functools
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 
 DRAWS = 1000
 BLOCK = 3  # lenses along each side

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.reconstruct.second_stage import upscale_frame

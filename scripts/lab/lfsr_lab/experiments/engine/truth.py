@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.frames.low_res import low_resolution, read_world

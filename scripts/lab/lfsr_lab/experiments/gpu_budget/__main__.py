@@ -14,8 +14,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from lfsr_core.base.records import read_record, write_record
 from lfsr_core.optics.display import load_display
-from lfsr_core.records import read_record, write_record
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.report import exit_code, write_report
 from lfsr_lab.experiments.gpu_budget import page

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import AUTO, GUIDES, Job
 from lfsr_core.optics.display import DisplayProfile

@@ -22,12 +22,12 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import write_json
-from lfsr_core.images.photo import read_photograph
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import write_json
+from lfsr_core.calibration.fit import Photograph, combine, see
+from lfsr_core.calibration.patterns import pattern
+from lfsr_core.calibration.photo import read_photograph
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.panel.fit import Photograph, combine, see
-from lfsr_core.optics.panel.patterns import pattern
 from lfsr_lab.experiments.engine.report import exit_code
 from lfsr_lab.experiments.photographs.camera import Shot, jpeg
 from lfsr_lab.experiments.photographs.sheets import BAD, nominal, shot, unit, wrong

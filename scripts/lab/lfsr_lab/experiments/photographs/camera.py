@@ -14,7 +14,7 @@ import math
 import numpy as np
 from PIL import Image
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.trace import trace
 

@@ -22,18 +22,18 @@ from typing import Any
 
 import numpy as np
 
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import write_record
 from lfsr_core.commands.arguments import names, numbers
-from lfsr_core.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.metrics.intervals import NORMAL_95
 from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.pipeline.rendering import run_job
 from lfsr_core.plan.candidates import BETWEEN, Candidate, between, samples_of
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.planner import Planned, make_plan
-from lfsr_core.records import write_record
-from lfsr_core.render.blender import find_blender
-from lfsr_core.render.process import run_job
+from lfsr_core.process.blender import find_blender
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import REFERENCE
 from lfsr_lab.experiments.engine.report import exit_code, markdown_table

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 from einops import rearrange
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame, write_frame
 from lfsr_core.frames.job import Job
 from lfsr_core.images.exr import read_layers, write_layers

@@ -15,7 +15,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from lfsr_core.files import read_json, write_json
+from lfsr_core.base.files import read_json, write_json
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.report import exit_code, write_text
 from lfsr_lab.experiments.rivals import run

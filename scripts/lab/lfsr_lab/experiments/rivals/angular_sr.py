@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_lab.experiments.rivals.layers import convolution_4d, tensor
 from lfsr_lab.experiments.rivals.matlab import from_ycbcr, linear, to_ycbcr
 from lfsr_lab.experiments.rivals.weights import parameters

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports.importing import import_views
 from lfsr_core.exports.view_files import find_views, read_views
 from lfsr_core.images.png import write_png

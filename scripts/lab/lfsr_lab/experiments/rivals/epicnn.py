@@ -12,7 +12,7 @@ import numpy as np
 import torch
 import torch.nn.functional as nn
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_lab.experiments.rivals.layers import convolution, tensor, transposed
 from lfsr_lab.experiments.rivals.matlab import from_ycbcr, resized, to_ycbcr
 from lfsr_lab.experiments.rivals.weights import cells

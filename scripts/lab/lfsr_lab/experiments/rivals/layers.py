@@ -6,7 +6,7 @@ import torch
 import torch.nn.functional as nn
 from torch import Tensor
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 
 
 def tensor(values: Array) -> Tensor:

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 import torch.nn.functional as nn
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_lab.experiments.rivals.weights import state
 
 PATCH, REACH, SIMILAR = 20, 10, 6  # pixels; of the search in each further view; patches

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_lab.experiments.rivals.angular_sr import RATIO as ANGULAR_RATIO
 from lfsr_lab.experiments.rivals.angular_sr import AngularSR
 from lfsr_lab.experiments.rivals.epicnn import EPICNN

@@ -7,7 +7,7 @@ import functools
 import numpy as np
 from scipy.ndimage import median_filter
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 
 KEYS = -0.5  # of MATLAB's cubic convolution
 # rows: Y, Cb, Cr of red, green, blue in [0, 1], as in ITU-R BT.601 with head and foot room

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world
 from lfsr_core.images.exr import clean, read_layers

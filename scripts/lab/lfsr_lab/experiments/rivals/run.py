@@ -6,10 +6,10 @@ import functools
 from collections.abc import Sequence
 from pathlib import Path
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.records import to_data
+from lfsr_core.pipeline.store import is_complete
 from lfsr_core.reconstruct.registry import PREFILTERS
-from lfsr_core.records import to_data
-from lfsr_core.render.store import is_complete
 from lfsr_lab.experiments.engine.cells import to_stderr
 from lfsr_lab.experiments.engine.records import Fingerprint, Records, method_facts
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, digest, frame_digest

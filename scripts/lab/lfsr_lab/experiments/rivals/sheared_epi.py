@@ -17,7 +17,7 @@ import torch
 import torch.nn.functional as nn
 from scipy.ndimage import correlate1d
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_lab.experiments.rivals.layers import convolution, tensor, transposed
 from lfsr_lab.experiments.rivals.matlab import median3, moved, resized
 from lfsr_lab.experiments.rivals.weights import cells

@@ -9,8 +9,8 @@ import numpy as np
 import scipy.io
 import torch
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 
 
 def stored(clones: Path, path: str) -> Path:

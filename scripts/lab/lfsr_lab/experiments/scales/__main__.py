@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import read_record, write_record
 from lfsr_core.optics.depth_scale import MODEL, LossModel
-from lfsr_core.records import read_record, write_record
 from lfsr_lab.experiments.denoiser.settings import SETTINGS, read_settings
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.report import exit_code, markdown_table

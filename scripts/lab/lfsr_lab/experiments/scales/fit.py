@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.optics.depth_scale import LEAST_SAMPLES, LossModel, choose_scale
 from lfsr_core.optics.display import load_display
 from lfsr_lab.experiments.scales.table import Cell, Table

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from lfsr_core.files import read_json, write_json
+from lfsr_core.base.files import read_json, write_json
 from lfsr_core.optics.depth_scale import scales_up_to
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.render.blender import find_blender
-from lfsr_core.render.store import is_complete
+from lfsr_core.pipeline.store import is_complete
+from lfsr_core.process.blender import find_blender
 from lfsr_lab.experiments.denoiser.__main__ import measured
 from lfsr_lab.experiments.denoiser.measure import Candidate
 from lfsr_lab.experiments.denoiser.settings import Place, Settings, places

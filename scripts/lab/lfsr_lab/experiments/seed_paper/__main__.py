@@ -16,10 +16,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json, write_json
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import read_json, write_json
+from lfsr_core.base.records import from_data, to_data
 from lfsr_core.optics.display import load_display
-from lfsr_core.records import from_data, to_data
 from lfsr_lab.experiments.engine.environment import check_packages, environment
 from lfsr_lab.experiments.engine.plots import save
 from lfsr_lab.experiments.engine.report import exit_code, write_text

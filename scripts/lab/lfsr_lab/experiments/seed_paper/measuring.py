@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import Frame, read_frame
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES
 from lfsr_core.reconstruct.registry import Method

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_lab.experiments.engine.environment import Environment
 from lfsr_lab.experiments.seed_paper.figure import Figure, Results
 from lfsr_lab.experiments.seed_paper.figures import frames, images

@@ -8,10 +8,10 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from lfsr_core.files import write_json
+from lfsr_core.base.files import write_json
 from lfsr_core.frames.job import Job, check_scene
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.render.blender import find_blender
+from lfsr_core.process.blender import find_blender
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, reference_of
 from lfsr_lab.experiments.seed_paper.settings import SCALE, Settings
 from lfsr_lab.scenes import scene_script

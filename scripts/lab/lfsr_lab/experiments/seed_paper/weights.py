@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lfsr_core.files import read_json
-from lfsr_core.progress import ProgressBar
+from lfsr_core.base.files import read_json
+from lfsr_core.base.progress import ProgressBar
 from lfsr_core.reconstruct import registry
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.networks import catalogue

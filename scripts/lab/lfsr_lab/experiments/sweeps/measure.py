@@ -8,7 +8,7 @@ import importlib.util
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.frames.foreground import recall
 from lfsr_core.frames.job import Job
 from lfsr_core.images.srgb import srgb_encode

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.images.png import write_png
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.reconstruct import registry

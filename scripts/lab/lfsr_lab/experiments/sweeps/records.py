@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from statistics import fmean
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_lab.experiments.engine.accuracy import Figures
 from lfsr_lab.experiments.engine.environment import Environment

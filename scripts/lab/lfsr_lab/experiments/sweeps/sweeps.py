@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from lfsr_core.errors import LfsrError, did_you_mean
+from lfsr_core.base.errors import LfsrError, did_you_mean
 
 SAMPLES = 16
 

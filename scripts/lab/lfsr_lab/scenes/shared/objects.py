@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_lab.scenes.shared.surfaces import Surface
 
 Vector = Array | tuple[float, ...]  # three values

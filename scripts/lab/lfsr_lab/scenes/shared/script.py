@@ -11,9 +11,9 @@ from typing import Any, NoReturn
 
 import bpy
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import atomic_path, read_json
-from lfsr_core.render.protocol import EXIT_BAD_INPUT, emit
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path, read_json
+from lfsr_core.process.protocol import EXIT_BAD_INPUT, emit
 
 
 def script_arguments() -> list[str]:

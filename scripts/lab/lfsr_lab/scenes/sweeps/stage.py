@@ -19,7 +19,7 @@ from blender_addon.array import edit
 from blender_addon.scene import subject
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
-from lfsr_core.render.protocol import emit
+from lfsr_core.process.protocol import emit
 from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.graph import Graph, principled
 from lfsr_lab.scenes.shared.objects import put

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 import bpy
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.graph import Graph, paint, principled
 from lfsr_lab.scenes.shared.objects import again, put

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from blender_addon.render.cycles import RenderSettings, Shot, render_encoded
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.panel.panel_rays import PanelLayout

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.objects import add_surface, settle
 from lfsr_lab.scenes.training import plants

@@ -10,7 +10,7 @@ import numpy as np
 from mathutils import Vector
 
 from blender_addon import compat
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.graph import Graph, principled
 from lfsr_lab.scenes.shared.objects import add_object, add_surface, settle

@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from lfsr_core.errors import LfsrError
-from lfsr_core.files import read_json, write_json
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import read_json, write_json
 
 SUFFIXES = {".obj", ".glb", ".gltf"}
 LICENSES_FILE = "licenses.json"  # {model's path in the folder: {"license": ..., "author": ...}}

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from mathutils import Matrix
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.surfaces import Random, Surface
 

@@ -23,8 +23,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from lfsr_core.arrays import Array
-from lfsr_core.files import atomic_path
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.files import atomic_path
 from lfsr_core.optics.display import load_display
 from lfsr_lab.scenes.training import capture
 from lfsr_lab.scenes.training.compose import compose

@@ -10,7 +10,7 @@ import bmesh
 import bpy
 import numpy as np
 
-from lfsr_core.arrays import Array
+from lfsr_core.base.arrays import Array
 from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.objects import add_object, add_surface, settle
 from lfsr_lab.scenes.shared.surfaces import Random, Surface

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import OpenImageIO as oiio
 
-from lfsr_core.errors import LfsrError
+from lfsr_core.base.errors import LfsrError
 
 SUFFIXES = {".jpg", ".jpeg", ".png"}
 QUALITY, SIZE = 80, 1024  # of the JPEG, of its longest side in pixels

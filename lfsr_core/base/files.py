@@ -1,0 +1,230 @@
+"""Write files whole or not at all, and read them up to a size."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import math
+import os
+import re
+import secrets
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+from lfsr_core.base.errors import LfsrError
+
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
+
+UNFINISHED, LOCK = ".unfinished", ".lock"  # ends of the names of a file that is being written, and of its lock
+PAUSES = (0.02, 0.1, 0.3, 0.6)  # seconds between attempts to replace a file that a virus scanner may hold
+LONGEST_NAME = 255  # bytes, of the usual file systems
+LONGEST_PATH = 259 if sys.platform == "win32" else 4095  # longer ones need a setting of Windows
+# On Windows these are devices, whatever follows a point.
+DEVICES = re.compile(r"(CON|PRN|AUX|NUL|COM[0-9]|LPT[0-9])\s*(\..*)?", re.IGNORECASE)
+FORBIDDEN = re.compile(r'[<>:"|?*\x00-\x1f]|[. ]$')  # in a name on Windows
+IN_USE = (5, 32, 33, 1224)  # errors of Windows: refused, open in another program, locked, mapped
+MOST_JSON_BYTES = 16_000_000
+MOST_BRACKETS = 50  # one inside the other
+ADVICE = {errno.EPIPE: "send it to a file or a terminal",
+          **dict.fromkeys((errno.EACCES, errno.EROFS), "choose a folder you may write to"),
+          **dict.fromkeys((errno.ENOSPC, errno.EFBIG, errno.EDQUOT), "free some space or choose another folder")}
+
+
+@contextmanager
+def atomic_path(path: str | Path) -> Iterator[Path]:
+    """Yield a temporary name beside ``path`` that is renamed to it when the block ends without error.
+
+    The block makes the file. The suffix stays, because image writers choose the format by it. A failed write leaves no
+    file and becomes an LfsrError that names the cause. What a killed process left is removed by the next.
+    """
+    path = Path(path)
+    start = f".{path.stem[:40]}-"
+    temporary = path.with_name(f"{start}{secrets.token_hex(4)}{UNFINISHED}{path.suffix}")
+    with system_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _remove_dead(path.parent, start)
+        # Not the file itself is locked: Windows replaces no open file.
+        with lock_file(temporary).open("xb") as lock:
+            try:
+                locks(lock)
+                yield temporary
+                replace(temporary, path)
+            finally:
+                with contextlib.suppress(OSError):  # open on Windows after an error: the next run removes both
+                    temporary.unlink(missing_ok=True)
+                    remove_locked(lock)
+
+
+def lock_file(temporary: Path) -> Path:
+    """File that is locked while ``temporary``, of ``atomic_path``, is written."""
+    return temporary.with_name(temporary.name.rpartition(UNFINISHED)[0] + LOCK)
+
+
+def replace(source: str | Path, target: str | Path) -> None:
+    """Rename ``source`` to ``target``, which is replaced; OSError where that fails for more than a second.
+
+    On Windows it fails while another program, such as a virus scanner, has one of them open.
+    """
+    for pause in PAUSES:
+        try:
+            return os.replace(source, target)
+        except PermissionError:
+            time.sleep(pause)
+    return os.replace(source, target)
+
+
+def locks(file: IO[bytes]) -> bool:
+    """Lock an empty file and return True, or False if another process has locked it; the lock ends with its process."""
+    try:
+        if sys.platform == "win32":
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return os.fstat(file.fileno()).st_nlink > 0
+
+
+def remove_locked(file: IO[bytes]) -> None:
+    """Remove a file that this process has locked, and close it."""
+    for _ in range(2):  # first while its lock is held; Windows removes it only closed, and only if nobody has it open
+        with contextlib.suppress(OSError):
+            os.unlink(file.name)
+        file.close()
+
+
+@contextmanager
+def system_errors(path: str | Path | None = None) -> Iterator[None]:
+    """Turn errors of the system inside the block, such as a full disk, into an LfsrError.
+
+    ``path``: the file or folder that is written there, None to name what the system names.
+    """
+    try:
+        yield
+    except MemoryError:
+        raise LfsrError("there is too little memory on this machine: choose a smaller display") from None
+    except OSError as error:
+        name, number = path or error.filename or "the output", error.errno or 0
+        advice = ADVICE.get(number, "check the folder")
+        if getattr(error, "winerror", None) in IN_USE:
+            advice = f"close the program that has it open, or {advice}"
+        raise LfsrError(f"{name} cannot be {'written' if path or number in ADVICE else 'used'} "
+                        f"({error.strerror or error}): {advice}") from None
+
+
+def check_name(path: Path, room: int = 0) -> None:
+    """LfsrError for a path that no file or folder can have: too long, not UTF-8, forbidden, or a link to nothing.
+
+    ``room``: letters by which a path in it, or beside it, is longer.
+    """
+    try:
+        names = [name.encode() for name in path.parts]
+    except UnicodeEncodeError:
+        raise LfsrError(f"{str(path)!r} is not UTF-8 text: choose another name") from None
+    if max(map(len, names), default=0) > LONGEST_NAME or len(os.fsencode(path)) + room > LONGEST_PATH:
+        raise LfsrError(f"{path} is too long, expected names of at most {LONGEST_NAME} bytes and "
+                        f"{LONGEST_PATH - room} in all: choose a shorter one")
+    wrong = [name for name in path.parts if name != path.anchor and is_forbidden(name)]
+    if sys.platform == "win32" and wrong:
+        raise LfsrError(f"{path} cannot exist on Windows, which forbids the name {wrong[0]!r}: choose another name")
+    for place in (path, *path.parents):
+        if place.is_symlink() and not place.exists():
+            raise LfsrError(f"{place} is a link to {os.readlink(place)}, which does not exist: remove it or choose "
+                            "another name")
+
+
+def is_forbidden(name: str) -> bool:
+    """True for a name that no file or folder can have on Windows."""
+    return name not in (".", "..") and bool(DEVICES.fullmatch(name) or FORBIDDEN.search(name))
+
+
+@contextmanager
+def reading(path: str | Path, what: str) -> Iterator[IO[bytes]]:
+    """Open a regular file; LfsrError says ``what`` was expected there. A pipe or a device might never end."""
+    path = Path(path)
+    try:
+        if path.exists() and not path.is_file():
+            raise LfsrError(f"{path} cannot be read as {what} (it is not a regular file): check the path")
+        with path.open("rb") as file:
+            yield file
+    except FileNotFoundError:
+        raise LfsrError(f"{path} does not exist, expected {what}: check the path, or make it first") from None
+    except OSError as error:
+        raise LfsrError(f"{path} cannot be read as {what} ({error.strerror or error}): check the path") from None
+
+
+def read_bytes(path: str | Path, what: str, most: int) -> bytes:
+    """Return the content of a regular file of at most ``most`` bytes; LfsrError says ``what`` was expected."""
+    with reading(path, what) as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise LfsrError(f"{path} cannot be read as {what} (it has more than {most} bytes): check the path")
+    return content
+
+
+def write_json(path: str | Path, data: Any) -> None:
+    """Write ``data`` as indented JSON, whole or not at all."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def read_json(path: str | Path, what: str) -> Any:
+    """Return the data of a JSON file; LfsrError says ``what`` was expected."""
+    content = read_bytes(path, what, MOST_JSON_BYTES)
+    try:
+        return parse_json(content)
+    except ValueError as error:
+        raise LfsrError(f"{path} cannot be read as {what} ({error}): render it again") from None
+
+
+def parse_json(content: bytes) -> Any:
+    """Return the data of JSON text; ValueError if it is none, nested too deeply, or has a number that is not finite."""
+    try:
+        data = json.loads(content.decode("utf-8"), parse_constant=_finite, parse_float=_finite)
+    except RecursionError:
+        raise ValueError(f"more than {MOST_BRACKETS} brackets inside each other") from None
+    except ValueError as error:
+        raise ValueError(without_advice(error)) from None
+    _check_depth(data, MOST_BRACKETS)
+    return data
+
+
+def without_advice(error: Exception) -> str:
+    """Return what is wrong with a file's text, without what Python tells programmers to do about long numbers."""
+    return str(error).partition("; use sys.")[0]
+
+
+def _remove_dead(folder: Path, start: str) -> None:
+    """Remove the temporary files of dead processes, whose locks nobody holds."""
+    ours = re.compile(rf"({re.escape(start)}[0-9a-f]{{8}}){re.escape(LOCK)}")
+    entries = list(folder.iterdir())
+    for match in filter(None, (ours.fullmatch(entry.name) for entry in entries)):
+        with contextlib.suppress(OSError), (folder / match[0]).open("rb") as lock:
+            if locks(lock):
+                for entry in entries:
+                    if entry.name.startswith(match[1] + UNFINISHED):
+                        entry.unlink(missing_ok=True)
+                remove_locked(lock)
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"{text[:20]} is not a finite number")
+    return number
+
+
+def _check_depth(data: Any, left: int) -> None:
+    if not left:
+        raise ValueError(f"more than {MOST_BRACKETS} brackets inside each other")
+    for value in data.values() if isinstance(data, dict) else data if isinstance(data, list) else ():
+        if isinstance(value, (dict, list)):
+            _check_depth(value, left - 1)

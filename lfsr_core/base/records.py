@@ -1,0 +1,180 @@
+"""Read frozen dataclasses from JSON, and write them.
+
+A field with ``metadata={"key": "name"}`` has another name in JSON than in Python. Values are checked and never
+converted: a field holds the value in the data, or reading fails with one sentence.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import sys
+import types
+import typing
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from lfsr_core.base.errors import LfsrError, did_you_mean
+from lfsr_core.base.files import read_json, write_json
+
+Record = TypeVar("Record")
+MOST_VALUE, MOST_PLACE, MOST_RULE = 50, 70, 90  # characters in a sentence
+MOST_TEXT, MOST_WHOLE = 4096, 2**63
+PLAIN: dict[type, tuple[tuple[type, ...], str]] = {
+    str: ((str,), "text"), bool: ((bool,), "true or false"), int: ((int,), "a whole number"),
+    float: ((int, float), "a finite number")}
+
+
+def from_data(cls: type[Record], data: Any, source: str) -> Record:
+    """Return the record of class ``cls`` in JSON ``data``; ``source`` names the data in errors.
+
+    LfsrError for an unknown or missing field, a value of another type, or a number that is not finite.
+    """
+    try:
+        record: Record = _value(data, cls)
+        return record
+    except _WrongError as error:
+        place = _end("".join(reversed(error.places)).removeprefix("."), MOST_PLACE)
+        rest = f"{place or 'it'} {error}" if error.of_value else f"{place}: {error}" if place else str(error)
+    except LfsrError as error:  # a record's own check
+        rest = str(error)
+    raise LfsrError(f"{_end(source, MOST_PLACE)}: {rest}")
+
+
+def to_data(record: Any) -> Any:
+    """Return the JSON-ready data of a record: objects, lists, text, numbers, true, false and null."""
+    if dataclasses.is_dataclass(record):
+        return {_key(field): to_data(getattr(record, field.name)) for field in dataclasses.fields(record) if field.init}
+    if isinstance(record, Mapping):
+        return {key: to_data(value) for key, value in record.items()}
+    return [to_data(value) for value in record] if isinstance(record, (list, tuple)) else record
+
+
+def read_record(path: str | Path, cls: type[Record], what: str) -> Record:
+    """Read a record from a JSON file; LfsrError says ``what`` was expected, or what is wrong in it."""
+    return from_data(cls, read_json(path, what), str(path))
+
+
+def write_record(path: str | Path, record: Any) -> None:
+    """Write a record as JSON, whole or not at all; LfsrError where ``read_record`` could not read it."""
+    data = to_data(record)
+    from_data(type(record), data, str(path))
+    write_json(path, data)
+
+
+class _WrongError(Exception):
+    """What is wrong with a value; ``places`` name it, the innermost first."""
+
+    def __init__(self, rule: str, of_value: bool = False) -> None:
+        """``of_value``: ``rule`` continues the sentence after the place, as "is 3, but", else it is one itself."""
+        super().__init__(rule)
+        self.places: list[str] = []
+        self.of_value = of_value
+
+
+def _value_error(value: Any, rule: str) -> _WrongError:
+    return _WrongError(f"is {_start(repr(value), MOST_VALUE)}, but it must be {_start(rule, MOST_RULE)}", of_value=True)
+
+
+def _value(value: Any, kind: Any) -> Any:
+    """Return ``value`` if it is of the type ``kind``, else raise _WrongError."""
+    if kind is Any:
+        return value
+    if kind in PLAIN:
+        return _plain(value, kind)
+    if dataclasses.is_dataclass(kind):
+        return _record(value, kind)
+    return COMPOSED[typing.get_origin(kind)](value, typing.get_args(kind))
+
+
+def _plain(value: Any, cls: type) -> Any:
+    kinds, rule = PLAIN[cls]
+    fits = isinstance(value, kinds) and isinstance(value, bool) <= (cls is bool)
+    if not fits or (cls is float and not abs(value) <= sys.float_info.max):
+        raise _value_error(value, rule)
+    if cls is str and not (len(value) <= MOST_TEXT and _encodes(value)):
+        raise _value_error(value, f"UTF-8 text of at most {MOST_TEXT} characters")
+    if cls in (int, float) and isinstance(value, int) and abs(value) >= MOST_WHOLE:  # arrays do not hold it
+        raise _value_error(value, "a whole number below 2⁶³" if cls is int else "a number below 2⁶³, or with a point")
+    return value
+
+
+def _encodes(text: str) -> bool:
+    """False for half a surrogate pair, which JSON can hold but no file name or terminal."""
+    try:
+        return bool(text.encode()) or not text
+    except UnicodeEncodeError:
+        return False
+
+
+def _record(data: Any, cls: Any) -> Any:
+    if not isinstance(data, dict):
+        raise _value_error(data, "an object")
+    fields = {_key(field): field for field in dataclasses.fields(cls) if field.init}
+    for key in data:
+        if key not in fields:
+            raise _WrongError(f"unknown field {_start(repr(key), MOST_VALUE)}; {did_you_mean(key, fields)}"
+                              f"the fields are {_start(', '.join(fields), MOST_RULE)}")
+    for key, field in fields.items():
+        if key not in data and field.default is field.default_factory is dataclasses.MISSING:
+            raise _WrongError(f"field {key!r} is missing; every {cls.__name__} needs it")
+    hints = _hints(cls)
+    return cls(**{fields[key].name: _item(f".{key}", value, hints[fields[key].name]) for key, value in data.items()})
+
+
+def _key(field: dataclasses.Field[Any]) -> str:
+    """Return the JSON key of a field: ``metadata["key"]``, else its name."""
+    return str(field.metadata.get("key", field.name))
+
+
+_hints = functools.cache(typing.get_type_hints)
+
+
+def _tuple(data: Any, kinds: tuple[Any, ...]) -> tuple[Any, ...]:
+    if not isinstance(data, (list, tuple)):
+        raise _value_error(data, "a list")
+    if kinds[-1] is Ellipsis:
+        kinds = kinds[:1] * len(data)
+    if len(data) != len(kinds):
+        raise _value_error(data, f"a list of {len(kinds)} entries")
+    return tuple(_item(f"[{index}]", value, kind) for index, (value, kind) in enumerate(zip(data, kinds, strict=True)))
+
+
+def _dict(data: Any, kinds: tuple[Any, ...]) -> dict[str, Any]:
+    if not isinstance(data, dict) or not all(isinstance(key, str) for key in data):
+        raise _value_error(data, "an object")
+    return {key: _item(f".{key}", value, kinds[1]) for key, value in data.items()}
+
+
+def _literal(value: Any, choices: tuple[Any, ...]) -> Any:
+    if not any(value == choice and type(value) is type(choice) for choice in choices):
+        raise _value_error(value, f"one of {', '.join(map(str, choices))}")
+    return value
+
+
+def _optional(value: Any, kinds: tuple[Any, ...]) -> Any:
+    """Return None, or a value of the one other type."""
+    [kind] = [kind for kind in kinds if kind is not types.NoneType]
+    return None if value is None else _value(value, kind)
+
+
+COMPOSED: dict[Any, Callable[[Any, tuple[Any, ...]], Any]] = {
+    tuple: _tuple, dict: _dict, typing.Literal: _literal, typing.Union: _optional, types.UnionType: _optional}
+
+
+def _item(place: str, value: Any, kind: Any) -> Any:
+    """Return a value inside another; an error carries its ``place``."""
+    try:
+        return _value(value, kind)
+    except _WrongError as error:
+        error.places.append(place)
+        raise
+
+
+def _start(text: str, most: int) -> str:
+    return text if len(text) <= most else text[:most - 1] + "…"
+
+
+def _end(text: str, most: int) -> str:
+    return text if len(text) <= most else "…" + text[1 - most:]

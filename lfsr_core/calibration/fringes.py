@@ -1,0 +1,156 @@
+"""Measure the wave of fringes: roughly by the strongest response, then by the phase in windows all over the panel.
+
+What the phases of the windows differ by from a wave says how uncertain the wave is.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lfsr_core.base.arrays import Array, Mask
+from lfsr_core.base.errors import LfsrError
+
+MIN_CONTRAST = 0.02  # amplitude of fringes, where white is 1
+MIN_FRACTION = 0.08  # of a channel's variation that its fringes must make up
+REACH = 0.45  # most difference of the wave that is seen from the expected one, as a fraction of the latter
+MOST_WINDOWS, LEAST_WINDOWS, FRINGES = 9, 3, 3.0  # windows along each side, each of this many fringes if there is room
+MIN_AMPLITUDE = 0.35  # of a window's fringes, by the median
+MOST_COVERED = 0.06  # of the windows
+MOST_SCATTER = 0.06  # of the phases, in fringes
+OVERLAP = 4 / 3  # neighbouring windows share a sixth of their errors, so the mean errs by this much more
+
+
+class Picture(NamedTuple):
+    """A channel of the panel seen from the front, in millimetres from the panel's centre."""
+
+    values: Array  # (rows, columns)
+    x: Array  # (columns,)
+    y: Array  # (rows,), upwards
+    dots: Array  # (rows, columns) what a camera that mixes colours adds of the dots
+
+
+@dataclasses.dataclass(frozen=True)
+class Fringes:
+    """A wave: cos of 2π (wave · place + phase)."""
+
+    wave: Array  # (2,) per millimetre
+    phase: float  # at the panel's centre
+    errors: Array  # (3, 3) covariance of wave and phase
+    seen: Array = dataclasses.field(default_factory=lambda: np.zeros(2))  # the wave in the photograph
+
+    def seen_through(self, wave: Array, phase: float) -> Fringes:
+        """The lenses through which a pattern of this wave is seen as these fringes: their wave and phase."""
+        return Fringes(wave - self.wave, self.phase + phase, self.errors, self.wave)
+
+
+def find_fringes(picture: Picture, expected: Array, other: Array) -> Fringes:
+    """Return the fringes whose wave lies near the ``expected`` one (2,).
+
+    ``other``: by how much the wave of the fringes that a camera which mixes colours adds is a different one.
+    LfsrError if they are not clear, hidden in places, or bent.
+    """
+    wave = _strongest_wave(picture, expected)
+    count = _windows(wave, picture)
+    windows = [_window(picture, wave, wave + other, (column, row), count) for row in range(count)
+               for column in range(count)]
+    places, fitted = np.array([place for place, _ in windows]), np.array([factors for _, factors in windows])
+    first = fitted[:, 0] - 1j * fitted[:, 1]
+    seen = np.abs(first) >= MIN_AMPLITUDE * np.median(np.abs(first))
+    if (~seen).mean() > MOST_COVERED:
+        raise LfsrError(f"{_where(places, ~seen)} of the panel shows no fringes: uncover the whole panel, and keep "
+                        "lamps and windows from being mirrored in it")
+    return _plane(wave, places[seen], first[seen])
+
+
+def _plane(wave: Array, places: Array, first: Array) -> Fringes:
+    """The wave whose phases come nearest to those of windows at ``places``."""
+    middle = np.angle(first.sum())
+    phases = np.angle(first * np.exp(-1j * middle)) / 2 / math.pi
+    known = np.concatenate([places, np.ones((len(places), 1))], -1)
+    solved, *_ = np.linalg.lstsq(known, phases, rcond=None)
+    rest = phases - known @ solved
+    scatter = math.sqrt(float((rest ** 2).sum()) / max(len(rest) - 3, 1))
+    if scatter > MOST_SCATTER:
+        raise LfsrError(f"the fringes are not straight (they scatter by {scatter:.2f} of a fringe): take the whole, "
+                        "uncropped photograph with the main camera, sharp, without zoom")
+    return Fringes(wave + solved[:2], float(solved[2] + middle / 2 / math.pi),
+                   np.linalg.inv(known.T @ known) * (scatter * OVERLAP) ** 2)
+
+
+def _windows(wave: Array, picture: Picture) -> int:
+    """Windows along each side, such that each holds some fringes."""
+    most = float(np.abs(wave * [np.ptp(picture.x), np.ptp(picture.y)]).max())
+    return int(np.clip(2 * most / FRINGES - 1, LEAST_WINDOWS, MOST_WINDOWS))
+
+
+def _window(picture: Picture, wave: Array, other: Array, number: tuple[int, int],
+            count: int) -> tuple[Array, Array]:
+    """Centre (x, y) of a window, and the cosine and sine of its light at the wave."""
+    parts = (_part(axis, one, count) for axis, one in zip(picture[1:3], number, strict=True))
+    (across, x), (down, y) = parts
+    weights = np.sqrt(np.hanning(len(y) + 2)[1:-1, None] * np.hanning(len(x) + 2)[None, 1:-1]).ravel()
+    turn, added = (2 * math.pi * np.add.outer(y * one[1], x * one[0]).ravel() for one in (wave, other))
+    values, light = picture.values[down, across].ravel(), picture.dots[down, across].ravel()
+    slope_x, slope_y = (np.broadcast_to(part, (len(y), len(x))).ravel()
+                        for part in (x - x.mean(), (y - y.mean())[:, None]))
+    known = np.stack([np.cos(turn), np.sin(turn), np.cos(added), np.sin(added), np.ones_like(turn),
+                      slope_x / np.abs(slope_x).max(), slope_y / np.abs(slope_y).max(), light - light.mean()], -1)
+    known *= weights[:, None]
+    square = known.T @ known
+    factors = np.linalg.solve(square + 1e-9 * np.trace(square) * np.eye(8), known.T @ (values * weights))
+    return np.array([x.mean(), y.mean()]), factors[:2]
+
+
+def _part(axis: Array, number: int, count: int) -> tuple[slice, Array]:
+    """One of ``count`` parts of an axis, of which neighbours overlap by half."""
+    ends = [round(len(axis) * (number + step) / (count + 1)) for step in (0, 2)]
+    part = slice(*ends)
+    return part, axis[part]
+
+
+def _where(places: Array, missing: Mask) -> str:
+    """In words, which part of the panel has the ``missing`` windows."""
+    x, y = places[missing].mean(0) / np.abs(places).max(0)
+    down = "upper " if y > 0.3 else "lower " if y < -0.3 else ""
+    across = "right" if x > 0.3 else "left" if x < -0.3 else ""
+    return f"the {(down + (across or 'part' if down else across or 'middle')).strip()}"
+
+
+def _strongest_wave(picture: Picture, expected: Array) -> Array:
+    """The wave near the ``expected`` one with the strongest response; LfsrError if there is no clear one."""
+    image, places = picture.values, (picture.x, picture.y)
+    rows, columns = image.shape
+    window = np.hanning(rows + 2)[1:-1, None] * np.hanning(columns + 2)[None, 1:-1]
+    light = image - (image * window).sum() / window.sum()
+    weighted = light * window
+    reach = REACH * float(np.linalg.norm(expected))
+    wave, step, around = np.array(expected, float), reach / 12, 12
+    while step * max(np.ptp(picture.x), np.ptp(picture.y)) > 1e-3:
+        wave, step, around = _strongest(weighted, places, wave, np.arange(-around, around + 1) * step), step / 4, 5
+    value = _spectrum(weighted, places, wave[:1], wave[1:])[0, 0] / window.sum()
+    contrast = 2 * abs(value)
+    variation = float((light ** 2 * window).sum() / window.sum())
+    fraction = contrast ** 2 / 2 / max(variation, 1e-12)
+    if contrast < MIN_CONTRAST or fraction < MIN_FRACTION or np.linalg.norm(wave - expected) > 0.95 * reach:
+        raise LfsrError(f"no clear fringes are seen (contrast {contrast:.3f}, {fraction:.0%} of the variation): the "
+                        "photograph may be blurred, the lenses too small in it, or the profile too far from the sheet")
+    return wave
+
+
+def _strongest(weighted: Array, places: tuple[Array, Array], wave: Array, steps: Array) -> Array:
+    """The wave near ``wave`` with the strongest response."""
+    across, up = wave[0] + steps, wave[1] + steps
+    row, column = np.unravel_index(np.abs(_spectrum(weighted, places, across, up)).argmax(), (len(up), len(across)))
+    return np.array([across[column], up[row]])
+
+
+def _spectrum(weighted: Array, places: tuple[Array, Array], across: Array, up: Array) -> Array:
+    """(len(up), len(across)) sums of the image times waves of these numbers per millimetre."""
+    x, y = places
+    right = np.exp(-2j * math.pi * np.outer(x, across))
+    sums: Array = np.exp(-2j * math.pi * np.outer(up, y)) @ (weighted @ right)
+    return sums

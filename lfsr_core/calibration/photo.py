@@ -1,0 +1,72 @@
+"""Photographs, upright as EXIF says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import reading
+from lfsr_core.images.source import opened
+
+MOST_PIXELS = 120_000_000
+LONGER_SIDE = 4200  # pixels that are enough; larger photographs are averaged down
+WHITE = {"uint8": 255.0, "uint16": 65535.0}
+
+
+def read_photograph(path: str | Path) -> Array:
+    """Return a photograph as float32 (H, W, 3) from 0 to 1, turned and mirrored back as its EXIF orientation says.
+
+    LfsrError if it cannot be read, has no colours or is too large.
+    """
+    with reading(path, "a photograph"):
+        pass
+    with opened(path) as source:
+        spec = source.spec() if source else None
+        if spec is not None:
+            _check(path, spec)
+        kind = "uint8" if spec is not None and str(spec.format) == "uint8" else "uint16"
+        pixels = source.read_image(0, 0, 0, 3, kind) if source else None
+        problem = source.geterror() if source else oiio.geterror()
+    if spec is None or pixels is None or problem:
+        raise LfsrError(f"{path} cannot be read as a photograph{_because(problem)}: save it as JPEG or PNG, or take it "
+                        "again")
+    upright = _upright(np.asarray(pixels), spec.get_int_attribute("Orientation", 1))
+    return _reduced(upright, -(-max(upright.shape) // LONGER_SIDE)) / np.float32(WHITE[kind])
+
+
+def _check(path: str | Path, spec: oiio.ImageSpec) -> None:
+    if spec.width * spec.height > MOST_PIXELS:
+        raise LfsrError(f"{path} has {spec.width}×{spec.height} pixels, but a photograph may have "
+                        f"{MOST_PIXELS // 1_000_000} million: make it smaller")
+    if spec.nchannels < 3:
+        raise LfsrError(f"{path} has no colours, but the pattern's channels are measured one by one: photograph in "
+                        "colour")
+
+
+def _because(problem: str) -> str:
+    """The library's first line, without paths."""
+    line = problem.strip().partition("\n")[0].rpartition(":")[2].strip()
+    return f" ({line[:80]})" if line else ""
+
+
+def _upright(stored: Array, orientation: int) -> Array:
+    """The picture that a file with this EXIF orientation means."""
+    if orientation in (5, 6, 7, 8):
+        stored = stored.swapaxes(0, 1)
+    across, down = orientation in (2, 3, 6, 7), orientation in (3, 4, 7, 8)
+    return stored[::-1 if down else 1, ::-1 if across else 1]
+
+
+def _reduced(image: Array, times: int) -> Array:
+    """Means of ``times`` × ``times`` pixels, float32."""
+    if times == 1:
+        return np.ascontiguousarray(image, np.float32)
+    rows, columns = (count // times * times for count in image.shape[:2])
+    total = np.zeros((rows // times, columns // times, image.shape[2]), np.float32)
+    for number in range(times ** 2):
+        total += image[number // times:rows:times, number % times:columns:times]
+    return total / times ** 2

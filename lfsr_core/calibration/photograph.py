@@ -1,0 +1,313 @@
+"""Find the panel in a photograph of the phase pattern: which place of the photograph shows which point of the panel.
+
+The outline of what is lit gives a first guess, the arrangement of light and dark dots its turn and mirror. All of their
+channel is then fitted at once: a homography, the lens's distortion, and brightness that changes slowly.
+Places in a photograph count from its middle, rightwards and downwards, in halves of its diagonal.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.calibration.outline import check_light, check_size, outline
+from lfsr_core.calibration.patterns import DOT_CHANNEL, FRINGE_CHANNELS, Dots, dots
+from lfsr_core.optics.display import DisplayProfile
+
+GAMMA = 2.2  # of panels and photographs: in light the colours that a camera mixes add up
+MARGIN = 0.94  # fraction of the panel's width and height that is measured
+COARSE, FINE = 110, 200  # points across that are compared with the dots
+COARSE_SPREAD = 1.5  # width of the dots in the first rounds, by theirs
+ROUNDS, STILL = 15, 1e-4  # most rounds of a fit, and pixels of movement that end it
+GAIN, OFFSET = 4, 5  # terms per axis of the brightness of dots, and of what lies under them
+LEAST_ALIKE, LEAST_APART = 0.3, 0.1  # correlation with the dots, and by how much the other turns must be below it
+LEAST_SEEN = 0.75  # correlation after the fit
+MOST_BEND = 0.3  # distortion at the photograph's corner
+
+
+class Raster(NamedTuple):
+    """A photograph, or one whose pixels are means of its pixels."""
+
+    values: Array  # (H, W, …)
+    middle: Array  # (column, row) of the photograph's middle
+    half: float  # of its diagonal, in pixels
+
+    @classmethod
+    def of(cls, image: Array) -> Raster:
+        """A photograph (H, W, …) as it is."""
+        height, width = image.shape[:2]
+        return cls(image, np.array([width - 1, height - 1]) / 2, math.hypot(height, width) / 2)
+
+    def at(self, places: Array) -> Array:
+        """Values at places (…, 2), bilinear; 0 outside."""
+        height, width = self.values.shape[:2]
+        spot = places * self.half + self.middle
+        left, top = np.moveaxis(np.floor(spot).astype(int), -1, 0)
+        inside = (left >= 0) & (top >= 0) & (left < width - 1) & (top < height - 1)
+        left, top = np.clip(left, 0, width - 2), np.clip(top, 0, height - 2)
+        across, down, there = np.stack([spot[..., 0] - left, spot[..., 1] - top, inside]).reshape(
+            3, *inside.shape, *[1] * (self.values.ndim - 2))
+        upper = self.values[top, left] * (1 - across) + self.values[top, left + 1] * across
+        lower = self.values[top + 1, left] * (1 - across) + self.values[top + 1, left + 1] * across
+        values: Array = (upper * (1 - down) + lower * down) * there
+        return values
+
+    def shrunk(self, times: int) -> Raster:
+        """A raster whose pixels are means of ``times`` × ``times``."""
+        if times <= 1:
+            return self
+        rows, columns = (count // times for count in self.values.shape[:2])
+        part = self.values[:rows * times, :columns * times]
+        means = part.reshape(rows, times, columns, times, *self.values.shape[2:]).mean((1, 3))
+        return Raster(means, (self.middle + 0.5) / times - 0.5, self.half / times)
+
+    def softened(self) -> Raster:
+        """With a little of its neighbours in each pixel: fine colour moiré would pass for colours that mix."""
+        image = self.values
+        for axis in (0, 1, 0, 1):
+            ends = np.pad(image, [(1, 1) if number == axis else (0, 0) for number in range(image.ndim)], mode="edge")
+            parts = [np.take(ends, np.arange(image.shape[axis]) + step, axis) for step in range(3)]
+            image = parts[0] / 4 + parts[1] / 2 + parts[2] / 4
+        return self._replace(values=image)
+
+
+@dataclasses.dataclass(frozen=True)
+class View:
+    """How a photograph shows the panel."""
+
+    matrix: Array  # (3, 3) homography from millimetres on the panel, y up, to places without distortion
+    # Distortion: places times (1 + a r² + b r⁴), and, where the lens is not in front of the middle, c and d times
+    # (r² + 2 x², 2 x y) and (2 x y, r² + 2 y²).
+    bend: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    alike: float = 0.0  # correlation of their channel with the dots
+    offsets: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 2)))  # (n, 2) dots from their places, mm
+    seen: Array = dataclasses.field(default_factory=lambda: np.zeros(0, bool))  # (n,) dots that are there
+
+    def places(self, points: Array) -> Array:
+        """Places (…, 2) in the photograph of points (…, 2) of the panel."""
+        straight = project(self.matrix, points)
+        square = (straight ** 2).sum(-1, keepdims=True)
+        (a, b), off = self.bend[:2], np.array(self.bend[2:])
+        bent: Array = straight * (1 + a * square + b * square ** 2 + 2 * straight @ off[:, None]) + square * off
+        return bent
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the photograph shows the panel mirrored."""
+        return bool(np.linalg.det(self.matrix) > 0)  # y is up on the panel and down in the photograph
+
+    @property
+    def turn_deg(self) -> int:
+        """Quarter turns, in degrees clockwise, by which the photograph shows the panel."""
+        start, end = self.places(np.array([[0.0, 0.0], [1.0, 0.0]]))
+        right = start - end if self.mirrored else end - start
+        return round(math.degrees(math.atan2(right[1], right[0])) / 90) % 4 * 90
+
+    def camera(self, height: float) -> Array:
+        """Place (2,) on the panel in front of which a camera at this height, in millimetres, is by the perspective."""
+        low, high = math.log(0.05), math.log(100.0)
+        for _ in range(60):
+            place = _place_of(self.matrix, math.exp((low + high) / 2))
+            low, high = ((low + high) / 2, high) if place[2] < height else (low, (low + high) / 2)
+        return place[:2]
+
+    @property
+    def bent(self) -> float:
+        """Distortion at the photograph's corner."""
+        return self.bend[0] + self.bend[1]
+
+
+def find_panel(image: Array, profile: DisplayProfile) -> View:
+    """Return how a photograph (H, W, 3) shows the panel with the phase pattern of ``profile``.
+
+    LfsrError if no panel or no dots are found.
+    """
+    corners = outline(image)
+    check_size(image, corners)
+    check_light(Raster.of(image).at(_inside(corners)))
+    marks, size, light = dots(profile), np.array(profile.panel_mm), Raster.of(image ** GAMMA)
+    small = light.shrunk(round(_side(corners) * light.half / COARSE))
+    view = _align(_turned(small, corners, marks, size), small, marks, size, COARSE, COARSE_SPREAD, False)
+    view = _align(view, small, marks, size, COARSE, COARSE_SPREAD, True)
+    middle = light.shrunk(round(_side(_corners(view, size)) * light.half / FINE)).softened()
+    view = _align(view, middle, marks, size, FINE, 1.0, True)
+    if not view.alike >= LEAST_SEEN or abs(view.bent) > MOST_BEND:
+        raise LfsrError(f"the pattern's dots are not seen clearly (agreement {max(view.alike, 0):.0%}): photograph the "
+                        "whole panel, sharp, showing nothing but the phase pattern 1:1")
+    return view
+
+
+def project(matrix: Array, points: Array) -> Array:
+    """(…, 2) points mapped by a homography."""
+    x, y = points[..., 0], points[..., 1]
+    scaled = [matrix[n, 0] * x + matrix[n, 1] * y + matrix[n, 2] for n in range(3)]
+    return np.stack([scaled[0] / scaled[2], scaled[1] / scaled[2]], -1)
+
+
+def _place_of(matrix: Array, focal: float) -> Array:
+    """(x, y, height) of a camera with this focal length in halves of the photograph's diagonal."""
+    turned: Array = np.diag([1 / focal, 1 / focal, 1]) @ matrix
+    turned /= math.sqrt(np.linalg.norm(turned[:, 0]) * np.linalg.norm(turned[:, 1]))
+    right, up, away = turned.T
+    return np.array([-right @ away, -up @ away, abs(np.cross(right, up) @ away)])
+
+
+def fit_homography(points: Array, images: Array) -> Array:
+    """Return the homography (3, 3) that maps (n, 2) ``points`` closest to ``images``, for 4 points or more."""
+    before, after = (_normalised(places) for places in (points, images))
+    x, y = project(before, points).T
+    u, v = project(after, images).T
+    one, none = np.ones_like(x), np.zeros_like(x)
+    rows = np.concatenate([np.stack([x, y, one, none, none, none, -u * x, -u * y, -u], -1),
+                           np.stack([none, none, none, x, y, one, -v * x, -v * y, -v], -1)])
+    solved = np.linalg.svd(rows)[2][-1].reshape(3, 3)
+    result: Array = np.linalg.inv(after) @ solved @ before
+    return np.divide(result, result[2, 2])
+
+
+def grid(size: Array, across: int) -> Array:
+    """Points (rows, ``across``, 2) of the measured part of a panel, rows from the top."""
+    x, y = (((np.arange(count) + 0.5) / count - 0.5) * length * MARGIN
+            for count, length in ((across, size[0]), (max(2, round(across * size[1] / size[0])), size[1])))
+    return np.stack(np.meshgrid(x, -y), -1)
+
+
+def _side(corners: Array) -> float:
+    """Mean of the sides of a quadrangle of places."""
+    return float(np.linalg.norm(corners - np.roll(corners, 1, 0), axis=1).mean())
+
+
+def _inside(corners: Array) -> Array:
+    """Places (n, n, 2) inside a quadrangle of places."""
+    square = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2
+    return project(fit_homography(square, corners), grid(np.ones(2), COARSE))
+
+
+def _corners(view: View, size: Array) -> Array:
+    return view.places(np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2 * size)
+
+
+def _turned(image: Raster, found: Array, marks: Dots, size: Array) -> View:
+    """The one of eight ways to lay the panel between the corners ``found`` under which the dots are seen."""
+    points = grid(size, COARSE)
+    light = marks.shown(points[..., 0], points[..., 1], marks.spread * COARSE_SPREAD) ** GAMMA
+    flat = _terms(points, size, OFFSET)
+    corners = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2 * size
+    views = [View(fit_homography(corners, np.roll(found[::way], turn, 0))) for way in (1, -1) for turn in range(4)]
+    alike = []
+    for view in views:
+        rest = _without(np.stack([image.at(view.places(points))[..., DOT_CHANNEL].ravel(), light.ravel()], -1), flat)
+        alike.append(float((rest[:, 0] * rest[:, 1]).sum() / max(math.sqrt((rest ** 2).sum(0).prod()), 1e-12)))
+    best, second = np.sort(alike)[:-3:-1]
+    if not (best >= LEAST_ALIKE and best - second >= LEAST_APART):
+        raise LfsrError(f"the pattern's dots are not recognised (agreement {max(best, 0):.0%}, {max(second, 0):.0%} "
+                        "when turned): photograph the whole panel, sharp, showing nothing but the phase pattern of "
+                        "this version")
+    return views[int(np.argmax(alike))]
+
+
+def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wider: float, bend: bool) -> View:
+    """The view that explains the dots' channel best, beginning with ``view``; with distortion if ``bend``."""
+    points = grid(size, across)
+    spread = marks.spread * wider
+    light, wide = (marks.shown(points[..., 0], points[..., 1], width).ravel() ** GAMMA
+                   for width in (spread, spread * 1.1))
+    under = _terms(points, size, OFFSET)
+    columns = np.concatenate([under, _terms(points, size, GAIN) * light[:, None], (wide - light)[:, None]], -1)
+    for _ in range(ROUNDS):
+        places = view.places(points)
+        colors = image.at(places).reshape(-1, 3)
+        # Colours of the camera mix: those of the fringes take part.
+        seen, others = colors[:, DOT_CHANNEL], colors[:, FRINGE_CHANNELS]
+        known = np.concatenate([columns, others], -1)
+        fitted = known @ _solved(known, seen) - under @ _solved(under, seen)
+        slopes = _slopes(view, points, fitted.reshape(points.shape[:2]), size, bend)
+        solved = _solved(np.concatenate([known, -slopes], -1), seen)
+        moved = _moved(view, solved[known.shape[1]:], size, bend)
+        step = np.abs(moved.places(points) - places).max() * image.half
+        view = moved
+        if not step < 1e3 or step < STILL:
+            break
+    rest = seen - known @ solved[:known.shape[1]]
+    plain = _without(seen[:, None], np.concatenate([under, others], -1))[:, 0]
+    alike = math.sqrt(max(0.0, 1 - float((rest ** 2).sum() / max((plain ** 2).sum(), 1e-12))))
+    gain = columns[:, under.shape[1]:-1] @ solved[under.shape[1]:columns.shape[1] - 1]
+    offsets, there = _dot_offsets(marks, points, rest.reshape(points.shape[:2]), gain.reshape(points.shape[:2]))
+    return dataclasses.replace(view, alike=alike, offsets=offsets, seen=there)
+
+
+def _slopes(view: View, points: Array, light: Array, size: Array, bend: bool) -> Array:
+    """(n, 8 or 12) change of what is seen at ``points`` with each number of the view, by the light that is expected.
+
+    The photograph's own slopes would do but for its noise, which is in what they explain too.
+    """
+    axes = points[:, 0, 1], points[0, :, 0]
+    places = view.places(points)
+    # How places change along y and x; its inverse, how points change with places.
+    steps = np.stack(np.gradient(places, *axes, axis=(0, 1))[::-1], -1)
+    slope = np.einsum("...i,...ij->...j", np.stack(np.gradient(light, *axes)[::-1], -1), np.linalg.inv(steps))
+    changes = []
+    for number in range(12 if bend else 8):
+        delta = np.zeros(12 if bend else 8)
+        delta[number] = 1e-5
+        moved = (_moved(view, delta, size, bend).places(points) - places) / 1e-5
+        changes.append((moved * slope).sum(-1).ravel())
+    return np.stack(changes, -1)
+
+
+def _moved(view: View, delta: Array, size: Array, bend: bool) -> View:
+    """The view with its numbers changed: those of the matrix count in halves of the panel's size."""
+    scale = np.diag([2 / size[0], 2 / size[1], 1])
+    matrix = view.matrix + np.append(delta[:8], 0).reshape(3, 3) @ scale
+    bent = tuple(float(one + more) for one, more in zip(view.bend, delta[8:], strict=True)) if bend else view.bend
+    return dataclasses.replace(view, matrix=matrix / matrix[2, 2], bend=bent)
+
+
+def _dot_offsets(marks: Dots, points: Array, rest: Array, gain: Array) -> tuple[Array, Array]:
+    """(n, 2) millimetres by which each dot lies elsewhere than the fit says, and (n,) whether it is there at all."""
+    offsets, there = [], []
+    across, down = points[0, :, 0], points[:, 0, 1]
+    right, up = np.gradient(gain, across, axis=1), np.gradient(gain, down, axis=0)
+    for y in marks.y:
+        for x in marks.x:
+            part = np.ix_(np.abs(down - y) < 2.5 * marks.spread, np.abs(across - x) < 2.5 * marks.spread)
+            known = np.stack([np.ones_like(gain[part]), -right[part], -up[part], gain[part]], -1).reshape(-1, 4)
+            _, *offset, more = _solved(known, rest[part].ravel())
+            offsets.append(offset)
+            there.append(abs(more) < 0.6)
+    return np.array(offsets), np.array(there)
+
+
+def _terms(points: Array, size: Array, count: int) -> Array:
+    """(n, terms) slowly changing functions of points, of degrees below ``count`` in all."""
+    x, y = (points / size * 2 / MARGIN).reshape(-1, 2).T
+    degrees = np.add.outer(np.arange(count), np.arange(count)).ravel()
+    across, up = (legendre.legvander(place, count - 1) for place in (x, y))  # type: ignore[no-untyped-call]
+    return np.asarray((across[:, :, None] * up[:, None]).reshape(len(x), -1)[:, degrees < count])
+
+
+def _without(values: Array, known: Array) -> Array:
+    """``values`` (n, m) less what ``known`` (n, k) explains of them."""
+    rest: Array = values - known @ _solved(known, values)
+    return rest
+
+
+def _solved(known: Array, values: Array) -> Array:
+    """Factors of the columns of ``known`` that come nearest to ``values``."""
+    scale = np.sqrt((known ** 2).sum(0)) + 1e-12
+    scaled = known / scale
+    square = scaled.T @ scaled + 1e-10 * np.eye(len(scale))
+    factors = np.linalg.solve(square, scaled.T @ values)
+    return np.asarray((factors.T / scale).T)
+
+
+def _normalised(points: Array) -> Array:
+    """Homography (3, 3) that moves points to the origin and scales them to a size of about 1."""
+    middle, size = points.mean(0), max(float(points.std()), 1e-12)
+    return np.array([[1 / size, 0, -middle[0] / size], [0, 1 / size, -middle[1] / size], [0, 0, 1.0]])

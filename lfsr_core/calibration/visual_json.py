@@ -1,0 +1,159 @@
+"""Display profiles from calibrations of Looking Glass displays, ``visual.json``.
+
+Most numbers are wrapped, as in ``"pitch": {"value": 52.6}``; the third generation adds cells of subpixels as plain
+numbers. For x and y from 0 to 1 from the lower left and channel c, the first two generations state
+a = (x + c / (3·screenW) + y·tilt)·P − center: their stripes begin at the pixel's centre, ours a third of a pixel
+earlier. If a calibration mirrors the image left-right, its coordinates are those of the image; if up-down, those of
+the panel, which shows it upside down. ``invView`` is read and not used: since HoloPlay Core the vendor's shader has
+view 1 − fract(a) for every device.
+"""
+
+from __future__ import annotations
+
+import codecs
+import contextlib
+import dataclasses
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import MOST_JSON_BYTES, parse_json, read_bytes
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.proposal import PanelShape, proposed_light_field
+from lfsr_core.optics.sheet import Lenticular, Subpixels
+
+INCH = 25.4
+MOST_NUMBER = 1e9
+# The rule for a pixel's cell, by a calibration's mode as older programs read it; other programs differ.
+RULES = {0: "0", 1: "(x+y)%2", 2: "x%2", 3: "(y+2(x%2))%4", 4: "y%2"}
+OFFSETS = tuple(f"{channel}Offset{axis}" for channel in "RGB" for axis in "XY")
+CONE, DISTANCE_BY_HEIGHT = 40.0, 2.5  # if the calibration does not state them
+REQUIRED = ("pitch", "slope", "center", "DPI", "screenW", "screenH")
+OPTIONAL = {"viewCone": CONE, "invView": 1.0, "verticalAngle": 0.0, "flipImageX": 0.0, "flipImageY": 0.0,
+            "flipSubp": 0.0, "fringe": 0.0}
+
+
+@dataclasses.dataclass(frozen=True)
+class Calibration:
+    """The numbers of a visual.json under its own names; see docs/reference/displays.md."""
+
+    numbers: Mapping[str, float]  # every name of REQUIRED and OPTIONAL
+    mode: int  # CellPatternMode
+    cells: tuple[tuple[float, ...], ...]  # offsets in the order of OFFSETS, in pixels
+    serial: str
+
+
+def read_calibration(path: str | Path) -> Calibration:
+    """Read a visual.json; LfsrError names the field, its value and what was expected."""
+    return calibration_of(_read(path), path)
+
+
+def calibration_of(data: Any, path: str | Path) -> Calibration:
+    """Return the one calibration in JSON data, which errors call ``path``; LfsrError as of ``read_calibration``."""
+    found = list(_calibrations(data))
+    if len(found) > 1:
+        raise LfsrError(f"{path} holds the calibrations of {len(found)} displays, expected one: keep one of them")
+    data = found[0] if found else data
+    if not isinstance(data, dict):
+        raise LfsrError(f"{path} holds a {type(data).__name__}, but a calibration is a JSON object: check the path")
+    numbers = {name: _number(path, data, name, None) for name in REQUIRED}
+    numbers |= {name: _number(path, data, name, value) for name, value in OPTIONAL.items()}
+    for name in ("pitch", "DPI", "screenW", "screenH"):
+        _check(path, name, numbers[name], numbers[name] > 0, "a number above 0")
+    for name in ("screenW", "screenH"):
+        _check(path, name, numbers[name], numbers[name] == int(numbers[name]), "a whole number of pixels")
+    _check(path, "slope", numbers["slope"], numbers["slope"] != 0, "a number other than 0")
+    mode = _unwrapped(data.get("CellPatternMode", data.get("cellPatternMode", 0)))
+    _check(path, "CellPatternMode", mode, isinstance(mode, (int, float)) and mode in RULES, "one of 0, 1, 2, 3, 4")
+    cells = _cells(path, _unwrapped(data.get("subpixelCells")) or [])
+    return Calibration(numbers, int(mode), cells, str(data.get("serial", "")))
+
+
+def _read(path: str | Path) -> Any:
+    """Data of a JSON file, which Windows programs begin with a byte order mark."""
+    what = "the visual.json of a display"
+    content = read_bytes(path, what, MOST_JSON_BYTES)
+    try:
+        if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):  # PowerShell's
+            content = content.decode("utf-16").encode()
+        return parse_json(content.removeprefix(codecs.BOM_UTF8))
+    except ValueError as error:
+        raise LfsrError(f"{path} cannot be read as {what} ({error}): copy it from the display again") from None
+
+
+def _calibrations(data: Any) -> Iterator[dict[str, Any]]:
+    """Objects with a pitch in ``data``; Bridge wraps them in others, and as text."""
+    if isinstance(data, str) and data.lstrip().startswith("{"):
+        with contextlib.suppress(ValueError):
+            data = parse_json(data.encode())
+    if isinstance(data, dict) and "pitch" in data:
+        yield data
+    elif isinstance(data, (dict, list)):
+        for inside in data.values() if isinstance(data, dict) else data:
+            yield from _calibrations(inside)
+
+
+def profile_from_calibration(calibration: Calibration, name: str) -> DisplayProfile:
+    """Return the display profile of a calibration, with the light field that loses nothing on the display."""
+    numbers = calibration.numbers
+    mirrored, upside_down, bgr = (numbers[switch] >= 0.5 for switch in ("flipImageX", "flipImageY", "flipSubp"))
+    width, height = numbers["screenW"], numbers["screenH"]
+    pixels, panel_mm = (int(width), int(height)), (width / numbers["DPI"] * INCH, height / numbers["DPI"] * INCH)
+    tilt = height / (width * numbers["slope"])  # panel heights by which an axis leans per panel width
+    sheet = Lenticular(INCH / numbers["pitch"], (-tilt if mirrored else tilt) * width / height, numbers["center"])
+    if calibration.cells:
+        subpixels = Subpixels(cells=calibration.cells, cell_rule=RULES[calibration.mode])
+    else:
+        # Without flips the stripes begin with red; two flips cancel.
+        subpixels = Subpixels("rgb" if mirrored == bgr else "bgr")
+        third = (1 if mirrored == bgr else -1) / (3 * pixels[0])
+        sheet = dataclasses.replace(sheet, center=sheet.center - third * sheet.lenses_across(panel_mm[0]))
+    if upside_down:
+        sheet, subpixels = _turned_over(sheet, subpixels, panel_mm, pixels[1])
+    lenses, views = proposed_light_field(PanelShape(pixels, panel_mm), sheet)
+    serial = f" {calibration.serial}" if calibration.serial else ""
+    return DisplayProfile(
+        name, pixels, panel_mm, lenses, views, DISTANCE_BY_HEIGHT * panel_mm[1],
+        numbers["viewCone"] or CONE,
+        ei_order="direct", description=f"Lenticular display{serial}, from its calibration.", subpixels=subpixels,
+        lenticular=sheet)
+
+
+def _turned_over(sheet: Lenticular, subpixels: Subpixels, panel_mm: tuple[float, float],
+                 rows: int) -> tuple[Lenticular, Subpixels]:
+    """Sheet and subpixels with y measured from the other end of the panel's ``rows``, whose image is upside down."""
+    width, height = panel_mm
+    lean = sheet.slant * height / width * sheet.lenses_across(width)  # of the axes over the panel's height, in pitches
+    turned = dataclasses.replace(sheet, slant=-sheet.slant, center=sheet.center - lean, flip=(False, True))
+    rule, cells = subpixels.cell_rule, subpixels.cells
+    if "y" in rule and cells:
+        count = int(rule[-1])
+        cells = tuple(cells[(rows - 1 - number) % count] for number in range(count))
+    return turned, dataclasses.replace(subpixels, cells=tuple(
+        tuple(-value if axis % 2 else value for axis, value in enumerate(cell)) for cell in cells))
+
+
+def _number(path: str | Path, data: Mapping[str, Any], name: str, default: float | None) -> float:
+    value = _unwrapped(data.get(name))
+    value = default if value is None else float(value) if isinstance(value, bool) and name in OPTIONAL else value
+    if value is None:
+        raise LfsrError(f"{path}: field {name!r} is missing; every calibration needs it")
+    _check(path, name, value, isinstance(value, (int, float)) and not isinstance(value, bool)
+           and abs(value) <= MOST_NUMBER, f"a number, at most {MOST_NUMBER:g}")
+    return float(value)
+
+
+def _unwrapped(value: Any) -> Any:
+    return value.get("value") if isinstance(value, dict) else value
+
+
+def _cells(path: str | Path, data: Any) -> tuple[tuple[float, ...], ...]:
+    _check(path, "subpixelCells", data, isinstance(data, list) and all(isinstance(cell, dict) for cell in data),
+           "a list of objects")
+    return tuple(tuple(_number(path, cell, name, None) for name in OFFSETS) for cell in data)
+
+
+def _check(path: str | Path, name: str, value: Any, holds: bool, rule: str) -> None:
+    if not holds:
+        raise LfsrError(f"{path}: {name} is {repr(value)[:50]}, but it must be {rule}")

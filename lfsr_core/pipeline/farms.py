@@ -1,0 +1,109 @@
+"""Jobs for render farms: the templates, and folders with a job that is ready to be submitted."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import platform
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path, write_json
+from lfsr_core.frames.averaging import check_averaging
+from lfsr_core.frames.job import Job
+
+OPENJD, FLAMENCO = "openjd", "flamenco"
+TEMPLATES = {OPENJD: "openjd.yaml", FLAMENCO: "flamenco.js"}
+TEMPLATE_FOLDER = Path(__file__).with_name("templates")
+MOST_PARTS = 1000
+# Flamenco knows a job type by its file's name.
+FLAMENCO_TYPE, FLAMENCO_PRIORITY = "lfsr-light-field", 50
+FLAMENCO_PLATFORMS = {"Linux": "linux", "Darwin": "darwin", "Windows": "windows"}
+LINEAR_EXR = {True: "--linear-exr", False: "--no-linear-exr"}
+
+
+@dataclasses.dataclass(frozen=True)
+class FarmJob:
+    """An animation to be rendered by a farm; LfsrError on what no farm can do."""
+
+    job: Job  # its output is the folder of the frames' folders, its scene a file that every worker sees
+    frames: tuple[int, ...]
+    method: str
+    linear_exr: bool = False
+    parts: int = 1  # into which each frame is split, by rows of lenses
+    display: str = ""  # file of the display's profile, empty for the built-in one of its name
+    temporal_averaging: int = 0  # as of ``UpscaleOptions``
+
+    def __post_init__(self) -> None:
+        most = min(MOST_PARTS, self.job.display.lenses[1])
+        if not 1 <= self.parts <= most:
+            raise LfsrError(f"parts are {self.parts}, but they must be 1 to {most} on display "
+                            f"{self.job.display.name}")
+        check_averaging(self.temporal_averaging)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Settings by their names in the templates; Flamenco's are in lower case."""
+        rays = self.job.spp / self.job.display.finished_pixels(self.job.scale)
+        return {"Output": self.job.output, "Parts": self.parts, "Display": self.display or self.job.display.name,
+                "Scale": str(self.job.scale), "Rays": rays, "Seed": self.job.seed, "Light": self.job.light,
+                "Device": self.job.device, "Method": self.method, "Linear": LINEAR_EXR[self.linear_exr],
+                "Share": self.temporal_averaging}
+
+
+@dataclasses.dataclass(frozen=True)
+class Submission:
+    """Files of a job, and how to submit it."""
+
+    files: tuple[Path, ...]
+    command: str  # that starts it
+    note: str  # a sentence to know with it
+
+
+def write_template(farm: str, output: Path) -> None:
+    """Write the template of a farm in TEMPLATES."""
+    with atomic_path(output) as temporary:
+        temporary.write_bytes((TEMPLATE_FOLDER / TEMPLATES[farm]).read_bytes())
+
+
+def write_job(farm: str, folder: Path, job: FarmJob) -> Submission:
+    """Write the template and the settings of a job into ``folder``; LfsrError where that fails."""
+    return {OPENJD: _openjd, FLAMENCO: _flamenco}[farm](folder, job)
+
+
+def _openjd(folder: Path, job: FarmJob) -> Submission:
+    """Write a job bundle: AWS Deadline Cloud reads ``parameter_values``, openjd-cli the plain parameters."""
+    values = {"Scene": job.job.scene, "Frames": _ranges(job.frames)} | job.values
+    template, plain, bundle = folder / "template.yaml", folder / "parameters.json", folder / "parameter_values.json"
+    write_template(OPENJD, template)
+    write_json(plain, values)
+    write_json(bundle, {"parameterValues": [{"name": name, "value": value} for name, value in values.items()]})
+    words = ["openjd", "run", str(template), "-p", f"file://{plain}", "--step", "Finish", "--run-dependencies"]
+    return Submission((template, plain, bundle), shlex.join(words),
+                      f"That runs it on this machine; for AWS Deadline Cloud: deadline bundle gui-submit {folder}")
+
+
+def _flamenco(folder: Path, job: FarmJob) -> Submission:
+    """Write a job type for the manager, and a new job as its interface reads it."""
+    values = {name.lower(): value for name, value in job.values.items()}
+    script, data = folder / f"{FLAMENCO_TYPE}.js", folder / "flamenco-job.json"
+    write_template(FLAMENCO, script)
+    write_json(data, {
+        "name": f"{Path(job.job.scene).stem} {_ranges(job.frames)}", "type": FLAMENCO_TYPE,
+        "priority": FLAMENCO_PRIORITY, "submitter_platform": FLAMENCO_PLATFORMS.get(platform.system(), "linux"),
+        "settings": {"blendfile": job.job.scene, "frames": ",".join(map(str, job.frames)), "lfsr": "lfsr"} | values})
+    words = ["curl", "-H", "Content-Type: application/json", "--data", f"@{data}", "http://MANAGER:8080/api/v3/jobs"]
+    return Submission((script, data), shlex.join(words),
+                      f"Put your manager in place of MANAGER, once {script.name} is in its folder scripts")
+
+
+def _ranges(frames: Sequence[int]) -> str:
+    """Return frames as OpenJD writes them: ``1-48``, ``1-48:2`` if all steps are equal, else a list."""
+    steps = {second - first for first, second in itertools.pairwise(frames)}
+    if len(steps) != 1 or min(steps) < 1:
+        return ",".join(map(str, frames))
+    step = steps.pop()
+    return f"{frames[0]}-{frames[-1]}" + (f":{step}" if step > 1 else "")

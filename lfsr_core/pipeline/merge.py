@@ -1,0 +1,185 @@
+"""Merge the parts of a frame that several machines rendered.
+
+Rows of lenses are joined: the result has the same bytes as the whole render where seed and device are the same.
+References of other seeds are averaged, each half into its own.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import system_errors
+from lfsr_core.base.progress import Progress, silent
+from lfsr_core.frames.frame import (
+    DEVICES_JOINED,
+    FRAME_FILE,
+    REFERENCE_FILES,
+    WORLD_FILE,
+    Frame,
+    read_part,
+    write_frame,
+)
+from lfsr_core.frames.identity import first_difference, phrases
+from lfsr_core.images import exr
+from lfsr_core.optics.lens_rows import Rows, check_cover, pixel_rows, rows_text
+from lfsr_core.pipeline.rendering import DERIVED_FILES, RENDERED_FILES, check_folder
+from lfsr_core.pipeline.staging import publish, staging_folder
+
+FREE = {"rows", "seconds", "device", "gpus", "content", "notes"}  # fields in which the parts of one frame may differ
+
+
+def part_folders(folders: Sequence[Path]) -> list[Path]:
+    """Return ``folders``, each that is no part itself replaced by the folders in it that are."""
+    found: list[Path] = []
+    for folder in folders:
+        inner = [] if (folder / FRAME_FILE).exists() else [path.parent for path in folder.glob(f"*/{FRAME_FILE}")]
+        found += sorted(inner) or [folder]
+    return found
+
+
+def merge(folders: Sequence[str | Path], output: str | Path, progress: Progress = silent) -> Frame:
+    """Join parts by rows of lenses, or average whole references of other seeds, and return the frame in ``output``.
+
+    ``folders``: parts of ``lfsr render --rows`` or ``lfsr reference --rows``, in any order; or whole references. The
+    frame has the seconds of all parts together. LfsrError where a part is missing, given twice, incomplete, or of
+    another frame.
+    """
+    output, parts = Path(output), [_read(Path(folder)) for folder in folders]
+    if not parts:
+        raise LfsrError("there are no parts to merge: name their folders")
+    by_rows = any(part.frame.rows is not None for part in parts)
+    frame = _by_rows(parts) if by_rows else _by_samples(parts)
+    check_folder(output, parts[0].kind)
+    with staging_folder(output) as staging, system_errors(output):
+        staged = staging / "frame"
+        staged.mkdir()
+        names = RENDERED_FILES[parts[0].kind]
+        for number, name in enumerate(names):
+            progress("merge", number / len(names), name)
+            (_join if by_rows else _average)(parts, name, staged / name)
+        if frame.world_apart:
+            exr.write_layers(staged / WORLD_FILE, exr.read_layers(parts[0].folder / WORLD_FILE))
+        write_frame(staged, frame)
+        publish(staged, output, DERIVED_FILES)
+    progress("merge", 1.0, "")
+    return frame
+
+
+@dataclasses.dataclass(frozen=True)
+class _Part:
+    folder: Path
+    frame: Frame
+    kind: str
+
+
+def _read(folder: Path) -> _Part:
+    """Return a part whose files are there; its pixels are checked when they are read."""
+    frame = read_part(folder)
+    for kind, names in RENDERED_FILES.items():
+        if all((folder / name).is_file() for name in names):
+            return _Part(folder, frame, kind)
+    raise LfsrError(f"{folder} has a frame.json, but neither render nor reference: render this part again")
+
+
+def _by_rows(parts: list[_Part]) -> Frame:
+    """Sort the parts of one frame from the top and return it."""
+    rows = {part.folder: part.frame.rows for part in parts if part.frame.rows is not None}
+    for part in parts:
+        if part.folder not in rows:
+            raise LfsrError(f"{part.folder} is a whole frame, but the others are parts of one: leave it out")
+    _check_same(parts, FREE)
+    check_cover([rows[part.folder] for part in parts], parts[0].frame.display.lenses[1])
+    for part in parts:
+        _check_size(part, rows[part.folder])
+    parts.sort(key=lambda part: rows[part.folder])
+    return _merged(parts, rows=None)
+
+
+def _by_samples(parts: list[_Part]) -> Frame:
+    """Return the frame of the average of independent references, which has the samples of all."""
+    seeds: dict[int, Path] = {}
+    for part in parts:
+        if part.kind != "reference":
+            raise LfsrError(f"{part.folder} is a whole render, not a part of one: merge parts of `lfsr render --rows`, "
+                            "or references of other seeds")
+    _check_same(parts, FREE | {"seed", "samples"})
+    for part in parts:
+        if part.frame.seed in seeds:
+            raise LfsrError(f"{seeds[part.frame.seed]} and {part.folder} have the same seed {part.frame.seed}, and so "
+                            "the same noise: render one of them with another --seed")
+        seeds[part.frame.seed] = part.folder
+    return _merged(parts, samples=sum(part.frame.samples for part in parts), seed=min(seeds))
+
+
+def _merged(parts: list[_Part], **changes: int | None) -> Frame:
+    """Return the first part's frame with ``changes``, the seconds of all parts and every device."""
+    frames = [part.frame for part in parts]
+    seconds = {name: round(sum(frame.seconds.get(name, 0.0) for frame in frames), 3) for name in frames[0].seconds}
+    devices = {name for frame in frames for name in frame.device.split(DEVICES_JOINED)}
+    notes = tuple(dict.fromkeys(note for frame in frames for note in frame.notes))
+    gpus = tuple(sorted({address for frame in frames for address in frame.gpus}))
+    fields = {**changes, "notes": notes, "seconds": seconds, "device": DEVICES_JOINED.join(sorted(devices)),
+              "gpus": gpus}
+    return Frame(**(vars(frames[0]) | fields))
+
+
+def _check_same(parts: list[_Part], free: set[str]) -> None:
+    """LfsrError where a part is of another frame than the first."""
+    first, *others = parts
+    for part in others:
+        if part.kind != first.kind:
+            raise LfsrError(f"{part.folder} holds a {part.kind}, but {first.folder} a {first.kind}: leave one out")
+        found, wanted = ({name: value for name, value in vars(of.frame).items() if name not in free}
+                         for of in (part, first))
+        if name := first_difference(found, wanted):
+            here, there = phrases(name, found[name], wanted[name])
+            raise LfsrError(f"{part.folder} was rendered with {here}, but {first.folder} with {there}: "
+                            "render one of them again like the other")
+        if first.frame.content and part.frame.content and first.frame.content != part.frame.content:
+            raise LfsrError(f"{part.folder} was rendered from another version of {part.frame.scene} than "
+                            f"{first.folder}: render one of them again")
+
+
+def _check_size(part: _Part, rows: Rows) -> None:
+    """LfsrError where an image of ``part`` has another size than its rows."""
+    layout = part.frame.rays
+    first, last = pixel_rows(rows, layout.views[1])
+    wanted = (layout.size[0], last - first)
+    for name in RENDERED_FILES[part.kind]:
+        size = exr.size(part.folder / name)
+        if size != wanted:
+            raise LfsrError(f"{part.folder / name} has {size[0]}×{size[1]} pixels, but rows {rows_text(rows)} "
+                            f"have {wanted[0]}×{wanted[1]}: render this part again")
+
+
+def _join(parts: list[_Part], name: str, path: Path) -> None:
+    exr.join_rows([part.folder / name for part in parts], path, half=_is_half(parts[0].frame, name))
+
+
+def _average(parts: list[_Part], name: str, path: Path) -> None:
+    """Average the layers by their samples, but for "index", which is that of the first part's first sample."""
+    half = REFERENCE_FILES.index(name)
+    weights = np.array([(part.frame.samples + 1 - half) // 2 for part in parts], np.float64)
+    weights /= weights.sum()
+    layers = exr.read_layers(parts[0].folder / name)
+    averaged = [layer for layer in layers if layer != "index"]
+    for layer in averaged:
+        layers[layer] = layers[layer] * np.float32(weights[0])
+    for part, weight in zip(parts[1:], weights[1:], strict=True):
+        others = exr.read_layers(part.folder / name)
+        if {key: pixels.shape for key, pixels in layers.items()} != {key: of.shape for key, of in others.items()}:
+            raise LfsrError(f"{part.folder / name} has other layers or another size than the first reference: "
+                            "render it again")
+        for layer in averaged:
+            layers[layer] += others[layer] * np.float32(weight)
+    exr.write_layers(path, layers, half=_is_half(parts[0].frame, name))
+
+
+def _is_half(frame: Frame, name: str) -> bool:
+    """True where the whole render would be stored as 16-bit floats: a reference, unless it has positions."""
+    return name in REFERENCE_FILES and "position" not in frame.layers

@@ -1,0 +1,103 @@
+"""Find Blender, and build the command lines that start it."""
+
+from __future__ import annotations
+
+import dataclasses
+import glob
+import importlib.util
+import os
+import re
+import shutil
+import sys
+from pathlib import Path
+from typing import Protocol
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.process.child import output_of
+
+PACKAGES = Path(__file__).resolve().parents[2]  # folder of lfsr_core
+OLDEST_BLENDER, SECONDS_TO_ANSWER = (4, 5), 60
+# Where installers and Steam put Blender. What the Microsoft Store and snap install is on PATH.
+PLACES = {
+    "win32": ("$ProgramFiles/Blender Foundation/Blender */blender.exe",
+              "${ProgramFiles(x86)}/Steam/steamapps/common/Blender/blender.exe"),
+    "darwin": ("/Applications/Blender*.app/Contents/MacOS/Blender",
+               "~/Applications/Blender*.app/Contents/MacOS/Blender",
+               "~/Library/Application Support/Steam/steamapps/common/Blender/Blender.app/Contents/MacOS/Blender"),
+    "linux": ("~/.steam/steam/steamapps/common/Blender/blender",)}
+
+
+class Starts(Protocol):
+    """Anything that knows how to start Blender."""
+
+    def command(self, *job_files: Path) -> list[str]:
+        """Return the command line that runs the render jobs in ``job_files`` one after the other."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Blender:
+    """How to start Blender."""
+
+    executable: str | None = None  # path of Blender, None for the bpy wheel of this Python
+
+    def command(self, *job_files: Path) -> list[str]:
+        """Return the command line that runs the render jobs in ``job_files`` one after the other."""
+        return self.script_command(_entry_script(), *map(str, job_files))
+
+    def script_command(self, script: Path, *arguments: str) -> list[str]:
+        """Return the command line that runs a Python ``script`` inside Blender."""
+        if self.executable is None:
+            # -P: modules beside the script must not hide others of the same name.
+            return [sys.executable, "-P", str(script), "--", *arguments]
+        return [self.executable, "--background", "--factory-startup", "--python-exit-code", "1",
+                "--python", str(script), "--", *arguments]
+
+
+def find_blender(executable: str | None = None) -> Blender:
+    """Return the Blender asked for, else the bpy wheel, else ``blender`` on PATH, else the newest that is installed.
+
+    LfsrError if there is none.
+    """
+    if executable is None and importlib.util.find_spec("bpy") is not None:
+        return Blender()
+    path = shutil.which(executable or "blender") or (None if executable else _installed())
+    if path is None:
+        raise LfsrError(
+            f"blender executable {executable!r} was not found: give the path of Blender 4.5 or newer" if executable
+            else "Blender was not found, neither the bpy package nor an installed Blender: "
+                 "install the 'blender' extra or give --blender PATH")
+    version = _version(path)
+    if version < OLDEST_BLENDER:
+        raise LfsrError(f"{path} is Blender {'.'.join(map(str, version))}, but 4.5 or newer is needed: "
+                        "give another with --blender PATH")
+    return Blender(path)
+
+
+def _installed() -> str | None:
+    """Path of the newest Blender where this system keeps programs."""
+    patterns = (os.path.expanduser(os.path.expandvars(place)) for place in PLACES.get(sys.platform, ()))
+    found = [path for pattern in patterns for path in glob.glob(pattern)]
+    return max(found, key=_numbers, default=None)
+
+
+def _numbers(path: str) -> list[int]:
+    return [int(number) for pair in re.findall(r"(\d+)\.(\d+)", path) for number in pair]
+
+
+def _entry_script() -> Path:
+    """Return the add-on's script that runs a render job inside Blender, without importing the add-on here."""
+    spec = importlib.util.find_spec("blender_addon")
+    if spec is None or not spec.submodule_search_locations:
+        raise LfsrError("the package blender_addon is not installed beside lfsr_core: install LFSR again")
+    return Path(next(iter(spec.submodule_search_locations)), "headless", "from_sources.py")
+
+
+def _version(path: str) -> tuple[int, ...]:
+    try:
+        _, answer = output_of([path, "--version"], seconds=SECONDS_TO_ANSWER)
+    except OSError as error:
+        raise LfsrError(f"{path} cannot be started ({error}): give another with --blender PATH") from None
+    found = re.search(r"Blender (\d+)\.(\d+)", answer)
+    if found is None:
+        raise LfsrError(f"{path} does not say that it is Blender: give the executable with --blender PATH")
+    return int(found[1]), int(found[2])

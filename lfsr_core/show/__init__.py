@@ -1,1 +1,0 @@
-"""Images on displays: through Looking Glass Bridge, or full screen in a browser."""

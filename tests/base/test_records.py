@@ -1,0 +1,135 @@
+"""Records: what comes back is what went in, and what is wrong is said in one sentence that names the place."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from typing import Any, Literal
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import from_data, read_record, to_data, write_record
+
+
+@dataclasses.dataclass(frozen=True)
+class Point:
+    place: tuple[float, float]
+    kind: Literal["win", "loss"] = "win"
+
+
+@dataclasses.dataclass(frozen=True)
+class Sheet:
+    name: str
+    count: int
+    fraction: float = dataclasses.field(metadata={"key": "share"})
+    flag: bool
+    points: tuple[Point, ...] = ()
+    seconds: dict[str, float] = dataclasses.field(default_factory=dict)
+    best: Point | None = None
+    pairs: tuple[tuple[int, int], ...] | None = None
+
+    def __post_init__(self) -> None:
+        if self.count < 0:
+            raise LfsrError(f"count is {self.count}, but it must be 0 or more")
+
+
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+POINTS = st.builds(Point, st.tuples(NUMBERS, NUMBERS), st.sampled_from(("win", "loss")))
+WHOLE = st.integers(-10**9, 10**9)
+SHEETS = st.builds(Sheet, st.text(), st.integers(0, 2**63 - 1), NUMBERS | WHOLE, st.booleans(),
+                   st.lists(POINTS, max_size=3).map(tuple), st.dictionaries(st.text(), NUMBERS, max_size=3),
+                   st.none() | POINTS,
+                   st.none() | st.lists(st.tuples(WHOLE, WHOLE), max_size=3).map(tuple))
+GOOD: dict[str, Any] = {"name": "a", "count": 1, "share": 0.5, "flag": True,
+                        "points": [{"place": [1, 2.5]}, {"place": [0.0, 0.0], "kind": "loss"}]}
+
+
+@given(SHEETS)
+def test_a_record_comes_back_from_json_as_it_went(sheet: Sheet) -> None:
+    data = json.loads(json.dumps(to_data(sheet), allow_nan=False))
+    assert data == to_data(sheet)
+    assert from_data(Sheet, data, "sheet") == sheet
+    assert json.dumps(to_data(from_data(Sheet, data, "sheet"))) == json.dumps(data)
+
+
+def test_a_file_holds_a_record(tmp_path) -> None:
+    sheet = from_data(Sheet, GOOD, "sheet")
+    write_record(tmp_path / "sheet.json", sheet)
+    assert read_record(tmp_path / "sheet.json", Sheet, "a sheet") == sheet
+    with pytest.raises(LfsrError, match=r"other\.json does not exist, expected a sheet"):
+        read_record(tmp_path / "other.json", Sheet, "a sheet")
+
+
+@pytest.mark.parametrize(("change", "parts"), [
+    ({"count": 1.0}, ("count is 1.0", "a whole number")),
+    ({"count": True}, ("count is True", "a whole number")),
+    ({"share": True}, ("share is True", "a finite number")),
+    ({"share": "0.5"}, ("share is '0.5'", "a finite number")),
+    ({"share": math.nan}, ("share is nan", "a finite number")),
+    ({"share": 10**400}, ("share is 1000", "a finite number")),
+    ({"share": 2**64}, ("share is 18446744073709551616", "a number below 2⁶³, or with a point")),
+    ({"points": [{"place": [1, -2**64]}]}, ("points[0].place[1] is -18446744073709551616", "below 2⁶³, or with")),
+    ({"flag": 1}, ("flag is 1", "true or false")),
+    ({"name": None}, ("name is None", "text")),
+    ({"points": "ab"}, ("points is 'ab'", "a list")),
+    ({"points": [*GOOD["points"], {"place": [1, 2, 3]}]}, ("points[2].place is [1, 2, 3]", "a list of 2 entries")),
+    ({"points": [{"place": [1, "x"]}]}, ("points[0].place[1] is 'x'", "a finite number")),
+    ({"points": [{"place": [1, 2], "kind": "draw"}]}, ("points[0].kind is 'draw'", "one of win, loss")),
+    ({"points": [{"kind": "win"}]}, ("points[0]: field 'place' is missing; every Point needs it",)),
+    ({"best": {"place": [1, 2], "colour": 3}}, ("best: unknown field 'colour'; the fields are place, kind",)),
+    ({"best": [1]}, ("best is [1]", "an object")),
+    ({"seconds": {"load": None}}, ("seconds.load is None", "a finite number")),
+    ({"seconds": [1]}, ("seconds is [1]", "an object")),
+    ({"pairs": [[1, 2.5]]}, ("pairs[0][1] is 2.5", "a whole number")),
+    ({"count": -1}, ("count is -1, but it must be 0 or more",)),
+    ({"name": 7, "share": 1}, ("name is 7", "text")),
+    ({"points": [0] * 10000}, ("points[0] is 0", "an object")),
+    ({"count": 10**400}, ("count is 1000", "below 2⁶³")),
+    ({"name": "\ud800"}, ("name is '\\ud800'", "UTF-8")),
+    ({"name": "long " * 1000}, ("name is 'long", "at most 4096 characters")),
+    ({"flag": "long " * 1000}, ("flag is 'long", "true or false")),
+])
+def test_what_is_wrong_is_one_sentence_with_its_place(change: dict[str, Any], parts: tuple[str, ...]) -> None:
+    with pytest.raises(LfsrError) as caught:
+        from_data(Sheet, GOOD | change, "/a/folder/" * 30 + "sheet.json")
+    message = str(caught.value)
+    assert all(part in message for part in ("sheet.json: ", *parts))
+    assert len(message) <= 300 and "\n" not in message
+
+
+@pytest.mark.parametrize("data", [None, [], "text", 3])
+def test_what_is_no_object_at_all(data: Any) -> None:
+    with pytest.raises(LfsrError, match="sheet: it is .*, but it must be an object"):
+        from_data(Sheet, data, "sheet")
+
+
+def test_a_missing_field_is_named() -> None:
+    with pytest.raises(LfsrError, match="sheet: field 'flag' is missing; every Sheet needs it"):
+        from_data(Sheet, {key: value for key, value in GOOD.items() if key != "flag"}, "sheet")
+
+
+def test_a_misspelt_field_gets_a_hint() -> None:
+    with pytest.raises(LfsrError, match="sheet: unknown field 'cuont'; did you mean 'count'"):
+        from_data(Sheet, GOOD | {"cuont": 3}, "sheet")
+
+
+def test_what_could_not_be_read_back_is_not_written(tmp_path) -> None:
+    with pytest.raises(LfsrError, match="share is inf, but it must be a finite number"):
+        write_record(tmp_path / "sheet.json", Sheet("a", 1, math.inf, True))
+    assert not list(tmp_path.iterdir())
+
+
+@settings(max_examples=50)
+@given(st.recursive(st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+                    lambda inner: st.lists(inner) | st.dictionaries(st.text() | st.sampled_from(list(GOOD)), inner)))
+def test_any_other_data_is_taken_unchanged_or_refused_in_one_sentence(data: Any) -> None:
+    try:
+        sheet = from_data(Sheet, data, "sheet")
+    except LfsrError as error:
+        assert len(str(error)) <= 300
+    else:
+        assert {key: to_data(sheet)[key] for key in data} == data

@@ -1,0 +1,203 @@
+"""Patterns, and what simulated photographs of them tell of a sheet."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+
+import numpy as np
+import pytest
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.calibration.fit import Photograph, fit_profile
+from lfsr_core.calibration.patterns import PATTERNS, pattern
+from lfsr_core.calibration.photograph import find_panel, fit_homography, project
+from lfsr_core.calibration.prediction import comparison
+from lfsr_core.optics.display import DisplayProfile, load_display
+from lfsr_core.optics.eye import eye_view
+from lfsr_core.optics.sheet import Lattice
+from lfsr_lab.experiments.photographs.camera import Shot, photograph
+from tests.support.panels import SHEETS
+
+PIXEL = 0.25
+LARGE = {"format": 2, "name": "large", "panel_pixels": [960, 540], "panel_mm": [240.0, 135.0],
+         "viewing_distance_mm": 500.0, "viewing_angle_deg": 40.0}
+CYLINDERS = DisplayProfile.from_dict(LARGE | {"lenticular": {"pitch_mm": 1.6, "slant": -0.15, "center": 0.3}})
+LENSES = DisplayProfile.from_dict(LARGE | {"lenslet": {
+    "packing": "hexagonal", "gap_mm": 2.75, "lenses": {"pitch_mm": [2.0, 2.0 * math.sqrt(0.75)]}}})
+PLACE = (30.0, -20.0, 520.0)
+GOOD = Shot(PLACE, (900, 640), roll_deg=2.0, aim=(0.02, -0.03), noise=0.004)
+
+
+@functools.cache
+def taken(nominal=CYLINDERS, real=None, **changes) -> Photograph:
+    """A photograph of the phase pattern of ``nominal`` through the sheet of ``real``; changes of GOOD."""
+    shot = dataclasses.replace(GOOD, **changes)
+    return Photograph(photograph(pattern(nominal, "phase"), real or nominal, shot).astype(np.float32), shot.eye_mm)
+
+
+def changed(**changes) -> Photograph:
+    return dataclasses.replace(taken(), **changes)
+
+
+@pytest.mark.parametrize(("pitch", "slant", "center"), [(1.6064, -0.156, 0.55)])
+def test_cylinders_are_found(pitch, slant, center):
+    real = dataclasses.replace(CYLINDERS, lenticular=dataclasses.replace(
+        CYLINDERS.lenticular, pitch_mm=pitch, slant=slant, center=center))
+    found = fit_profile(CYLINDERS, [taken(real=real)]).profile.lenticular
+    assert found.pitch_mm == pytest.approx(pitch, rel=1e-5)
+    assert found.slant == pytest.approx(slant, abs=1e-4)
+
+    def middle(sheet):  # phase at the panel's middle, where errors of pitch and slant weigh least
+        return sheet.lenses_across(240.0) / 2 * (1 + sheet.slant * 135 / 240) - sheet.center
+
+    shift = (middle(found) - middle(real.lenticular) + 0.5) % 1 - 0.5
+    assert shift * pitch / PIXEL == pytest.approx(0, abs=0.03)
+
+
+def test_small_lenses_are_found_by_two_photographs():
+    pitch = (2.01, 2.0 * math.sqrt(0.75) * 0.997)
+    real = dataclasses.replace(LENSES, lenslet=dataclasses.replace(
+        LENSES.lenslet, lenses=Lattice(pitch, 0.3, 0.002, (0.5, -0.4))))
+    photographs = [taken(LENSES, real, eye_mm=eye, size=(1200, 850), noise=0.002)
+                   for eye in ((30.0, -20.0, 520.0), (-40.0, 20.0, 480.0))]
+    both = fit_profile(LENSES, photographs)
+    found = both.profile.lenslet.lenses
+    # Only 78 rows of lenses: 2.5e-5 is a thousandth of one.
+    assert found.pitch_mm == pytest.approx(pitch, rel=2.5e-5)
+    assert math.radians(found.rotation_deg - 0.3) == pytest.approx(0, abs=1e-4)
+    assert np.abs(np.subtract(found.shift_mm, (0.5, -0.4))).max() / PIXEL < 0.05
+    assert 0 < both.errors.pitch < 2e-5 and len(both.seen) == 2
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("turns", range(4))
+def test_a_turned_or_mirrored_photograph_is_recognised(turns, mirrored):
+    image = taken().image
+    stored = np.ascontiguousarray(np.rot90(image[:, ::-1] if mirrored else image, -turns))
+    view, upright = find_panel(stored, CYLINDERS), find_panel(image, CYLINDERS)
+    assert (view.mirrored, view.turn_deg) == (mirrored, turns * 90)
+    # The pattern's corners are where they were, wherever the photograph has them now.
+    corners = np.array([[-120, 67.5], [120, 67.5], [120, -67.5]])
+    lengths = [np.linalg.norm(np.diff(one.places(corners), axis=0), axis=1) for one in (view, upright)]
+    np.testing.assert_allclose(*lengths, rtol=2e-4)
+
+
+def test_a_lens_that_distorts_is_corrected():
+    photo = taken(bend=(0.06, 0.01))
+    found = fit_profile(CYLINDERS, [photo])
+    assert found.seen[0].view.bent == pytest.approx(-0.06, abs=0.02)
+    assert found.profile.lenticular.pitch_mm == pytest.approx(1.6, rel=1e-5)
+
+
+def test_photographs_from_other_places_than_said_disagree():
+    second = dataclasses.replace(taken(eye_mm=(60.0, 0.0, 500.0)), eye_mm=(90.0, 0.0, 500.0))
+    with pytest.raises(LfsrError, match="photographs disagree by 0.0|photographs disagree by 0.1"):
+        fit_profile(CYLINDERS, [taken(), second])
+
+
+@pytest.mark.parametrize("place", [(-60.0, -20.0, 520.0), (30.0, 90.0, 520.0)])
+def test_a_place_that_the_perspective_contradicts_is_refused(place):
+    with pytest.raises(LfsrError, match=r"taken from about (29|30|31|32|28),-(19|20|21|18|22) by its perspective"):
+        fit_profile(CYLINDERS, [changed(eye_mm=place)])
+
+
+def covered(image):
+    """With a finger before its upper right part."""
+    rows, columns = np.indices(image.shape[:2])
+    return np.where((np.hypot(rows - 210, columns - 640) < 110)[..., None], 0.2, image)
+
+
+@pytest.mark.parametrize(("image", "told"), [
+    (lambda image: image * 0, "no lit panel"),
+    (lambda image: np.pad(image[::12, ::12], ((300, 300), (400, 400), (0, 0))), "lit panel|shortest side"),
+    (lambda image: image[::8, ::8], "needs at least 200"),
+    (lambda image: image * 0 + np.pad(np.full((400, 600, 1), 0.6), ((120, 120), (150, 150), (0, 0))), "no colours"),
+    (lambda image: np.clip(image * 1.8, 0, 1), "overexposed"),
+    (lambda image: image * 0.1, "too dark"),
+    (lambda image: image.mean(-1, keepdims=True).repeat(3, -1), "no colours"),
+    (lambda image: image[:, :560], "dots are not"),
+    (covered, "upper right of the panel shows no fringes|dots are not"),
+    (lambda image: np.stack([image[..., 1], image[..., 0], image[..., 2]], -1), "dots are not"),
+])
+def test_what_cannot_be_measured_is_refused(image, told):
+    with pytest.raises(LfsrError, match=told):
+        fit_profile(CYLINDERS, [changed(image=image(taken().image))])
+
+
+def test_a_blurred_photograph_is_refused():
+    with pytest.raises(LfsrError, match="the pitch is known only to"):
+        fit_profile(CYLINDERS, [taken(blur=16.0)])
+
+
+@pytest.mark.parametrize("kind", ["band", "rgb", "grid"])
+def test_another_pattern_is_refused(kind):
+    shown = photograph(pattern(CYLINDERS, kind), CYLINDERS, GOOD)
+    with pytest.raises(LfsrError, match="dots are not|no colours|overexposed|no lit panel|too dark"):
+        fit_profile(CYLINDERS, [changed(image=shown)])
+
+
+@pytest.mark.parametrize("factor", [1.12, 0.88, 1.05, 0.95])
+def test_a_pitch_far_from_the_makers_is_refused_or_right(factor):
+    real = dataclasses.replace(CYLINDERS, lenticular=dataclasses.replace(CYLINDERS.lenticular, pitch_mm=1.6 * factor))
+    try:
+        found = fit_profile(CYLINDERS, [taken(real=real)])
+    except LfsrError:
+        return
+    assert found.profile.lenticular.pitch_mm == pytest.approx(1.6 * factor, rel=1e-5)
+
+
+def test_a_camera_behind_the_panel_is_refused():
+    with pytest.raises(LfsrError, match="z = -3"):
+        fit_profile(CYLINDERS, [Photograph(np.zeros((9, 9, 3)), (0.0, 0.0, -3.0))])
+
+
+def test_the_predicted_photograph_resembles_the_taken_one_and_another_sheets_does_not():
+    found = fit_profile(CYLINDERS, [taken()])
+    picture = comparison(CYLINDERS, found, [taken()])
+    left, right = picture[:, :720].astype(float), picture[:, -720:].astype(float)
+    assert picture.shape[1] > 1440 and picture.dtype == np.uint8
+    for channel in range(3):
+        assert np.corrcoef(left[..., channel].ravel(), right[..., channel].ravel())[0, 1] > 0.75
+    other = dataclasses.replace(found.profile.lenticular, pitch_mm=1.62)
+    wrong = dataclasses.replace(found, profile=dataclasses.replace(found.profile, lenticular=other))
+    with pytest.raises(LfsrError, match="agree by"):
+        comparison(CYLINDERS, wrong, [taken()])
+
+
+def test_a_homography_is_found_again():
+    matrix = np.array([[2.0, 0.1, 30], [-0.2, 1.8, 40], [1e-3, -2e-3, 1]])
+    points = np.random.default_rng(0).uniform(-50, 50, (9, 2))
+    np.testing.assert_allclose(fit_homography(points, project(matrix, points)), matrix, rtol=1e-6)
+
+
+@pytest.mark.parametrize("sheet", SHEETS)
+@pytest.mark.parametrize("kind", PATTERNS)
+def test_every_pattern_on_every_sheet(sheet, kind):
+    image = pattern(SHEETS[sheet](), kind)
+    assert image.shape == (160, 240, 3) and image.dtype == np.uint8
+    assert image.std() > 10
+
+
+@pytest.mark.parametrize("sheet", SHEETS)
+def test_the_band_is_bright_from_the_middle_and_dark_from_the_side(sheet):
+    display = SHEETS[sheet]()
+    shown = pattern(display, "band")
+    middle, side = (eye_view(shown, display, (x, 0.0, 300.0), width=1)[3:-3, 3:-3].mean() for x in (0.0, 60.0))
+    assert middle > 150 and side < 30
+
+
+@pytest.mark.parametrize("sheet", SHEETS)
+def test_rgb_is_red_from_the_left_and_blue_from_the_right(sheet):
+    display = SHEETS[sheet]()
+    for x, channel in ((-70.0, 0), (0.0, 1), (70.0, 2)):
+        color = eye_view(pattern(display, "rgb"), display, (x, 0.0, 300.0), width=1)[3:-3, 3:-3].mean((0, 1))
+        assert color.argmax() == channel and color.max() > 2 * np.sort(color)[1]
+
+
+def test_wrong_patterns_and_displays_are_named():
+    with pytest.raises(LfsrError, match="pattern is 'moire'.*phase, lens, band, rgb, grid"):
+        pattern(CYLINDERS, "moire")
+    with pytest.raises(LfsrError, match="'mini' has no lens sheet"):
+        pattern(load_display("mini"), "phase")

@@ -1,0 +1,144 @@
+"""The session with Bridge: its displays, quilts that replace one another, and refusals."""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.exports import loopback
+from lfsr_core.exports.bridge import Bridge, Quilt, chosen
+from tests.support.bridge import TOKEN
+from tests.support.bridge_displays import MONITOR, PORTRAIT
+
+CALLS = ("enter_orchestration", "available_output_devices", "instance_playlist", "insert_playlist_entry", "show_window",
+         "play_playlist")
+QUILTS = [Quilt(Path(f"/films/{name}_qs8x6a0.75.png"), (8, 6), 0.75) for name in "abc"]
+
+
+def quickly(endpoint, body):
+    return loopback.put(endpoint, body, 0.5)
+
+
+def test_displays_with_lenses_are_listed(bridge):
+    bridge()
+    portrait, large = Bridge().devices()
+    assert (portrait.index, portrait.name, portrait.hardware) == (1, "LKG-P1", "portrait")
+    assert portrait.corner == (3840, 0) and portrait.quilt["tileX"] == 8
+    assert portrait.calibration.numbers["slope"] == -7.083540916442871
+    assert large.calibration.mode == 2 and len(large.calibration.cells) == 2
+
+
+def test_each_show_replaces_the_last_and_nothing_is_deleted(bridge):
+    stand_in = bridge()
+    for quilt in QUILTS:
+        session = Bridge()
+        session.play(quilt, session.devices()[0])
+        assert stand_in.shown == [str(quilt.path.resolve())]
+    assert "delete_playlist" not in stand_in.endpoints
+
+
+def test_the_last_image_is_shown_until_the_next_is_complete(bridge):
+    stand_in = bridge()
+    session = Bridge()
+    portrait = session.devices()[0]
+    session.play(QUILTS[0], portrait)
+    before = len(stand_in.requests)
+    session.play(QUILTS[1], portrait)
+    shown = [request["shown"] for request in stand_in.requests[before:]]
+    first, second = ([str(quilt.path.resolve())] for quilt in QUILTS[:2])
+    assert shown == [first] * (len(shown) - 1) + [second]
+
+
+def test_bridge_is_told_all_of_a_quilt(bridge):
+    stand_in = bridge()
+    session = Bridge()
+    session.play(QUILTS[0], session.devices()[1])
+    (entry,) = (request["body"] for request in stand_in.requests if request["endpoint"] == "insert_playlist_entry")
+    assert (entry["cols"], entry["rows"], entry["view_count"], entry["aspect"], entry["isRGBD"]) == (8, 6, 48, 0.75, 0)
+    assert {request["body"]["head_index"] for request in stand_in.requests if "head_index" in request["body"]} == {2}
+
+
+@pytest.mark.parametrize("endpoint", CALLS)
+@pytest.mark.parametrize(("fault", "message"), [
+    ("hang", "did not answer {}"), ("drop", "broke the connection at {}"), ("nonsense", "answers {} with what is not"),
+    ("refuse", r"refuses {} \(Failure: display is in use\)"), ("empty", "answers {} with nothing: update it")])
+def test_each_call_can_fail_in_each_way(bridge, endpoint, fault, message):
+    stand_in = bridge(f"{fault}:{endpoint}")
+    if endpoint == "enter_orchestration" and fault in ("refuse", "empty"):
+        message = "opened no session: update it to version 2.2 or newer"
+    with pytest.raises(LfsrError, match=message.format(endpoint)):
+        session = Bridge(quickly)
+        session.play(QUILTS[0], session.devices()[0])
+    assert stand_in.endpoints[-1] == endpoint, "nothing is asked after a failure"
+
+
+def test_the_stand_in_hangs_once_a_playlist_is_deleted_and_answers_post_with_nothing(bridge):
+    stand_in = bridge()
+    posted = http.client.HTTPConnection("127.0.0.1", stand_in.port, timeout=20)
+    posted.request("POST", "/enter_orchestration", b"{}")
+    assert posted.getresponse().read() == b""
+    for endpoint in ("delete_playlist", "enter_orchestration"):
+        with pytest.raises(LfsrError, match=f"did not answer {endpoint} within 0.5 s"):
+            quickly(endpoint, {"orchestration": TOKEN, "name": "x", "loop": True})
+
+
+NUMBERS = st.integers() | st.floats(allow_nan=False, allow_infinity=False)
+NAMES = st.sampled_from(["value", "payload", "status", "index", "hwid", "calibration", "defaultQuilt", "windowCoords",
+                         "hardwareVersion", "message", "pitch", "screenW"]) | st.text()
+ANSWERS = st.recursive(st.none() | st.booleans() | NUMBERS | st.text(),
+                       lambda inside: st.lists(inside) | st.dictionaries(NAMES, inside))
+
+
+@given(st.fixed_dictionaries({"payload": ANSWERS, "status": ANSWERS | st.just("Completion")}) | ANSWERS, ANSWERS)
+def test_whatever_is_answered_is_a_display_or_a_sentence(answer, entry):
+    answers = {"enter_orchestration": {"payload": {"value": TOKEN}}}
+    for found in (answer, {"status": "Completion", "payload": {"value": {"0": entry, "1": {"value": entry}}}}):
+        with contextlib.suppress(LfsrError):
+            for each in Bridge(lambda endpoint, _, found=found: answers.get(endpoint, found)).devices():
+                assert chosen([each], str(each.index)) == each
+                assert each.calibration.numbers["pitch"] > 0
+    with contextlib.suppress(LfsrError):
+        Bridge(lambda *_: answer)
+
+
+def test_a_session_that_bridge_has_forgotten(bridge):
+    bridge()
+    session = Bridge(lambda endpoint, body: loopback.put(endpoint, body | {"orchestration": "older"}))
+    with pytest.raises(LfsrError, match=r"refuses available_output_devices \(UnknownOrchestration\)"):
+        session.devices()
+
+
+@pytest.mark.parametrize("devices", [[], [MONITOR]])
+def test_no_display_is_a_sentence(bridge, devices):
+    bridge(devices=devices)
+    with pytest.raises(LfsrError, match="sees no Looking Glass: connect the display and switch it on"):
+        Bridge().devices()
+
+
+def test_a_display_is_chosen_by_index_name_or_proportions(bridge):
+    bridge()
+    devices = Bridge().devices()
+    assert chosen(devices, None).name == "LKG-P1" and chosen(devices, "2").name == "LKG-J2"
+    assert chosen(devices, "lkg-j2").index == 2 and chosen(devices, None, 16 / 9).name == "LKG-J2"
+    with pytest.raises(LfsrError, match=r"display 'LKG-9' is not among .* choose one of 1 \(LKG-P1\), 2 \(LKG-J2\)"):
+        chosen(devices, "LKG-9")
+    with pytest.raises(LfsrError, match=r"for a panel of width / height 1.778, but display 'LKG-P1' has 0.750: render"):
+        chosen(devices, "1", 16 / 9)
+
+
+@pytest.mark.parametrize("entry", [
+    {}, {"value": 3}, "text", {"value": {"hwid": {"value": None}, "index": {"value": "first"},
+                                         "windowCoords": {"value": [1, 2]}, "calibration": {"value": "{"}}}])
+def test_a_display_of_which_little_is_known(bridge, entry):
+    bridge(devices=[entry, PORTRAIT])
+    unknown, known = Bridge().devices()
+    assert known.name == "LKG-P1" and unknown.corner == (0, 0)
+    with pytest.raises(LfsrError, match="the calibration of display '' in Bridge"):
+        _ = unknown.calibration
+    assert chosen([unknown], None, 16 / 9) == unknown, "Bridge may know better"

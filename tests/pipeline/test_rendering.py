@@ -1,0 +1,304 @@
+"""Blender as a child process, played by small scripts that behave well, badly, or not at all."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import to_data
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, REPORT_FILE
+from lfsr_core.frames.job import Job
+from lfsr_core.optics.display import load_display
+from lfsr_core.pipeline import rendering as process
+from lfsr_core.pipeline.rendering import run_job
+from lfsr_core.pipeline.staging import parts_folder
+from lfsr_core.process import blender as blender_places
+from lfsr_core.process.blender import Blender, find_blender
+from lfsr_core.process.protocol import parse_progress
+
+READ_JOB = "import json, os, sys, time\nfrom pathlib import Path\njob = json.loads(Path(sys.argv[-1]).read_text())\n"
+GOOD = """
+print("Fra:1 Mem:20M", flush=True)
+print('LFSR {"stage": "render", "fraction": 0.5, "message": "half"}', flush=True)
+Path(job["output"], "lr_eia.exr").write_text("new")
+print('LFSR {"stage": "done", "folder": "."}')
+"""
+
+
+@pytest.fixture
+def blender(tmp_path):
+    """Function that makes an executable `blender` from the body of a Python script."""
+    def make(body: str, version: str = "Blender 4.5.15 LTS", name: str = "blender") -> str:
+        path = tmp_path / "bin" / name
+        path.parent.mkdir(exist_ok=True)
+        answer = f"import sys\nif '--version' in sys.argv:\n    print({version!r})\n    sys.exit()\n"
+        path.write_text(f"#!{sys.executable} -S\n" + answer + READ_JOB + textwrap.dedent(body))
+        path.chmod(0o755)
+        return str(path)
+    return make
+
+
+@pytest.fixture
+def job(tmp_path):
+    return Job(str(tmp_path / "work" / "frame"), load_display("mini"))
+
+
+def leftovers(job: Job) -> list[str]:
+    """Everything beside and inside the frame folder."""
+    parent = Path(job.output).parent
+    return sorted(str(path.relative_to(parent)) for path in parent.rglob("*")) if parent.exists() else []
+
+
+def without_wheel(monkeypatch) -> None:
+    real = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "bpy" else real(name))
+
+
+def test_wheel_is_preferred_over_path(monkeypatch, blender):
+    monkeypatch.setenv("PATH", os.path.dirname(blender(GOOD)))
+    real = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: object() if name == "bpy" else real(name))
+    assert find_blender() == Blender(None)
+    assert find_blender().command(Path("job.json"))[0] == sys.executable
+
+
+def test_executable_on_path_is_used_without_the_wheel(monkeypatch, blender):
+    path = blender(GOOD)
+    without_wheel(monkeypatch)
+    monkeypatch.setenv("PATH", os.path.dirname(path))
+    assert find_blender() == Blender(path)
+    command = find_blender().command(Path("job.json"))
+    assert command[:2] == [path, "--background"]
+    assert command[-2:] == ["--", "job.json"]
+    assert Path(command[command.index("--python") + 1]).name == "from_sources.py"
+
+
+def test_executable_asked_for_wins_over_the_wheel(monkeypatch, blender):
+    path = blender(GOOD, name="blender-mine")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: object())
+    assert find_blender(path) == Blender(path)
+
+
+@pytest.mark.parametrize(("version", "message"), [
+    ("Blender 4.4.3", r"is Blender 4\.4, but 4\.5 or newer is needed"),
+    ("Blender 3.6.0", r"is Blender 3\.6"),
+    ("GNU bash 5.2", "does not say that it is Blender"),
+])
+def test_unsuitable_executable_is_refused(blender, version, message):
+    with pytest.raises(LfsrError, match=message):
+        find_blender(blender(GOOD, version))
+
+
+@pytest.mark.parametrize("version", ["Blender 4.5.0", "Blender 5.0.1", "Blender 10.1.0 Alpha"])
+def test_newer_executables_are_accepted(blender, version):
+    path = blender(GOOD, version)
+    assert find_blender(path) == Blender(path)
+
+
+def test_the_newest_installed_blender_is_found(monkeypatch, tmp_path, blender):
+    without_wheel(monkeypatch)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setenv("ProgramFiles", f"{tmp_path}/Program Files")
+    monkeypatch.setattr(blender_places, "PLACES", {sys.platform: blender_places.PLACES["win32"]})
+    for version in ("4.5", "10.1", "5.0"):
+        folder = tmp_path / "Program Files" / "Blender Foundation" / f"Blender {version}"
+        folder.mkdir(parents=True)
+        Path(blender(GOOD, f"Blender {version}.2")).rename(folder / "blender.exe")
+    assert find_blender() == Blender(f"{tmp_path}/Program Files/Blender Foundation/Blender 10.1/blender.exe")
+
+
+def test_missing_blender_says_how_to_get_one(monkeypatch, tmp_path):
+    without_wheel(monkeypatch)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(blender_places, "PLACES", {})
+    with pytest.raises(LfsrError, match="neither the bpy package nor an installed Blender"):
+        find_blender()
+    with pytest.raises(LfsrError, match="'/no/blender' was not found"):
+        find_blender("/no/blender")
+
+
+@pytest.mark.parametrize(("line", "record"), [
+    ('LFSR {"stage": "render", "fraction": 0.25}', {"stage": "render", "fraction": 0.25}),
+    ("LFSR {half", None), ("LFSR [1]", None), ('LFSR {"fraction": 1}', None),
+    ('Error: ... truncatedLFSR {"stage": "error"}\n', {"stage": "error"}),
+    ('LFSR {"stage": "render"} x', {"stage": "render"}),
+    ("x LFSR " + '{"stage": ' * 9999, None), ("Fra:1 Mem:20M", None), ("", None),
+])
+def test_progress_lines(line, record):
+    assert parse_progress(line) == record
+
+
+def test_finished_render_is_moved_in_whole(blender, job):
+    seen = []
+    run_job(job, Blender(blender(GOOD)), lambda *state: seen.append(state))
+    assert seen == [("render", 0.5, "half")]
+    assert leftovers(job) == ["frame", f"frame/{LOW_RES_FILE}"]
+
+
+def test_warnings_are_passed_on_apart_from_progress(blender, job):
+    body = """print('LFSR {"stage": "render", "fraction": 0, "message": "no wood.png", "warning": true}')""" + GOOD
+    seen, warnings = [], []
+    run_job(job, Blender(blender(body)), lambda *state: seen.append(state), warnings.append)
+    assert seen == [("render", 0.5, "half")]
+    assert warnings == ["no wood.png"]
+
+
+def test_job_file_asks_for_the_job(blender, job, tmp_path):
+    body = f"Path({str(tmp_path / 'copy.json')!r}).write_text(json.dumps(job))" + GOOD
+    run_job(job, Blender(blender(body)))
+    asked = json.loads((tmp_path / "copy.json").read_text())
+    assert Path(asked.pop("output")).is_absolute()
+    assert asked.pop("parts") == str(parts_folder(Path(job.output)))
+    assert asked == {key: value for key, value in to_data(job).items() if key not in ("output", "parts")}
+
+
+def test_new_render_replaces_what_was_made_from_the_old_one(blender, job):
+    folder = Path(job.output)
+    folder.mkdir(parents=True)
+    for name in (LOW_RES_FILE, REPORT_FILE, "notes.txt"):
+        (folder / name).write_text("old")
+    run_job(job, Blender(blender(GOOD)))
+    assert (folder / LOW_RES_FILE).read_text() == "new"
+    assert leftovers(job) == ["frame", f"frame/{LOW_RES_FILE}", "frame/notes.txt"]
+
+
+BAD_INPUT = """
+Path(job["output"], "lr_eia.exr").write_text("half")
+print('LFSR {"stage": "error", "message": "scene x.blend has no visible subject: show one"}')
+sys.exit(2)
+"""
+
+
+def test_bad_input_is_told_in_blenders_sentence_and_leaves_nothing(blender, job):
+    with pytest.raises(LfsrError, match=r"^scene x.blend has no visible subject: show one$"):
+        run_job(job, Blender(blender(BAD_INPUT)))
+    assert leftovers(job) == []
+
+
+@pytest.mark.parametrize(("ending", "message"), [
+    ("sys.exit(3)", "exit code 3"),
+    ("os.abort()", "signal 6"),
+    ("sys.exit(2)", "exit code 2"),
+    ("sys.exit(0)", "exit code 0"),  # without saying that it is done
+])
+def test_crash_is_reported_with_the_last_lines_and_the_log_is_kept(blender, job, ending, message):
+    body = "Path(job['output'], 'lr_eia.exr').write_text('half')\nprint('out of\\nmemory', flush=True)\n" + ending
+    with pytest.raises(LfsrError, match=rf"stopped with {message} .*'out of / memory'.*blender.log") as caught:
+        run_job(job, Blender(blender(body)))
+    assert "\n" not in str(caught.value)
+    assert leftovers(job) == ["frame", "frame/blender.log"]
+
+
+def test_an_importers_error_reaches_the_user_as_one_sentence(job, tmp_path):
+    """The bpy wheel's own importer, whose message Blender cuts without ending the line."""
+    scene = tmp_path / "scene.gltf"
+    scene.write_text('{"asset": {"version": "2.0"}, "meshes": [{"primitives": [{"attributes": {"POSITION": 99}}]}], '
+                     '"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}], "scene": 0}')
+    with pytest.raises(LfsrError, match=r"scene\.gltf cannot be read \(TypeError"):
+        run_job(dataclasses.replace(job, scene=str(scene)), Blender())
+    assert leftovers(job) == []
+
+
+def test_log_of_a_crash_is_not_written_through_a_link(blender, job, tmp_path):
+    (tmp_path / "precious").write_text("mine")
+    Path(job.output).mkdir(parents=True)
+    Path(job.output, process.LOG_FILE).symlink_to(tmp_path / "precious")
+    with pytest.raises(LfsrError, match="exit code 3"):
+        run_job(job, find_blender(blender("sys.exit(3)")))
+    assert (tmp_path / "precious").read_text() == "mine"
+    assert not Path(job.output, process.LOG_FILE).is_symlink()
+
+
+LOG_FILLS_THE_DISK = """
+import resource, sys
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.frames.job import Job
+from lfsr_core.optics.display import load_display
+from lfsr_core.process.blender import find_blender
+from lfsr_core.pipeline.rendering import run_job
+found = find_blender(sys.argv[1])
+resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
+try:
+    run_job(Job(sys.argv[2], load_display("mini")), found)
+except LfsrError as error:
+    print("one sentence:", error)
+"""
+
+
+def test_log_that_fills_the_disk_is_one_sentence_and_leaves_nothing(blender, job):
+    executable = blender("print('x' * 100_000, flush=True)\n" + GOOD)
+    answer = subprocess.run([sys.executable, "-c", LOG_FILLS_THE_DISK, executable, job.output], capture_output=True,
+                            text=True, check=False)
+    assert answer.stdout.startswith("one sentence: "), answer
+    assert "free some space" in answer.stdout
+    assert leftovers(job) == []
+
+
+def test_crash_keeps_the_older_render(blender, job):
+    run_job(job, Blender(blender(GOOD)))
+    with pytest.raises(LfsrError, match="exit code 1"):
+        run_job(job, Blender(blender("sys.exit(1)")))
+    assert (Path(job.output) / LOW_RES_FILE).read_text() == "new"
+
+
+@pytest.mark.parametrize(("kind", "present"), [("render", REFERENCE_FILES[0]), ("reference", LOW_RES_FILE)])
+def test_another_kind_of_render_is_never_overwritten(blender, tmp_path, kind, present):
+    folder = tmp_path / "frame"
+    folder.mkdir()
+    (folder / present).write_text("hours of work")
+    with pytest.raises(LfsrError, match=f"but a {kind} was asked for: choose another folder"):
+        run_job(Job(str(folder), load_display("mini"), kind=kind, scale=1), Blender(blender(GOOD)))
+    assert (folder / present).read_text() == "hours of work"
+
+
+def test_output_that_is_a_file_is_refused(blender, tmp_path):
+    (tmp_path / "frame").write_text("x")
+    with pytest.raises(LfsrError, match="frame is a file, but the output must be a folder"):
+        run_job(Job(str(tmp_path / "frame"), load_display("mini")), Blender(blender(GOOD)))
+
+
+SLEEPER = """
+Path(job["output"], "lr_eia.exr").write_text("half")
+Path(os.environ["PID_FILE"]).write_text(str(os.getpid()))
+print('LFSR {"stage": "render", "fraction": 0.1}', flush=True)
+time.sleep(60)
+"""
+
+
+def wait_for(condition, seconds: float = 20) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
+def test_interrupt_stops_blender_and_leaves_nothing(blender, job, tmp_path, sent):
+    pid_file, scene = tmp_path / "pid", tmp_path / "scene.glb"
+    scene.touch()
+    command = [sys.executable, "-m", "lfsr_core.cli", "render", str(scene), "-o", job.output, "--display", "mini",
+               "--method", "bicubic", "--blender", blender(SLEEPER)]
+    program = subprocess.Popen(command, cwd=Path(process.__file__).parents[2], stderr=subprocess.PIPE,
+                               text=True, env=os.environ | {"PID_FILE": str(pid_file)})
+    try:
+        wait_for(lambda: pid_file.exists() and pid_file.read_text())
+        program.send_signal(sent)
+        _, errors = program.communicate(timeout=20)
+    finally:
+        program.kill()
+    assert program.returncode == 130, errors
+    assert "interrupted" in errors
+    assert "Traceback" not in errors
+    assert not Path(f"/proc/{pid_file.read_text()}").exists(), "Blender must not live on"
+    assert leftovers(job) == []

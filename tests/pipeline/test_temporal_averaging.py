@@ -1,0 +1,80 @@
+"""Temporal averaging: a frame is finished when its neighbours are rendered, and again when more are there."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.report import read_report
+from lfsr_core.pipeline.animation import SecondStage
+from lfsr_core.pipeline.engine import KEPT, MADE, Tools, render_animation
+from lfsr_core.reconstruct.options import UpscaleOptions
+from lfsr_core.reconstruct.second_stage import upscale_frame
+from tests.support.animations import animation, images, states
+from tests.support.played_blender import played_blender
+from tests.support.synthetic import fails
+
+AVERAGED = SecondStage("bicubic", temporal_averaging=1)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shared")
+    render_animation(animation(folder, range(1, 4), AVERAGED), Tools(played_blender(folder / "blender"), chunk=2))
+    return folder
+
+
+@pytest.fixture
+def made(finished, tmp_path):
+    for name in ("film", "scene.glb", "blender"):
+        (shutil.copytree if name == "film" else shutil.copy2)(finished / name, tmp_path / name)
+    return tmp_path
+
+
+def neighbours(folder):
+    return [read_report(path).neighbours for path in sorted((folder / "film").glob("0*"))]
+
+
+def test_every_frame_has_noise_of_its_own_and_sees_those_beside_it(finished):
+    frames = [read_frame(path) for path in sorted((finished / "film").glob("0*"))]
+    assert [frame.seed for frame in frames] == [5, 6, 7], "one for each averaged frame, from the job's on"
+    assert neighbours(finished) == [(2, 3), (1, 3), (1, 2)]
+
+
+def test_alone_every_frame_has_the_same_noise(tmp_path):
+    assert {job.seed for job in animation(tmp_path, range(1, 4)).jobs} == {5}
+
+
+def test_the_picture_is_that_of_the_second_stage_alone(made):
+    before = images(made / "film")
+    upscale_frame(made / "film" / "0002", "bicubic", UpscaleOptions(temporal_averaging=1))
+    assert images(made / "film") == before
+    upscale_frame(made / "film" / "0002", "bicubic")
+    assert images(made / "film")["0002"] != before["0002"]
+
+
+def test_a_frame_is_finished_again_when_more_lie_beside_it(made):
+    tools = Tools(str(made / "blender"))
+    assert states(render_animation(animation(made, range(1, 4), AVERAGED), tools)) == [KEPT] * 3
+    assert states(render_animation(animation(made, range(1, 5), AVERAGED), tools)) == [KEPT, KEPT, MADE, MADE]
+    assert neighbours(made) == [(2, 3), (1, 3), (2, 4), (2, 3)]
+
+
+def test_frames_of_other_seeds_are_refused(made):
+    with pytest.raises(LfsrError, match="seed 6, but seed 5 was asked for"):
+        render_animation(animation(made, (2,)), Tools("/must/not/run"))
+
+
+@pytest.mark.parametrize("words, sentence", [
+    (["--temporal-averaging", "1"], "without --frames"),
+    (["--frames", "1-3", "--temporal-averaging", "9"], "0 to 8"),
+    (["--frame", "2", "--temporal-averaging", "9"], "0 to 8"),
+    (["--frames", "1-3", "--temporal-averaging", "1", "--workers", "2"], "several workers"),
+])
+def test_what_does_not_go_together_is_refused(tmp_path, capsys, words, sentence):
+    (tmp_path / "scene.glb").write_text("a scene")
+    arguments = ["render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "film"), "--display", "mini", *words]
+    assert sentence in fails(arguments, capsys)

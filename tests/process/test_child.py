@@ -1,0 +1,104 @@
+"""Child processes: what they write arrives, and none outlives its use."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.process.child import Child, output_of
+
+SPEAKER = """import sys
+print("Fra:1", flush=True)
+print('LFSR {"stage": "scene", "index": 3}', flush=True)
+sys.stdin.read()"""
+# A child and a grandchild that do not read their input.
+DEAF = "sleep 60 & echo \"LFSR {\\\"stage\\\": \\\"x\\\", \\\"pid\\\": $!}\"; while :; do sleep 9; done"
+# A child that ends before its own child, which holds its output open.
+HASTY = "sleep 60 & echo \"LFSR {\\\"stage\\\": \\\"done\\\", \\\"pid\\\": $!}\""
+REFUSAL = """print('LFSR {"stage": "error", "message": "bad"}'); raise SystemExit(2)"""
+HOLDER = f"""import os, sys
+from lfsr_core.process.child import Child
+child = Child([sys.executable, "-c", {SPEAKER!r}])
+print(child.pid, flush=True)
+os._exit(1)"""
+
+
+def wait_until_gone(pid: int) -> None:
+    """Fail where a process lives on; a zombie, whose parent died without collecting it, counts as gone."""
+    status, end = Path(f"/proc/{pid}/stat"), time.monotonic() + 20
+    while status.exists() and ") Z" not in status.read_text():
+        assert time.monotonic() < end, f"{pid} lives on"
+        time.sleep(0.02)
+
+
+def test_a_child_ends_with_its_input():
+    lines = []
+    with Child([sys.executable, "-c", SPEAKER], log=lines.append) as child:
+        assert next(child.records()) == {"stage": "scene", "index": 3} == child.last
+        assert child.is_running() and len(lines) == 2
+    assert not child.is_running()
+
+
+def test_a_deaf_child_and_its_own_child_are_killed():
+    with Child(["/bin/sh", "-c", DEAF]) as child:
+        pid = next(child.records())["pid"]
+        started = time.monotonic()
+        child.stop(0.2)
+        assert time.monotonic() - started < 5 and not child.is_running()
+    wait_until_gone(pid)
+
+
+def test_a_child_that_is_done_is_not_held_up_by_its_own_child():
+    started = time.monotonic()
+    with Child(["/bin/sh", "-c", HASTY]) as child:
+        assert [record["stage"] for record in child.records()] == ["done"] and child.is_done()
+    wait_until_gone(child.last["pid"])
+    assert time.monotonic() - started < 30
+
+
+def test_every_child_is_stopped_from_another_thread():
+    with Child([sys.executable, "-c", SPEAKER]) as first, Child([sys.executable, "-c", SPEAKER]) as second:
+        threading.Timer(0.2, Child.stop_all).start()
+        assert len(list(first.records())) == len(list(second.records())) == 1
+
+
+def test_a_child_notices_the_end_of_a_parent_that_dies():
+    answer = subprocess.run([sys.executable, "-c", HOLDER], capture_output=True, text=True, check=False)
+    wait_until_gone(int(answer.stdout))
+
+
+def test_how_a_child_ended_is_one_sentence():
+    with Child([sys.executable, "-c", "print('out of memory'); raise SystemExit(3)"]) as child:
+        assert not list(child.records()) and not child.is_done()
+        sentence = "the render stopped with exit code 3 before it was done, last printing 'out of memory': try again"
+        assert str(child.crash("the render stopped with", "try again")) == sentence
+    with Child([sys.executable, "-c", REFUSAL]) as child:
+        assert len(list(child.records())) == 1
+        with pytest.raises(LfsrError, match="^bad$"):
+            child.is_done()
+
+
+def test_the_output_of_a_command():
+    code = "import os, sys; print(os.environ['GIVEN'], flush=True); print('both', file=sys.stderr); sys.exit(4)"
+    assert output_of([sys.executable, "-c", code], os.environ | {"GIVEN": "one"}) == (4, "one\nboth\n")
+    with pytest.raises(TimeoutError, match="no answer within 0 s"):
+        output_of([sys.executable, "-c", "import time; time.sleep(60)"], seconds=0.1)
+    with pytest.raises(OSError, match="No such file"):
+        output_of(["/no/such/program"])
+
+
+def test_a_child_of_low_priority_is_nicer_with_its_own_children():
+    script = """import json, os, subprocess, sys, time
+time.sleep(0.2)
+child = subprocess.run([sys.executable, "-c", "import os; print(os.nice(0))"], capture_output=True, text=True)
+print("LFSR " + json.dumps({"stage": "done", "nice": [os.nice(0), int(child.stdout)]}))"""
+    for low_priority in (False, True):
+        with Child([sys.executable, "-c", script], low_priority=low_priority) as child:
+            assert list(child.records())[-1]["nice"] == [min(19, os.nice(0) + low_priority * 10)] * 2
