@@ -3,9 +3,9 @@
 ``__all__`` lists the public names; docs/reference/python.md shows how to use them. Importing this package is quick:
 each name is loaded from its module when it is first used, and neither Blender nor torch nor NumPy is loaded before.
 
-    from lfsr_core import Job, find_blender, load_display, run_job, upscale_frame
+    from lfsr_core import Request, find_blender, load_display, run_job, upscale_frame
 
-    run_job(Job("frame", load_display("fhd"), scene="scene.blend"), find_blender())
+    run_job(Request("frame", load_display("fhd"), scene="scene.blend"), find_blender())
     report = upscale_frame("frame", "denoise+bicubic")
 """
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.exports.page import Page, write_page
     from lfsr_core.frames.contact_sheet import write_views
     from lfsr_core.frames.frame import Frame, read_frame
-    from lfsr_core.frames.job import Job
     from lfsr_core.frames.reference import Reference
     from lfsr_core.frames.report import Report, read_report
+    from lfsr_core.frames.request import Request
     from lfsr_core.frames.views import eia_to_views, read_views, views_to_eia
     from lfsr_core.images.png import read_png, write_png
     from lfsr_core.metrics.compare import Metrics, compare_folders
@@ -43,7 +43,7 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
 
 __all__ = [
     "Blender", "CameraArray", "DisplayProfile", "ExportOptions", "Exported", "Frame", "ImportGeometry", "Imported",
-    "Job", "LfsrError", "MethodName", "Metrics", "Page", "PlanOptions", "Planned", "RayLayout", "Reference",
+    "Request", "LfsrError", "MethodName", "Metrics", "Page", "PlanOptions", "Planned", "RayLayout", "Reference",
     "Report", "UpscaleOptions", "__version__", "compare_folders", "eia_to_views", "export", "eye_view",
     "find_blender", "import_views", "load_display", "make_plan", "read_frame", "read_png", "read_report",
     "read_views", "run_job", "upscale_frame", "views_to_eia", "write_page", "write_png", "write_views",
@@ -57,7 +57,7 @@ _MODULES = {
     "exports.page": "Page write_page",
     "frames.contact_sheet": "write_views",
     "frames.frame": "Frame read_frame",
-    "frames.job": "Job",
+    "frames.job": "Request",
     "frames.reference": "Reference",
     "frames.report": "Report read_report",
     "frames.views": "eia_to_views read_views views_to_eia",

@@ -29,13 +29,14 @@ from lfsr_core.exports import films
 from lfsr_core.exports.quilt_files import quilt_of, read_film, read_quilt
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import FRAME_FILE, REPORT_FILE, read_frame
-from lfsr_core.frames.job import Job, read_job
 from lfsr_core.frames.low_res import low_resolution
 from lfsr_core.frames.report import Report, read_report, write_report
+from lfsr_core.frames.request import read_request
 from lfsr_core.images.exr import read_finite, read_layers
 from lfsr_core.images.png import read_mask, read_png, write_mask
 from lfsr_core.optics.display import load_display
 from lfsr_core.reconstruct import denoiser, tza
+from tests.support.requests import make_request
 from tests.support.synthetic import MINI, frame_of, write_render
 
 CALIBRATION = {"pitch": 52.6, "slope": -7.1, "center": 0.8, "DPI": 324, "screenW": 1536, "screenH": 2048}
@@ -169,7 +170,7 @@ def read_frames(path: Path) -> None:
 
 KINDS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "frame": (FRAME_FILE, use_frame), "report": (REPORT_FILE, lambda path: read_report(path.parent)),
-    "job": ("job.json", read_job), "profile": ("profile.toml", load_display), "exr": ("lr_eia.exr", use_picture),
+    "job": ("job.json", read_request), "profile": ("profile.toml", load_display), "exr": ("lr_eia.exr", use_picture),
     "png": ("mask.png", read_pictures), "photo": ("photo.jpg", read_photograph),
     "quilt": ("mask_qs2x2a1.png", lambda path: read_quilt(path, quilt_of(path))),
     "quilt film": ("film_qs2x2a1.mp4", read_frames),
@@ -184,7 +185,7 @@ def good(tmp_path_factory) -> dict[str, bytes]:
     files |= {"mask_qs2x2a1.png": files["mask.png"], "film_qs2x2a1.mp4": film_bytes(folder / "film_qs2x2a1.mp4"),
               "visual.json": json.dumps({name: {"value": value} for name, value in CALIBRATION.items()}).encode()}
     files["photo.jpg"] = telephone_jpeg()
-    job = Job("out", MINI, "scene.blend", layers=("albedo",), lens_list=((0, 0), (1, 1)), scale=2)
+    job = make_request("out", MINI, "scene.blend", layers=("albedo",), lens_list=((0, 0), (1, 1)), scale=2)
     return files | {"job.json": json.dumps(to_data(job)).encode(), "profile.toml": json.dumps(MINI.to_dict()).encode()}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.frames.job import FIT
+from lfsr_core.frames.request import FIT
 
 from . import rig
 from .spaces import is_mirrored

@@ -14,7 +14,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import Clip
-from lfsr_core.frames.job import FIT
+from lfsr_core.frames.request import FIT
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 

@@ -6,7 +6,7 @@ import dataclasses
 import math
 
 from lfsr_core.frames.frame import SUBPIXELS
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.panel_rays import rendered_size
 
@@ -131,13 +131,13 @@ def learn(stage: str, seconds: float, took: float) -> None:
         _slower[stage] = _slower.get(stage, 1.0) * took / seconds
 
 
-def sampling(job: Job) -> float | None:
+def sampling(job: Request) -> float | None:
     """Seconds of the path samples of ``job`` at the speed at which its scene was rendered before, if it was."""
     speed = _speeds.get((job.source, job.scene_name))
     return None if speed is None else speed * paths(job)
 
 
-def learn_sampling(job: Job, seconds: float) -> None:
+def learn_sampling(job: Request, seconds: float) -> None:
     """Note how long the samples of ``job`` took."""
     _speeds[job.source, job.scene_name] = seconds / paths(job)
 
@@ -147,10 +147,10 @@ def forget_speeds() -> None:
     _speeds.clear()
 
 
-def paths(job: Job) -> float:
+def paths(job: Request) -> float:
     """Path samples of the whole image of ``job``, whatever scale it chooses."""
     return (finished_pixels(job.display, job.layout == SUBPIXELS)
-            * (job.rays or job.spp / job.display.finished_pixels(job.scale)))
+            * (job.sampling.rays or job.sampling.samples / job.display.finished_pixels(job.sampling.scale)))
 
 
 def finished_pixels(display: DisplayProfile, is_direct: bool) -> int:

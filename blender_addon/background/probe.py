@@ -12,7 +12,7 @@ import numpy as np
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import SUBPIXELS, Frame, read_part
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.plan.times import path_samples, render_seconds
 
@@ -40,7 +40,7 @@ class Measured:
     scale: int  # that was rendered at, which Auto has chosen
 
 
-def measure(job: Job) -> Steps:
+def measure(job: Request) -> Steps:
     """Render a few lenses of ``job`` in one background Blender; the result is a ``Measured``.
 
     Of a panel's subpixels too: their paths are those of a light field of the same scene.
@@ -52,10 +52,11 @@ def measure(job: Job) -> Steps:
     with file_copy() as copy:
         folder = copy.parent
         many = _lenses(job)
-        few = max(math.ceil(LEAST_SIDE / views) for views in job.display.low_views(job.scale)) ** 2
+        few = max(math.ceil(LEAST_SIDE / views) for views in job.display.low_views(job.sampling.scale)) ** 2
         lenses = {"first": many[:few], "some": many[::SOME], "many": many}
-        jobs = {name: dataclasses.replace(job, scene=str(copy), output=str(folder / name), parts=None, rays=None,
-                                          spp=_samples(job), lens_list=tuple(lenses[name])) for name in NAMES}
+        jobs = {name: dataclasses.replace(job, scene=str(copy), output=str(folder / name), parts=None,
+                                          sampling=dataclasses.replace(job.sampling, rays=None, samples=_samples(job)),
+                                          lens_list=tuple(lenses[name])) for name in NAMES}
         for each in jobs.values():
             Path(each.output).mkdir()
         step = render_step(jobs["first"], folder, 1.0, "Measuring lenses")
@@ -77,10 +78,10 @@ def _measured(frames: dict[str, Frame], wall: float) -> Measured:
     return Measured(fixed, sampling / max(paths, 1), many.scale)
 
 
-def _lenses(job: Job) -> list[tuple[int, int]]:
+def _lenses(job: Request) -> list[tuple[int, int]]:
     """Lenses (row, column) spread evenly over the display, enough for PATHS path samples."""
     columns, rows = job.display.lenses
-    views = job.display.low_views(job.scale)
+    views = job.display.low_views(job.sampling.scale)
     count = min(max(PATHS // (views[0] * views[1] * _samples(job)), 1), rows * columns)
     across = min(columns, max(1, round((count * columns / rows) ** 0.5)))
     down = min(rows, max(1, round(count / across)))
@@ -89,10 +90,10 @@ def _lenses(job: Job) -> list[tuple[int, int]]:
     return [(int(row), int(column)) for row in places[0] for column in places[1]]
 
 
-def _samples(job: Job) -> int:
+def _samples(job: Request) -> int:
     """Samples per pixel: as many as the image's, so that Cycles works as for it, and more where it has few pixels."""
-    rendered = job.display.eia_pixels[0] * job.display.eia_pixels[1] // job.display.finished_pixels(job.scale)
-    return max(min(SAMPLES, job.spp), PATHS // rendered)
+    rendered = job.display.eia_pixels[0] * job.display.eia_pixels[1] // job.display.finished_pixels(job.sampling.scale)
+    return max(min(SAMPLES, job.sampling.samples), PATHS // rendered)
 
 
 def remember(scene_name: str, measured: Measured) -> None:

@@ -12,8 +12,8 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import EIA_FILE, SUBPIXELS, frame_folder, read_rendered
-from lfsr_core.frames.job import Job
 from lfsr_core.frames.numbers import spread
+from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.rendering import DERIVED_FILES
 from lfsr_core.pipeline.staging import parts_folder, publish, staging_folder
@@ -33,7 +33,7 @@ class Recipe:
     """Frames to make, from a scene's settings when the button was pressed."""
 
     folder: Path  # frame folder of the first frame
-    job: Job  # render job of the first frame
+    job: Request  # render job of the first frame
     method: str
     linear_exr: bool  # also write the image before the view transform
     frames: tuple[int, ...]
@@ -70,8 +70,8 @@ def timeline(scene: bpy.types.Scene) -> tuple[int, ...]:
 def animation_recipe(scene: bpy.types.Scene) -> Recipe:
     """Recipe of the frames of the timeline's range; LfsrError where they cannot be rendered."""
     recipe = frame_recipe(scene, frames := timeline(scene))
-    scale_frames = spread(frames) if recipe.job.scales else ()
-    return dataclasses.replace(recipe, job=dataclasses.replace(recipe.job, scale_frames=scale_frames))
+    scale_frames = spread(frames) if recipe.job.sampling.scales else ()
+    return dataclasses.replace(recipe, job=recipe.job.sampled(frames=scale_frames))
 
 
 def render_animation(recipe: Recipe) -> Steps:
@@ -80,7 +80,7 @@ def render_animation(recipe: Recipe) -> Steps:
     yield SAVING
     with file_copy() as copy:
         job = dataclasses.replace(recipe.job, scene=str(copy), output=str(output))
-        if job.scales:  # before the frames, so that those of another scale are rendered again
+        if job.sampling.scales:  # before the frames, so that those of another scale are rendered again
             chosen = yield scale_step(job, copy.parent, SCALE_FRACTION)
             job = job.with_scale(ScaleChoice(chosen["scale"], chosen["reason"]))
         second = {"method": recipe.method, "linear_exr": recipe.linear_exr, "share_frames": recipe.temporal_averaging}
@@ -132,7 +132,7 @@ def _render_frame(recipe: Recipe, copy: Path, fraction: float, stage: str = "") 
         job = dataclasses.replace(recipe.job, scene=str(copy), output=str(staged),
                                   parts=str(parts_folder(recipe.folder)))
         second = stage or ("Denoising" if recipe.is_direct else "Upscaling")
-        seconds = estimate.second_stage(job.display, job.scale, recipe.method, recipe.is_direct)
+        seconds = estimate.second_stage(job.display, job.sampling.scale, recipe.method, recipe.is_direct)
         yield render_step(job, folder, fraction * RENDER_FRACTION, stage or "Rendering",
                           estimate.expected(second, seconds))
         finish = second_stage_step(
@@ -158,7 +158,7 @@ def finish_frame(folder: Path, method: str, linear_exr: bool) -> Steps:
     return folder
 
 
-def reference_recipe(scene: bpy.types.Scene) -> tuple[Recipe, Job]:
+def reference_recipe(scene: bpy.types.Scene) -> tuple[Recipe, Request]:
     """The finished frame to judge and the job of its reference; LfsrError where there is no such frame."""
     scene_settings.resolve(scene).check_light_field("a reference")
     recipe = frame_recipe(scene)
@@ -166,11 +166,11 @@ def reference_recipe(scene: bpy.types.Scene) -> tuple[Recipe, Job]:
     if not recipe.is_complete:
         raise LfsrError(f"the image in {recipe.folder} was made with other settings: render the EIA again first")
     return recipe, dataclasses.replace(
-        recipe.job.with_scale(ScaleChoice(1)), kind="reference", layers=(), clamp_indirect=0.0,
-        output=str(recipe.folder.with_name(f"{recipe.folder.name}_reference")), spp=scene.lfsr.reference_samples)
+        recipe.job, sampling=Sampling(1, scene.lfsr.reference_samples), kind="reference", layers=(), clamp_indirect=0.0,
+        output=str(recipe.folder.with_name(f"{recipe.folder.name}_reference")))
 
 
-def render_reference(recipe: Recipe, job: Job, lenses: int) -> Steps:
+def render_reference(recipe: Recipe, job: Request, lenses: int) -> Steps:
     """Render the reference of ``lenses`` lenses (0: all) and compare; the result is the metrics."""
     folder = Path(job.output)
     yield SAVING

@@ -40,7 +40,7 @@ def second_stage_command(module: str) -> list[str]:
 
 
 def render_command(job_file: str | Path) -> list[str]:
-    """Command line that runs one render job (lfsr_core.frames.job) in another Blender of this version."""
+    """Command line that runs one render job (lfsr_core.frames.request) in another Blender of this version."""
     if not bpy.app.binary_path:  # the bpy wheel
         return [sys.executable, "-P", str(ENTRY), "--", str(job_file)]
     return [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1",

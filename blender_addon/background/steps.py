@@ -20,7 +20,7 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import to_data
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_core.pipeline.staging import has_parts
 
 from ..array.scale import CHOOSE, LOOK
@@ -46,7 +46,7 @@ class Step:
     parts: Path | None = None  # folder in which it caches parts of a long render
     seconds: float | None = None  # that it takes on a usual machine, None where only its progress tells
     after: float = 0.0  # seconds of the steps after it
-    job: Job | None = None  # that it renders with all its lenses
+    job: Request | None = None  # that it renders with all its lenses
     message: str = ""  # what is shown until it reports
     resumes: bool = False  # whether the same step continues where it was stopped, also without parts
 
@@ -186,26 +186,26 @@ class Task:
             estimate.learn_sampling(step.job, worked)
 
 
-def render_step(job: Job, folder: Path, fraction: float, stage: str, after: float = 0.0) -> Step:
+def render_step(job: Request, folder: Path, fraction: float, stage: str, after: float = 0.0) -> Step:
     """Render ``job`` in a background Blender; the job file goes into ``folder``. Else as of ``Step``."""
     path = write_job(job, folder / "job.json")
     return Step(stage, fraction, "The render", _render_command(path), Path(job.parts) if job.parts else None,
                 after=after, message=OPENING, job=None if job.lens_list else job)
 
 
-def write_job(job: Job, path: Path) -> Path:
+def write_job(job: Request, path: Path) -> Path:
     """Write ``job`` for a background Blender into the file ``path``, and return that."""
     return _write(path, to_data(job))
 
 
-def scale_step(job: Job, folder: Path, fraction: float) -> Step:
+def scale_step(job: Request, folder: Path, fraction: float) -> Step:
     """Choose one of the scales of ``job`` in a background Blender; its "scale" and "reason" are sent into the steps."""
     path = _write(folder / "scale.json", to_data(job))
     return Step("Looking at the depth", fraction, "The choice of a scale",
                 [*_render_command(Path(CHOOSE)), str(path)], message=OPENING)
 
 
-def depth_step(job: Job, folder: Path, fraction: float) -> Step:
+def depth_step(job: Request, folder: Path, fraction: float) -> Step:
     """Look at the subject's depth in a background Blender; its disparities are sent into the steps as "moves"."""
     path = _write(folder / "depth.json", to_data(job))
     return Step("Looking at the depth", fraction, "The look at the depth",

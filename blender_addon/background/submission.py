@@ -32,7 +32,7 @@ def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> Submi
     scene_settings.resolve(scene).check_light_field("a farm's job")
     recipe = animation_recipe(scene)
     job = recipe.job
-    if job.scales:
+    if job.sampling.scales:
         with show_image.wait_cursor():
             job = job.with_scale(scale_of(scene, job))
     with system_errors(folder):

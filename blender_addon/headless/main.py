@@ -14,8 +14,8 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
-from lfsr_core.frames.identity import PLACES, digest, job_facts
-from lfsr_core.frames.job import Job, read_job
+from lfsr_core.frames.identity import PLACES, digest, request_facts
+from lfsr_core.frames.request import Request, read_request
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.content import scene_content, stamp
 from lfsr_core.pipeline.parts import remove_others
@@ -58,18 +58,18 @@ def _run(arguments: Sequence[str]) -> dict[str, object]:
         case [encode.NAME, frames, film, rate]:
             return {"folder": str(encode.run(frames, film, rate))}
         case [scale.CHOOSE, path]:
-            job = read_job(path)
+            job = read_request(path)
             return dataclasses.asdict(scale.scale_of(_chosen_scene(job), job))
         case [scale.LOOK, path]:
-            job = read_job(path)
+            job = read_request(path)
             return {"moves": scale.all_moves(_chosen_scene(job), job).tolist()}
         case [] | [encode.NAME | scale.CHOOSE | scale.LOOK, *_]:
             raise LfsrError("expected job files, encode, two paths and a rate, or scale or depth and a job file, but "
                             f"got {len(arguments)} arguments")
-    return {"folder": str(run_all([read_job(path) for path in arguments]))}
+    return {"folder": str(run_all([read_request(path) for path in arguments]))}
 
 
-def run_all(jobs: Sequence[Job]) -> Path:
+def run_all(jobs: Sequence[Request]) -> Path:
     """Render ``jobs``, opening a scene where it differs from the job before; return the last frame folder."""
     scene, opened, last, progress = None, Opened(), None, functools.partial(emit_progress, "render")
     choices: dict[str, ScaleChoice] = {}
@@ -89,17 +89,17 @@ def run_all(jobs: Sequence[Job]) -> Path:
     return folder
 
 
-def _of_one_scale(scene: bpy.types.Scene, job: Job, choices: dict[str, ScaleChoice]) -> Job:
+def _of_one_scale(scene: bpy.types.Scene, job: Request, choices: dict[str, ScaleChoice]) -> Request:
     """The job at the scale of its animation; ``choices``: those made before, so that frames are looked at once."""
-    if not job.scales or not job.scale_frames:
+    if not job.sampling.scales or not job.sampling.frames:
         return job
-    question = digest(job_facts(job, (*PLACES, "frame", "seed")))
+    question = digest(request_facts(job, (*PLACES, "frame", "seed")))
     if question not in choices:
         choices[question] = scale.scale_of(scene, job)
     return job.with_scale(choices[question])
 
 
-def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:
+def _opened(job: Request) -> tuple[bpy.types.Scene, Opened]:
     """The job's scene, as of ``_chosen_scene``, and how it was opened."""
     started = time.perf_counter()
     before = stamp(Path(job.scene))
@@ -121,7 +121,7 @@ def _opened(job: Job) -> tuple[bpy.types.Scene, Opened]:
     return scene, Opened(seconds, content, light, tuple(notes))
 
 
-def _chosen_scene(job: Job) -> bpy.types.Scene:
+def _chosen_scene(job: Request) -> bpy.types.Scene:
     """The job's scene, opened if the job names a file, with its camera chosen."""
     scene = open_scene(job.scene) if job.scene else bpy.context.scene
     if job.scene_name is not None:
@@ -132,7 +132,7 @@ def _chosen_scene(job: Job) -> bpy.types.Scene:
     return scene
 
 
-def _content(job: Job) -> str:
+def _content(job: Request) -> str:
     """Digest of the job's file, "" if nothing is to be cached. Cached parts that cannot be used are removed."""
     if not job.parts or not Path(job.scene).is_file():
         return ""

@@ -15,7 +15,7 @@ import bpy
 import mathutils
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.job import CLAMP_INDIRECT
+from lfsr_core.frames.request import CLAMP_INDIRECT
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eye import Point
 from lfsr_core.optics.eye_card import eye_card, eye_place, eye_region

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.job import EVEN, OWN, Job
+from lfsr_core.frames.request import EVEN, OWN, Request
 from lfsr_core.images.exr import clean, read_layers
 
 from ..array import placement
@@ -27,7 +27,7 @@ LEAST_ALBEDO = 0.1
 DARK = "Almost no light reaches what the array sees"
 
 
-def chosen_light(scene: bpy.types.Scene, job: Job, warn: Callable[[str], None]) -> str:
+def chosen_light(scene: bpy.types.Scene, job: Request, warn: Callable[[str], None]) -> str:
     """Return the light in which ``scene`` is rendered where the job leaves that open; ``warn`` unless it is its own.
 
     A .blend keeps its own light if it has any, with a warning where that is too little.
@@ -49,7 +49,7 @@ def chosen_light(scene: bpy.types.Scene, job: Job, warn: Callable[[str], None]) 
     return EVEN
 
 
-def is_dark(scene: bpy.types.Scene, job: Job) -> bool:
+def is_dark(scene: bpy.types.Scene, job: Request) -> bool:
     """Return True if most of the subject that the middle of the array sees is hardly lit, at the scene's exposure.
 
     What shines does not count by its brightness but by its size: half of the subject decides. False also where the
@@ -61,7 +61,7 @@ def is_dark(scene: bpy.types.Scene, job: Job) -> bool:
     return bool(light.size and np.median(light) * 2.0**scene.view_settings.exposure < DIM)
 
 
-def _arriving(scene: bpy.types.Scene, job: Job) -> np.ndarray:
+def _arriving(scene: bpy.types.Scene, job: Request) -> np.ndarray:
     """Brightness (n,) that a white surface would have in place of each pixel of the subject."""
     subject = find_subject(scene, job.subject)
     array, matrix_world = placement.place_array(scene, job.display, subject)

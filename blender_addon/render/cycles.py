@@ -15,7 +15,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.cores import CORES, usable_cores
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import SUBPIXELS, Clip
-from lfsr_core.frames.job import CLAMP_INDIRECT
+from lfsr_core.frames.request import CLAMP_INDIRECT
 from lfsr_core.images import exr
 from lfsr_core.optics.panel.panel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
@@ -42,7 +42,7 @@ class RenderSettings:
 
     samples: int = 16  # per pixel
     seed: int = 0  # of the random numbers
-    layers: tuple[str, ...] = ()  # auxiliary layers besides colour, from ``lfsr_core.frames.job.LAYERS``
+    layers: tuple[str, ...] = ()  # auxiliary layers besides colour, from ``lfsr_core.frames.request.LAYERS``
     device: str = "CPU"  # or a GPU type such as "OPTIX"
     clamp_indirect: float | None = None  # largest radiance of an indirect path; None: Cycles' default, 0: unclamped
     world_visible: bool = False  # adds the environment pass

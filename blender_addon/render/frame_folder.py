@@ -13,8 +13,8 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, write_frame
-from lfsr_core.frames.job import AUTO, GUIDES, OWN, Job
 from lfsr_core.frames.low_res import finished_layout
+from lfsr_core.frames.request import AUTO, GUIDES, OWN, Request
 from lfsr_core.optics.lens_rows import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.pipeline.parts import ImageParts, Part, remove_others
@@ -37,7 +37,7 @@ HALF_SEED = 1 << 20
 Warn = Callable[[str], None]
 
 
-def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, progress: Progress | None = None,
+def render_job(scene: bpy.types.Scene, job: Request, opened: Opened | None = None, progress: Progress | None = None,
                warn: Warn = print) -> Path:
     """Render ``job`` into its frame folder; the scene is unchanged afterwards, also after an error.
 
@@ -76,14 +76,14 @@ def render_job(scene: bpy.types.Scene, job: Job, opened: Opened | None = None, p
 
 
 @contextmanager
-def prepared(scene: bpy.types.Scene, job: Job, warn: Warn = print) -> Iterator[Frame]:
+def prepared(scene: bpy.types.Scene, job: Request, warn: Warn = print) -> Iterator[Frame]:
     """Set ``scene`` to the job's frame, light it and index its objects inside the block; yield the Frame."""
     # Not at the job's frame: all frames of an animation have the same light.
     job = dataclasses.replace(job, light=settled_light(scene, job, warn))
     with motion.same_frame(scene):
         if job.frame is not None:
             scene.frame_set(job.frame)
-        if job.scales and job.kind != "reference":
+        if job.sampling.scales and job.kind != "reference":
             job = job.with_scale(scale_of(scene, job))
         subject = find_subject(scene, job.subject)
         with animation.resting(scene), passes.pass_indices(subject), lit(scene, job.light):
@@ -95,7 +95,7 @@ def prepared(scene: bpy.types.Scene, job: Job, warn: Warn = print) -> Iterator[F
             yield dataclasses.replace(frame, world_apart=_world_apart(scene, frame, job, warn))
 
 
-def settled_light(scene: bpy.types.Scene, job: Job, warn: Warn) -> str:
+def settled_light(scene: bpy.types.Scene, job: Request, warn: Warn) -> str:
     """Return the light of ``scene`` for ``job``: the one asked for, or for AUTO the one that the scene needs now."""
     if job.light != AUTO:
         return job.light
@@ -103,7 +103,7 @@ def settled_light(scene: bpy.types.Scene, job: Job, warn: Warn) -> str:
         return chosen_light(scene, job, warn)
 
 
-def _frame(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object]) -> Frame:
+def _frame(scene: bpy.types.Scene, job: Request, subject: set[bpy.types.Object]) -> Frame:
     """The frame that ``job`` asks for; LfsrError if the array cannot be placed or colours cannot be reproduced."""
     array, matrix_world = placement.place_array(scene, job.display, subject)
     layers = tuple(dict.fromkeys((*job.layers, *(GUIDES if _has_guides(job) else ()))))
@@ -113,8 +113,8 @@ def _frame(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object]) -> 
     # The lens card renders where the OSL camera cannot.
     layout = devices.way_of(job.device) if job.layout == "one-pass" else job.layout
     return Frame(
-        display=job.display, scale=1 if job.kind == "reference" else job.scale, scale_reason=job.scale_reason,
-        array=array, matrix_world=matrix_world, samples=job.spp, seed=job.seed, frame=scene.frame_current,
+        display=job.display, scale=1 if job.kind == "reference" else job.sampling.scale, scale_reason=job.sampling.reason,
+        array=array, matrix_world=matrix_world, samples=job.sampling.samples, seed=job.seed, frame=scene.frame_current,
         convention=job.convention, view_aperture=job.view_aperture, lens_list=job.lens_list, rows=job.rows,
         layout=layout, layers=layers, clip=placement.clip_of(scene), world_visible=world_visible,
         color=color_settings(scene, world_visible), scene=os.path.basename(job.scene or bpy.data.filepath),
@@ -123,12 +123,12 @@ def _frame(scene: bpy.types.Scene, job: Job, subject: set[bpy.types.Object]) -> 
         gpus=devices.gpu_addresses(job.device))
 
 
-def _has_guides(job: Job) -> bool:
+def _has_guides(job: Request) -> bool:
     """Whether the denoiser is given more than colours; every view at scale 1 would take as much memory again."""
-    return job.kind == "render" and job.scale > 1 and job.layout != SUBPIXELS
+    return job.kind == "render" and job.sampling.scale > 1 and job.layout != SUBPIXELS
 
 
-def _world_visible(scene: bpy.types.Scene, job: Job) -> bool:
+def _world_visible(scene: bpy.types.Scene, job: Request) -> bool:
     if job.world_visible and scene.world is None:
         raise LfsrError(f"scene {scene.name!r} has no world to show behind the subject: add a world, or leave out "
                         "--world-visible")
@@ -137,7 +137,7 @@ def _world_visible(scene: bpy.types.Scene, job: Job) -> bool:
     return job.light == OWN and scene.world is not None and not scene.render.film_transparent
 
 
-def _world_apart(scene: bpy.types.Scene, frame: Frame, job: Job, warn: Warn) -> bool:
+def _world_apart(scene: bpy.types.Scene, frame: Frame, job: Request, warn: Warn) -> bool:
     """True if the visible world is rendered separately; ``warn`` if it cannot be."""
     if not frame.world_visible or job.kind != "render" or frame.scale == 1:
         return False
@@ -147,7 +147,7 @@ def _world_apart(scene: bpy.types.Scene, frame: Frame, job: Job, warn: Warn) -> 
     return not reason
 
 
-def _world_image(scene: bpy.types.Scene, job: Job, frame: Frame) -> float:
+def _world_image(scene: bpy.types.Scene, job: Request, frame: Frame) -> float:
     """Write the image of the world alone into the job's folder; seconds of rendering it."""
     path = Path(job.output, WORLD_FILE)
     if job.world is not None:
@@ -159,7 +159,7 @@ def _world_image(scene: bpy.types.Scene, job: Job, frame: Frame) -> float:
     return world.render_world(scene, image, frame.matrix_world, settings, path)
 
 
-def _images(scene: bpy.types.Scene, job: Job, frame: Frame) -> list[tuple[str, RenderSettings]]:
+def _images(scene: bpy.types.Scene, job: Request, frame: Frame) -> list[tuple[str, RenderSettings]]:
     """File and settings of every image to render: one, or a reference's two halves."""
     see_through = scene.render.film_transparent and scene.cycles.film_transparent_glass and not frame.world_visible
     settings = RenderSettings(frame.samples, job.seed, frame.layers, job.device, job.clamp_indirect,
@@ -169,12 +169,12 @@ def _images(scene: bpy.types.Scene, job: Job, frame: Frame) -> list[tuple[str, R
     # Unclamped unless the job clamps: clamping would bias a reference.
     settings = dataclasses.replace(settings, clamp_indirect=job.clamp_indirect or 0.0,
                                    half="position" not in frame.layers)
-    return [(name, dataclasses.replace(settings, samples=(job.spp + 1 - half) // 2,
+    return [(name, dataclasses.replace(settings, samples=(job.sampling.samples + 1 - half) // 2,
                                        seed=(job.seed + HALF_SEED * (half + 1)) % 2**31))
             for half, name in enumerate(REFERENCE_FILES)]
 
 
-def _inputs(scene: bpy.types.Scene, job: Job, frame: Frame, opened: Opened, warn: Warn) -> dict[str, str] | None:
+def _inputs(scene: bpy.types.Scene, job: Request, frame: Frame, opened: Opened, warn: Warn) -> dict[str, str] | None:
     """Inputs of the render; None if none of its parts are cached. Removes cached parts of other inputs."""
     if not job.parts or not opened.content:
         return None
@@ -185,7 +185,7 @@ def _inputs(scene: bpy.types.Scene, job: Job, frame: Frame, opened: Opened, warn
     return known
 
 
-def _render(scene: bpy.types.Scene, job: Job, frame: Frame, known: dict[str, str] | None,
+def _render(scene: bpy.types.Scene, job: Request, frame: Frame, known: dict[str, str] | None,
             progress: Progress | None) -> float:
     """Render every image of the job; seconds."""
     render = render_views if frame.layout == "view-by-view" else render_encoded

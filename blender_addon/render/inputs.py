@@ -9,8 +9,8 @@ import bpy
 
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import Frame
-from lfsr_core.frames.identity import PLACES, digest, job_facts
-from lfsr_core.frames.job import AUTO, Job
+from lfsr_core.frames.identity import PLACES, digest, request_facts
+from lfsr_core.frames.request import AUTO, Request
 from lfsr_core.pipeline.content import file_content, stamp
 from lfsr_core.version import __version__
 
@@ -32,17 +32,17 @@ class Opened:
     notes: tuple[str, ...] = ()  # what the user was told of it
 
 
-def inputs_before_opening(job: Job, content: str) -> dict[str, str]:
+def inputs_before_opening(job: Request, content: str) -> dict[str, str]:
     """Return those of the ``inputs`` that do not need the scene."""
-    settings = job_facts(job, (*PLACES, *SETTLED))
+    settings = request_facts(job, (*PLACES, *SETTLED))
     program = [__version__, *(file_content(path) for name in SOURCES
                               for path in sorted(HERE.with_name(name).iterdir()) if path.is_file())]
-    chosen = {} if job.scales else {"samples or scale": digest([job.scale, job.spp])}
+    chosen = {} if job.sampling.scales else {"samples or scale": digest([job.sampling.scale, job.sampling.samples])}
     return {"settings": digest(settings), **chosen, "scene file": digest(content),
             "Blender": digest([bpy.app.version_string, str(bpy.app.build_hash)]), "version of LFSR": digest(program)}
 
 
-def inputs(scene: bpy.types.Scene, job: Job, frame: Frame, content: str) -> dict[str, str]:
+def inputs(scene: bpy.types.Scene, job: Request, frame: Frame, content: str) -> dict[str, str]:
     """Return a digest of each kind of input, by a name for messages; ``content``: digest of the scene's file."""
     resolved = to_data(dataclasses.replace(frame, seconds={}, gpus=()))
     resolved |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail, "light": job.light}

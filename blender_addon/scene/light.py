@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.job import EVEN, OWN, check_light, is_light_file
+from lfsr_core.frames.request import EVEN, OWN, check_light, is_light_file
 
 from .. import compat
 

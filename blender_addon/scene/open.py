@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.job import check_scene
+from lfsr_core.frames.request import check_scene
 
 MOST_REASON = 100  # characters
 # Compressions of glTF by what the importer says where it cannot read them, and the command that decodes them. Blender

@@ -26,8 +26,8 @@ from lfsr_core.frames.frame import (
     read_rendered,
 )
 from lfsr_core.frames.identity import is_of, is_same
-from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
+from lfsr_core.frames.request import Request
 from lfsr_core.reconstruct.method_name import MethodName
 
 from .methods import DIRECT
@@ -98,7 +98,7 @@ def is_unfinished(folder: Path) -> bool:
     return has(FRAME_FILE) and has(LOW_RES_FILE) and not has(EIA_FILE) and not has(PANEL_FILE)
 
 
-def is_complete(folder: Path, job: Job, method: str) -> bool:
+def is_complete(folder: Path, job: Request, method: str) -> bool:
     """True if ``folder`` holds the finished image of just this job and method, temporally averaged or not."""
     if not (folder / (PANEL_FILE if job.layout == SUBPIXELS else EIA_FILE)).is_file():
         return False

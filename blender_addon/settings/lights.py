@@ -7,7 +7,7 @@ import zlib
 import bpy
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.job import AUTO, EVEN, OWN, WORLD_IMAGES, check_light
+from lfsr_core.frames.request import AUTO, EVEN, OWN, WORLD_IMAGES, check_light
 
 AUTO_LIGHT, OWN_LIGHT, FILE_LIGHT = "AUTO", "OWN", "FILE"
 SCENE_LIGHTS = (AUTO_LIGHT, OWN_LIGHT)  # in which the scene's own light counts

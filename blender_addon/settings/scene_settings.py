@@ -11,7 +11,7 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import SUBPIXELS
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.method_name import AS_RENDERED, DEFAULT_METHOD, PANEL_METHODS, MethodName
@@ -66,10 +66,10 @@ class Resolved:
         if self.is_direct:
             raise LfsrError(f"{what} needs a light field, which {DIRECT} does not render: switch it off under Display")
 
-    def job(self, output: Path, frame: int) -> Job:
+    def job(self, output: Path, frame: int) -> Request:
         """The render job of one frame, into the folder ``output``; of Auto, Blender chooses the scale."""
-        return Job(output=str(output), display=self.display, scale=self.scale, scales=self.scales, spp=self.samples,
-                   rays=self.rays if self.scales else None, scene_name=self.scene_name, layout=self.layout,
+        return Request(output=str(output), display=self.display, sampling=Sampling(self.scale, self.samples, self.scales, self.rays if self.scales else None),
+                       scene_name=self.scene_name, layout=self.layout,
                    seed=self.seed, frame=frame, device=self.device, light=self.light)
 
 

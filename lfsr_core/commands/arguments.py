@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import LAYOUTS
-from lfsr_core.frames.job import AUTO, DEVICES, EVEN, OWN, WORLD_IMAGES, Job, check_light, check_scene
+from lfsr_core.frames.request import AUTO, DEVICES, EVEN, OWN, WORLD_IMAGES, Request, check_light, check_scene
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lens_rows import parse_rows
 from lfsr_core.optics.rays import CONVENTIONS
@@ -62,9 +62,9 @@ def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")
 
 
-def make_job(arguments: argparse.Namespace, **values: Any) -> Job:
+def make_request(arguments: argparse.Namespace, **values: Any) -> Request:
     """Validated job of the parsed arguments; ``values`` add to them or replace them."""
-    same = ("output", "spp", "layout", "convention", "view_aperture", "seed", "frame", "subject", "device",
+    same = ("output", "layout", "convention", "view_aperture", "seed", "frame", "subject", "device",
             "world_visible", "camera")
     given = {name: getattr(arguments, name) for name in same if name not in values}
     display = load_display(arguments.display)
@@ -72,7 +72,7 @@ def make_job(arguments: argparse.Namespace, **values: Any) -> Job:
         given["rows"] = parse_rows(arguments.rows, display.lenses[1])
     given["light"] = check_light(arguments.light)
     given |= {"scene": check_scene(arguments.scene), "display": display} | values
-    return Job(**given | {"output": str(given["output"])})
+    return Request(**given | {"output": str(given["output"])})
 
 
 def add_cluster_arguments(parser: argparse.ArgumentParser, when: str = "") -> None:

@@ -18,7 +18,7 @@ from lfsr_core.base.progress import ProgressBar
 from lfsr_core.commands import arguments as common
 from lfsr_core.commands.renamed import add_old_option
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.optics.lens_sampling import check_count, choose_lenses
 from lfsr_core.pipeline.store import Render, with_blender
 
@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Choose lenses if asked to; render them at full resolution, unclamped."""
     if arguments.layout == SUBPIXELS:
         raise LfsrError(f"a reference is a light field, but the layout {SUBPIXELS} renders none: choose another layout")
-    job = common.make_job(arguments, kind="reference", scale=1, clamp_indirect=0.0)
+    job = common.make_request(arguments, kind="reference", sampling=Sampling(1, arguments.spp), clamp_indirect=0.0)
     cluster, render = common.chosen_cluster(arguments), with_blender(arguments.blender, announce=False)
     _check_split(arguments, cluster)
     if arguments.lenses is not None and job.rows is not None:
@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> None:
         render(job)
     else:
         _render_on(cluster, arguments, job)
-    print(f"{arguments.output}: {_count(job)} lenses, two halves of {job.spp // 2} samples")
+    print(f"{arguments.output}: {_count(job)} lenses, two halves of {job.sampling.samples // 2} samples")
 
 
 def _check_split(arguments: argparse.Namespace, cluster: Cluster | None) -> None:
@@ -78,7 +78,7 @@ def _check_split(arguments: argparse.Namespace, cluster: Cluster | None) -> None
                         "--cluster")
 
 
-def _render_on(cluster: Cluster, arguments: argparse.Namespace, job: Job) -> None:
+def _render_on(cluster: Cluster, arguments: argparse.Namespace, job: Request) -> None:
     from lfsr_core.pipeline.cluster_reference import ROWS, SAMPLES, Split, reference_on
 
     # Workers start in folders of their own.
@@ -88,13 +88,13 @@ def _render_on(cluster: Cluster, arguments: argparse.Namespace, job: Job) -> Non
         reference_on(cluster, job, split, arguments.blender, bar)
 
 
-def _count(job: Job) -> int:
+def _count(job: Request) -> int:
     if job.rows is not None:
         return job.display.lenses[0] * (job.rows[1] - job.rows[0] + 1)
     return len(job.lens_list) if job.lens_list else math.prod(job.display.lenses)
 
 
-def _quick_mask(render: Render, reference: Job) -> Array:
+def _quick_mask(render: Render, reference: Request) -> Array:
     """Foreground mask (sy, sx) from a few samples of every lens."""
     from lfsr_core.frames.foreground import foreground_mask
     from lfsr_core.images.exr import read_layers
@@ -103,5 +103,6 @@ def _quick_mask(render: Render, reference: Job) -> Array:
     scale = min(display.scales(), key=lambda s: abs(s - SCALE_FOR_MASK), default=1)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "mask"
-        render(dataclasses.replace(reference, kind="render", output=str(folder), scale=scale, spp=SAMPLES_FOR_MASK))
+        render(dataclasses.replace(reference, kind="render", output=str(folder),
+                                   sampling=Sampling(scale, SAMPLES_FOR_MASK)))
         return foreground_mask(read_layers(folder / LOW_RES_FILE), display.lenses)

@@ -8,7 +8,7 @@ import os
 import time
 from collections.abc import Sequence
 from contextlib import closing
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.progress import ProgressBar
@@ -18,9 +18,9 @@ from lfsr_core.commands.renamed import add_old_option
 from lfsr_core.frames.averaging import check_averaging, seed_in_turn
 from lfsr_core.frames.foreground import UNSEEN, check_dilate
 from lfsr_core.frames.frame import SUBPIXELS, read_frame
-from lfsr_core.frames.job import LAYERS, Job
 from lfsr_core.frames.numbers import parse_frames, spread
 from lfsr_core.frames.report import Report, read_report
+from lfsr_core.frames.request import LAYERS, Request, Sampling
 from lfsr_core.optics.depth_scale import USUAL_SAMPLES, USUAL_SCALE, samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.lens_rows import rows_text
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> None:
     method = (upscale.panel_method(arguments) if arguments.layout == SUBPIXELS
               else upscale.chosen_method(arguments.method, scales[0]))
     scales = method.scales_of(scales) if arguments.scale == AUTO_SCALE else scales
-    job = common.make_job(arguments, layers=arguments.layers, **_sampling(arguments, display, scales))
+    job = common.make_request(arguments, layers=arguments.layers, sampling=_sampling(arguments, display, scales))
     if arguments.frames is not None:
         _render_frames(arguments, job, method)
         return
@@ -88,7 +88,7 @@ def run(arguments: argparse.Namespace) -> None:
         print(f"{arguments.output}: rows {rows_text(job.rows)} of {job.display.lenses[1]}; join the parts with "
               "`lfsr merge`")
         return
-    if job.scales:
+    if job.sampling.scales:
         method = method.at_scale(read_frame(arguments.output).scale)
     report = upscale.upscale(arguments.output, method, arguments)
     _check_seen(arguments, [report])
@@ -101,18 +101,18 @@ def _scales(arguments: argparse.Namespace, display: DisplayProfile) -> tuple[int
     return (1,) if arguments.layout == SUBPIXELS else scales_up_to(display)
 
 
-def _sampling(arguments: argparse.Namespace, display: DisplayProfile, scales: tuple[int, ...]) -> dict[str, Any]:
-    """Fields of a job: scale and samples, or scales and rays from which both follow."""
+def _sampling(arguments: argparse.Namespace, display: DisplayProfile, scales: tuple[int, ...]) -> Sampling:
+    """Scale and samples, or scales and rays from which both follow."""
     usual = USUAL_SAMPLES if arguments.layout == SUBPIXELS else usual_rays(display)
     rays = None if arguments.spp is not None else usual if arguments.rays is None else arguments.rays
     samples = arguments.spp if rays is None else samples_at(display, scales[0], rays)
     if len(scales) == 1:
-        return {"scale": scales[0], "spp": samples}
-    return {"scale": scales[0], "spp": samples, "scales": scales, "rays": rays,
-            "scale_frames": spread(parse_frames(arguments.scale_frames)) if arguments.scale_frames else ()}
+        return Sampling(scales[0], samples)
+    frames = spread(parse_frames(arguments.scale_frames)) if arguments.scale_frames else ()
+    return Sampling(scales[0], samples, scales, rays, frames)
 
 
-def _render_frames(arguments: argparse.Namespace, job: Job, method: MethodName) -> None:
+def _render_frames(arguments: argparse.Namespace, job: Request, method: MethodName) -> None:
     from lfsr_core.pipeline.animation import SecondStage, animation_of, kept_scale
     from lfsr_core.pipeline.cluster_animation import render_on
     from lfsr_core.pipeline.engine import FAILED, Tools, counts, render_animation, table

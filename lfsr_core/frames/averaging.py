@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.job import MOST_SEED
+from lfsr_core.frames.request import MOST_SEED
 
 MOST_AVERAGED = 8  # frames to each side
 

@@ -12,7 +12,7 @@ from typing import Any
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, Frame, read_part
-from lfsr_core.frames.job import AUTO, Job
+from lfsr_core.frames.request import AUTO, Request
 from lfsr_core.optics.lens_rows import rows_text
 
 Facts = Mapping[str, object]  # what decides pixels, by name
@@ -32,18 +32,18 @@ def digest(data: object) -> str:
     return hashlib.blake2b(json.dumps(data, sort_keys=True).encode(), digest_size=DIGEST_SIZE).hexdigest()
 
 
-def job_facts(job: Job, free: Collection[str] = PLACES) -> dict[str, Any]:
+def request_facts(job: Request, free: Collection[str] = PLACES) -> dict[str, Any]:
     """Return the fields of a job, JSON-ready, without those named in ``free``."""
     return {name: value for name, value in to_data(job).items() if name not in free}
 
 
-def wanted_facts(job: Job, found: Frame, content: str = "") -> Facts:
+def wanted_facts(job: Request, found: Frame, content: str = "") -> Facts:
     """Return the fields that a frame must have to be the render of ``job``.
 
     The values of ``found`` stand for what the job leaves open, such as the device or the choice of a scale; a
     reference may have other samples and lenses than its job. ``content``: digest of the scene's file, empty for any.
     """
-    is_reference, scale = job.kind == "reference", found.scale if found.scale in job.scales else job.scale
+    is_reference, scale = job.kind == "reference", found.scale if found.scale in job.sampling.scales else job.sampling.scale
     is_open_layout = job.layout == LAYOUTS[0] and found.layout != SUBPIXELS  # some devices need the lens card
     return {"display": job.display,
             "scale": scale,
@@ -88,13 +88,13 @@ def first_difference(found: Facts, wanted: Facts) -> str:
     return next((name for name, value in wanted.items() if found.get(name) != value), "")
 
 
-def is_same(frame: Frame, job: Job) -> bool:
+def is_same(frame: Frame, job: Request) -> bool:
     """True if ``frame`` is the render of ``job``, on any device and in the layout that it needs."""
     layout = job.layout if job.layout == SUBPIXELS else LAYOUTS[0]
     return not first_difference(vars(frame), wanted_facts(dataclasses.replace(job, device=AUTO, layout=layout), frame))
 
 
-def check_same(folder: Path, job: Job, content: str = "", names: Collection[str] | None = RAYS,
+def check_same(folder: Path, job: Request, content: str = "", names: Collection[str] | None = RAYS,
                advice: str = "choose another folder") -> None:
     """LfsrError with the first difference unless ``folder`` holds the render of ``job``, or a part of it.
 

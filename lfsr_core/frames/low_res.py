@@ -12,7 +12,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, Frame
-from lfsr_core.frames.job import GUIDES
+from lfsr_core.frames.request import GUIDES
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.rays import RayLayout
 from lfsr_core.optics.world_view import WorldImage, WorldView

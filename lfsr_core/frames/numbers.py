@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.job import MOST_FRAME
+from lfsr_core.frames.request import MOST_FRAME
 
 RANGE = re.compile(r"(-?\d{1,8})(?:-(-?\d{1,8})(?:[x:](\d{1,8}))?)?$")
 MOST_FRAMES = 100_000

@@ -12,9 +12,9 @@ from lfsr_core.base.files import reading
 from lfsr_core.frames.averaging import check_averaging, seed_in_turn
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, PANEL_FILE, SUBPIXELS, Frame, frame_folder, read_part
 from lfsr_core.frames.identity import check_same, is_same
-from lfsr_core.frames.job import Job
 from lfsr_core.frames.numbers import spread
 from lfsr_core.frames.report import read_report
+from lfsr_core.frames.request import Request
 from lfsr_core.images.exr import check_complete
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.content import scene_content
@@ -54,23 +54,23 @@ class SecondStage:
 class Animation:
     """Frames to render and to finish."""
 
-    jobs: tuple[Job, ...]  # one per frame, all of one scene
+    jobs: tuple[Request, ...]  # one per frame, all of one scene
     second: SecondStage
     content: str = ""  # digest of the scene's file, empty where it is not known
     # render frames of other settings again instead of refusing them; another device or content is accepted
     lenient: bool = False
 
 
-def kept_scale(job: Job) -> Job:
+def kept_scale(job: Request) -> Request:
     """Return ``job`` at the scale of a frame that its output folder already holds, so that all frames have one."""
-    for _, folder in sorted(numbered(Path(job.output)).items()) if job.scales else ():
+    for _, folder in sorted(numbered(Path(job.output)).items()) if job.sampling.scales else ():
         found = _readable(folder)
-        if found is not None and found.display == job.display and found.scale in job.scales:
+        if found is not None and found.display == job.display and found.scale in job.sampling.scales:
             return job.with_scale(ScaleChoice(found.scale, found.scale_reason))
     return job
 
 
-def animation_of(job: Job, frames: Sequence[int], second: SecondStage, lenient: bool = False) -> Animation:
+def animation_of(job: Request, frames: Sequence[int], second: SecondStage, lenient: bool = False) -> Animation:
     """Return the animation of ``frames`` of the scene of ``job``, in folders such as ``0001`` in its output.
 
     A job that chooses its scale chooses one for all frames, by the depth of a few of them.
@@ -81,15 +81,15 @@ def animation_of(job: Job, frames: Sequence[int], second: SecondStage, lenient: 
     if is_complete(output, "render") or is_complete(output, "reference"):
         raise LfsrError(f"{output} is a frame folder itself: choose another folder for the frames of an animation")
     check_averaging(second.temporal_averaging)
-    if job.scales and not job.scale_frames:
-        job = dataclasses.replace(job, scale_frames=spread(frames))
+    if job.sampling.scales and not job.sampling.frames:
+        job = job.sampled(frames=spread(frames))
     jobs = tuple(dataclasses.replace(job, frame=number, output=str(frame_folder(output, number)),
                                      seed=seed_in_turn(job.seed, number, second.temporal_averaging))
                  for number in frames)
     return Animation(jobs, second, scene_content(job.scene), lenient)
 
 
-def state(animation: Animation, job: Job) -> str:
+def state(animation: Animation, job: Request) -> str:
     """Return TO_RENDER, TO_FINISH or DONE for a frame; LfsrError where its folder holds another render."""
     folder = Path(job.output)
     check_folder(folder, job.kind)
@@ -103,13 +103,13 @@ def state(animation: Animation, job: Job) -> str:
     return DONE if _is_finished(animation, job) else TO_FINISH
 
 
-def beside(animation: Animation, job: Job) -> set[str]:
+def beside(animation: Animation, job: Request) -> set[str]:
     """Return the folders of the frames that the frame of ``job`` is averaged with."""
     planned = (other.frame for other in animation.jobs if other.frame is not None)
     return set(map(str, numbered_beside(Path(job.output), animation.second.temporal_averaging, planned)))
 
 
-def is_older(animation: Animation, job: Job) -> bool:
+def is_older(animation: Animation, job: Request) -> bool:
     """True if a frame was rendered before the scene's file was changed."""
     frame = _readable(Path(job.output))
     return bool(animation.content and frame and frame.content and frame.content != animation.content)
@@ -128,7 +128,7 @@ def _is_complete(path: Path) -> bool:
     return False
 
 
-def _is_finished(animation: Animation, job: Job) -> bool:
+def _is_finished(animation: Animation, job: Request) -> bool:
     """True if the image is there, made in the way asked for and with every neighbouring frame."""
     folder, second = Path(job.output), animation.second
     try:

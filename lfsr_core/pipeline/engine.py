@@ -13,8 +13,8 @@ from pathlib import Path
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.progress import Progress, duration, silent
 from lfsr_core.frames.frame import read_part
-from lfsr_core.frames.job import Job
 from lfsr_core.frames.report import read_report
+from lfsr_core.frames.request import Request
 from lfsr_core.pipeline.animation import DONE, TO_RENDER, Animation, SecondStage, beside, state
 from lfsr_core.pipeline.rendering import Listener, Warn, run_jobs
 from lfsr_core.pipeline.staging import remove_dead
@@ -80,14 +80,14 @@ class _Run:
 
     def __init__(self, animation: Animation, tools: Tools) -> None:
         self.animation, self.tools = animation, tools
-        self.waiting: list[Job] = []
-        self.rendered: list[Job] = []  # that wait for neighbouring frames
+        self.waiting: list[Request] = []
+        self.rendered: list[Request] = []  # that wait for neighbouring frames
         self.kept: set[str] = set()
         self.failed: dict[str, str] = {}
         self.finishing = _Finishing(animation.second)
         self.count, self.since = 0, 0.0  # frames to render, and the time when rendering began
 
-    def take(self, job: Job) -> None:
+    def take(self, job: Request) -> None:
         """Decide what is to be done for a frame."""
         found = TO_RENDER if self.tools.overwrite else state(self.animation, job)
         if found == TO_RENDER:
@@ -131,7 +131,7 @@ class _Run:
         done = self.count - len(self.waiting) + (fraction if self.waiting else 0.0)
         self.tools.progress("frames", done / self.count if self.count else 1.0, message)
 
-    def result(self, job: Job) -> Result:
+    def result(self, job: Request) -> Result:
         """Return the outcome of a frame."""
         number, sentence = job.frame or 0, self.failed.get(job.output) or self.finishing.failed.get(job.output)
         if sentence:
@@ -141,7 +141,7 @@ class _Run:
         return Result(number, job.output, KEPT if job.output in self.kept else MADE,
                       render=read_part(job.output).seconds.get("render", 0.0), finish=finish)
 
-    def _rendered(self, job: Job) -> None:
+    def _rendered(self, job: Request) -> None:
         self.waiting.remove(job)
         self.rendered.append(job)
         self.finish_ready()
@@ -162,10 +162,10 @@ class _Finishing:
     def __init__(self, second: SecondStage) -> None:
         self.second, self.failed = second, dict[str, str]()
         self._thread = ThreadPoolExecutor(1, "lfsr-finish")
-        self._work: list[tuple[Job, Future[None]]] = []
+        self._work: list[tuple[Request, Future[None]]] = []
         self._stopped = threading.Event()
 
-    def add(self, job: Job) -> None:
+    def add(self, job: Request) -> None:
         """Finish the rendered frame of ``job`` after those before it."""
         self._work.append((job, self._thread.submit(self._finish, job)))
 
@@ -184,7 +184,7 @@ class _Finishing:
         self._stopped.set()
         self._thread.shutdown(wait=True, cancel_futures=True)
 
-    def _finish(self, job: Job) -> None:
+    def _finish(self, job: Request) -> None:
         options = dataclasses.replace(self.second.options, progress=self._check_stopped)
         upscale_frame(Path(job.output), self.second.method_at(read_part(job.output).scale), options)
 

@@ -13,7 +13,7 @@ from typing import Any
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path, write_json
 from lfsr_core.frames.averaging import check_averaging
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 
 OPENJD, FLAMENCO = "openjd", "flamenco"
 TEMPLATES = {OPENJD: "openjd.yaml", FLAMENCO: "flamenco.js"}
@@ -29,7 +29,7 @@ LINEAR_EXR = {True: "--linear-exr", False: "--no-linear-exr"}
 class FarmJob:
     """An animation to be rendered by a farm; LfsrError on what no farm can do."""
 
-    job: Job  # its output is the folder of the frames' folders, its scene a file that every worker sees
+    job: Request  # its output is the folder of the frames' folders, its scene a file that every worker sees
     frames: tuple[int, ...]
     method: str
     linear_exr: bool = False
@@ -47,9 +47,9 @@ class FarmJob:
     @property
     def values(self) -> dict[str, Any]:
         """Settings by their names in the templates; Flamenco's are in lower case."""
-        rays = self.job.spp / self.job.display.finished_pixels(self.job.scale)
+        rays = self.job.sampling.samples / self.job.display.finished_pixels(self.job.sampling.scale)
         return {"Output": self.job.output, "Parts": self.parts, "Display": self.display or self.job.display.name,
-                "Scale": str(self.job.scale), "Rays": rays, "Seed": self.job.seed, "Light": self.job.light,
+                "Scale": str(self.job.sampling.scale), "Rays": rays, "Seed": self.job.seed, "Light": self.job.light,
                 "Device": self.job.device, "Method": self.method, "Linear": LINEAR_EXR[self.linear_exr],
                 "Share": self.temporal_averaging}
 

@@ -15,7 +15,7 @@ from lfsr_core.base.files import atomic_path, check_name, system_errors
 from lfsr_core.base.progress import Progress
 from lfsr_core.base.records import write_record
 from lfsr_core.frames import frame
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_core.pipeline.staging import parts_folder, parts_sentence, publish, release, remove, staging_folder
 from lfsr_core.process.blender import Starts
 from lfsr_core.process.child import Child
@@ -28,7 +28,7 @@ RENDERED_FILES = {"render": (frame.LOW_RES_FILE,), "reference": frame.REFERENCE_
 DERIVED_FILES = (frame.EIA_FILE, frame.EIA_LINEAR_FILE, frame.PANEL_FILE, frame.MASK_FILE, frame.REPORT_FILE,
                  frame.VIEWER_FILE, frame.WORLD_FILE, LOG_FILE)
 Warn = Callable[[str], None]
-_Waiting = list[tuple[Job, Path]]  # jobs, with the hidden folders in which they are rendered
+_Waiting = list[tuple[Request, Path]]  # jobs, with the hidden folders in which they are rendered
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,10 +37,10 @@ class Listener:
 
     progress: Progress | None = None  # with (stage, fraction, message)
     warn: Warn | None = None  # with a sentence that the user should know although it does not stop the render
-    rendered: Callable[[Job], object] = lambda job: None  # with each job whose folder is complete
+    rendered: Callable[[Request], object] = lambda job: None  # with each job whose folder is complete
 
 
-def run_job(job: Job, blender: Starts, progress: Progress | None = None, warn: Warn | None = None) -> None:
+def run_job(job: Request, blender: Starts, progress: Progress | None = None, warn: Warn | None = None) -> None:
     """Render ``job`` and publish its folder, whole or not at all; ``progress`` and ``warn`` as of ``Listener``.
 
     A long render that ends early leaves its finished parts, and the same job continues from them. LfsrError with
@@ -50,7 +50,7 @@ def run_job(job: Job, blender: Starts, progress: Progress | None = None, warn: W
     run_jobs([job], blender, Listener(progress, warn))
 
 
-def run_jobs(jobs: Sequence[Job], blender: Starts, listener: Listener) -> None:
+def run_jobs(jobs: Sequence[Request], blender: Starts, listener: Listener) -> None:
     """Render ``jobs`` one after the other in one Blender, which opens a scene once for all jobs in a row that use it.
 
     Each folder is published as soon as it is rendered. Errors as of ``run_job``, for the first job that fails.
@@ -99,11 +99,11 @@ def _render(waiting: _Waiting, blender: Starts, listener: Listener) -> None:
         _publish(waiting, listener)
 
 
-def _parts(job: Job) -> Path:
+def _parts(job: Request) -> Path:
     return parts_folder(Path(job.output)).resolve()
 
 
-def _write(job: Job, staging: Path) -> Path:
+def _write(job: Request, staging: Path) -> Path:
     """Write the job file for Blender, which fills the folder "frame" beside it, and return its path."""
     frame = staging / "frame"
     frame.mkdir()

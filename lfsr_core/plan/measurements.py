@@ -11,7 +11,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.frames.frame import Frame
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import BETWEEN, Candidate, Rated, between, choose, samples_of
 from lfsr_core.plan.estimate import Estimate, Stratum, estimate
@@ -26,7 +26,7 @@ from lfsr_core.plan.times import TimeModel
 class Question:
     """What to plan for."""
 
-    job: Job  # scene, display and frame; its scale, samples and output are ignored
+    job: Request  # scene, display and frame; its scale, samples and output are ignored
     options: PlanOptions
     wanted: tuple[Candidate, ...]  # the candidates, cheapest render first
 

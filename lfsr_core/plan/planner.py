@@ -15,7 +15,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, write_json
 from lfsr_core.base.progress import Progress, silent
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_core.images.exposure import extreme_tone
 from lfsr_core.images.exr import read_finite
 from lfsr_core.images.srgb import srgb_encode
@@ -64,7 +64,7 @@ class Planned:
     sample: SampleFacts
 
 
-def make_plan(job: Job, options: PlanOptions, render: Callable[[Job, Progress], None], folder: str | Path,
+def make_plan(job: Request, options: PlanOptions, render: Callable[[Request, Progress], None], folder: str | Path,
               progress: Progress = silent) -> Planned:
     """Find the cheapest settings for the scene, display and frame of a job.
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from lfsr_core.base.progress import Progress
 from lfsr_core.frames.frame import REFERENCE_FILES, WORLD_FILE, Frame, read_frame
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.pipeline.store import Render, cached
 from lfsr_core.plan.sample import Lens
 from lfsr_core.plan.times import path_samples
@@ -45,29 +45,29 @@ class Moving:
 class SampleRenders:
     """Frame folders of the sample in ``folder``, each rendered with ``render`` when it is first needed."""
 
-    def __init__(self, folder: Path, job: Job, render: Render) -> None:
+    def __init__(self, folder: Path, job: Request, render: Render) -> None:
         self._folder, self._job, self._render = folder, job, render
         self._frames: dict[str, Frame] = {}
 
     def quick(self) -> tuple[Path, Frame]:
         """Every lens, with few samples."""
-        return self._rendered(QUICK, 1, scale=self._quick_scale, spp=QUICK_SAMPLES)
+        return self._rendered(QUICK, 1, sampling=Sampling(self._quick_scale, QUICK_SAMPLES))
 
     def pilot(self, lenses: Sequence[Lens]) -> Frame:
         """A few lenses at the scale of the quick look, with enough samples to time one."""
-        return self._rendered("pilot", 2, scale=self._quick_scale, spp=PILOT_SAMPLES, lens_list=tuple(lenses))[1]
+        return self._rendered("pilot", 2, sampling=Sampling(self._quick_scale, PILOT_SAMPLES), lens_list=tuple(lenses))[1]
 
     def reference(self, look: int, part: int, spp: int, lenses: Sequence[Lens]) -> tuple[list[Path], Frame]:
         """Files of two quarters of the reference of a look's lenses; ``spp``: of all REFERENCE_PARTS together."""
         folder, frame = self._rendered(_of_look(f"reference-{part}", look), part + REFERENCE_PARTS * look,
-                                       kind="reference", scale=1, layers=(), clamp_indirect=0.0,
-                                       spp=max(2, spp // REFERENCE_PARTS), lens_list=tuple(lenses), seed=REFERENCE_SEED)
+                                       kind="reference", layers=(), clamp_indirect=0.0,
+                                       sampling=Sampling(1, max(2, spp // REFERENCE_PARTS)), lens_list=tuple(lenses), seed=REFERENCE_SEED)
         return [folder / name for name in REFERENCE_FILES], frame
 
     def sampled(self, look: int, scale: int, spp: int, lenses: Sequence[Lens]) -> Path:
         """The lenses of a look and their neighbours at one scale and sample count."""
         return self._rendered(_of_look(f"s{scale}-spp{spp}", look), (look * MOST_SCALE + scale) * MOST_SAMPLES + spp,
-                              scale=scale, spp=spp, lens_list=tuple(lenses))[0]
+                              sampling=Sampling(scale, spp), lens_list=tuple(lenses))[0]
 
     @property
     def of_lenses(self) -> list[Frame]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.candidates import BETWEEN, Choice, Rated
 from lfsr_core.plan.options import PlanOptions
@@ -80,7 +80,7 @@ class PlanReport:
     sentence: str  # the outcome
 
 
-def plan_report(planned: Planned, options: PlanOptions, job: Job) -> PlanReport:
+def plan_report(planned: Planned, options: PlanOptions, job: Request) -> PlanReport:
     """Report of a finished plan."""
     choice = planned.choice
     return PlanReport(job.scene, job.display.name, job.seed, options, planned.sample, planned.rated, choice.chosen,

@@ -12,8 +12,8 @@ from typing import Any
 
 from lfsr_core.base.cache import cache_folder
 from lfsr_core.base.files import locks
-from lfsr_core.frames.identity import PLACES, digest, job_facts
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.identity import PLACES, digest, request_facts
+from lfsr_core.frames.request import Request
 from lfsr_core.pipeline.content import scene_content
 from lfsr_core.pipeline.rendering import Warn
 from lfsr_core.pipeline.staging import LOCK_FILE, has_parts
@@ -25,16 +25,16 @@ IGNORED = (*PLACES, "scale", "spp")  # fields of the job that is planned for
 SECONDS_CACHED = 24 * 3600  # changes of textures and linked files are not noticed, so old renders are not reused
 
 
-def sample_facts(job: Job, options: PlanOptions) -> dict[str, Any]:
+def sample_facts(job: Request, options: PlanOptions) -> dict[str, Any]:
     """JSON-ready facts that two plans must have in common to use the same renders."""
     wanted = {(candidate.scale, candidate.spp) for candidate in options.candidates(job.display)}
-    return job_facts(job, IGNORED) | {
+    return request_facts(job, IGNORED) | {
         "lenses": options.lenses, "share": options.budget, "reference_spp": options.reference_spp,
         "metric": options.metric, "renders": [list(pair) for pair in sorted(wanted)]}
 
 
 @contextmanager
-def work_folder(folder: Path | None, job: Job, options: PlanOptions, warn: Warn) -> Iterator[Path]:
+def work_folder(folder: Path | None, job: Request, options: PlanOptions, warn: Warn) -> Iterator[Path]:
     """Yield ``folder``, or one in the user's cache that is removed after the block.
 
     After an error or an interrupt the cached one stays, if it holds a finished render, for the next plan of the same

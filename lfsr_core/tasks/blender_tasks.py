@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lfsr_core.base.records import from_data, to_data
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_core.plan.candidates import Candidate
 from lfsr_core.process.protocol import emit_progress, emit_warning
 
@@ -48,7 +48,7 @@ def plan(job: dict[str, Any], options: dict[str, Any], command: list[str], work:
     from lfsr_core.plan.report import sentence
 
     wanted, blender = from_data(PlanOptions, options, "options of the plan"), RenderCommand(tuple(command))
-    choice = make_plan(from_data(Job, job, "job of the plan"), wanted,
+    choice = make_plan(from_data(Request, job, "job of the plan"), wanted,
                        lambda job, progress: run_job(job, blender, progress, emit_warning), work, emit_progress).choice
     found: dict[str, Any] = to_data(Found(sentence(choice, wanted), choice.chosen.candidate if choice.chosen else None))
     return found
@@ -72,7 +72,7 @@ def animation(job: dict[str, Any], frames: list[int], second: dict[str, Any], co
     from lfsr_core.pipeline.engine import FAILED, Tools, counts, render_animation, table
 
     started = time.monotonic()
-    animation = animation_of(from_data(Job, job, "job of the animation"), frames,
+    animation = animation_of(from_data(Request, job, "job of the animation"), frames,
                              from_data(SecondStage, second, "second stage of the animation"), lenient=True)
     blender = RenderCommand(tuple(command))
     # The panel says itself how much time is left.

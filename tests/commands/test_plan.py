@@ -17,12 +17,12 @@ import pytest
 
 from lfsr_core.base import progress
 from lfsr_core.cli import build_parser, main
-from lfsr_core.frames.job import Job
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.display import load_display
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.work import work_folder
 from tests.support.played_blender import played_blender
+from tests.support.requests import make_request
 from tests.support.synthetic import fails
 
 ROOT = Path(__file__).parents[2]
@@ -145,7 +145,7 @@ def test_a_killed_plan_goes_on_from_its_renders(scene, logged, cache, tmp_path):
 
 
 def test_a_changed_scene_is_planned_anew_and_an_old_plan_forgotten(scene, blender, cache, tmp_path):
-    job, options = Job(str(tmp_path), load_display("mini"), scene=scene), PlanOptions()
+    job, options = make_request(str(tmp_path), load_display("mini"), scene=scene), PlanOptions()
 
     def interrupted(job):
         with contextlib.suppress(KeyboardInterrupt), work_folder(None, job, options, warnings.append) as folder:
@@ -167,7 +167,7 @@ def test_a_changed_scene_is_planned_anew_and_an_old_plan_forgotten(scene, blende
 
 
 def test_the_same_plan_twice_at_once_does_not_meet(scene, tmp_path):
-    job, options = Job(str(tmp_path), load_display("mini"), scene=scene), PlanOptions()
+    job, options = make_request(str(tmp_path), load_display("mini"), scene=scene), PlanOptions()
     with work_folder(None, job, options, print) as first, work_folder(None, job, options, print) as second:
         assert first != second and second.is_dir()
     assert not first.exists() and not second.exists()

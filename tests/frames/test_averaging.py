@@ -6,7 +6,7 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.averaging import check_averaging, seed_in_turn
-from lfsr_core.frames.job import MOST_SEED
+from lfsr_core.frames.request import MOST_SEED
 
 
 @pytest.mark.parametrize("count", [-1, 9])

@@ -8,13 +8,14 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import SUBPIXELS, write_frame
-from lfsr_core.frames.identity import check_same, digest, first_difference, is_of, is_same, job_facts, phrases
-from lfsr_core.frames.job import AUTO, Job
+from lfsr_core.frames.identity import check_same, digest, first_difference, is_of, is_same, phrases, request_facts
+from lfsr_core.frames.request import AUTO
 from lfsr_core.optics.rays import CameraArray
 from tests.support.panels import cells, hexagonal, lenticular
+from tests.support.requests import make_request
 from tests.support.synthetic import MINI, frame_of
 
-JOB = Job(output="film/0001", display=MINI, scale=2, spp=16)
+JOB = make_request(output="film/0001", display=MINI, scale=2, samples=16)
 FRAME = frame_of(2)
 LENSES = ((0, 0), (1, 1))
 
@@ -109,8 +110,8 @@ def test_of_displays_that_differ_the_field_is_named_and_no_record_printed():
 
 def test_a_digest_knows_what_decides_pixels_and_no_path():
     moved = dataclasses.replace(JOB, output="elsewhere", parts="p", world="w")
-    assert digest(job_facts(JOB)) == digest(job_facts(moved))
-    assert digest(job_facts(JOB)) != digest(job_facts(dataclasses.replace(JOB, seed=1)))
+    assert digest(request_facts(JOB)) == digest(request_facts(moved))
+    assert digest(request_facts(JOB)) != digest(request_facts(dataclasses.replace(JOB, seed=1)))
 
 
 @pytest.mark.parametrize(("frame", "job", "own"), [

@@ -26,7 +26,7 @@ from lfsr_core.base.records import to_data
 from lfsr_core.calibration.patterns import pattern
 from lfsr_core.calibration.visual_json import OFFSETS
 from lfsr_core.cli import main
-from lfsr_core.frames.job import read_job
+from lfsr_core.frames.request import read_request
 from lfsr_core.images.png import write_png
 from lfsr_core.optics.eia import to_views
 from lfsr_core.optics.profile_file import write_profile
@@ -245,7 +245,7 @@ CASES = {
                   frozenset({"config .toml", "photograph"}), 0.3),
     "denoiser's training": Case(scenes, {"scene .npz": "scene_000001.npz"},
                                 lambda folder: load_scenes(folder, guides=True) and None),
-    "job": Case(job, {"job.json": "job.json"}, lambda folder: read_job(folder / "job.json") and None),
+    "job": Case(job, {"job.json": "job.json"}, lambda folder: read_request(folder / "job.json") and None),
     "parts": Case(lambda folder: write_json(folder / "parts" / INPUTS_FILE, {"settings": "a", "scene file": "b"}),
                   {"parts' inputs.json": f"parts/{INPUTS_FILE}"},
                   lambda folder: remove_others(folder / "parts", {"settings": "a"}) and None),

@@ -243,14 +243,14 @@ def test_a_reference_by_samples_has_all_of_them_and_continues_from_parts_that_ar
     job, folder = reference
     job = dataclasses.replace(job, output=str(folder / "samples"))
     wanted = part_jobs(job, SAMPLES, 3)
-    assert [part.spp for part in wanted] == [6, 8, 8] and len({part.seed for part in wanted}) == 3
+    assert [part.sampling.samples for part in wanted] == [6, 8, 8] and len({part.seed for part in wanted}) == 3
     for part in wanted:
         run_job(part, find_blender(str(folder / "blender")))
     made = [halves(Path(part.output)) for part in wanted]
     reference_on(Cluster(scheduler.scheduler_address), job, Split(SAMPLES, 3), "/must/not/run", lambda *_: None)
     assert read_part(folder / "samples").samples == 22
     for half, found in enumerate(halves(folder / "samples")):
-        expected = sum(part.spp * images[half] for part, images in zip(wanted, made, strict=True)) / 22
+        expected = sum(part.sampling.samples * images[half] for part, images in zip(wanted, made, strict=True)) / 22
         np.testing.assert_allclose(found, expected, atol=2e-3)
     pairs = zip(halves(folder / "samples"), halves(folder / "alone"), strict=True)
     assert max(np.var(image - true) for image, true in pairs) < np.var(made[0][0] - made[1][0]), "less noise"
@@ -258,14 +258,14 @@ def test_a_reference_by_samples_has_all_of_them_and_continues_from_parts_that_ar
 
 @given(st.integers(2, 400), st.integers(1, 12), st.sampled_from([ROWS, SAMPLES]))
 def test_parts_are_the_whole(reference, spp, count, by):
-    job = dataclasses.replace(reference[0], spp=spp)
+    job = reference[0].sampled(samples=spp)
     count = min(count, spp // 2) if by == SAMPLES else count
     jobs = part_jobs(job, by, count)
-    assert len({part.output for part in jobs}) == count and all(part.spp >= 2 for part in jobs)
+    assert len({part.output for part in jobs}) == count and all(part.sampling.samples >= 2 for part in jobs)
     if by == ROWS:
         check_cover((part.rows for part in jobs), job.display.lenses[1])
     else:
-        assert sum(part.spp for part in jobs) == spp and len({part.seed for part in jobs}) == count
+        assert sum(part.sampling.samples for part in jobs) == spp and len({part.seed for part in jobs}) == count
 
 
 @pytest.mark.parametrize(("options", "sentence"), [

@@ -98,18 +98,18 @@ def test_another_method_finishes_the_same_renders(made):
 
 def test_one_scale_for_all_frames_is_chosen_by_the_depth_of_a_few(tmp_path):
     asked = animation(tmp_path, range(1, 10), scales=(4, 2), rays=1.0)
-    assert {job.scale_frames for job in asked.jobs} == {(1, 3, 5, 7, 9)}
+    assert {job.sampling.frames for job in asked.jobs} == {(1, 3, 5, 7, 9)}
     asked = animation(tmp_path, range(1, 10), scales=(4, 2), rays=1.0, scale_frames=(2, 3))
-    assert {job.scale_frames for job in asked.jobs} == {(2, 3)}
+    assert {job.sampling.frames for job in asked.jobs} == {(2, 3)}
 
 
 def test_frames_that_are_there_decide_the_scale_of_others(made):
     job = dataclasses.replace(animation(made, FRAMES).jobs[0], output=str(made / "film"), scale=4, scales=(4, 2),
                               scale_frames=(1,), rays=4.0)
     kept = kept_scale(job)
-    assert (kept.scale, kept.scales, kept.scale_frames, kept.spp, kept.rays) == (2, (), (), 16, None)
+    assert (kept.sampling.scale, kept.sampling.scales, kept.sampling.frames, kept.sampling.samples, kept.sampling.rays) == (2, (), (), 16, None)
     assert kept_scale(dataclasses.replace(job, output=str(made / "other"))).scales == (4, 2)
-    assert kept_scale(dataclasses.replace(job, scales=(4, 8))).scales == (4, 8)
+    assert kept_scale(job.sampled(scales=(4, 8))).scales == (4, 8)
 
 
 def test_frames_at_scale_1_are_denoised_alone(tmp_path):

@@ -18,7 +18,7 @@ import pytest
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, REPORT_FILE
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_core.optics.display import load_display
 from lfsr_core.pipeline import rendering as process
 from lfsr_core.pipeline.rendering import run_job
@@ -51,10 +51,10 @@ def blender(tmp_path):
 
 @pytest.fixture
 def job(tmp_path):
-    return Job(str(tmp_path / "work" / "frame"), load_display("mini"))
+    return make_request(str(tmp_path / "work" / "frame"), load_display("mini"))
 
 
-def leftovers(job: Job) -> list[str]:
+def leftovers(job: Request) -> list[str]:
     """Everything beside and inside the frame folder."""
     parent = Path(job.output).parent
     return sorted(str(path.relative_to(parent)) for path in parent.rglob("*")) if parent.exists() else []
@@ -223,14 +223,15 @@ def test_log_of_a_crash_is_not_written_through_a_link(blender, job, tmp_path):
 LOG_FILLS_THE_DISK = """
 import resource, sys
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_core.optics.display import load_display
 from lfsr_core.process.blender import find_blender
 from lfsr_core.pipeline.rendering import run_job
+from tests.support.requests import make_request
 found = find_blender(sys.argv[1])
 resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
 try:
-    run_job(Job(sys.argv[2], load_display("mini")), found)
+    run_job(make_request(sys.argv[2], load_display("mini")), found)
 except LfsrError as error:
     print("one sentence:", error)
 """
@@ -258,14 +259,14 @@ def test_another_kind_of_render_is_never_overwritten(blender, tmp_path, kind, pr
     folder.mkdir()
     (folder / present).write_text("hours of work")
     with pytest.raises(LfsrError, match=f"but a {kind} was asked for: choose another folder"):
-        run_job(Job(str(folder), load_display("mini"), kind=kind, scale=1), Blender(blender(GOOD)))
+        run_job(make_request(str(folder), load_display("mini"), kind=kind, scale=1), Blender(blender(GOOD)))
     assert (folder / present).read_text() == "hours of work"
 
 
 def test_output_that_is_a_file_is_refused(blender, tmp_path):
     (tmp_path / "frame").write_text("x")
     with pytest.raises(LfsrError, match="frame is a file, but the output must be a folder"):
-        run_job(Job(str(tmp_path / "frame"), load_display("mini")), Blender(blender(GOOD)))
+        run_job(make_request(str(tmp_path / "frame"), load_display("mini")), Blender(blender(GOOD)))
 
 
 SLEEPER = """

@@ -7,32 +7,33 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, write_frame
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_core.pipeline.store import cached, is_complete
+from tests.support.requests import make_request
 from tests.support.synthetic import MINI, frame_of, write_reference, write_render
 
 
 @pytest.fixture
 def job(tmp_path):
-    return Job(output=str(tmp_path / "f"), display=MINI, scale=2, spp=16)
+    return make_request(output=str(tmp_path / "f"), display=MINI, scale=2, samples=16)
 
 
 class Renderer:
     """Writes what Blender would and counts how often."""
 
     def __init__(self) -> None:
-        self.jobs: list[Job] = []
+        self.jobs: list[Request] = []
 
-    def __call__(self, job: Job) -> None:
+    def __call__(self, job: Request) -> None:
         self.jobs.append(job)
         folder = Path(job.output)
         if job.kind == "reference":
-            write_reference(folder, samples=job.spp, lens_list=job.lens_list)
+            write_reference(folder, samples=job.sampling.samples, lens_list=job.lens_list)
         else:
-            write_render(folder, scale=job.scale, samples=job.spp)
+            write_render(folder, scale=job.sampling.scale, samples=job.sampling.samples)
 
 
-def refuse(job: Job) -> None:
+def refuse(job: Request) -> None:
     pytest.fail(f"{job.output} is there and must not be rendered")
 
 
@@ -57,7 +58,7 @@ def test_what_is_incomplete_is_made_again(job, missing):
 def test_another_render_is_refused(job):
     cached(job, Renderer())
     with pytest.raises(LfsrError, match="with scale 2, but scale 4 was asked for"):
-        cached(dataclasses.replace(job, scale=4), refuse)
+        cached(job.sampled(scale=4), refuse)
 
 
 def test_a_render_whose_result_differs_from_the_job_is_refused(job):

@@ -11,8 +11,8 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame, write_frame
-from lfsr_core.frames.job import Job
 from lfsr_core.frames.low_res import finished_layout
+from lfsr_core.frames.request import Request
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
@@ -33,7 +33,7 @@ OPTIONS = PlanOptions(target=0.9, scales=(2, 4), spps=(4, 16, 64), methods=("nea
                   reference_spp=1024, between=0)
 
 
-def plan(job: Job, options: PlanOptions, render: Render, folder: Path) -> Planned:
+def plan(job: Request, options: PlanOptions, render: Render, folder: Path) -> Planned:
     return make_plan(job, options, lambda job, progress: render(job), folder)
 
 
@@ -48,7 +48,7 @@ def rendered(tmp_path):
     """Jobs that were rendered, and a ``render`` that remembers them."""
     jobs = []
 
-    def remember(job: Job) -> None:
+    def remember(job: Request) -> None:
         jobs.append(job)
         render(job)
     return jobs, remember
@@ -82,7 +82,7 @@ def test_chosen_meets_the_target_and_costlier_candidates_were_not_rendered(tmp_p
     chosen = planned.choice.chosen
     assert chosen is not None and chosen.estimate.low >= 0.55
     assert accuracy(tmp_path / "whole", chosen.candidate) >= 0.55
-    assert (2, 64) not in {(job.scale, job.spp) for job in jobs}
+    assert (2, 64) not in {(job.sampling.scale, job.sampling.samples) for job in jobs}
     skipped = [row for row in planned.rated if row.note.startswith("not needed")]
     assert skipped and all(row.estimate is None and row.seconds > chosen.seconds for row in skipped)
 
@@ -119,8 +119,8 @@ def test_an_unreachable_target_names_the_best_and_the_limit(tmp_path):
 def test_an_interrupted_plan_goes_on_where_it_stopped(tmp_path, rendered):
     jobs, remember = rendered
 
-    def stop(job: Job) -> None:
-        if job.scale == 2:
+    def stop(job: Request) -> None:
+        if job.sampling.scale == 2:
             raise KeyboardInterrupt
         remember(job)
     folder = tmp_path / "sample"
@@ -129,7 +129,7 @@ def test_an_interrupted_plan_goes_on_where_it_stopped(tmp_path, rendered):
     done = len(jobs)
     assert done >= 5
     resumed = plan(JOB, OPTIONS, remember, folder)
-    assert all(job.scale == 2 for job in jobs[done:])
+    assert all(job.sampling.scale == 2 for job in jobs[done:])
     whole = plan(JOB, OPTIONS, render, tmp_path / "at-once")
     by_name = {row.candidate: row.estimate for row in whole.rated}
     assert {row.candidate: row.estimate for row in resumed.rated} == by_name
@@ -188,7 +188,7 @@ def test_a_flat_scene_gets_the_simplest_method_and_the_fewest_samples(tmp_path, 
 def test_a_visible_world_is_rendered_once_and_reused(tmp_path):
     rendered = []
 
-    def with_world(job: Job) -> None:
+    def with_world(job: Request) -> None:
         render(job)
         if job.kind == "reference":
             return
@@ -213,10 +213,10 @@ def test_a_visible_world_is_rendered_once_and_reused(tmp_path):
 
 
 def test_an_empty_scene_is_refused(tmp_path):
-    def empty(job: Job) -> None:
+    def empty(job: Request) -> None:
         render(job)
         path = Path(job.output, LOW_RES_FILE)
-        write_layers(path, {"color": np.zeros((*reversed(frame_of(job.scale).rays.size), 4), np.float32)})
+        write_layers(path, {"color": np.zeros((*reversed(frame_of(job.sampling.scale).rays.size), 4), np.float32)})
     with pytest.raises(LfsrError, match="no lens shows any foreground"):
         plan(JOB, OPTIONS, empty, tmp_path)
 

@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import load_display
 from lfsr_core.plan.candidates import Candidate, choose
 from lfsr_core.plan.measurements import LensSample, Measurements, Question
@@ -16,6 +15,7 @@ from lfsr_core.plan.sample import Budget, looks, samples, strata_masks
 from lfsr_core.plan.score import QuickLook, Scores
 from lfsr_core.plan.sequential import WRONG, certainty
 from lfsr_core.plan.times import TimeModel
+from tests.support.requests import make_request
 
 PLANS = 100
 SMALL = load_display("small")
@@ -55,7 +55,7 @@ class Scene:
 
 def question(target: float, **changes) -> Question:
     options = PlanOptions(target=target, scales=(1, 2, 4), spps=(4, 16, 64), methods=(METHOD,), between=0, **changes)
-    return Question(Job(".", SMALL), options, tuple(options.candidates(SMALL)))
+    return Question(make_request(".", SMALL), options, tuple(options.candidates(SMALL)))
 
 
 def planned(scene: Scene, asked: Question, seed: int, most: int = 192) -> Measurements:

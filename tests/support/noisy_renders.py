@@ -9,15 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, write_frame
-from lfsr_core.frames.job import Job, read_job
+from lfsr_core.frames.request import Request, read_request
 from lfsr_core.images.exr import write_layers
 from lfsr_core.optics.lens_rows import pixel_rows
 from lfsr_core.process.protocol import RENDERED_STAGE, emit
+from tests.support.requests import make_request
 from tests.support.synthetic import MINI, frame_of, light_field, tiles, traced_panel
 
 NOISE = 0.3  # of one sample
 SECONDS_PER_SAMPLE = 1e-5
-JOB = Job(output=".", display=MINI, scene="scene.blend", seed=5)
+JOB = make_request(output=".", display=MINI, scene="scene.blend", seed=5)
 
 
 def noisy(image: np.ndarray, spp: int, seed: int) -> np.ndarray:
@@ -25,9 +26,9 @@ def noisy(image: np.ndarray, spp: int, seed: int) -> np.ndarray:
     return np.concatenate([np.maximum(image[..., :3] + noise, 0), image[..., 3:]], -1).astype(np.float32)
 
 
-def render(job: Job) -> None:
+def render(job: Request) -> None:
     """What Blender would write for ``job`` of that light field."""
-    frame = frame_of(1 if job.kind == "reference" else job.scale, job.display, samples=job.spp, lens_list=job.lens_list,
+    frame = frame_of(1 if job.kind == "reference" else job.sampling.scale, job.display, samples=job.sampling.samples, lens_list=job.lens_list,
                      seed=job.seed, rows=job.rows, layout=job.layout,
                      **({} if job.frame is None else {"frame": job.frame}))
     folder, image = Path(job.output), traced_panel(job.display) if frame.panel_rays else light_field(job.display)
@@ -37,11 +38,11 @@ def render(job: Job) -> None:
     across, down = (frame.scale if many else 1 for many in job.display.parallax)
     image = image.reshape(height // down, down, width // across, across, 4).mean((1, 3))
     rows = (0, None) if job.rows is None else pixel_rows(job.rows, frame.rays.views[1])
-    pairs = [(LOW_RES_FILE, job.spp)] if job.kind == "render" else [(name, job.spp // 2) for name in REFERENCE_FILES]
+    pairs = [(LOW_RES_FILE, job.sampling.samples)] if job.kind == "render" else [(name, job.sampling.samples // 2) for name in REFERENCE_FILES]
     for number, (name, spp) in enumerate(pairs):
         pixels = noisy(image, spp, job.seed + 10**6 * number)
         write_layers(folder / name, {"color": pixels[slice(*rows)]})
-    seconds = 0.01 + SECONDS_PER_SAMPLE * image[..., 0].size * job.spp
+    seconds = 0.01 + SECONDS_PER_SAMPLE * image[..., 0].size * job.sampling.samples
     write_frame(folder, dataclasses.replace(frame, seconds={"open": 1.0, "render": seconds}))
 
 
@@ -50,7 +51,7 @@ def play(arguments: Sequence[str]) -> int:
     if "--version" in arguments:
         print("Blender 5.0.1")
         return 0
-    jobs = [read_job(path) for path in arguments[arguments.index("--") + 1:]]
+    jobs = [read_request(path) for path in arguments[arguments.index("--") + 1:]]
     for job in jobs:
         render(job)
         if len(jobs) > 1:

@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.base.records import to_data
-from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import load_display
 from lfsr_core.process.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED
 from lfsr_core.tasks import runner
 from tests.support.played_blender import ROOT, played_blender
+from tests.support.requests import make_request
 from tests.support.synthetic import write_render
 
 
@@ -26,7 +26,7 @@ def blender(tmp_path):
 
 
 def task(tmp_path: Path, blender: str, **options: object) -> Path:
-    job = Job(output=str(tmp_path), display=load_display("mini"), scene="scene.blend")
+    job = make_request(output=str(tmp_path), display=load_display("mini"), scene="scene.blend")
     options = {"target": 0.5, "scales": [2], "spps": [4], "methods": ["bilinear"], "lenses": 16} | options
     path = tmp_path / "task.json"
     path.write_text(json.dumps({"task": "plan", "job": to_data(job), "options": options, "command": [blender, "--"],
@@ -59,7 +59,7 @@ def test_task_with_bad_options_ends_with_one_sentence(tmp_path, blender):
 
 def animation(tmp_path: Path, blender: str) -> Path:
     (tmp_path / "scene.blend").touch()
-    job = Job(output=str(tmp_path / "film"), display=load_display("mini"), scene=str(tmp_path / "scene.blend"), scale=2)
+    job = make_request(output=str(tmp_path / "film"), display=load_display("mini"), scene=str(tmp_path / "scene.blend"), scale=2)
     path = tmp_path / "task.json"
     path.write_text(json.dumps({"task": "animation", "job": to_data(job), "frames": [1, 2],
                                 "second": {"method": "bicubic"}, "command": [blender, "--"]}))

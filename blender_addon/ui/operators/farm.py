@@ -7,15 +7,15 @@ import bpy
 from ...background import session, submission
 from .base import Result, reports_errors
 
-FARM_ITEMS = [("openjd", "OpenJD", "Job bundle of Open Job Description, for AWS Deadline Cloud and others"),
-              ("flamenco", "Flamenco", "Job type and job for a Flamenco 3 manager")]
+FARM_ITEMS = [("openjd", "OpenJD", "Request bundle of Open Request Description, for AWS Deadline Cloud and others"),
+              ("flamenco", "Flamenco", "Request type and job for a Flamenco 3 manager")]
 
 
 class LFSR_OT_submit(bpy.types.Operator):
     """Write a job that renders the timeline's range on a render farm, into a folder that its machines can see"""
 
     bl_idname = "lfsr.submit"
-    bl_label = "Write Farm Job"
+    bl_label = "Write Farm Request"
 
     farm: bpy.props.EnumProperty(name="Farm", description="Render farm that the job is for", items=FARM_ITEMS)
     directory: bpy.props.StringProperty(

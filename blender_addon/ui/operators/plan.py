@@ -13,7 +13,7 @@ import numpy as np
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import from_data, to_data
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_core.plan.candidates import METRICS, Candidate
 from lfsr_core.plan.first import Guess, first_guess
 from lfsr_core.plan.options import PlanOptions
@@ -74,7 +74,7 @@ def wanted(scene: bpy.types.Scene) -> PlanOptions:
     return PlanOptions(target=round(scene.lfsr.plan_target, 4))
 
 
-def find(job: Job, options: PlanOptions, tell: Callable[[Guess], None] = lambda _: None) -> Steps:
+def find(job: Request, options: PlanOptions, tell: Callable[[Guess], None] = lambda _: None) -> Steps:
     """Plan for a copy of this file; the result is a ``Found``. ``tell`` is called with a first guess."""
     yield steps.SAVING
     with steps.file_copy() as copy:

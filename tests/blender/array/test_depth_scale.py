@@ -9,16 +9,16 @@ from blender_addon.background import recipes, session
 from blender_addon.render import frame_folder
 from blender_addon.settings import scene_settings
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import load_display
 from tests.support import panel
+from tests.support.requests import make_request
 from tests.support.scenes import add_box, add_camera
 
 SMALL = load_display("small")
 
 
 def frame_of(scene, **options):
-    job = Job("nowhere", SMALL, world_visible=False, **{"scales": (4, 2, 1)} | options)
+    job = make_request("nowhere", SMALL, world_visible=False, **{"scales": (4, 2, 1)} | options)
     with frame_folder.prepared(scene, job) as frame:
         return frame
 
@@ -77,10 +77,10 @@ def test_the_panel_leaves_the_choice_to_blender_and_gives_an_animation_one_scale
     with panel.registered():
         scene = panel.artist_scene(tmp_path)
         job = recipes.frame_recipe(scene).job
-        assert (job.scale, job.scales, job.rays) == (2, (), None)
+        assert (job.sampling.scale, job.sampling.scales, job.sampling.rays) == (2, (), None)
         scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.rays = scene_settings.AUTO_SCALE, 0, 0.5
         auto = recipes.frame_recipe(scene).job
-        assert (auto.scale, auto.scales, auto.spp, auto.rays) == (2, (2, 1), 2, 0.5)
+        assert (auto.sampling.scale, auto.sampling.scales, auto.sampling.samples, auto.sampling.rays) == (2, (2, 1), 2, 0.5)
         scene.frame_end = 2
         monkeypatch.setattr(placement, "seen_depths", lambda *_: pytest.fail("Blender's window waits for it"))
         folder, _ = session.run("Animation", recipes.render_animation(recipes.animation_recipe(scene))).result

@@ -8,8 +8,8 @@ import pytest
 
 from blender_addon.background import estimate
 from blender_addon.background.estimate import StepClock
-from lfsr_core.frames.job import Job
 from lfsr_core.optics.display import load_display
+from tests.support.requests import make_request
 
 OPENING = 30.0  # seconds before the work begins
 
@@ -105,12 +105,12 @@ def test_later_samples_of_a_render_take_less_than_its_first():
 
 def test_a_scenes_speed_holds_for_other_settings_of_it(monkeypatch, tmp_path):
     monkeypatch.setattr(estimate, "_speeds", {})
-    job = Job(output=str(tmp_path), display=load_display("mini"), scale=2, spp=4, source="a.blend", scene_name="Scene")
+    job = make_request(output=str(tmp_path), display=load_display("mini"), scale=2, samples=4, source="a.blend", scene_name="Scene")
     assert estimate.sampling(job) is None
     estimate.learn_sampling(job, 10.0)
-    assert estimate.sampling(dataclasses.replace(job, spp=12)) == pytest.approx(30.0)
+    assert estimate.sampling(job.sampled(samples=12)) == pytest.approx(30.0)
     # Four times the pixels, at a quarter of the samples.
-    assert estimate.sampling(dataclasses.replace(job, scale=1, spp=1)) == pytest.approx(10.0)
+    assert estimate.sampling(job.sampled(scale=1, samples=1)) == pytest.approx(10.0)
     auto = dataclasses.replace(job, scale=2, scales=(2, 1), rays=1.0)
     assert estimate.sampling(auto) == pytest.approx(10.0)
     assert estimate.sampling(dataclasses.replace(job, source="b.blend")) is None

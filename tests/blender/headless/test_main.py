@@ -14,9 +14,10 @@ import pytest
 from lfsr_core.base.files import write_json
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.job import DEVICES, Job
+from lfsr_core.frames.request import DEVICES
 from lfsr_core.images import exr
 from lfsr_core.process.protocol import ENDS_WITH_INPUT, parse_progress
+from tests.support.requests import make_request
 from tests.support.scenes import MINI, ROOT, add_box, add_camera, emission
 
 ENTRY = ROOT / "blender_addon" / "headless" / "from_sources.py"
@@ -30,7 +31,7 @@ def blend(scene, tmp_path):
 
 
 def start(tmp_path, limit=None, ends_with_input=False, **options):
-    data = to_data(Job(str(tmp_path / "out"), MINI, **{"scale": 4, "spp": 2} | options))
+    data = to_data(make_request(str(tmp_path / "out"), MINI, **{"scale": 4, "samples": 2} | options))
     write_json(tmp_path / "job.json", data)
     command = [sys.executable, "-P", ENTRY, "--", tmp_path / "job.json"]
     smaller = (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))) if limit else None

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.job import Job
 from lfsr_core.images.exr import read_layers
 from lfsr_core.pipeline.rendering import Listener, run_job, run_jobs
 from lfsr_core.process.blender import find_blender
+from tests.support.requests import make_request
 from tests.support.scenes import MINI, ROOT, add_box
 
 
@@ -36,7 +36,7 @@ def blend(scene, tmp_path):
 @pytest.mark.parametrize("layout", ["one-pass", "lens-card"])
 def test_frames_of_one_blender_are_those_of_several(blend, tmp_path, layout):
     def job(name, frame):
-        return Job(str(tmp_path / name), MINI, str(blend), scale=2, spp=4, frame=frame, layout=layout,
+        return make_request(str(tmp_path / name), MINI, str(blend), scale=2, samples=4, frame=frame, layout=layout,
                    layers=("albedo", "position"))
     rendered = []
     jobs = [job(f"{frame:04d}", frame) for frame in (1, 5, 9)]

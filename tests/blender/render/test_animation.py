@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from blender_addon.render.frame_folder import render_job
-from lfsr_core.frames.job import Job
 from lfsr_core.images import exr
+from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera, emission
 
 
@@ -26,7 +26,7 @@ def lit(scene):
 
 
 def layers(scene, folder, **options):
-    render_job(scene, Job(str(folder), MINI, **{"spp": 2, "scale": 4, "layers": ("index",)} | options))
+    render_job(scene, make_request(str(folder), MINI, **{"samples": 2, "scale": 4, "layers": ("index",)} | options))
     return {f"{path.stem} {name}": pixels for path in folder.glob("*.exr")
             for name, pixels in exr.read_layers(path).items()}
 

@@ -9,12 +9,13 @@ import pytest
 from blender_addon.background.steps import file_copy
 from blender_addon.render import bands, frame_folder, view_by_view
 from blender_addon.render.inputs import Opened
-from lfsr_core.frames.job import LAYERS, Job
+from lfsr_core.frames.request import LAYERS
 from lfsr_core.images import exr
 from lfsr_core.pipeline.content import scene_content
 from lfsr_core.pipeline.merge import merge
 from lfsr_core.pipeline.pace import Pace
 from lfsr_core.pipeline.parts import Part
+from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera, emission
 
 LENSES = ((0, 0), (3, 4), (5, 8), (6, 9), (11, 15))
@@ -36,7 +37,7 @@ def noisy(scene):
 def rendered(scene, folder, **options):
     """Layers of every image, and what was warned of; with ``parts`` as the command renders."""
     warnings = []
-    frame_folder.render_job(scene, Job(str(folder), MINI, **{"spp": 40, "scale": 2} | options),
+    frame_folder.render_job(scene, make_request(str(folder), MINI, **{"samples": 40, "scale": 2} | options),
                             Opened(0.1, "the same file"), warn=warnings.append)
     images = {path.name: exr.read_layers(path) for path in folder.glob("*.exr")}
     assert not set(images) - {"lr_eia.exr", "world.exr", "reference_a.exr", "reference_b.exr"}

@@ -10,8 +10,8 @@ import pytest
 from blender_addon.render.color import color_settings
 from blender_addon.render.frame_folder import render_job
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.job import Job
 from lfsr_core.images.exr import read_layers
+from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera, add_mesh, emission
 
 
@@ -24,7 +24,7 @@ def coloured(scene):
 
 
 def color(scene, folder, **options):
-    render_job(scene, Job(str(folder), MINI, **{"spp": 1, "scale": 4} | options))
+    render_job(scene, make_request(str(folder), MINI, **{"samples": 1, "scale": 4} | options))
     return read_layers(folder / "lr_eia.exr")["color"]
 
 

@@ -10,8 +10,8 @@ from blender_addon import compat
 from blender_addon.render.cycles import RenderSettings, cycles_settings
 from blender_addon.render.frame_folder import render_job
 from blender_addon.render.output import render_to
-from lfsr_core.frames.job import Job
 from lfsr_core.images.exr import read_layers
+from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera
 
 SAMPLES = 32
@@ -47,7 +47,7 @@ def blenders_own(scene, path):
 @pytest.mark.parametrize("through", [False, True])
 def test_glass_is_as_transparent_as_in_blenders_render(pane, tmp_path, layout, through):
     pane.cycles.film_transparent_glass = through
-    render_job(pane, Job(str(tmp_path / "out"), MINI, spp=SAMPLES, scale=4, layout=layout))
+    render_job(pane, make_request(str(tmp_path / "out"), MINI, samples=SAMPLES, scale=4, layout=layout))
     color = read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
     middle = color[9:15, 13:19].mean((0, 1))
     assert middle == pytest.approx(blenders_own(pane, tmp_path / "own.exr"), abs=0.02)
@@ -56,7 +56,7 @@ def test_glass_is_as_transparent_as_in_blenders_render(pane, tmp_path, layout, t
 
 def test_glass_before_a_visible_world_is_opaque(pane, tmp_path):
     pane.cycles.film_transparent_glass = True
-    render_job(pane, Job(str(tmp_path / "out"), MINI, spp=SAMPLES, scale=4, world_visible=True))
+    render_job(pane, make_request(str(tmp_path / "out"), MINI, samples=SAMPLES, scale=4, world_visible=True))
     color = read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
     assert color[9:15, 13:19, 3] == pytest.approx(1)
     assert np.isfinite(color).all()

@@ -8,8 +8,8 @@ import pytest
 
 from blender_addon.render import arrival, frame_folder
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.job import Job
 from lfsr_core.images import exr
+from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera
 
 LENSES = ((0, 0), (3, 4), (5, 8), (6, 9), (11, 15))
@@ -28,7 +28,7 @@ def noisy(scene):
 
 
 def rendered(scene, folder, **options):
-    frame_folder.render_job(scene, Job(str(folder), MINI, **{"spp": 4, "scale": 1} | options))
+    frame_folder.render_job(scene, make_request(str(folder), MINI, **{"samples": 4, "scale": 1} | options))
     return {path.stem: exr.read_layers(path)["color"][..., :3] for path in folder.glob("*.exr")}
 
 

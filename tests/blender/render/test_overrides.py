@@ -13,8 +13,8 @@ from blender_addon.render.cycles import RenderSettings, cycles_settings
 from blender_addon.render.overrides import overridden
 from lfsr_core.base.cores import CORES
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.job import Job
 from lfsr_core.images import exr
+from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, emission
 
 KINDS = {"low": {}, "views": {"layout": "view-by-view"}, "reference": {"kind": "reference", "spp": 2}}
@@ -94,7 +94,7 @@ def worn(scene):
 
 
 def job(folder, **options):
-    return Job(str(folder), MINI, **{"scale": 4, "spp": 1, "frame": 3, "layers": ("albedo", "index")} | options)
+    return make_request(str(folder), MINI, **{"scale": 4, "samples": 1, "frame": 3, "layers": ("albedo", "index")} | options)
 
 
 @pytest.mark.parametrize("options", KINDS.values(), ids=KINDS)

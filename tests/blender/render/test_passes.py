@@ -6,8 +6,8 @@ import bpy
 import pytest
 
 from blender_addon.render import cycles, frame_folder, output
-from lfsr_core.frames.job import Job
 from lfsr_core.images import exr
+from tests.support.requests import make_request
 from tests.support.scenes import MINI, WAYS, add_box
 
 
@@ -17,7 +17,7 @@ def test_color_and_environment_add_up_to_blenders_own_image(scene, tmp_path, way
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     scene.world = bpy.data.worlds.new("world")
     scene.world.color = (0.3, 0.6, 0.9)
-    job = Job(str(tmp_path), MINI, spp=64)
+    job = make_request(str(tmp_path), MINI, samples=64)
     with frame_folder.prepared(scene, job) as frame:
         assert frame.world_visible, "a world that Blender would show is shown"
         settings = cycles.RenderSettings(64, world_visible=True)

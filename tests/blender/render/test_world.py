@@ -9,10 +9,10 @@ import pytest
 from blender_addon.render import arrival, cycles, frame_folder, world
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame
-from lfsr_core.frames.job import Job
 from lfsr_core.frames.low_res import read_world
 from lfsr_core.images import exr
 from lfsr_core.optics.eia import to_elemental_images
+from tests.support.requests import make_request
 from tests.support.scenes import MINI, WAYS, add_box, add_camera
 
 
@@ -45,7 +45,7 @@ def test_no_world_cannot_show(lit_box, tmp_path):
     lit_box.world = None
     lit_box.collection.objects.link(bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN")))
     with pytest.raises(LfsrError, match="has no world to show"):
-        frame_folder.render_job(lit_box, Job(str(tmp_path / "low"), MINI, scale=4, spp=1, world_visible=True))
+        frame_folder.render_job(lit_box, make_request(str(tmp_path / "low"), MINI, scale=4, samples=1, world_visible=True))
 
 
 def elemental(image):
@@ -54,13 +54,13 @@ def elemental(image):
 
 def test_its_image_holds_what_every_ray_sees(lit_box, tmp_path):
     before = lit_box.world
-    job = Job(str(tmp_path / "low"), MINI, scale=4, spp=1)
+    job = make_request(str(tmp_path / "low"), MINI, scale=4, samples=1)
     frame_folder.render_job(lit_box, job)
     assert lit_box.world == before and not [item for item in bpy.data.worlds if item != before]
     assert [item.name for item in bpy.data.scenes] == [lit_box.name]
     frame = read_frame(job.output)
     assert frame.world_apart and 0 < frame.seconds["world"] < frame.seconds["render"]
-    whole = Job(str(tmp_path / "whole"), MINI, scale=1, spp=64)
+    whole = make_request(str(tmp_path / "whole"), MINI, scale=1, samples=64)
     frame_folder.render_job(lit_box, whole)
     layers = exr.read_layers(tmp_path / "whole" / "lr_eia.exr")
     free = elemental(layers["color"][..., 3:]).max((2, 3, 4)) == 0
@@ -74,7 +74,7 @@ def test_its_image_holds_what_every_ray_sees(lit_box, tmp_path):
 
 def test_the_image_of_another_render_is_used_as_it_is(lit_box, tmp_path):
     exr.write_layers(tmp_path / "image.exr", {"color": np.full((4, 4, 3), 0.25, np.float32)})
-    job = Job(str(tmp_path / "low"), MINI, scale=2, spp=1, lens_list=((3, 5), (6, 9)),
+    job = make_request(str(tmp_path / "low"), MINI, scale=2, samples=1, lens_list=((3, 5), (6, 9)),
               world=str(tmp_path / "image.exr"))
     frame_folder.render_job(lit_box, job)
     frame = read_frame(job.output)
@@ -85,7 +85,7 @@ def test_the_image_of_another_render_is_used_as_it_is(lit_box, tmp_path):
 
 @pytest.mark.parametrize("way", WAYS)
 def test_a_render_says_how_much_of_it_shows(lit_box, tmp_path, way):
-    with frame_folder.prepared(lit_box, Job(str(tmp_path), MINI, spp=4)) as frame:
+    with frame_folder.prepared(lit_box, make_request(str(tmp_path), MINI, samples=4)) as frame:
         shot = cycles.Shot(frame.rays, frame.matrix_world, way)
         hidden, shown = (cycles.RenderSettings(4, world_visible=visible) for visible in (False, True))
         cycles.render_encoded(lit_box, shot, hidden, tmp_path / "hidden.exr")
@@ -120,12 +120,12 @@ def sun(scene):
 def test_what_no_direction_says_is_rendered_with_the_subject(lit_box, tmp_path, change):
     change(lit_box)
     said = []
-    with frame_folder.prepared(lit_box, Job(str(tmp_path), MINI), said.append) as frame:
+    with frame_folder.prepared(lit_box, make_request(str(tmp_path), MINI), said.append) as frame:
         assert frame.world_visible and not frame.world_apart
     assert "so the world is rendered with the subject" in said[-1]
 
 
 def test_references_and_hidden_worlds_have_none_apart(lit_box, tmp_path):
     for options in ({"kind": "reference"}, {"scale": 1}, {"world_visible": False}):
-        with frame_folder.prepared(lit_box, Job(str(tmp_path), MINI, **options)) as frame:
+        with frame_folder.prepared(lit_box, make_request(str(tmp_path), MINI, **options)) as frame:
             assert not frame.world_apart

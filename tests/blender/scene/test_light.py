@@ -14,8 +14,9 @@ from blender_addon.scene import light
 from blender_addon.scene.open import open_scene
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.job import EVEN, OWN, Job
+from lfsr_core.frames.request import EVEN, OWN
 from lfsr_core.images import exr
+from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera, emission, save_box
 
 
@@ -23,7 +24,7 @@ def test_scene_without_light_gets_an_hdri_that_is_not_seen(tmp_path):
     path = save_box(tmp_path / "scene.glb", (1.0, 2.0, 3.0), (0.5, 0.3, 0.4))
     for world_visible in (None, True):
         scene = open_scene(path)
-        job = Job(str(tmp_path / f"out-{world_visible}"), MINI, scene=str(path), spp=4, world_visible=world_visible)
+        job = make_request(str(tmp_path / f"out-{world_visible}"), MINI, scene=str(path), samples=4, world_visible=world_visible)
         frame_folder.render_job(scene, job)
         layers = exr.read_layers(tmp_path / f"out-{world_visible}" / "lr_eia.exr")
         alpha = layers["color"][..., 3]
@@ -76,7 +77,7 @@ def with_sun(scene, strength):
 def brightness(stage, tmp_path, **options):
     """Brightest pixel of a render, and what was said."""
     said = []
-    frame_folder.render_job(stage, Job(str(tmp_path / "out"), MINI, spp=1, **options), warn=said.append)
+    frame_folder.render_job(stage, make_request(str(tmp_path / "out"), MINI, samples=1, **options), warn=said.append)
     color = exr.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
     return color[..., :3].max(), " ".join(said)
 
@@ -140,9 +141,9 @@ def test_black_things_in_good_light_are_not_dark(scene, tmp_path):
     shader.inputs["Base Color"].default_value, shader.inputs["Roughness"].default_value = (0.02, 0.02, 0.02, 1), 1.0
     item.data.materials.append(black)
     grey_world(scene, 1.0)
-    assert not arrival.is_dark(scene, Job(str(tmp_path), MINI))
+    assert not arrival.is_dark(scene, make_request(str(tmp_path), MINI))
     grey_world(scene, 0.05)
-    assert arrival.is_dark(scene, Job(str(tmp_path), MINI))
+    assert arrival.is_dark(scene, make_request(str(tmp_path), MINI))
 
 
 def test_what_an_image_cannot_light_is_lit_evenly(scene, tmp_path):
@@ -197,7 +198,7 @@ def test_every_frame_of_an_animation_has_the_same_light(scene, tmp_path):
     scene.frame_set(1)
     lights = set()
     for number in (1, 10):
-        job = Job(str(tmp_path), MINI, scene="scene.glb", frame=number)
+        job = make_request(str(tmp_path), MINI, scene="scene.glb", frame=number)
         with frame_folder.prepared(scene, job) as frame:
             lights.add(frame.light)
     assert lights == {"own"}

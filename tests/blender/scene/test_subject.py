@@ -10,8 +10,8 @@ from blender_addon.render import frame_folder
 from blender_addon.scene import subject
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.job import Job
 from lfsr_core.images import exr
+from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera, emission
 
 
@@ -53,14 +53,14 @@ def test_instanced_subject_is_marked_as_foreground(two, tmp_path):
     empty.instance_type, empty.instance_collection = "COLLECTION", things
     two.collection.objects.link(empty)
     add_camera(two, (0, -6, 0), 1.0)
-    frame_folder.render_job(two, Job(str(tmp_path), MINI, spp=1, layers=("index",)))
+    frame_folder.render_job(two, make_request(str(tmp_path), MINI, samples=1, layers=("index",)))
     index = exr.read_layers(tmp_path / "lr_eia.exr")["index"][..., 0]
     assert set(np.unique(index)) == {0, 1, 2}
 
 
 def test_background_meshes_are_marked_by_index(two, tmp_path):
     add_camera(two, (0, -6, 0), 1.0)
-    frame_folder.render_job(two, Job(str(tmp_path), MINI, spp=16))
+    frame_folder.render_job(two, make_request(str(tmp_path), MINI, samples=16))
     frame = read_frame(tmp_path)
     assert "index" in frame.layers, "the mask needs it as soon as there is a background mesh"
     layers = exr.read_layers(tmp_path / "lr_eia.exr")

@@ -19,12 +19,12 @@ from blender_addon.scene.notices import missing_images
 from lfsr_core.base.files import read_json
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.job import Job
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_lab.experiments.sweeps.sweeps import SWEEPS
 from lfsr_lab.scenes.sweeps.space import Space, card_of_motion, hole
 from tests.support.prerequisites import needs_bpy
+from tests.support.requests import make_request
 
 pytestmark = needs_bpy
 SCRIPTS = Path(__file__).parents[3] / "scripts" / "lab" / "lfsr_lab" / "scenes"
@@ -180,7 +180,7 @@ def test_lamps_shrink_at_constant_power_beside_dark_surfaces(built):
 @pytest.mark.parametrize("fraction", [1, 0.02])
 def test_the_foregrounds_fraction_is_that_of_the_hole(built, tmp_path, fraction):
     scene = built("share", fraction)
-    render_job(scene, Job(str(tmp_path), DISPLAY, scale=SCALE, spp=4))
+    render_job(scene, make_request(str(tmp_path), DISPLAY, scale=SCALE, samples=4))
     frame, layers = read_frame(tmp_path), read_layers(tmp_path / "lr_eia.exr")
     columns, rows = hole(DISPLAY.lenses, fraction)
     mask = foreground_mask(layers, DISPLAY.lenses)
@@ -209,7 +209,7 @@ def test_the_ground_is_as_bright_as_the_sweep_says_and_no_foreground(built, tmp_
     ratio = [shader(meshes(built("background", brightness), "ground")[0]).inputs["Emission Strength"].default_value
              for brightness in (1 / 4, 1)]
     assert ratio[1] / ratio[0] == pytest.approx(4)
-    render_job(bpy.context.scene, Job(str(tmp_path), DISPLAY, scale=SCALE, spp=4))
+    render_job(bpy.context.scene, make_request(str(tmp_path), DISPLAY, scale=SCALE, samples=4))
     mask = foreground_mask(read_layers(tmp_path / "lr_eia.exr"), DISPLAY.lenses)
     assert 0.2 < mask.mean() < 0.95
 

@@ -176,7 +176,7 @@ def test_method_that_upscales_nothing_is_an_error_before_the_render(scene):
     scene.lfsr.method = "denoise"
     refuse(scene, "Method 'denoise' upscales nothing, but scale 2")
     scene.lfsr.scale = "AUTO"
-    assert recipes.frame_recipe(scene).job.scale == 1
+    assert recipes.frame_recipe(scene).job.sampling.scale == 1
 
 
 def test_colours_that_the_image_could_not_show_are_an_error_before_the_render(scene, monkeypatch):

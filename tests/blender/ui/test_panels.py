@@ -14,7 +14,7 @@ from blender_addon.ui import panels
 from blender_addon.ui.display_panel import LFSR_MT_scale, LFSR_PT_display
 from blender_addon.ui.operators import check
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.job import LIGHTS
+from lfsr_core.frames.request import LIGHTS
 from tests.support import panel
 from tests.support.problems import found
 from tests.support.recording_layout import RecordingLayout

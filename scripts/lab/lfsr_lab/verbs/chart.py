@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lfsr_core.commands.arguments import names, numbers
-from lfsr_core.frames.job import check_scene
+from lfsr_core.frames.request import check_scene
 
 if TYPE_CHECKING:
     from lfsr_lab.experiments.chart.settings import Settings

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.frames.frame import frame_folder
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.methods import temporal_averaging
 from lfsr_core.reconstruct.neighbours import read_low
@@ -94,29 +94,29 @@ class Animation:
             jobs = self.low(way.seeds, spp)
             yield way, spp, Cell(name, inputs, functools.partial(self._measure, way, jobs), jobs + self.references())
 
-    def low(self, seeds: str, spp: int) -> list[Job]:
+    def low(self, seeds: str, spp: int) -> list[Request]:
         """Return the low-resolution renders of all frames with one kind of seeds."""
         folder = self.folder / f"{seeds}-spp{spp}"
         seed = {FIXED: lambda number: 0, CHANGING: lambda number: number,
                 TURNING: lambda number: 1 + (number - 1) % PERIOD}[seeds]
         return [self._job(folder, number, seed(number), spp) for number in range(1, self.settings.frames + 1)]
 
-    def references(self) -> list[Job]:
+    def references(self) -> list[Request]:
         """Return the references of all frames."""
         settings, folder = self.settings, self.folder / REFERENCE
         return [reference_of(job, settings.reference_samples, frame_folder(folder, number),
                              lens_list=settings.lens_list)
                 for number, job in enumerate(self.low(CHANGING, 1), start=1)]
 
-    def _job(self, folder: Path, number: int, seed: int, spp: int) -> Job:
+    def _job(self, folder: Path, number: int, seed: int, spp: int) -> Request:
         settings = self.settings
-        return Job(str(frame_folder(folder, number)), settings.display, str((self.folder / SCENE_FILE).resolve()),
-                   scale=settings.scale, spp=spp, frame=number, seed=settings.seed * SEED_STEP + seed)
+        return Request(str(frame_folder(folder, number)), settings.display, str((self.folder / SCENE_FILE).resolve()),
+                   sampling=Sampling(settings.scale, spp), frame=number, seed=settings.seed * SEED_STEP + seed)
 
     @functools.cached_property
     def truth(self) -> Truth:
         """The references, read."""
         return Truth.read([Path(job.output) for job in self.references()])
 
-    def _measure(self, way: Way, jobs: Sequence[Job]) -> Figures:
+    def _measure(self, way: Way, jobs: Sequence[Request]) -> Figures:
         return measure([read_low(Path(job.output)) for job in jobs], self.truth, method(METHOD), way.reach)

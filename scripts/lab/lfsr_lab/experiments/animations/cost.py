@@ -17,8 +17,8 @@ from pathlib import Path
 
 from lfsr_core.base.records import write_record
 from lfsr_core.frames.frame import LOW_RES_FILE
-from lfsr_core.frames.job import Job, read_job
 from lfsr_core.frames.numbers import parse_frames
+from lfsr_core.frames.request import Request, Sampling, read_request
 from lfsr_core.optics.display import load_display
 
 DISPLAY, SCALE, SAMPLES, ROUNDS, OWN = "small", 2, 64, 3, "Blender's own"
@@ -27,7 +27,8 @@ DISPLAY, SCALE, SAMPLES, ROUNDS, OWN = "small", 2, 64, 3, "Blender's own"
 def main(folder: Path, scene: Path, frames: str) -> None:
     """Print the CPU seconds of every way and what each frame after the first adds."""
     folder.mkdir(parents=True, exist_ok=True)
-    job = Job(str(folder.resolve() / "film"), load_display(DISPLAY), str(scene.resolve()), scale=SCALE, spp=SAMPLES)
+    job = Request(str(folder.resolve() / "film"), load_display(DISPLAY), str(scene.resolve()),
+                  sampling=Sampling(SCALE, SAMPLES))
     write_record(folder / "job.json", job)
     film = [sys.executable, "-m", "lfsr_core.cli", "render", job.scene, "-o", job.output, "--display", DISPLAY,
             "--scale", str(SCALE), "--spp", str(SAMPLES), "--method", "bicubic", "--device", "CPU", "--frames"]
@@ -42,7 +43,7 @@ def main(folder: Path, scene: Path, frames: str) -> None:
               f"({min(added):.2f} to {max(added):.2f})")
 
 
-def _seconds(command: list[str], job: Job) -> float:
+def _seconds(command: list[str], job: Request) -> float:
     shutil.rmtree(job.output, ignore_errors=True)
     before = os.times()
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
@@ -50,7 +51,7 @@ def _seconds(command: list[str], job: Job) -> float:
     return after.children_user + after.children_system - before.children_user - before.children_system
 
 
-def blenders_own(job: Job, frames: str) -> None:
+def blenders_own(job: Request, frames: str) -> None:
     """Render the range by Blender's own operator, with the camera and settings of our render."""
     import bpy
 
@@ -62,7 +63,7 @@ def blenders_own(job: Job, frames: str) -> None:
     scene.frame_start, scene.frame_end, scene.frame_step = numbers[0], numbers[-1], 1
     with prepared(scene, dataclasses.replace(job, frame=numbers[0])) as frame:
         shot = Shot(frame.rays, frame.matrix_world, frame.layout, frame.clip)
-        settings = RenderSettings(job.spp, job.seed, frame.layers, job.device, job.clamp_indirect, frame.world_visible)
+        settings = RenderSettings(job.sampling.samples, job.seed, frame.layers, job.device, job.clamp_indirect, frame.world_visible)
         with encoded_camera(scene, shot), cycles_settings(scene, settings, frame.rays.size):
             scene.render.filepath = str(Path(job.output, f"####_{LOW_RES_FILE}"))
             bpy.ops.render.render(animation=True, scene=scene.name)
@@ -73,6 +74,6 @@ def blenders_own(job: Job, frames: str) -> None:
 
 if __name__ == "__main__":
     if sys.argv[1] == OWN:
-        blenders_own(read_job(sys.argv[2]), sys.argv[3])
+        blenders_own(read_request(sys.argv[2]), sys.argv[3])
     else:
         main(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3])

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.job import Job
 from lfsr_core.frames.reference import check_reference
+from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.reconstruct.registry import method
 from lfsr_lab.experiments.chart.analysis import short
 from lfsr_lab.experiments.chart.records import DIRECT, LOW, Measured, Role, Times
@@ -29,7 +29,7 @@ class Render:
     """A render of a scene with all its seeds."""
 
     role: Role
-    jobs: tuple[Job, ...]  # one per seed, that of seed 0 first
+    jobs: tuple[Request, ...]  # one per seed, that of seed 0 first
 
     @property
     def folders(self) -> list[Path]:
@@ -56,11 +56,11 @@ def renders(settings: Settings, scene: Path) -> Iterator[Render]:
             yield Render(role, tuple(jobs))
 
 
-def job(settings: Settings, scene: Path, scale: int, samples: int, seed: int = 0) -> Job:
+def job(settings: Settings, scene: Path, scale: int, samples: int, seed: int = 0) -> Request:
     """Return one render of a scene."""
     name = f"s{scale}-spp{samples}" + (f"-seed{seed}" if seed else "")
-    return Job(output=str(settings.folder / scene.stem / name), display=settings.profile, scene=str(scene.resolve()),
-               scale=scale, spp=samples, device=settings.device, seed=seed,
+    return Request(output=str(settings.folder / scene.stem / name), display=settings.profile, scene=str(scene.resolve()),
+               sampling=Sampling(scale, samples), device=settings.device, seed=seed,
                subject=settings.subject, world_visible=settings.world_visible)
 
 

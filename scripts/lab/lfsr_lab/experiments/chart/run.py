@@ -102,7 +102,7 @@ class _Run:
         if not truth.counted.any():
             return self._skip(f"{path.stem} has no foreground in the lenses of its reference")
         blocks = blocks_of(truth.lenses)
-        points = [Point.of(render.role, name, render.jobs[0].scale, render.jobs[0].spp, cells.measured(
+        points = [Point.of(render.role, name, render.jobs[0].sampling.scale, render.jobs[0].sampling.samples, cells.measured(
             render, name, truth), cells.times(self.settings, render, name), blocks)
                   for render in self._renders(path) for name in self._methods(path, render)]
         if not points:
@@ -123,7 +123,7 @@ class _Run:
     def _renders(self, scene: Path) -> Iterator[Render]:
         for render in cells.renders(self.settings, scene):
             job = render.jobs[0]
-            self._begin(f"{scene.stem}: scale {job.scale}, {job.spp} samples")
+            self._begin(f"{scene.stem}: scale {job.sampling.scale}, {job.sampling.samples} samples")
             if self.store.may_render:
                 self.store.render_all(render.jobs)
             if all(map(is_complete, render.folders)):
@@ -132,7 +132,7 @@ class _Run:
                 self._time(render)
                 yield render
             else:
-                self._skip(f"{scene.stem} has no render at scale {job.scale} with {job.spp} samples and "
+                self._skip(f"{scene.stem} has no render at scale {job.sampling.scale} with {job.sampling.samples} samples and "
                            f"{len(render.jobs)} seeds")
 
     def _time(self, render: Render) -> None:
@@ -144,12 +144,12 @@ class _Run:
         """Yield the methods that can finish a render."""
         settings, job = self.settings, render.jobs[0]
         for name in settings.direct_methods if render.role == DIRECT else settings.methods:
-            self._begin(f"{scene.stem}: {name} at scale {job.scale}, {job.spp} samples")
+            self._begin(f"{scene.stem}: {name} at scale {job.sampling.scale}, {job.sampling.samples} samples")
             parsed = MethodName.parse(name)
             if not parsed.works_with(job.display.parallax):
                 self._skip(f"{name}: it needs views in two directions")
-            elif parsed.network and job.scale not in parsed.network.weights:
-                self._skip(f"{name} at scale {job.scale}: {parsed.upscaler} has no weights for it")
+            elif parsed.network and job.sampling.scale not in parsed.network.weights:
+                self._skip(f"{name} at scale {job.sampling.scale}: {parsed.upscaler} has no weights for it")
             else:
                 yield name
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import from_data
-from lfsr_core.frames.job import Job, check_scene
+from lfsr_core.frames.request import Request, Sampling, check_scene
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_lab.experiments.displays.kinds import FULL_WIDTH, kind
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, foreground, reference_of, sampled
@@ -95,12 +95,12 @@ class Place:
         """Folder of all its renders."""
         return self.store.folder / self.scene.name
 
-    def job(self, render: Render) -> Job:
+    def job(self, render: Render) -> Request:
         """Return the job of a render."""
-        return Job(str(self.folder / render.folder), self.scene.profile, check_scene(self.file), scale=render.scale,
-                   spp=render.samples, seed=render.seed)
+        return Request(str(self.folder / render.folder), self.scene.profile, check_scene(self.file),
+                       sampling=Sampling(render.scale, render.samples), seed=render.seed)
 
-    def reference(self, samples: int) -> Job:
+    def reference(self, samples: int) -> Request:
         """Return the job of the reference; what decides its lenses is rendered now."""
         base = self.job(Render(self.scene.scale, BASE_SAMPLES))
         whole = reference_of(base, samples, self.folder / REFERENCE, seed=REFERENCE_SEED)

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.pipeline.store import is_complete
 from lfsr_lab.experiments.displays.ways import EVERY_VIEW, GUIDES, SUBPIXEL, USUAL, Way, measured_at
@@ -77,22 +77,22 @@ class Renders:
             check_render(job)
         return {key: self._whole(job) for key, job in jobs.items()}
 
-    def _whole(self, job: Job) -> float:
+    def _whole(self, job: Request) -> float:
         """Return the CPU seconds of a render; of the usual way those that all views would take."""
         cost = self._cost(job)
         if cost is None:
             raise LfsrError(f"what {job.output} took is not known: delete it and run this again")
         return cost.cpu * (math.prod(self.display.views) / math.prod(job.display.views))
 
-    def _render(self, jobs: Sequence[Job]) -> None:
+    def _render(self, jobs: Sequence[Request]) -> None:
         """Render one after the other; first two of a few lenses: the first builds the scene, the second is measured."""
         lenses = tuple(itertools.product(range(4), range(4)))
-        single = [dataclasses.replace(jobs[0], output=str(self.folder / name), scale=1, scales=(), spp=1, kind="render",
+        single = [dataclasses.replace(jobs[0], output=str(self.folder / name), sampling=Sampling(1, 1), kind="render",
                                       display=self.display, layout="one-pass", lens_list=lenses)
                   for name in SINGLE]
         seconds = [children_cpu_seconds()]
 
-        def rendered(job: Job) -> None:
+        def rendered(job: Request) -> None:
             seconds.append(children_cpu_seconds())
             if job not in single:
                 cpu = seconds[-1] - seconds[-2] - (seconds[2] - seconds[1])
@@ -106,20 +106,20 @@ class Renders:
     def _costs(self) -> Records[Cost]:
         return Records(self.folder / CPU_FOLDER, Cost)
 
-    def _cost(self, job: Job) -> Cost | None:
+    def _cost(self, job: Request) -> Cost | None:
         folder = Path(job.output)
         return self._costs.read(folder.name, _mark(job)) if is_complete(folder, job.kind) else None
 
-    def _references(self) -> list[Job]:
+    def _references(self) -> list[Request]:
         ways = [(EVERY_VIEW, self.reference), (SUBPIXEL, self.traced_reference)]
         return [reference_of(self._job(way, self.reference_spp), self.reference_spp, folder, scales=())
                 for way, folder in ways if folder]
 
-    def _job(self, way: Way, samples: int) -> Job:
+    def _job(self, way: Way, samples: int) -> Request:
         scales, one_by_one = way.scales(self.display), way == USUAL
-        return Job(output=str(self.folder / f"few-views-spp{samples}" if one_by_one else self.path(way, samples)),
+        return Request(output=str(self.folder / f"few-views-spp{samples}" if one_by_one else self.path(way, samples)),
                    display=with_few_views(self.display) if one_by_one else self.display,
-                   scene=str(self.scene.resolve()), scale=max(scales, default=1), scales=scales, spp=samples,
+                   scene=str(self.scene.resolve()), sampling=Sampling(max(scales, default=1), samples, scales),
                    layers=GUIDES if way == EVERY_VIEW else (), layout=way.layout)
 
 
@@ -130,5 +130,5 @@ def with_few_views(profile: DisplayProfile) -> DisplayProfile:
     return dataclasses.replace(profile, views=(px, py), panel_pixels=pixels)
 
 
-def _mark(job: Job) -> Fingerprint:
-    return {"samples": job.spp, "scale": job.scale, "layout": job.layout}
+def _mark(job: Request) -> Fingerprint:
+    return {"samples": job.sampling.samples, "scale": job.sampling.scale, "layout": job.layout}

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Generic, TypeVar
 
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_lab.experiments.engine.records import Fingerprint, Records
 from lfsr_lab.experiments.engine.renders import Store
 
@@ -21,7 +21,7 @@ class Cell(Generic[Record]):
     name: str  # of its record
     inputs: Fingerprint  # what it depends on, plain JSON: method, weights, versions, settings
     measure: Callable[[], Record]  # called when all renders are there
-    jobs: Sequence[Job] = ()  # renders and references that it needs
+    jobs: Sequence[Request] = ()  # renders and references that it needs
 
 
 def to_stderr(line: str) -> None:

@@ -17,7 +17,7 @@ from lfsr_core.base.records import read_record, write_record
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
 from lfsr_core.frames.identity import RAYS, check_same
-from lfsr_core.frames.job import Job, check_scene
+from lfsr_core.frames.request import Request, Sampling, check_scene
 from lfsr_core.images.exr import read_finite
 from lfsr_core.optics.lens_sampling import choose_lenses
 from lfsr_core.pipeline.rendering import Listener, run_jobs
@@ -68,17 +68,17 @@ class Store:
             write_json(job, {**shared, "scenes": missing})
             run_script(find_blender(self.blender), scene_script(script), job, list(wanted))
 
-    def render(self, job: Job) -> Path | None:
+    def render(self, job: Request) -> Path | None:
         """Return the folder of a render or reference, made if it is missing; None where it is and may not be made."""
         missing = not is_complete(Path(job.output), job.kind)
         return None if missing and not self.may_render else self.rendered(job)
 
-    def rendered(self, job: Job) -> Path:
+    def rendered(self, job: Request) -> Path:
         """Return the folder of a render or reference, made if it is missing."""
         self.render_all([job])
         return Path(job.output)
 
-    def render_all(self, jobs: Sequence[Job], done: Callable[[Job], object] = lambda job: None) -> None:
+    def render_all(self, jobs: Sequence[Request], done: Callable[[Request], object] = lambda job: None) -> None:
         """Render what is missing of ``jobs`` in one Blender; ``done`` is called with each job that is rendered.
 
         LfsrError where a folder holds another render. A reference that is there may have any samples and lenses.
@@ -98,19 +98,19 @@ class Store:
             check_render(job)
 
 
-def check_render(job: Job) -> None:
+def check_render(job: Request) -> None:
     """LfsrError with the first difference unless the job's folder holds its render; a subject only if it is named."""
     names = (*RAYS, "world_visible", *(["subject"] if job.subject else []))
     check_same(Path(job.output), job, names=names)
 
 
-def reference_of(job: Job, samples: int, folder: Path, **changes: Any) -> Job:
+def reference_of(job: Request, samples: int, folder: Path, **changes: Any) -> Request:
     """Return the reference of a render's scene and display: every view, indirect light not clamped."""
-    return dataclasses.replace(job, output=str(folder), kind="reference", scale=1, spp=samples, layers=(),
+    return dataclasses.replace(job, output=str(folder), kind="reference", sampling=Sampling(1, samples), layers=(),
                                clamp_indirect=0.0, **changes)
 
 
-def sampled(reference: Job, count: int | None, render: Callable[[], Path | None]) -> Job:
+def sampled(reference: Request, count: int | None, render: Callable[[], Path | None]) -> Request:
     """Return the reference of ``count`` lenses, chosen by the foreground of ``render()``; of all lenses for None."""
     folder = None if count is None or is_complete(Path(reference.output), "reference") else render()
     if count is None or folder is None:

@@ -16,7 +16,7 @@ from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, read_frame
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_core.reconstruct.second_stage import upscale_frame
 from lfsr_lab.experiments.engine.environment import load_average
 from lfsr_lab.experiments.engine.records import Records
@@ -40,7 +40,7 @@ class Repeats:
         return [*(() if self.alone else (first,)), *self.repeats]
 
 
-def render_seconds(job: Job, store: Store, count: int = 1, retime: bool = False) -> list[float]:
+def render_seconds(job: Request, store: Store, count: int = 1, retime: bool = False) -> list[float]:
     """Return the Cycles seconds of a render that is there, repeated until ``count`` are known.
 
     With ``retime`` only those of repeats count, because the machine was busy when the stored one was made.
@@ -68,7 +68,7 @@ def _repeats(folder: Path) -> tuple[Records[Repeats], dict[str, float], Repeats]
     return records, mark, records.read(folder.name, mark) or Repeats()
 
 
-def _timed_again(job: Job, store: Store) -> float:
+def _timed_again(job: Request, store: Store) -> float:
     with tempfile.TemporaryDirectory(prefix=".again-", dir=store.folder) as name:
         return read_frame(store.rendered(dataclasses.replace(job, output=str(Path(name) / "frame")))).seconds["render"]
 

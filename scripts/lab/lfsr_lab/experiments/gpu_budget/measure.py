@@ -14,7 +14,7 @@ import torch
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.job import AUTO, GUIDES, Job
+from lfsr_core.frames.request import AUTO, GUIDES, Request, Sampling
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution
 from lfsr_core.reconstruct.neighbours import read_low
@@ -44,7 +44,7 @@ class Measured:
 
 def measure(store: Store, scene: Path, display: DisplayProfile, scale: int, spp: int) -> Measured:
     """Render with ``spp`` and four times as many samples, then time every other step."""
-    jobs = [Job(str(store.folder / f"scale-{scale}-spp-{count}"), display, str(scene), scale=scale, spp=count,
+    jobs = [Request(str(store.folder / f"scale-{scale}-spp-{count}"), display, str(scene), sampling=Sampling(scale, count),
                 layers=GUIDES, device=AUTO) for count in (spp, 4 * spp)]
     store.render_all(jobs)
     frames = [read_frame(job.output) for job in jobs]

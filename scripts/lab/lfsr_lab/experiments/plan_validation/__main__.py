@@ -26,7 +26,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import write_record
 from lfsr_core.commands.arguments import names, numbers
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_core.metrics.intervals import NORMAL_95
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.pipeline.rendering import run_job
@@ -80,7 +80,7 @@ def validate(scene: Path, plans: PlanOptions, draws: Draws) -> Iterator[Verdict]
         print(f"{scene.name}, seed {seed}", file=sys.stderr, flush=True)
         with tempfile.TemporaryDirectory(prefix="lfsr-replay-") as replayed:
             work = folder / f"seed-{seed}" if draws.scene_file else replayed
-            job = Job(output=str(work), display=display, scene=draws.scene_file, seed=seed)
+            job = Request(output=str(work), display=display, scene=draws.scene_file, seed=seed)
             for target in draws.targets:
                 planned = make_plan(job, dataclasses.replace(plans, target=target), lambda job, _: render(job), work)
                 yield judge(planned, known, display, scene.name, seed, target)

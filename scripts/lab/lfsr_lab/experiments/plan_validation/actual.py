@@ -20,7 +20,7 @@ from einops import rearrange
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame, write_frame
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.plan.candidates import Candidate
@@ -119,7 +119,7 @@ def setup_seconds(scene: Path, rate: float | None = None) -> float:
     return float(np.clip(np.polyfit(samples, seconds, 1, w=1 / np.maximum(seconds, 1e-6))[1], 0, seconds.min()))
 
 
-def replay(scene: Path, job: Job, rate: float | None = None) -> None:
+def replay(scene: Path, job: Request, rate: float | None = None) -> None:
     """Do ``job`` by cutting its lenses out of a whole frame of the folder, instead of rendering them.
 
     Seconds are the scene's set-up and what is left of the frame's, for as many
@@ -128,8 +128,8 @@ def replay(scene: Path, job: Job, rate: float | None = None) -> None:
     """
     source = _source(scene, job)
     frame, target = timed_frame(source, rate), Path(job.output)
-    tiled = dataclasses.replace(frame, lens_list=job.lens_list, seed=job.seed, samples=job.spp)
-    fraction = np.prod(tiled.rays.size) / np.prod(frame.rays.size) * job.spp / frame.samples
+    tiled = dataclasses.replace(frame, lens_list=job.lens_list, seed=job.seed, samples=job.sampling.samples)
+    fraction = np.prod(tiled.rays.size) / np.prod(frame.rays.size) * job.sampling.samples / frame.samples
     target.mkdir(parents=True, exist_ok=True)
     names = REFERENCE_FILES if job.kind == "reference" else (LOW_RES_FILE,)
     layers = _read_layers(source / names[job.seed % len(names)])
@@ -144,14 +144,14 @@ def replay(scene: Path, job: Job, rate: float | None = None) -> None:
     write_frame(target, dataclasses.replace(tiled, seconds=seconds))
 
 
-def _source(scene: Path, job: Job) -> Path:
+def _source(scene: Path, job: Request) -> Path:
     """The render asked for, else of the same scale the one of nearest samples: good enough for a quick look."""
     if job.kind == "reference":
         return scene / REFERENCE
-    known = {spp: path for (scale, spp), path in renders(scene).items() if scale == job.scale}
+    known = {spp: path for (scale, spp), path in renders(scene).items() if scale == job.sampling.scale}
     if not known:
-        raise LfsrError(f"{scene} has no render of scale {job.scale}, which a plan starts from: render one")
-    return known[min(known, key=lambda spp: abs(spp - job.spp))]
+        raise LfsrError(f"{scene} has no render of scale {job.sampling.scale}, which a plan starts from: render one")
+    return known[min(known, key=lambda spp: abs(spp - job.sampling.samples))]
 
 
 def _cut(pixels: Array, whole: Frame, tiled: Frame) -> Array:

@@ -10,7 +10,7 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request
 from lfsr_lab.experiments.denoiser.settings import Place, Render, Scene
 from lfsr_lab.experiments.engine.renders import Store
 
@@ -61,7 +61,7 @@ def folder_of(view: View) -> str:
     return _wide(view).folder if view.width == WIDE else view.name
 
 
-def job(place: Place, view: View) -> Job:
+def job(place: Place, view: View) -> Request:
     """Return the job of a render."""
     return dataclasses.replace(place.job(_wide(view)), output=str(place.folder / folder_of(view)),
                                view_aperture=1.0 if view.width == WIDE else 1 / view.scale)

@@ -9,7 +9,7 @@ import dataclasses
 from pathlib import Path
 
 from lfsr_core.base.files import write_json
-from lfsr_core.frames.job import Job, check_scene
+from lfsr_core.frames.request import Request, Sampling, check_scene
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.process.blender import find_blender
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, reference_of
@@ -45,13 +45,13 @@ def store(settings: Settings) -> Store:
     return Store(settings.output, settings.blender)
 
 
-def _job(settings: Settings, view: View) -> Job:
+def _job(settings: Settings, view: View) -> Request:
     """Return the job of a render, on ``settings.display`` in the shared folder of renders."""
     display = view.display or settings.display
     bench = settings.bench if display == settings.display else settings.output / f"bench-{display.name}"
     variant = "" if view.layout == "one-pass" else f"-{view.layout}"
     folder = bench / view.scene.stem / f"s{view.scale}-spp{view.spp}{variant}"
-    return Job(output=str(folder), display=display, scene=check_scene(view.scene), scale=view.scale, spp=view.spp,
+    return Request(output=str(folder), display=display, scene=check_scene(view.scene), sampling=Sampling(view.scale, view.spp),
                layout=view.layout, device=settings.render_device)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.frames.foreground import recall
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.reconstruct.method_name import COMPARED, DEFAULT_METHOD, MethodName
 from lfsr_core.reconstruct.networks import catalogue
@@ -60,24 +60,24 @@ class Scene:
         yield from cells.measured(wanted, Records(self.folder / CELLS, Cell), self.store)
 
     @property
-    def jobs(self) -> list[Job]:
+    def jobs(self) -> list[Request]:
         """Everything that its cells need: of motion a render per frame and kind of seed."""
         moving = range(1, self.settings.frames + 1) if self.sweep.name == MOTION else ()
         jobs = [self.reference_job, self.job(), *(self.job(frame, seed) for frame in moving for seed in (0, frame))]
         return list({job.output: job for job in jobs}.values())
 
     @property
-    def reference_job(self) -> Job:
+    def reference_job(self) -> Request:
         """The reference."""
         return reference_of(self.job(), self.settings.reference_samples, self.folder / REFERENCE)
 
-    def job(self, frame: int = 1, seed: int | None = None) -> Job:
+    def job(self, frame: int = 1, seed: int | None = None) -> Request:
         """Return a low-resolution render: of a frame other than 1 only of the moving card; ``seed`` of its noise."""
         settings, folder, seed = self.settings, self.folder, self.seed if seed is None else seed
         samples = self.sweep.samples(self.value)
         suffix = "" if (frame, seed) == (1, 0) else f"-frame{frame}-seed{seed}"
-        return Job(output=str(folder / f"s{settings.scale}-spp{samples}{suffix}"), display=settings.display,
-                   scene=str((folder / SCENE_FILE).resolve()), scale=settings.scale, spp=samples,
+        return Request(output=str(folder / f"s{settings.scale}-spp{samples}{suffix}"), display=settings.display,
+                   scene=str((folder / SCENE_FILE).resolve()), sampling=Sampling(settings.scale, samples),
                    seed=seed, frame=frame, device=settings.device)
 
     @functools.cached_property

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.base.records import read_record, write_record
-from lfsr_core.frames.job import Job
+from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, FAST_METHOD
 from lfsr_lab.experiments.engine.accuracy import MAIN_METRICS
@@ -47,10 +47,10 @@ def target_of(sweep: SweepReport) -> float:
     return math.floor(100 * (first - DROP) + 1e-6) / 100
 
 
-def jobs_of(scene: Scene) -> list[Job]:
+def jobs_of(scene: Scene) -> list[Request]:
     """Return the whole renders that plans are replayed from."""
     job = scene.job()
-    return [dataclasses.replace(job, output=str(scene.folder / f"s{scale}-spp{spp}"), scale=scale, spp=spp)
+    return [dataclasses.replace(job, output=str(scene.folder / f"s{scale}-spp{spp}"), sampling=Sampling(scale, spp))
             for scale in SCALES for spp in SPPS]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import os
 
@@ -10,12 +9,13 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import to_data, write_record
-from lfsr_core.frames.job import Job, check_light, check_scene, read_job
+from lfsr_core.frames.request import check_light, check_scene, read_request
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import load_display
+from tests.support.requests import make_request
 
 MINI = load_display("mini")
-JOB = Job("out", MINI, scene="s.blend", kind="reference", scale=2, spp=9, layers=("albedo",), layout="view-by-view",
+JOB = make_request("out", MINI, scene="s.blend", kind="reference", scale=2, samples=9, layers=("albedo",), layout="view-by-view",
           convention="paper", view_aperture=0.5, seed=5, frame=3, subject="Things", lens_list=((1, 2), (3, 4)),
           device="OPTIX", clamp_indirect=0.0, world_visible=True, scene_name="Set", parts="kept",
           source="../shot.blend",
@@ -27,16 +27,16 @@ JOB = Job("out", MINI, scene="s.blend", kind="reference", scale=2, spp=9, layers
 @pytest.mark.parametrize("output", ["a\\b", "/tmp/back\\slash/frame"])
 def test_a_backslash_is_refused_because_blender_takes_it_for_a_slash(output):
     with pytest.raises(LfsrError, match="output .* has a backslash, which Blender takes for a slash: choose another"):
-        Job(output, MINI)
+        make_request(output, MINI)
 
 
 def test_json_round_trip_keeps_every_field(tmp_path):
-    plain = Job("out", MINI)
+    plain = make_request("out", MINI)
     same = {key for key, value in to_data(plain).items() if to_data(JOB)[key] == value}
     assert same == {"output", "display", "rows"}, "a field left at its default could be lost unnoticed"
-    for job in (JOB, plain, Job("out", MINI, rows=(2, 5))):
+    for job in (JOB, plain, make_request("out", MINI, rows=(2, 5))):
         write_record(tmp_path / "job.json", job)
-        assert read_job(tmp_path / "job.json") == job
+        assert read_request(tmp_path / "job.json") == job
 
 
 @pytest.mark.parametrize(("options", "message"), [
@@ -65,7 +65,7 @@ def test_json_round_trip_keeps_every_field(tmp_path):
 ])
 def test_bad_value_is_named(options, message):
     with pytest.raises(LfsrError, match=message):
-        Job("out", MINI, **options)
+        make_request("out", MINI, **options)
 
 
 @pytest.mark.parametrize(("change", "message"), [
@@ -77,21 +77,21 @@ def test_bad_job_file_is_named(tmp_path, change, message):
     data = {key: value for key, value in (to_data(JOB) | change).items() if value is not None}
     (tmp_path / "job.json").write_text(json.dumps(data))
     with pytest.raises(LfsrError, match=message):
-        read_job(tmp_path / "job.json")
+        read_request(tmp_path / "job.json")
 
 
 def test_job_file_of_another_type_is_named(tmp_path):
     (tmp_path / "job.json").write_text("[]")
     with pytest.raises(LfsrError, match="holds a list, but a render job"):
-        read_job(tmp_path / "job.json")
+        read_request(tmp_path / "job.json")
 
 
 def test_samples_follow_from_the_rays_at_the_chosen_scale():
-    job = Job("out", MINI, scale=4, spp=5, scales=(4, 2, 1), scale_frames=(1,))
-    assert job.with_scale(ScaleChoice(2, "it is deep")) == Job("out", MINI, scale=2, spp=5, scale_reason="it is deep")
+    job = make_request("out", MINI, scale=4, samples=5, scales=(4, 2, 1), frames=(1,))
+    assert job.with_scale(ScaleChoice(2, "it is deep")) == make_request("out", MINI, scale=2, samples=5, reason="it is deep")
     assert job.judged_rays == 5 / 16
-    by_rays = dataclasses.replace(job, rays=4.0)
-    assert [by_rays.with_scale(ScaleChoice(scale)).spp for scale in job.scales] == [64, 16, 4]
+    by_rays = job.sampled(rays=4.0)
+    assert [by_rays.with_scale(ScaleChoice(scale)).spp for scale in job.sampling.scales] == [64, 16, 4]
     assert by_rays.judged_rays == 4
 
 

@@ -1,10 +1,11 @@
-"""The render job: a JSON file that the command line and the add-on hand to Blender."""
+"""What is rendered: a record that the command line, the add-on and studies make, and that Blender reads as JSON."""
 
 from __future__ import annotations
 
 import dataclasses
 import os
 from pathlib import Path
+from typing import Any
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import read_json
@@ -34,19 +35,26 @@ SCENE_SUFFIXES = (".blend", ".glb", ".gltf", ".obj")
 
 
 @dataclasses.dataclass(frozen=True)
-class Job:
+class Sampling:
+    """How many views and rays are rendered; either may follow from the depth of the scene."""
+
+    scale: int = 4  # by which the views are divided
+    samples: int = 16  # per rendered pixel, which a reference splits evenly over its halves
+    scales: tuple[int, ...] = ()  # to choose from by the depth of the scene, instead of ``scale``; or none
+    rays: float | None = None  # per finished pixel: they decide the samples at the chosen scale; None for ``samples``
+    frames: tuple[int, ...] = ()  # frames whose depth decides the scale, none for the rendered frame alone
+    reason: str = ""  # why the scale was chosen, for frame.json; empty where it was asked for
+
+
+@dataclasses.dataclass(frozen=True)
+class Request:
     """What to render and where to; LfsrError on values that cannot be rendered."""
 
-    output: str  # folder to write
+    output: str  # frame folder to write
     display: DisplayProfile  # to render for
     scene: str = ""  # file to open, empty when Blender has it open already
     kind: str = "render"  # "render" or "reference", which has two halves
-    scale: int = 4  # by which the views are divided
-    scales: tuple[int, ...] = ()  # to choose from by the depth of the scene, instead of ``scale``; or none
-    scale_frames: tuple[int, ...] = ()  # frames whose depth is looked at for that, none for ``frame`` alone
-    rays: float | None = None  # per finished pixel: they decide the samples at the chosen scale; None for ``spp``
-    scale_reason: str = ""  # why the scale was chosen, for frame.json; empty where it was asked for
-    spp: int = 16  # samples per pixel, which a reference splits evenly over its halves
+    sampling: Sampling = Sampling()
     layers: tuple[str, ...] = ()  # auxiliary layers to write too
     # layout, convention, view_aperture: how rays are laid out, see optics.rays
     layout: str = "one-pass"
@@ -78,7 +86,7 @@ class Job:
             raise LfsrError(f"output {self.output} has a backslash, which Blender takes for a slash: choose another "
                             "folder")
         _check_numbers(self)
-        for scale in (self.scale, *self.scales):
+        for scale in (self.sampling.scale, *self.sampling.scales):
             self.display.low_views(scale)
             self.samples_at(scale)
         if self.rows is not None:
@@ -93,25 +101,31 @@ class Job:
 
     @property
     def judged_rays(self) -> float:
-        """Rays per finished pixel by which a scale is chosen: with ``spp``, those that it makes at the usual scale."""
-        return usual_rays(self.display, self.spp) if self.rays is None else self.rays
+        """Rays per finished pixel by which a scale is chosen: with samples, those that they are at the usual scale."""
+        rays = self.sampling.rays
+        return usual_rays(self.display, self.sampling.samples) if rays is None else rays
 
     def samples_at(self, scale: int) -> int:
-        """Samples per pixel of a render at ``scale``; LfsrError for impossible ``rays``."""
-        return self.spp if self.rays is None else samples_at(self.display, scale, self.rays)
+        """Samples per pixel of a render at ``scale``; LfsrError for impossible rays."""
+        rays = self.sampling.rays
+        return self.sampling.samples if rays is None else samples_at(self.display, scale, rays)
 
-    def with_scale(self, choice: ScaleChoice) -> Job:
-        """The same job at the scale that was chosen."""
-        return dataclasses.replace(self, scale=choice.scale, spp=self.samples_at(choice.scale), scales=(),
-                                   scale_frames=(), rays=None, scale_reason=choice.reason)
+    def sampled(self, **changes: Any) -> Request:
+        """Return the request with these fields of its sampling changed."""
+        return dataclasses.replace(self, sampling=dataclasses.replace(self.sampling, **changes))
+
+    def with_scale(self, choice: ScaleChoice) -> Request:
+        """Return the request at the scale that was chosen."""
+        return dataclasses.replace(self, sampling=Sampling(choice.scale, self.samples_at(choice.scale),
+                                                           reason=choice.reason))
 
 
-def read_job(path: str | Path) -> Job:
+def read_request(path: str | Path) -> Request:
     """Read a job from a JSON file; LfsrError if it is unreadable or wrong."""
     data = read_json(path, "a render job")
     if not isinstance(data, dict):
         raise LfsrError(f"{path} holds a {type(data).__name__}, but a render job must be a JSON object")
-    return from_data(Job, data, "job")
+    return from_data(Request, data, "job")
 
 
 def check_scene(scene: str | Path) -> str:
@@ -152,19 +166,19 @@ def _check_choice(field: str, value: str, choices: tuple[str, ...]) -> None:
                         f"It must be one of {', '.join(choices)}")
 
 
-def _check_numbers(job: Job) -> None:
+def _check_numbers(job: Request) -> None:
     least = 2 if job.kind == "reference" else 1
-    if type(job.spp) is not int or not least <= job.spp <= MOST_SAMPLES:
-        raise LfsrError(f"samples per pixel is {_shown(job.spp)}, but a {job.kind} needs a whole number of at least "
+    if type(job.sampling.samples) is not int or not least <= job.sampling.samples <= MOST_SAMPLES:
+        raise LfsrError(f"samples per pixel is {_shown(job.sampling.samples)}, but a {job.kind} needs a whole number of at least "
                         f"{least} and at most {MOST_SAMPLES}")
-    for scale in (job.scale, *job.scales):
+    for scale in (job.sampling.scale, *job.sampling.scales):
         if type(scale) is not int:
             raise LfsrError(f"scale is {scale!r}, but it must be a whole number")
     for name, most in (("view_aperture", 1), ("seed", MOST_SEED), ("clamp_indirect", MOST_CLAMP)):
         value = getattr(job, name)
         if value is not None and not 0 <= value <= most:
             raise LfsrError(f"{name.replace('_', ' ')} is {_shown(value)}, but it must be between 0 and {most}")
-    for frame in (job.frame, *job.scale_frames):
+    for frame in (job.frame, *job.sampling.frames):
         if frame is not None and abs(frame) > MOST_FRAME:
             raise LfsrError(f"frame is {_shown(frame)}, but it must be between -{MOST_FRAME} and {MOST_FRAME}")
 

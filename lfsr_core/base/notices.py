@@ -1,0 +1,36 @@
+"""What long work tells while it runs: progress, and notices that the user should know although they stop nothing.
+
+Codes and values cross boundaries. Who shows a notice words it: the command line with ``commands.sentences``, the panel
+with the add-on's own table.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+
+@dataclasses.dataclass(frozen=True)
+class Progress:
+    """How far work has come."""
+
+    stage: str  # what is done now, such as "render"
+    fraction: float = 0.0  # of the stage, in [0, 1]
+    detail: str = ""  # a file, a count or a place in the work, as it is shown beside the bar
+    left: float | None = None  # seconds until all is done, None where they cannot be told
+
+
+@dataclasses.dataclass(frozen=True)
+class Notice:
+    """A fact about a render or an export, by its code; ``values`` are JSON-ready and fill its sentence."""
+
+    code: str
+    values: dict[str, Any] = dataclasses.field(default_factory=dict)
+
+
+Tell = Callable[[Progress | Notice], None]
+
+
+def silent(_told: Progress | Notice) -> None:
+    """Tell nobody."""

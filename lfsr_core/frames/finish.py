@@ -1,0 +1,41 @@
+"""How a rendered frame is finished: the method of the second stage and its options."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.frames.foreground import check_dilate
+from lfsr_core.frames.request import MOST_SEED
+
+MOST_AVERAGED = 8  # frames to each side
+
+
+@dataclasses.dataclass(frozen=True)
+class Finish:
+    """The only record of a method and its options; LfsrError on values that no frame can be finished with."""
+
+    method: str  # its name, such as "denoise+bilinear+epi", see ``reconstruct.methods``
+    dilate: int = 0  # lenses by which the foreground mask grows
+    weights: str | None = None  # file for the method's network, None for the shipped one
+    linear_exr: bool = False  # also write the scene-linear eia.exr
+    temporal_averaging: int = 0  # neighbouring frames to each side that are averaged where nothing has changed
+
+    def __post_init__(self) -> None:
+        check_dilate(self.dilate)
+        if not 0 <= self.temporal_averaging <= MOST_AVERAGED:
+            raise LfsrError(f"temporal averaging is {str(self.temporal_averaging)[:20]} frames to each side, but it "
+                            f"must be 0 to {MOST_AVERAGED}")
+
+    @classmethod
+    def of(cls, finish: Finish | str) -> Finish:
+        """Return a finish, or that of a method's name with the usual options."""
+        return finish if isinstance(finish, Finish) else cls(finish)
+
+    def seed_of(self, seed: int, frame: int) -> int:
+        """Return the seed of ``frame`` of an animation whose first seed is ``seed``.
+
+        With temporal averaging neighbouring frames have each of 2 · n + 1 seeds once, so that their mean does not
+        flicker where nothing moves; without it all frames have one, so that the noise does not move.
+        """
+        return (seed + (frame - 1) % (2 * self.temporal_averaging + 1)) % (MOST_SEED + 1)
