@@ -113,7 +113,8 @@ def _frame(scene: bpy.types.Scene, job: Request, subject: set[bpy.types.Object])
     # The lens card renders where the OSL camera cannot.
     layout = devices.way_of(job.device) if job.layout == "one-pass" else job.layout
     return Frame(
-        display=job.display, scale=1 if job.kind == "reference" else job.sampling.scale, scale_reason=job.sampling.reason,
+        display=job.display, scale=1 if job.kind == "reference" else job.sampling.scale,
+        scale_reason=job.sampling.reason,
         array=array, matrix_world=matrix_world, samples=job.sampling.samples, seed=job.seed, frame=scene.frame_current,
         convention=job.convention, view_aperture=job.view_aperture, lens_list=job.lens_list, rows=job.rows,
         layout=layout, layers=layers, clip=placement.clip_of(scene), world_visible=world_visible,

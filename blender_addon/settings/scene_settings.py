@@ -68,7 +68,8 @@ class Resolved:
 
     def job(self, output: Path, frame: int) -> Request:
         """The render job of one frame, into the folder ``output``; of Auto, Blender chooses the scale."""
-        return Request(output=str(output), display=self.display, sampling=Sampling(self.scale, self.samples, self.scales, self.rays if self.scales else None),
+        return Request(output=str(output), display=self.display, sampling=Sampling(self.scale, self.samples,
+                self.scales, self.rays if self.scales else None),
                        scene_name=self.scene_name, layout=self.layout,
                    seed=self.seed, frame=frame, device=self.device, light=self.light)
 

@@ -43,7 +43,8 @@ def wanted_facts(job: Request, found: Frame, content: str = "") -> Facts:
     The values of ``found`` stand for what the job leaves open, such as the device or the choice of a scale; a
     reference may have other samples and lenses than its job. ``content``: digest of the scene's file, empty for any.
     """
-    is_reference, scale = job.kind == "reference", found.scale if found.scale in job.sampling.scales else job.sampling.scale
+    is_reference, sampling = job.kind == "reference", job.sampling
+    scale = found.scale if found.scale in sampling.scales else sampling.scale
     is_open_layout = job.layout == LAYOUTS[0] and found.layout != SUBPIXELS  # some devices need the lens card
     return {"display": job.display,
             "scale": scale,

@@ -167,9 +167,9 @@ def _check_choice(field: str, value: str, choices: tuple[str, ...]) -> None:
 
 
 def _check_numbers(job: Request) -> None:
-    least = 2 if job.kind == "reference" else 1
-    if type(job.sampling.samples) is not int or not least <= job.sampling.samples <= MOST_SAMPLES:
-        raise LfsrError(f"samples per pixel is {_shown(job.sampling.samples)}, but a {job.kind} needs a whole number of at least "
+    least, samples = 2 if job.kind == "reference" else 1, job.sampling.samples
+    if type(samples) is not int or not least <= samples <= MOST_SAMPLES:
+        raise LfsrError(f"samples per pixel is {_shown(samples)}, but a {job.kind} needs a whole number of at least "
                         f"{least} and at most {MOST_SAMPLES}")
     for scale in (job.sampling.scale, *job.sampling.scales):
         if type(scale) is not int:

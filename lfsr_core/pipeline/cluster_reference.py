@@ -74,7 +74,8 @@ def part_jobs(job: Request, by: str, count: int) -> list[Request]:
     pairs = job.sampling.samples // 2
     samples = [2 * ((number + 1) * pairs // count - number * pairs // count) for number in range(count)]
     samples[0] += job.sampling.samples % 2
-    return [dataclasses.replace(job.sampled(samples=count), seed=job.seed + number, output=str(folder / str(number + 1)))
+    return [dataclasses.replace(job.sampled(samples=count), seed=job.seed + number,
+                                output=str(folder / str(number + 1)))
             for number, count in enumerate(samples)]
 
 

@@ -55,13 +55,15 @@ class SampleRenders:
 
     def pilot(self, lenses: Sequence[Lens]) -> Frame:
         """A few lenses at the scale of the quick look, with enough samples to time one."""
-        return self._rendered("pilot", 2, sampling=Sampling(self._quick_scale, PILOT_SAMPLES), lens_list=tuple(lenses))[1]
+        return self._rendered("pilot", 2, sampling=Sampling(self._quick_scale, PILOT_SAMPLES),
+                              lens_list=tuple(lenses))[1]
 
     def reference(self, look: int, part: int, spp: int, lenses: Sequence[Lens]) -> tuple[list[Path], Frame]:
         """Files of two quarters of the reference of a look's lenses; ``spp``: of all REFERENCE_PARTS together."""
         folder, frame = self._rendered(_of_look(f"reference-{part}", look), part + REFERENCE_PARTS * look,
                                        kind="reference", layers=(), clamp_indirect=0.0,
-                                       sampling=Sampling(1, max(2, spp // REFERENCE_PARTS)), lens_list=tuple(lenses), seed=REFERENCE_SEED)
+                                       sampling=Sampling(1, max(2, spp // REFERENCE_PARTS)), lens_list=tuple(lenses),
+                                       seed=REFERENCE_SEED)
         return [folder / name for name in REFERENCE_FILES], frame
 
     def sampled(self, look: int, scale: int, spp: int, lenses: Sequence[Lens]) -> Path:

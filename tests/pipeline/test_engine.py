@@ -107,7 +107,8 @@ def test_frames_that_are_there_decide_the_scale_of_others(made):
     job = dataclasses.replace(animation(made, FRAMES).jobs[0], output=str(made / "film"), scale=4, scales=(4, 2),
                               scale_frames=(1,), rays=4.0)
     kept = kept_scale(job)
-    assert (kept.sampling.scale, kept.sampling.scales, kept.sampling.frames, kept.sampling.samples, kept.sampling.rays) == (2, (), (), 16, None)
+    assert (kept.sampling.scale, kept.sampling.scales, kept.sampling.frames, kept.sampling.samples,
+            kept.sampling.rays) == (2, (), (), 16, None)
     assert kept_scale(dataclasses.replace(job, output=str(made / "other"))).scales == (4, 2)
     assert kept_scale(job.sampled(scales=(4, 8))).scales == (4, 8)
 

@@ -26,6 +26,7 @@ from lfsr_core.pipeline.staging import parts_folder
 from lfsr_core.process import blender as blender_places
 from lfsr_core.process.blender import Blender, find_blender
 from lfsr_core.process.protocol import parse_progress
+from tests.support.requests import make_request
 
 READ_JOB = "import json, os, sys, time\nfrom pathlib import Path\njob = json.loads(Path(sys.argv[-1]).read_text())\n"
 GOOD = """

@@ -28,7 +28,8 @@ def noisy(image: np.ndarray, spp: int, seed: int) -> np.ndarray:
 
 def render(job: Request) -> None:
     """What Blender would write for ``job`` of that light field."""
-    frame = frame_of(1 if job.kind == "reference" else job.sampling.scale, job.display, samples=job.sampling.samples, lens_list=job.lens_list,
+    frame = frame_of(1 if job.kind == "reference" else job.sampling.scale, job.display, samples=job.sampling.samples,
+                     lens_list=job.lens_list,
                      seed=job.seed, rows=job.rows, layout=job.layout,
                      **({} if job.frame is None else {"frame": job.frame}))
     folder, image = Path(job.output), traced_panel(job.display) if frame.panel_rays else light_field(job.display)
@@ -38,7 +39,8 @@ def render(job: Request) -> None:
     across, down = (frame.scale if many else 1 for many in job.display.parallax)
     image = image.reshape(height // down, down, width // across, across, 4).mean((1, 3))
     rows = (0, None) if job.rows is None else pixel_rows(job.rows, frame.rays.views[1])
-    pairs = [(LOW_RES_FILE, job.sampling.samples)] if job.kind == "render" else [(name, job.sampling.samples // 2) for name in REFERENCE_FILES]
+    pairs = [(LOW_RES_FILE, job.sampling.samples)] if job.kind == "render" else [(name,
+            job.sampling.samples // 2) for name in REFERENCE_FILES]
     for number, (name, spp) in enumerate(pairs):
         pixels = noisy(image, spp, job.seed + 10**6 * number)
         write_layers(folder / name, {"color": pixels[slice(*rows)]})

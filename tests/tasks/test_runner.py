@@ -59,7 +59,8 @@ def test_task_with_bad_options_ends_with_one_sentence(tmp_path, blender):
 
 def animation(tmp_path: Path, blender: str) -> Path:
     (tmp_path / "scene.blend").touch()
-    job = make_request(output=str(tmp_path / "film"), display=load_display("mini"), scene=str(tmp_path / "scene.blend"), scale=2)
+    job = make_request(output=str(tmp_path / "film"), display=load_display("mini"),
+                       scene=str(tmp_path / "scene.blend"), scale=2)
     path = tmp_path / "task.json"
     path.write_text(json.dumps({"task": "animation", "job": to_data(job), "frames": [1, 2],
                                 "second": {"method": "bicubic"}, "command": [blender, "--"]}))

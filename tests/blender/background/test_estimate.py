@@ -105,7 +105,8 @@ def test_later_samples_of_a_render_take_less_than_its_first():
 
 def test_a_scenes_speed_holds_for_other_settings_of_it(monkeypatch, tmp_path):
     monkeypatch.setattr(estimate, "_speeds", {})
-    job = make_request(output=str(tmp_path), display=load_display("mini"), scale=2, samples=4, source="a.blend", scene_name="Scene")
+    job = make_request(output=str(tmp_path), display=load_display("mini"), scale=2, samples=4, source="a.blend",
+                       scene_name="Scene")
     assert estimate.sampling(job) is None
     estimate.learn_sampling(job, 10.0)
     assert estimate.sampling(job.sampled(samples=12)) == pytest.approx(30.0)

@@ -56,7 +56,8 @@ def test_a_frame_of_an_averaged_animation_is_the_panels_in_spite_of_its_seed(sce
     job = recipe.job
     for seed, averaging, complete in ((0, 0, True), (2, 0, False), (2, 2, True), (2, 1, True), (1, 2, False)):
         write_frame(recipe.folder, frame_of(job.sampling.scale, samples=job.sampling.samples, seed=seed, frame=3))
-        write_report(recipe.folder, Report(recipe.method, "mini", job.sampling.scale, job.sampling.samples, {}, None, 1.0,
+        write_report(recipe.folder, Report(recipe.method, "mini", job.sampling.scale, job.sampling.samples, {}, None,
+                                           1.0,
                                            temporal_averaging=averaging))
         assert recipe.is_complete == complete
     assert not dataclasses.replace(recipe, method="bilinear").is_complete

@@ -94,7 +94,8 @@ def worn(scene):
 
 
 def job(folder, **options):
-    return make_request(str(folder), MINI, **{"scale": 4, "samples": 1, "frame": 3, "layers": ("albedo", "index")} | options)
+    return make_request(str(folder), MINI, **{"scale": 4, "samples": 1, "frame": 3, "layers": ("albedo",
+            "index")} | options)
 
 
 @pytest.mark.parametrize("options", KINDS.values(), ids=KINDS)

@@ -45,7 +45,8 @@ def test_no_world_cannot_show(lit_box, tmp_path):
     lit_box.world = None
     lit_box.collection.objects.link(bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN")))
     with pytest.raises(LfsrError, match="has no world to show"):
-        frame_folder.render_job(lit_box, make_request(str(tmp_path / "low"), MINI, scale=4, samples=1, world_visible=True))
+        frame_folder.render_job(lit_box, make_request(str(tmp_path / "low"), MINI, scale=4, samples=1,
+                                                      world_visible=True))
 
 
 def elemental(image):

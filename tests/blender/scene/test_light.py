@@ -24,7 +24,8 @@ def test_scene_without_light_gets_an_hdri_that_is_not_seen(tmp_path):
     path = save_box(tmp_path / "scene.glb", (1.0, 2.0, 3.0), (0.5, 0.3, 0.4))
     for world_visible in (None, True):
         scene = open_scene(path)
-        job = make_request(str(tmp_path / f"out-{world_visible}"), MINI, scene=str(path), samples=4, world_visible=world_visible)
+        job = make_request(str(tmp_path / f"out-{world_visible}"), MINI, scene=str(path), samples=4,
+                           world_visible=world_visible)
         frame_folder.render_job(scene, job)
         layers = exr.read_layers(tmp_path / f"out-{world_visible}" / "lr_eia.exr")
         alpha = layers["color"][..., 3]

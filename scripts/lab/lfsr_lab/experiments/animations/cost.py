@@ -63,7 +63,8 @@ def blenders_own(job: Request, frames: str) -> None:
     scene.frame_start, scene.frame_end, scene.frame_step = numbers[0], numbers[-1], 1
     with prepared(scene, dataclasses.replace(job, frame=numbers[0])) as frame:
         shot = Shot(frame.rays, frame.matrix_world, frame.layout, frame.clip)
-        settings = RenderSettings(job.sampling.samples, job.seed, frame.layers, job.device, job.clamp_indirect, frame.world_visible)
+        settings = RenderSettings(job.sampling.samples, job.seed, frame.layers, job.device, job.clamp_indirect,
+                                  frame.world_visible)
         with encoded_camera(scene, shot), cycles_settings(scene, settings, frame.rays.size):
             scene.render.filepath = str(Path(job.output, f"####_{LOW_RES_FILE}"))
             bpy.ops.render.render(animation=True, scene=scene.name)

@@ -59,7 +59,8 @@ def renders(settings: Settings, scene: Path) -> Iterator[Render]:
 def job(settings: Settings, scene: Path, scale: int, samples: int, seed: int = 0) -> Request:
     """Return one render of a scene."""
     name = f"s{scale}-spp{samples}" + (f"-seed{seed}" if seed else "")
-    return Request(output=str(settings.folder / scene.stem / name), display=settings.profile, scene=str(scene.resolve()),
+    return Request(output=str(settings.folder / scene.stem / name), display=settings.profile,
+                   scene=str(scene.resolve()),
                sampling=Sampling(scale, samples), device=settings.device, seed=seed,
                subject=settings.subject, world_visible=settings.world_visible)
 

@@ -102,7 +102,8 @@ class _Run:
         if not truth.counted.any():
             return self._skip(f"{path.stem} has no foreground in the lenses of its reference")
         blocks = blocks_of(truth.lenses)
-        points = [Point.of(render.role, name, render.jobs[0].sampling.scale, render.jobs[0].sampling.samples, cells.measured(
+        points = [Point.of(render.role, name, render.jobs[0].sampling.scale, render.jobs[0].sampling.samples,
+                           cells.measured(
             render, name, truth), cells.times(self.settings, render, name), blocks)
                   for render in self._renders(path) for name in self._methods(path, render)]
         if not points:
@@ -132,8 +133,8 @@ class _Run:
                 self._time(render)
                 yield render
             else:
-                self._skip(f"{scene.stem} has no render at scale {job.sampling.scale} with {job.sampling.samples} samples and "
-                           f"{len(render.jobs)} seeds")
+                self._skip(f"{scene.stem} has no render at scale {job.sampling.scale} with "
+                           f"{job.sampling.samples} samples and {len(render.jobs)} seeds")
 
     def _time(self, render: Render) -> None:
         """Make the render of seed 0 again for its time, as often as it is to be, but for what is done."""

@@ -44,7 +44,8 @@ class Measured:
 
 def measure(store: Store, scene: Path, display: DisplayProfile, scale: int, spp: int) -> Measured:
     """Render with ``spp`` and four times as many samples, then time every other step."""
-    jobs = [Request(str(store.folder / f"scale-{scale}-spp-{count}"), display, str(scene), sampling=Sampling(scale, count),
+    jobs = [Request(str(store.folder / f"scale-{scale}-spp-{count}"), display, str(scene), sampling=Sampling(scale,
+            count),
                 layers=GUIDES, device=AUTO) for count in (spp, 4 * spp)]
     store.render_all(jobs)
     frames = [read_frame(job.output) for job in jobs]

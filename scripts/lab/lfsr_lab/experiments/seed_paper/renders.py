@@ -51,7 +51,8 @@ def _job(settings: Settings, view: View) -> Request:
     bench = settings.bench if display == settings.display else settings.output / f"bench-{display.name}"
     variant = "" if view.layout == "one-pass" else f"-{view.layout}"
     folder = bench / view.scene.stem / f"s{view.scale}-spp{view.spp}{variant}"
-    return Request(output=str(folder), display=display, scene=check_scene(view.scene), sampling=Sampling(view.scale, view.spp),
+    return Request(output=str(folder), display=display, scene=check_scene(view.scene), sampling=Sampling(view.scale,
+            view.spp),
                layout=view.layout, device=settings.render_device)
 
 
