@@ -10,7 +10,7 @@ from lfsr_core.base.errors import LfsrError
 
 from ..array.edit import add, remove
 from ..array.rig import check_editable
-from ..background import denoiser
+from ..jobs import denoiser
 from ..scene.light import add_light
 from ..scene.notices import SWITCHES, switched
 from ..scene.subject import BACKGROUND_COLLECTION, GEOMETRY

@@ -10,7 +10,7 @@ from lfsr_core.base.errors import LfsrError
 
 from ..array import rig
 from ..array.cameras import mirror_notices
-from ..background import denoiser
+from ..jobs import denoiser
 from ..render import devices
 from ..results import preview
 from ..scene.light import has_light, is_dim

@@ -10,7 +10,7 @@ import time
 
 import bpy
 
-from ..background import denoiser
+from ..jobs import denoiser
 from ..results import show_image
 from .groups import grouped
 from .problem import Problem

@@ -8,9 +8,9 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.progress import duration
 
 from ..array import known, rig
-from ..background import probe, session
-from ..background.steps import ALONE
 from ..check import watch
+from ..jobs import probe, session
+from ..jobs.steps import ALONE
 from ..results import preview
 from ..settings import folders, scene_settings
 from ..settings.lights import FILE_LIGHT

@@ -7,7 +7,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.process.child import output_of
 
-from ..background import denoiser, runtime
+from ..jobs import denoiser, runtime
 from .drawing import columns
 from .operators.base import Result, reports_errors
 

@@ -28,7 +28,7 @@ else:
     import bpy
 
     import blender_addon
-    from blender_addon.background import runtime
+    from blender_addon.jobs import runtime
 
 
 def pytest_report_header() -> str:

@@ -42,7 +42,7 @@ def install(folder: Path, archive: str) -> dict[str, object]:
 
 def render(folder: Path) -> dict[str, object]:
     """In a new session: render the default cube with the extension's two commands."""
-    runtime = importlib.import_module(f"{MODULE}.background.runtime")
+    runtime = importlib.import_module(f"{MODULE}.jobs.runtime")
     display = importlib.import_module(f"{CORE}.optics.display").load_display("mini")
     job = importlib.import_module(f"{CORE}.frames.job").Job(
         str(folder / "frame"), display, scene=str(folder / "cube.blend"), spp=2, layers=("albedo", "normal"))

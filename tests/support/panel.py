@@ -12,7 +12,7 @@ import bpy
 
 import blender_addon
 from blender_addon.array import edit
-from blender_addon.background import session
+from blender_addon.jobs import session
 from blender_addon.results import preview
 from blender_addon.settings import scene_settings
 from tests.support.scenes import add_box

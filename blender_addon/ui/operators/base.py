@@ -13,8 +13,8 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
 
 from ...array import edit, rig
-from ...background import session
-from ...background.steps import Steps
+from ...jobs import session
+from ...jobs.steps import Steps
 from ...settings import folders, scene_settings
 from ...settings.words import capitalized
 from ..drawing import sentence

@@ -9,7 +9,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.calibration.patterns import pattern
 
-from ...background import session
+from ...jobs import session
 from ...results import show_image
 from ...settings import scene_settings
 from ...settings.displays import PROFILE_FILE

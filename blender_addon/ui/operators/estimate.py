@@ -6,7 +6,7 @@ import functools
 
 import bpy
 
-from ...background import probe, recipes
+from ...jobs import probe, recipes
 from .base import Prepared, TaskOperator, add_missing_array
 
 

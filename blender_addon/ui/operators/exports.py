@@ -8,7 +8,7 @@ import bpy
 
 from lfsr_core.exports.format_names import DESCRIPTIONS, TITLES
 
-from ...background import exports, session
+from ...jobs import exports, session
 from ...settings import folders
 from .base import Prepared, TaskOperator
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ...background import session, submission
+from ...jobs import session, submission
 from .base import Result, reports_errors
 
 FARM_ITEMS = [("openjd", "OpenJD", "Request bundle of Open Request Description, for AWS Deadline Cloud and others"),

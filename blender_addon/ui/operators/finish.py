@@ -8,7 +8,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_rendered
 from lfsr_core.reconstruct.method_name import AS_RENDERED, PANEL_METHODS, MethodName
 
-from ...background import denoiser, recipes
+from ...jobs import denoiser, recipes
 from ...settings import folders
 from ...settings.methods import METHODS, MORE, title
 from .base import Prepared, TaskOperator

@@ -20,8 +20,8 @@ from lfsr_core.plan.options import PlanOptions
 from lfsr_core.reconstruct.method_name import AS_RENDERED
 from lfsr_core.tasks.blender_tasks import Found
 
-from ...background import recipes, session, steps
-from ...background.steps import Steps
+from ...jobs import recipes, session, steps
+from ...jobs.steps import Steps
 from ...settings import scene_settings
 from ...settings.methods import title
 from ...settings.words import counted

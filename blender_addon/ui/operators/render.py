@@ -12,7 +12,7 @@ import bpy
 
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
 
-from ...background import denoiser, probe, recipes, session
+from ...jobs import denoiser, probe, recipes, session
 from ...results import preview, show_image
 from ...scene.subject import find_subject
 from ...settings import folders, scene_settings

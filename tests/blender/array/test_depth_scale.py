@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from blender_addon.array import placement
-from blender_addon.background import recipes, session
+from blender_addon.jobs import recipes, session
 from blender_addon.render import frame_folder
 from blender_addon.settings import scene_settings
 from lfsr_core.frames.frame import read_frame

@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.background import recipes
-from blender_addon.background.steps import Task
+from blender_addon.jobs import recipes
+from blender_addon.jobs.steps import Task
 from blender_addon.settings import folders
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers

@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.background import recipes, session
+from blender_addon.jobs import recipes, session
 from lfsr_core.images.exr import read_layers
 from tests.support import panel
 from tests.support.scenes import ROOT, add_box

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.background.steps import file_copy
+from blender_addon.jobs.steps import file_copy
 from blender_addon.render import bands, frame_folder, view_by_view
 from blender_addon.render.inputs import Opened
 from lfsr_core.frames.request import LAYERS

@@ -9,8 +9,8 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.background import recipes
 from blender_addon.check.problems import check_scene
+from blender_addon.jobs import recipes
 from blender_addon.settings import folders
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, write_json

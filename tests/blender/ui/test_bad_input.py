@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import pytest
 
-from blender_addon.background import recipes, session
+from blender_addon.jobs import recipes, session
 from blender_addon.scene.open import choose_scene
 from blender_addon.settings import scene_settings
 from blender_addon.ui.operators import check

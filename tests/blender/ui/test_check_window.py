@@ -10,7 +10,7 @@ from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
 from tests.support.window.desktop import NEEDS_WINDOW, blender_window
 
 pytestmark = NEEDS_WINDOW
-TASK = "addon.background.session.current()"
+TASK = "addon.jobs.session.current()"
 ROWS = "[(row.code, row.title) for row in bpy.context.window_manager.lfsr.problems]"
 CODES = "[row.code for row in bpy.context.window_manager.lfsr.problems]"
 COUNT_CHECKS = """
@@ -96,9 +96,9 @@ def test_the_time_is_measured_with_a_few_lenses(window):
     assert window.get("list(bpy.ops.lfsr.estimate_time('INVOKE_DEFAULT', True))") == ["FINISHED"]
     window.until(f"{TASK} is None", SECONDS_TO_RENDER)
     assert window.get("bpy.context.window_manager.lfsr.message") == ""
-    seconds = window.get("addon.background.probe.expected_seconds(bpy.context.scene)")
+    seconds = window.get("addon.jobs.probe.expected_seconds(bpy.context.scene)")
     window.run("bpy.context.scene.lfsr.samples *= 1000")
-    assert 0 < seconds < window.get("addon.background.probe.expected_seconds(bpy.context.scene)")
+    assert 0 < seconds < window.get("addon.jobs.probe.expected_seconds(bpy.context.scene)")
     window.close_others()
     window.run("addon.check.watch.redraw()")
     window.screenshot("check-time")

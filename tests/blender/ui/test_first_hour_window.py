@@ -99,7 +99,7 @@ def test_one_press_in_a_new_file_makes_an_image(window):
     window.run("bpy.context.scene.lfsr.method = 'bilinear'")   # this Blender has no Open Image Denoise
     started = time.monotonic()
     assert window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))") == ["FINISHED"]
-    task, state = "addon.background.session.current()", "bpy.context.window_manager.lfsr"
+    task, state = "addon.jobs.session.current()", "bpy.context.window_manager.lfsr"
     window.until(f"{task} is None or {state}.proof_shown", SECONDS_TO_RENDER)
     print(f"proof after {time.monotonic() - started:.1f} s")
     assert "is a proof" in window.get(f"{state}.message") and window.get(task + " is not None")
@@ -126,7 +126,7 @@ def test_cheapest_settings_are_guessed_first_and_what_is_said_can_be_read(window
     window.open_tab()
     window.run(OPEN)
     window.run("bpy.ops.lfsr.plan('INVOKE_DEFAULT', True)")
-    task, state = "addon.background.session.current()", "bpy.context.window_manager.lfsr"
+    task, state = "addon.jobs.session.current()", "bpy.context.window_manager.lfsr"
     began = time.monotonic()
     window.until(f"{state}.plan_text or {task} is None", SECONDS_TO_RENDER)
     print(f"first guess after {time.monotonic() - began:.1f} s")

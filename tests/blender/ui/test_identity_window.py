@@ -17,7 +17,7 @@ from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
 from tests.support.window.desktop import NEEDS_WINDOW, blender_window
 
 pytestmark = NEEDS_WINDOW
-TASK, MESSAGE = "addon.background.session.current()", "bpy.context.window_manager.lfsr.message"
+TASK, MESSAGE = "addon.jobs.session.current()", "bpy.context.window_manager.lfsr.message"
 LFSR = "bpy.context.scene.lfsr"
 LIBRARIES = ("libOpenImageDenoise.so.2", "libOpenImageDenoise_core.so.*", "libOpenImageDenoise_device_cpu.so.*",
              "libtbb.so.12")
@@ -118,7 +118,7 @@ def test_results_of_an_older_version_are_found_once_and_said(window):
 
 def test_a_render_whose_second_stage_failed_is_finished_by_another_method(window):
     window.run(f"{LFSR}.method = {DEFAULT_METHOD!r}; bpy.context.scene.frame_set(2)\n"
-               "from bl_ext.user_default.lfsr.background import denoiser\n"
+               "from bl_ext.user_default.lfsr.jobs import denoiser\n"
                "why_missing, denoiser.why_missing = denoiser.why_missing, lambda: ''  # it was there a moment ago")
     assert press_render(window) == ["FINISHED"]
     window.until(f"{TASK} is None", SECONDS_TO_RENDER)

@@ -117,7 +117,7 @@ def render_offline(window: Window, name: str, scale: str, method: str) -> np.nda
     shutil.rmtree(window.folder / "offline", ignore_errors=True)
     window.run("if bpy.context.selected_objects: bpy.ops.lfsr.array_fit('EXEC_DEFAULT', True)")
     assert window.get("list(bpy.ops.lfsr.render_eia('EXEC_DEFAULT', True))") == ["FINISHED"]  # asks nothing
-    window.until("addon.background.session.current() is None", SECONDS_TO_RENDER)
+    window.until("addon.jobs.session.current() is None", SECONDS_TO_RENDER)
     [image] = (window.folder / "offline").glob("**/eia.png")
     return read_png(image)
 

@@ -10,11 +10,11 @@ from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
 from tests.support.window.desktop import NEEDS_WINDOW, blender_window
 
 pytestmark = NEEDS_WINDOW
-TASK = "addon.background.session.current()"
+TASK = "addon.jobs.session.current()"
 STATE = "bpy.context.window_manager.lfsr"
 COUNT_POPUPS = """
 popups = []
-addon.background.session.tell = lambda *said: popups.append(said)
+addon.jobs.session.tell = lambda *said: popups.append(said)
 """
 
 
@@ -48,10 +48,10 @@ def test_the_search_finds_the_render_and_it_says_how_long_it_takes(window):
     window.run(COUNT_POPUPS + "bpy.context.scene.lfsr.samples = 512")
     search(window, "render eia")
     window.until(f"{TASK} is not None", 15)
-    assert window.get(f"addon.background.session.progress_text({TASK})") == "Opening the scene"
+    assert window.get(f"addon.jobs.session.progress_text({TASK})") == "Opening the scene"
     window.screenshot("opening")
     window.until(f"{TASK} is None or {TASK}.seconds_left is not None", SECONDS_TO_RENDER)
-    text = window.get(f"addon.background.session.progress_text({TASK})")
+    text = window.get(f"addon.jobs.session.progress_text({TASK})")
     assert re.fullmatch(r"(Proof|Rendering) \d+%, \d+:\d\d left", text)
     window.screenshot("rendering")
 

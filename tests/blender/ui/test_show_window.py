@@ -19,7 +19,7 @@ from tests.support.panels import cells, lenticular, small
 from tests.support.window.desktop import NEEDS_WINDOW, blender_window
 
 pytestmark = NEEDS_WINDOW
-TASK, STATE = "addon.background.session.current()", "bpy.context.window_manager.lfsr"
+TASK, STATE = "addon.jobs.session.current()", "bpy.context.window_manager.lfsr"
 UNIT = device(1, "LKG-S1", "small", OLD | {"screenW": 120, "screenH": 80})
 SHEETS = {"lenticular": lenticular, "third-generation": cells}
 SECONDS_TO_ANSWER, SECONDS_TO_SHOW = 15, 120
@@ -75,9 +75,9 @@ def press(window) -> None:
     sidebar, pictures = np.s_[top:top + height, x:x + width], []
     window.run("settings, has = addon.settings.scene_settings, addon.settings.scene_settings.has_quilts")
     for answer in ("False", "True"):
-        window.run(f"settings.has_quilts = lambda _: {answer}; addon.background.session.redraw()")
+        window.run(f"settings.has_quilts = lambda _: {answer}; addon.jobs.session.redraw()")
         pictures.append(read_png(window.screenshot("row"))[sidebar])
-    window.run("settings.has_quilts = has; addon.background.session.redraw()")
+    window.run("settings.has_quilts = has; addon.jobs.session.redraw()")
     rows, _, _ = np.nonzero(pictures[0] != pictures[1])
     assert rows.size and np.ptp(rows) < 40, "one row of buttons changes"
     window.click(x + 80, int(top + rows.mean()))

@@ -135,7 +135,7 @@ def test_render_keeps_the_window_alive_and_the_scene_as_it_was(window):
     started = time.monotonic()
     assert window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))") == ["FINISHED"]
     returned = time.monotonic() - started
-    task, message = "addon.background.session.current()", "bpy.context.window_manager.lfsr.message"
+    task, message = "addon.jobs.session.current()", "bpy.context.window_manager.lfsr.message"
     window.until(f"{task} is None or {task}.fraction > 0", SECONDS_TO_RENDER)
     assert window.get(message) == ""
     window.screenshot("7-rendering")
@@ -143,7 +143,7 @@ def test_render_keeps_the_window_alive_and_the_scene_as_it_was(window):
     asked = time.monotonic()
     window.get("bpy.context.scene.frame_current")
     answered = time.monotonic() - asked
-    window.until("addon.background.session.current() is None", SECONDS_TO_RENDER)
+    window.until("addon.jobs.session.current() is None", SECONDS_TO_RENDER)
     assert window.get(message) == ""
     assert scene_value(window, UNTOUCHED) == before
     assert returned < SECONDS_TO_ANSWER and answered < SECONDS_TO_ANSWER
@@ -180,8 +180,8 @@ value = (seconds, [float(np.abs(one - pixels[0]).mean()) for one in pixels])
 
 @pytest.mark.parametrize("moment", ["opening", "rendering", "upscaling"])
 def test_cancel_is_quick_and_tidy(window, moment):
-    started_at = {"opening": "True", "rendering": "addon.background.session.current().fraction > 0",
-                  "upscaling": "addon.background.session.current().stage.startswith('Upscaling')"}[moment]
+    started_at = {"opening": "True", "rendering": "addon.jobs.session.current().fraction > 0",
+                  "upscaling": "addon.jobs.session.current().stage.startswith('Upscaling')"}[moment]
     before = scene_value(window, UNTOUCHED)
     window.run("bpy.context.scene.frame_set(7)")
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
@@ -190,7 +190,7 @@ def test_cancel_is_quick_and_tidy(window, moment):
 import os, time
 ended = []
 def cancel_then():
-    task = addon.background.session.current()
+    task = addon.jobs.session.current()
     if task is None:
         ended.append(None)
     if ended or not task.worker or not ({started_at}):
@@ -210,9 +210,9 @@ bpy.app.timers.register(cancel_then)
 
 def test_blender_survives_a_killed_worker(window):
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
-    window.until("addon.background.session.current().worker is not None", SECONDS_TO_ANSWER)
-    window.run("import os, signal; os.killpg(addon.background.session.current().worker.pid, signal.SIGKILL)")
-    window.until("addon.background.session.current() is None", 30)
+    window.until("addon.jobs.session.current().worker is not None", SECONDS_TO_ANSWER)
+    window.run("import os, signal; os.killpg(addon.jobs.session.current().worker.pid, signal.SIGKILL)")
+    window.until("addon.jobs.session.current() is None", 30)
     message = window.get("bpy.context.window_manager.lfsr.message")
     assert "signal 9" in message and "try again" in message
     window.screenshot("10-killed")

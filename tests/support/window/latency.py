@@ -107,7 +107,7 @@ def _pressed(window: Window, button: str) -> float:
     """Seconds from pressing a button to its result."""
     began = time.monotonic()
     assert window.get(f"list(bpy.ops.lfsr.{button}('INVOKE_DEFAULT', True))") == ["FINISHED"]
-    window.until("addon.background.session.current() is None", SECONDS_TO_RENDER)
+    window.until("addon.jobs.session.current() is None", SECONDS_TO_RENDER)
     return time.monotonic() - began
 
 

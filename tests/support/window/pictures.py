@@ -82,9 +82,9 @@ def take(window: Window, folder: Path) -> None:
     window.run("lfsr = bpy.context.scene.lfsr; lfsr.display, lfsr.scale, lfsr.rays = 'fhd', '4', 1")
     window.run("lfsr.method = 'bilinear'")   # this Blender has no Open Image Denoise
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
-    window.until("addon.background.session.current().fraction > 0.3", SECONDS_TO_RENDER)
+    window.until("addon.jobs.session.current().fraction > 0.3", SECONDS_TO_RENDER)
     keep(window, folder, "panel-rendering")
-    window.until("addon.background.session.current() is None", SECONDS_TO_RENDER)
+    window.until("addon.jobs.session.current() is None", SECONDS_TO_RENDER)
     keep(window, folder, "panel-rendered")
     window.run("bpy.context.scene.lfsr.eye_right = -0.8; bpy.ops.lfsr.preview_view('INVOKE_DEFAULT', True)")
     keep(window, folder, "panel-preview")

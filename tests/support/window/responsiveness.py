@@ -78,7 +78,7 @@ def waits(window: Window) -> str:
     found = [f"saving {window.run(SAVE):.0f}"]
     for button in ("render_eia", "render_animation"):
         pressed = window.run(PRESS.format(button=button))
-        window.until("addon.background.session.current().worker is not None", 300)
+        window.until("addon.jobs.session.current().worker is not None", 300)
         longest = max(window.get("times.get('poll', [])"), default=0)
         found.append(f"{button} {pressed:.0f}, then {longest:.0f}")
         window.run("bpy.ops.lfsr.cancel()")

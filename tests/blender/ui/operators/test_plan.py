@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.background import recipes, session
+from blender_addon.jobs import recipes, session
 from blender_addon.settings import methods, scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.operators import plan

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from blender_addon.array import rig
-from blender_addon.background import recipes
+from blender_addon.jobs import recipes
 from blender_addon.results import preview
 from blender_addon.settings import folders, scene_settings
 from blender_addon.ui import summary

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from blender_addon.background import denoiser, recipes, runtime
-from blender_addon.background.steps import Task
 from blender_addon.check.problems import check_scene
+from blender_addon.jobs import denoiser, recipes, runtime
+from blender_addon.jobs.steps import Task
 from blender_addon.settings import folders, scene_settings
 from blender_addon.ui.operators import check, finish, render
 from lfsr_core.base.errors import LfsrError

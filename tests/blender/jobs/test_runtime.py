@@ -10,7 +10,7 @@ import bpy
 import pytest
 
 import lfsr_core
-from blender_addon.background import runtime
+from blender_addon.jobs import runtime
 from blender_addon.ui import preferences
 from lfsr_core import __version__
 from lfsr_core.base.cores import CORES

@@ -7,8 +7,8 @@ import dataclasses
 import bpy
 import pytest
 
-from blender_addon.background import recipes
-from blender_addon.background.steps import SAVING
+from blender_addon.jobs import recipes
+from blender_addon.jobs.steps import SAVING
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, write_frame
 from lfsr_core.frames.report import Report, write_report

@@ -7,7 +7,7 @@ import time
 import bpy
 import pytest
 
-from blender_addon.background import probe, recipes, session
+from blender_addon.jobs import probe, recipes, session
 from blender_addon.ui.operators import check
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.profile_file import write_profile

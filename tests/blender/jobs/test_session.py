@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.background import estimate, recipes, session, steps
+from blender_addon.jobs import estimate, recipes, session, steps
 from blender_addon.ui.operators import render
 from tests.support import panel
 

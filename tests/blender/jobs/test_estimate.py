@@ -6,8 +6,8 @@ import dataclasses
 
 import pytest
 
-from blender_addon.background import estimate
-from blender_addon.background.estimate import StepClock
+from blender_addon.jobs import estimate
+from blender_addon.jobs.estimate import StepClock
 from lfsr_core.optics.display import load_display
 from tests.support.requests import make_request
 
